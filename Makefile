@@ -1,0 +1,42 @@
+# make demo   writes a synthetic capture session with known truth and runs it, as an operator would
+# make test   runs the tests
+# Both set up everything they need in .venv first; a second call does no work twice.
+PYTHON ?= python3
+DEMO   ?= demo-session
+VENV   := .venv
+PY     := $(VENV)/bin/python
+STAMP  := $(VENV)/.ready
+
+.PHONY: setup demo test lint bench clean
+.DELETE_ON_ERROR:
+
+setup: $(STAMP)
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "spectrabox needs Python 3.11 or newer; name one with: make PYTHON=python3.12" >&2; exit 7; }
+	@$(PYTHON) -m venv $(VENV) 2>/dev/null || $(PYTHON) -m virtualenv -q $(VENV) 2>/dev/null \
+	  || { rm -rf $(VENV); echo "cannot make a virtual environment: install it with: apt install python3-venv" >&2; exit 7; }
+
+$(STAMP): requirements.lock pyproject.toml reconstruct/llvm.py | $(VENV)/bin/python
+	@echo "setting up $(VENV) from locked versions"
+	@$(PY) -m pip install -q --disable-pip-version-check --require-hashes --only-binary :all: -r requirements.lock
+	@$(PY) -m pip install -q --disable-pip-version-check --no-deps -e .
+	@$(PY) -m reconstruct.llvm
+	@touch $@
+
+demo: $(STAMP)
+	@$(VENV)/bin/spectrabox demo $(DEMO)
+
+test: $(STAMP)
+	@$(PY) -m pytest -q
+
+lint: $(STAMP)
+	@$(PY) -m ruff check .
+	@$(PY) -m mypy
+
+bench: $(STAMP)
+	@for script in benchmarks/bench_*.py; do echo "== $$script"; $(PY) $$script || exit 1; done
+
+clean:
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache

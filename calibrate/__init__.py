@@ -1,0 +1,1 @@
+"""From a chart photo and a light spectrum to a calibration."""

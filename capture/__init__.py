@@ -1,0 +1,1 @@
+"""From camera files to records: raw decoding, chart detection, patch statistics."""

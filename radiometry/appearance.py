@@ -1,0 +1,51 @@
+"""What a reflectance looks like: its sRGB colour and CIEDE2000 differences (D65, CIE 1931 2 degree observer).
+
+Reflectances are extended beyond their first and last wavelength by their end values, as CIE 15 recommends, so a
+perfect white is exactly the D65 white.
+"""
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+
+def reflectance_to_srgb(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
+    """Encoded sRGB (3,), 0 to 1, of a surface under D65; colours outside the gamut are clipped.
+
+    Parameters
+    ----------
+    nm : (P,) ascending wavelengths
+    reflectance : (P,) 0 to 1
+    """
+    import colour
+
+    return np.clip(colour.XYZ_to_sRGB(tristimulus(nm, reflectance)), 0.0, 1.0)
+
+
+def delta_e00(nm: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
+    """CIEDE2000 difference of two reflectances (P,) at the wavelengths ``nm`` (P,), under D65."""
+    import colour
+
+    white = tristimulus(nm, np.ones(len(nm)))
+    white_xy = colour.XYZ_to_xy(white)
+    lab = [colour.XYZ_to_Lab(tristimulus(nm, reflectance), white_xy) for reflectance in (a, b)]
+    return float(colour.delta_E(*lab, method="CIE 2000"))
+
+
+def tristimulus(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
+    """X, Y, Z (3,) under D65, with Y = 1 for a reflectance of 1 at every wavelength."""
+    table_nm, weights = _d65_weights()
+    return weights @ np.interp(table_nm, nm, reflectance)
+
+
+@functools.cache
+def _d65_weights() -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (P,) from 360 to 780 nm and the weights (3, P) of X, Y, Z."""
+    import colour  # 1.3 s and more: only when a colour is asked for
+
+    shape = colour.SpectralShape(360, 780, 1)
+    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape)
+    light = colour.SDS_ILLUMINANTS["D65"].copy().align(shape)
+    weights = observer.values.T * light.values
+    return np.asarray(observer.wavelengths), weights / weights[1].sum()

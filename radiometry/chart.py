@@ -1,0 +1,61 @@
+"""The 24 patches of a ColorChecker Classic: names, places and reflectances with their source."""
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from radiometry.errors import InputError
+from radiometry.records import WavelengthGrid
+from radiometry.spectrum_files import on_grid
+
+PATCH_NAMES = (
+    "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
+    "orange", "purplish blue", "moderate red", "purple", "yellow green", "orange yellow",
+    "blue", "green", "red", "yellow", "magenta", "cyan",
+    "white 9.5", "neutral 8", "neutral 6.5", "neutral 5", "neutral 3.5", "black 2",
+)
+ROWS, COLUMNS = 4, 6
+
+# Chart names of colour-science that cover 400-700 nm, by what an operator may write.
+REFERENCES = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta")
+
+# Peak and standard deviation (nm) of the bands of an ordinary colour camera, to know a chart when one is seen.
+TYPICAL_BANDS_NM = ((600.0, 38.0), (535.0, 40.0), (460.0, 30.0))
+
+
+def chart_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
+    """Reflectances (24, P) of a named published chart, dark skin first.
+
+    ``BabelColor Average`` is the average of 30 charts that the paper uses [Pascale 2023], shipped by colour-science.
+
+    Raises
+    ------
+    InputError
+        If the reference is not known.
+    """
+    if reference not in REFERENCES:
+        raise InputError(f"chart reference {reference!r} is not known; known are {', '.join(REFERENCES)}, "
+                         "or a CSV file with one column per patch")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import colour  # takes 1.3 s, so only where charts are needed
+        spectra = list(colour.SDS_COLOURCHECKERS[reference].values())
+    return np.array([on_grid(np.asarray(sd.wavelengths), np.asarray(sd.values), grid, reference) for sd in spectra])
+
+
+def patch_centres_uv() -> np.ndarray:
+    """Centres (24, 2) of the patches as fractions of the chart's width and height, from the dark-skin corner."""
+    row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
+    return np.column_stack([(column + 0.5) / COLUMNS, (row + 0.5) / ROWS])
+
+
+def typical_camera_signals(reflectances: np.ndarray, grid: WavelengthGrid,
+                           light: np.ndarray | None = None) -> np.ndarray:
+    """Signals (24, 3) that an ordinary camera would read of reflectances (24, P), white giving about 1 in each band.
+
+    Only to recognise a chart and its orientation; nothing is measured with it.
+    """
+    power = grid.weights_nm if light is None else light * grid.weights_nm
+    bands = np.array([np.exp(-0.5 * ((grid.nm - peak) / width) ** 2) * power for peak, width in TYPICAL_BANDS_NM])
+    return reflectances @ (bands / bands.sum(axis=1, keepdims=True)).T

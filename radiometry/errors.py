@@ -1,0 +1,46 @@
+"""One exception per thing an operator can fix; each knows the exit code of the command that it ends."""
+from __future__ import annotations
+
+
+class SpectraboxError(Exception):
+    """Base of all errors whose message is one clear sentence for the operator."""
+
+    exit_code = 1
+
+
+class InputError(SpectraboxError):
+    """A file, key or value that is missing or cannot be right."""
+
+    exit_code = 3
+
+
+class CheckError(SpectraboxError):
+    """A check failed that the operator can fix: no chart in the photo, a clipped photo."""
+
+    exit_code = 4
+
+
+class ChartNotFoundError(CheckError):
+    """No ColorChecker could be found in the chart photo."""
+
+
+class ClippedPhotoError(CheckError):
+    """Too much of the photo, or of the chart in it, is saturated."""
+
+
+class CalibrationError(SpectraboxError):
+    """The chart photo and the light do not determine what was asked of them."""
+
+    exit_code = 5
+
+
+class ConvergenceError(SpectraboxError):
+    """A fit or a sampler did not reach its stated criterion."""
+
+    exit_code = 5
+
+
+class EnvironmentProblem(SpectraboxError):
+    """This machine lacks something: LLVM, a GPU that was asked for, a writable folder."""
+
+    exit_code = 7

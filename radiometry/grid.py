@@ -1,0 +1,37 @@
+"""Wavelength grids in nm and their integration weights."""
+from __future__ import annotations
+
+import numpy as np
+
+from radiometry.records import WavelengthGrid
+
+VISIBLE_NM = (400.0, 700.0)  # the range used throughout, as in the paper (Sec. 3.1)
+
+
+def trapezoid_weights_nm(nm: np.ndarray) -> np.ndarray:
+    """Weights (P,) such that ``weights @ f(nm)`` is the trapezoid rule, for ascending wavelengths."""
+    gaps = np.diff(nm)
+    weights = np.zeros_like(nm, dtype=float)
+    weights[:-1] += gaps / 2
+    weights[1:] += gaps / 2
+    return weights
+
+
+def grid_from_nm(nm: np.ndarray) -> WavelengthGrid:
+    """Grid of the given ascending wavelengths, (P,) in nm, P >= 2.
+
+    Raises
+    ------
+    ValueError
+        If the wavelengths are not strictly ascending.
+    """
+    nm = np.asarray(nm, dtype=float)
+    if nm.size < 2 or not np.all(np.diff(nm) > 0):
+        raise ValueError("a wavelength grid needs at least two strictly ascending wavelengths")
+    return WavelengthGrid(nm, trapezoid_weights_nm(nm))
+
+
+def visible_grid(step_nm: float = 1.0) -> WavelengthGrid:
+    """400 to 700 nm in steps of ``step_nm``, which must divide 300."""
+    intervals = round((VISIBLE_NM[1] - VISIBLE_NM[0]) / step_nm)
+    return grid_from_nm(np.linspace(*VISIBLE_NM, intervals + 1))

@@ -1,0 +1,259 @@
+"""Every record that passes between stages, in flow order: read this file first.
+
+Shape letters: H, W pixels; P wavelengths; N spline coefficients; K camera bands (3 or more); M materials; R regions;
+E products of reflectances; T samples; S surfaces. "signal" is linear, black-subtracted, without white balance, as a
+fraction of (white - black). Wavelengths are in nm. Arrays are read-only.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Annotated
+
+import numpy as np
+
+from radiometry.shaped import Record
+
+
+class Quantity(Enum):
+    """What a spectrum is a spectrum of; the value is its unit."""
+
+    REFLECTANCE = "1"
+    IRRADIANCE = "W m-2 nm-1"
+    RADIANCE = "W m-2 sr-1 nm-1"
+    RELATIVE = "relative"
+
+
+class Outcome(Enum):
+    """How a fit or a sampler ended, as a sentence the operator can act on."""
+
+    CONVERGED = "Converged."
+    STEP_LIMIT = "Stopped at the step limit with the loss still falling: allow more iterations."
+    ILL_POSED = ("Solved, but the data leave some directions undetermined: trust the uncertainty, "
+                 "not the curve alone.")
+    EXACT = "Independent draws from the exact distribution."
+    UNREACHABLE = ("No spectrum of this class reproduces the signal exactly; "
+                   "the draws fit it within its stated noise only.")
+
+
+class PhotoKind(Enum):
+    """Where the pixels of a photo come from."""
+
+    RAW = "camera raw, decoded without demosaicing"
+    LINEAR_FILE = "image file taken as linear"
+
+
+# ---- spectra -------------------------------------------------------------------------------------------------------
+
+@dataclass(frozen=True, eq=False)
+class WavelengthGrid(Record):
+    """Wavelengths and the weights that integrate over them (trapezoid rule)."""
+
+    nm: Annotated[np.ndarray, "P"]
+    weights_nm: Annotated[np.ndarray, "P"]
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum(Record):
+    """One spectrum on its own grid. ``standard_error`` is None where nobody stated it."""
+
+    grid: WavelengthGrid
+    values: Annotated[np.ndarray, "P"]
+    quantity: Quantity
+    source: str
+    standard_error: Annotated[np.ndarray, "P"] | None = None
+
+
+# ---- capture -------------------------------------------------------------------------------------------------------
+
+@dataclass(frozen=True, eq=False)
+class RawFrame(Record):
+    """The mosaic as the sensor gave it, in sensor orientation."""
+
+    mosaic: Annotated[np.ndarray, "H W"]            # uint16 DN, visible area
+    cfa: Annotated[np.ndarray, "a b"]               # index 0 R, 1 G, 2 B of the repeating tile, from pixel (0, 0)
+    black_level: Annotated[np.ndarray, "a b"]       # DN at each position of the tile
+    white_level: float                              # DN
+    exposure_s: float | None
+    iso: float | None
+    f_number: float | None
+    camera: str                                     # make, model and serial number as far as known
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True, eq=False)
+class LinearImage(Record):
+    """Linear camera signal; one pixel covers ``sensor_step`` x ``sensor_step`` pixels of the photo."""
+
+    signal: Annotated[np.ndarray, "H W K"]          # float32
+    variance: Annotated[np.ndarray, "H W K"]        # float32, signal squared
+    saturated: Annotated[np.ndarray, "H W K"]       # bool: any contributing sample at the clip point
+    sensor_step: float
+    exposure_s: float | None                        # None where the file does not say
+    iso: float | None
+    f_number: float | None
+    kind: PhotoKind
+    camera: str
+    source: str
+    sha256: str
+
+
+@dataclass(frozen=True, eq=False)
+class ChartDetection(Record):
+    """Where the 24 patches lie. Corners in full-resolution sensor pixels, (0, 0) the centre of the top-left pixel."""
+
+    corners_px: Annotated[np.ndarray, "24 4 2"]     # the sampled quadrilateral of each patch, chart order
+    confidence: float                               # 0 to 1: agreement of the patches with the reference
+    mirrored: bool
+    how_found: str
+
+
+@dataclass(frozen=True, eq=False)
+class PatchSamples(Record):
+    """Statistics of the 24 patches, dark skin first, row by row as printed on the chart."""
+
+    mean: Annotated[np.ndarray, "24 K"]             # signal
+    covariance_of_mean: Annotated[np.ndarray, "24 K K"]
+    pixels: Annotated[np.ndarray, "24"]             # samples used in each patch
+    saturated_fraction: Annotated[np.ndarray, "24 K"]
+    gradient: Annotated[np.ndarray, "24 K"]         # relative change of the signal across the patch
+
+
+# ---- calibrate -----------------------------------------------------------------------------------------------------
+
+@dataclass(frozen=True, eq=False)
+class SensitivityFit(Record):
+    """Camera sensitivities on the working grid, the largest value of all bands being 1."""
+
+    grid: WavelengthGrid
+    curves: Annotated[np.ndarray, "K P"]
+    basis: Annotated[np.ndarray, "P N"] | None      # None where the curves were measured and read from a file
+    coefficients: Annotated[np.ndarray, "K N"] | None
+    covariance: Annotated[np.ndarray, "D D"] | None  # D = K N, band after band
+    standard_error: Annotated[np.ndarray, "K P"] | None
+    residuals: Annotated[np.ndarray, "24 K"] | None  # (photo - fit) / photo of each patch
+    held_out_residuals: Annotated[np.ndarray, "24 K"] | None  # the same, each patch left out of its own fit
+    condition_number: float | None
+    method: str
+    outcome: Outcome
+
+
+@dataclass(frozen=True, eq=False)
+class LightScale(Record):
+    """Factor from rendered signal (light spectrum as given, sensitivities peaking at 1) to the photo's signal."""
+
+    value: float
+    standard_error: float | None
+    residuals: Annotated[np.ndarray, "R K"] | None  # (photo - scale x rendered) / photo
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration(Record):
+    """All that turns rendered spectra into camera signal. ``relative_covariance`` is the error of predicted signals."""
+
+    sensitivity: SensitivityFit
+    light: Spectrum
+    light_scale: LightScale | None                  # None: to be found from a known material of the scene
+    relative_covariance: Annotated[np.ndarray, "K K"]  # of (photo - predicted) / photo for surfaces like the chart's
+    checks: tuple[str, ...]
+
+
+# ---- reconstruct ---------------------------------------------------------------------------------------------------
+
+@dataclass(frozen=True, eq=False)
+class LightTransport(Record):
+    """Light transport as a polynomial: signal of region r is the sum over e of coefficients[r, e] x product e."""
+
+    materials: tuple[str, ...]
+    exponents: Annotated[np.ndarray, "E M"]         # how often each material is met
+    coefficients: Annotated[np.ndarray, "R E"]
+    covariance: Annotated[np.ndarray, "R E E"] | None  # Monte Carlo
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceAgreement(Record):
+    """Photo against rendering, surface by surface: the honest part of a reconstruction."""
+
+    names: tuple[str, ...]                          # S names, "white / floor"
+    materials: tuple[str, ...]                      # S material names
+    pixels: Annotated[np.ndarray, "S"]
+    ratio: Annotated[np.ndarray, "S K"]             # photo / rendering, summed over the surface
+    spread: Annotated[np.ndarray, "S K"]            # standard deviation of log(photo / rendering) over blocks
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction(Record):
+    """Spectra that explain the photo, and how well they do."""
+
+    materials: tuple[str, ...]
+    known: tuple[bool, ...]                         # True: spectrum given, not estimated
+    grid: WavelengthGrid
+    basis: Annotated[np.ndarray, "P N"]
+    coefficients: Annotated[np.ndarray, "M N"]      # NaN rows where known
+    spectra: Annotated[np.ndarray, "M P"]
+    white_signal: Annotated[np.ndarray, "K"]        # integral of sensitivity x light: what reflectance 1 gives
+    signal: Annotated[np.ndarray, "M K"]            # of each material, relative to white
+    signal_covariance: Annotated[np.ndarray, "M K K"]  # photo noise and Monte Carlo noise of the fit
+    model_covariance: Annotated[np.ndarray, "M K K"]   # photo and model disagree: relative, by surface
+    measured: Annotated[np.ndarray, "H W K"]        # photo at the render's size
+    rendered: Annotated[np.ndarray, "H W K"]
+    used: Annotated[np.ndarray, "H W"]              # bool: pixels that entered the fit
+    surface: Annotated[np.ndarray, "H W"]           # index into agreement.names, -1 none or mixed
+    agreement: SurfaceAgreement
+    light_scale: LightScale                         # as used for this photo, exposure included
+    loss_history: Annotated[np.ndarray, "I"]
+    engine: str
+    spp: int
+    seed: int
+    outcome: Outcome
+
+
+# ---- sampling ------------------------------------------------------------------------------------------------------
+
+@dataclass(frozen=True, eq=False)
+class MeasurementOperator(Record):
+    """What the camera said of one surface: ``y = A c + noise``, relative to white (reflectance 1 gives 1)."""
+
+    A: Annotated[np.ndarray, "K N"]
+    y: Annotated[np.ndarray, "K"]
+    noise_covariance: Annotated[np.ndarray, "K K"]
+
+
+@dataclass(frozen=True, eq=False)
+class NullSpace(Record):
+    """Orthonormal directions in coefficient space that the camera cannot see (Eq. 5)."""
+
+    c0: Annotated[np.ndarray, "N"]
+    directions: Annotated[np.ndarray, "N D"]
+    singular_values: Annotated[np.ndarray, "K"]
+
+
+@dataclass(frozen=True, eq=False)
+class SpectrumSamples(Record):
+    """Draws from all spectra that fit one measurement."""
+
+    coefficients: Annotated[np.ndarray, "T N"]
+    weights: Annotated[np.ndarray, "T"] | None      # None: equal
+    method: str
+    acceptance: float
+    effective_samples: float
+    seed: int
+    outcome: Outcome
+
+
+@dataclass(frozen=True, eq=False)
+class SpectrumSummary(Record):
+    """What is known of one spectrum, and conditional on what."""
+
+    grid: WavelengthGrid
+    mean: Annotated[np.ndarray, "P"]
+    standard_deviation: Annotated[np.ndarray, "P"]
+    lower: Annotated[np.ndarray, "P"]               # pointwise band at ``level``
+    upper: Annotated[np.ndarray, "P"]
+    bound_lower: Annotated[np.ndarray, "P"]         # exact lowest and highest over all spectra of the class
+    bound_upper: Annotated[np.ndarray, "P"]
+    level: float
+    conditional_on: str
+    next_measurement_nm: float                      # one more reading here would narrow the band most

@@ -1,0 +1,55 @@
+"""Frozen records whose arrays are checked against letters and kept read-only.
+
+A field is declared as ``mean: Annotated[np.ndarray, "24 K"]``. A letter is any size, the same wherever it stands in
+the record; a number is that size. ``None`` passes where the annotation allows it.
+"""
+from __future__ import annotations
+
+import dataclasses
+import functools
+import typing
+from typing import Any
+
+import numpy as np
+
+
+class Record:
+    """Base of the frozen records: checks shapes, makes read-only copies of what could be changed from outside."""
+
+    def __post_init__(self) -> None:
+        sizes: dict[str, int] = {}
+        for name, letters in array_fields(type(self)).items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            array = np.asarray(value)
+            _check_shape(type(self).__name__, name, array.shape, letters.split(), sizes)
+            if array.flags.writeable:
+                array = array.copy() if array is value else array
+                array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+
+@functools.cache
+def array_fields(record: type) -> dict[str, str]:
+    """Names of the array fields of a record class, each with its shape letters."""
+    hints = typing.get_type_hints(record, include_extras=True)
+    return {field.name: letters for field in dataclasses.fields(record)
+            if (letters := _letters(hints[field.name])) is not None}
+
+
+def _letters(hint: Any) -> str | None:
+    if typing.get_origin(hint) is typing.Annotated:
+        return hint.__metadata__[0]
+    found = [letters for part in typing.get_args(hint) if (letters := _letters(part)) is not None]
+    return found[0] if found else None
+
+
+def _check_shape(record: str, field: str, shape: tuple[int, ...], letters: list[str], sizes: dict[str, int]) -> None:
+    wanted = " ".join(letters)
+    if len(shape) != len(letters):
+        raise ValueError(f"{record}.{field} has shape {shape}; ({wanted}) is needed")
+    for size, letter in zip(shape, letters, strict=True):
+        expected = int(letter) if letter.isdigit() else sizes.setdefault(letter, size)
+        if size != expected:
+            raise ValueError(f"{record}.{field} has shape {shape}; ({wanted}) with {letter} = {expected} is needed")

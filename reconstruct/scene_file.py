@@ -1,0 +1,226 @@
+"""A Mitsuba scene as an operator wrote it, read and rewritten as XML without any renderer.
+
+The scene gives geometry, camera pose and light position. Its BSDFs are replaced by diffuse ones whose spectra are the
+materials of the session, its emitters get the measured light spectrum, its film the camera's bands.
+"""
+from __future__ import annotations
+
+import copy
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from radiometry.errors import InputError
+
+EMITTED = {"area": "radiance", "constant": "radiance", "point": "intensity", "spot": "intensity",
+           "directional": "irradiance", "projector": "irradiance", "directionalarea": "radiance"}
+SPECTRUM_TAGS = ("spectrum", "rgb", "texture")
+
+
+@dataclass(frozen=True)
+class SceneFile:
+    """What one XML scene says of itself. ``surfaces`` maps each shape id to the BSDF id that it wears."""
+
+    path: Path
+    root: ET.Element
+    width: int
+    height: int
+    max_depth: int
+    bsdf_ids: tuple[str, ...]
+    surfaces: dict[str, str]
+    light_ids: tuple[str, ...]
+
+
+def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
+    """Parse and check a scene.
+
+    Parameters
+    ----------
+    path : Path
+        Mitsuba XML.
+    folder : Path, optional
+        Files that the scene names must lie in here; None allows any.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is no Mitsuba scene, has no sensor or emitter, or names files outside ``folder``.
+    """
+    root = _parse(path)
+    defaults = {node.get("name", ""): node.get("value", "") for node in root.iter("default")}
+    sensor = root.find("sensor")
+    if sensor is None:
+        raise InputError(f"{path.name} has no <sensor>: the scene must hold the camera's pose and field of view")
+    _check_file_names(root, path, folder)
+    _name_everything(root)
+    film = sensor.find("film")
+    integrator = root.find("integrator")
+    width = _integer(film, "width", defaults, 768, path)
+    height = _integer(film, "height", defaults, 576, path)
+    lights = [node for node in root.iter("emitter")]
+    if not lights:
+        raise InputError(f"{path.name} has no <emitter>: the scene must hold the light in its place")
+    for light in lights:
+        if light.get("type") not in EMITTED:
+            raise InputError(f"{path.name}: emitter type {light.get('type')!r} is not supported; "
+                             f"use one of {', '.join(EMITTED)}")
+    depth = _integer(integrator, "max_depth", defaults, 8, path)
+    return SceneFile(path, root, width, height, depth if depth > 0 else 12,
+                     tuple(node.get("id", "") for node in root.findall("bsdf")), _surfaces(root, path),
+                     tuple(_light_id(root, node) for node in lights))
+
+
+def check_materials(scene: SceneFile, bsdf_of_material: Mapping[str, str]) -> list[str]:
+    """Sentences about materials that the scene lacks and surfaces that no material covers; empty when all is well."""
+    problems = []
+    worn = set(scene.surfaces.values())
+    for material, bsdf in bsdf_of_material.items():
+        if bsdf not in scene.bsdf_ids:
+            problems.append(f"material {material!r} names the BSDF {bsdf!r}, which {scene.path.name} lacks; "
+                            f"it has {', '.join(scene.bsdf_ids) or 'none with an id'}")
+        elif bsdf not in worn:
+            problems.append(f"material {material!r}: no surface in {scene.path.name} wears the BSDF {bsdf!r}")
+    for bsdf in sorted(worn - set(bsdf_of_material.values())):
+        shapes = ", ".join(shape for shape, name in scene.surfaces.items() if name == bsdf)
+        problems.append(f"{scene.path.name}: the BSDF {bsdf or '(without id)'!r} of {shapes} has no material; "
+                        f"add [materials.{bsdf or 'NAME'}] with bsdf = {bsdf or 'ID'!r} to session.toml")
+    return problems
+
+
+def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray], light: np.ndarray,
+              bands: Mapping[str, np.ndarray], range_nm: tuple[float, float], size: tuple[int, int],
+              integrator: str = "prb") -> str:
+    """The scene as XML text with the session's spectra in place of its own.
+
+    Parameters
+    ----------
+    reflectances : mapping of BSDF id to (P,)
+        Reflectance at uniform wavelengths over ``range_nm``.
+    light : (P,) array
+        Spectrum of every emitter.
+    bands : mapping of band name to (P,)
+        Camera sensitivities; the film's channels, in this order.
+    size : (width, height)
+        Of the film in pixels.
+    """
+    root = copy.deepcopy(scene.root)
+    for node in root.findall("bsdf"):
+        if (values := reflectances.get(node.get("id", ""))) is not None:
+            _make_diffuse(node, values, range_nm)
+    for node in root.iter("emitter"):
+        name = EMITTED[node.get("type", "")]
+        for child in [child for child in node if child.tag in SPECTRUM_TAGS and child.get("name") == name]:
+            node.remove(child)
+        node.append(_regular(name, light, range_nm))
+    sensor = root.find("sensor")
+    assert sensor is not None
+    for child in [child for child in sensor if child.tag in ("film", "sampler")]:
+        sensor.remove(child)
+    sensor.append(_film(bands, range_nm, size))
+    ET.SubElement(sensor, "sampler", type="independent")
+    for child in root.findall("integrator"):
+        root.remove(child)
+    node = ET.SubElement(root, "integrator", type=integrator)
+    ET.SubElement(node, "integer", name="max_depth", value=str(scene.max_depth))
+    ET.SubElement(node, "integer", name="rr_depth", value="1000")  # no Russian roulette: its noise feeds the gradient
+    return ET.tostring(root, encoding="unicode")
+
+
+def _parse(path: Path) -> ET.Element:
+    try:
+        root = ET.fromstring(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing: give the scene file or correct its name in session.toml") from None
+    except (ET.ParseError, UnicodeDecodeError) as error:
+        raise InputError(f"{path.name} is not well-formed XML: {error}") from None
+    if root.tag != "scene":
+        raise InputError(f"{path.name} is not a Mitsuba scene: its root is <{root.tag}>, <scene> is needed")
+    return root
+
+
+def _check_file_names(root: ET.Element, path: Path, folder: Path | None) -> None:
+    names = [node.get("value", "") for node in root.iter("string") if node.get("name") == "filename"]
+    names += [node.get("filename", "") for node in root.iter() if node.get("filename")]
+    names += [node.get("value", "") for node in root.iter("path")]
+    for name in names:
+        if "$" in name:
+            raise InputError(f"{path.name} names the file {name!r} through a variable; write its path out")
+        target = (path.parent / name).resolve()
+        if folder is not None and not target.is_relative_to(folder.resolve()):
+            raise InputError(f"{path.name} names {name!r}, which lies outside the session folder; copy it into scene/")
+        if not target.exists():
+            raise InputError(f"{path.name} names {name!r}, which is missing")
+
+
+def _name_everything(root: ET.Element) -> None:
+    """Give every shape an id, so that each surface can be told from the others."""
+    taken = {node.get("id") for node in root.iter() if node.get("id")}
+    for number, shape in enumerate(root.iter("shape"), start=1):
+        if not shape.get("id"):
+            identity = f"shape_{number}"
+            shape.set("id", identity if identity not in taken else f"surface_{number}")
+
+
+def _surfaces(root: ET.Element, path: Path) -> dict[str, str]:
+    surfaces = {}
+    for shape in root.iter("shape"):
+        if shape.find("emitter") is not None:
+            continue
+        reference, own = shape.find("ref"), shape.find("bsdf")
+        if own is not None:
+            raise InputError(f"{path.name}: shape {shape.get('id')!r} holds its BSDF inside; move it out, give it an "
+                             "id, and refer to it with <ref id=...>")
+        surfaces[shape.get("id", "")] = reference.get("id", "") if reference is not None else ""
+    return surfaces
+
+
+def _light_id(root: ET.Element, light: ET.Element) -> str:
+    for shape in root.iter("shape"):
+        if light in list(shape):
+            return shape.get("id", "")
+    return light.get("id", light.get("type", ""))
+
+
+def _integer(parent: ET.Element | None, name: str, defaults: Mapping[str, str], fallback: int, path: Path) -> int:
+    node = None if parent is None else next((n for n in parent.iter("integer") if n.get("name") == name), None)
+    if node is None:
+        return fallback
+    text = node.get("value", "")
+    if text.startswith("$"):
+        text = defaults.get(text[1:], text)
+    try:
+        return int(text)
+    except ValueError:
+        raise InputError(f"{path.name}: {name} is {text!r}; a whole number is needed") from None
+
+
+def _regular(name: str, values: np.ndarray, range_nm: tuple[float, float]) -> ET.Element:
+    node = ET.Element("spectrum", name=name, type="regular")
+    ET.SubElement(node, "float", name="wavelength_min", value=repr(range_nm[0]))
+    ET.SubElement(node, "float", name="wavelength_max", value=repr(range_nm[1]))
+    ET.SubElement(node, "string", name="values", value=", ".join(f"{value:.9g}" for value in values))
+    return node
+
+
+def _make_diffuse(node: ET.Element, values: np.ndarray, range_nm: tuple[float, float]) -> None:
+    two_sided = node.get("type") == "twosided"
+    for child in list(node):
+        node.remove(child)
+    if two_sided:
+        node = ET.SubElement(node, "bsdf")
+    node.set("type", "diffuse")
+    node.append(_regular("reflectance", values, range_nm))
+
+
+def _film(bands: Mapping[str, np.ndarray], range_nm: tuple[float, float], size: Sequence[int]) -> ET.Element:
+    film = ET.Element("film", type="specfilm")
+    ET.SubElement(film, "integer", name="width", value=str(size[0]))
+    ET.SubElement(film, "integer", name="height", value=str(size[1]))
+    ET.SubElement(film, "string", name="component_format", value="float32")
+    ET.SubElement(film, "rfilter", type="box")
+    for number, (name, values) in enumerate(bands.items()):
+        film.append(_regular(f"band_{number:03d}_{name}", values, range_nm))  # Mitsuba sorts channels by name
+    return film

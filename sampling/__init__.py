@@ -1,0 +1,1 @@
+"""From one spectrum to all that fit the same measurement."""

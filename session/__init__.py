@@ -1,0 +1,1 @@
+"""The operator's side: session.toml, stored results, pipeline, command line, report."""

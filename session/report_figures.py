@@ -1,0 +1,115 @@
+"""Figures of the chart and of the convergence, and pictures as data URIs."""
+from __future__ import annotations
+
+import base64
+import io
+from pathlib import Path
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib import image as raster
+from matplotlib.ticker import FuncFormatter
+
+from radiometry.errors import InputError
+from session.report_words import number
+from session.svg import INK, QUIET, Readout, band_colours, figure, inline_svg
+
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+LONGEST_PX = 1400  # pictures are reduced to this: the page shows no more
+
+
+def picture_data_uri(path: Path) -> str:
+    """A PNG file as data URI, reduced by whole factors where it is larger than the page shows.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or not a PNG.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as problem:
+        raise InputError(f"picture {path.name} cannot be read ({problem.strerror}); run the stage that makes it "
+                         "again") from problem
+    if not content.startswith(PNG_SIGNATURE):
+        raise InputError(f"picture {path.name} is not a PNG file; run the stage that makes it again")
+    factor = -(-max(int.from_bytes(content[16:20]), int.from_bytes(content[20:24])) // LONGEST_PX)
+    if factor > 1:
+        content = _reduced(content, factor)
+    return "data:image/png;base64," + base64.b64encode(content).decode("ascii")
+
+
+def _reduced(content: bytes, factor: int) -> bytes:
+    pixels = raster.imread(io.BytesIO(content), format="png")
+    pixels = pixels[..., None] if pixels.ndim == 2 else pixels
+    rows, columns = (size // factor * factor for size in pixels.shape[:2])
+    blocks = pixels[:rows, :columns].reshape(rows // factor, factor, columns // factor, factor, -1).mean(axis=(1, 3))
+    if blocks.shape[2] < 3:
+        blocks = np.repeat(blocks[..., :1], 3, axis=2)
+    buffer = io.BytesIO()
+    raster.imsave(buffer, np.clip(blocks, 0, 1), format="png")
+    return buffer.getvalue()
+
+
+def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray | None, bands: tuple[str, ...],
+                          limit: float) -> Markup:
+    """Residuals (24, K) of the patches: filled as fitted, open where the patch was left out of its own fit."""
+    drawing = figure(7.2, 2.6)
+    axes = drawing.add_subplot()
+    axes.axhspan(-100 * limit, 100 * limit, color="#eef1f4", lw=0)
+    axes.axhline(0, color=QUIET, lw=0.7)
+    for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
+        at = np.arange(1, 25) + 0.5 * ((k + 0.5) / len(bands) - 0.5)
+        if held_out is not None:
+            axes.plot(at, 100 * held_out[:, k], "o", ms=4.5, mfc="none", mec=colour, mew=0.8)
+        axes.plot(at, 100 * residuals[:, k], "o", ms=3.5, color=colour, label=band)
+    if held_out is not None:
+        axes.plot([], [], "o", ms=4.5, mfc="none", mec=INK, mew=0.8, label="left out of its own fit")
+    axes.set(xlim=(0.4, 24.6), xticks=range(1, 25), xlabel="Patch", ylabel="(photo − predicted) / photo (%)")
+    axes.grid(axis="y")
+    drawing.legend(loc="outside upper left", ncols=8, handlelength=0.8, columnspacing=1.2)
+    return inline_svg(drawing, name, "Chart residuals", "Relative residual of the 24 patches in each band.")
+
+
+def irradiance_figure(name: str, irradiance: np.ndarray) -> Markup:
+    """Relative irradiance (24,) over the chart, four rows of six as printed."""
+    field = 100 * irradiance.reshape(4, 6)
+    drawing = figure(3.6, 2.6)
+    axes = drawing.add_subplot()
+    axes.imshow(field, cmap="cividis", vmin=min(float(np.nanmin(field)), 80.0), vmax=100)
+    low, high = axes.get_images()[0].get_clim()
+    for (row, column), value in np.ndenumerate(field):
+        text = f"{value:.0f}" if np.isfinite(value) else "?"
+        ink = "white" if value < low + 0.55 * (high - low) else "black"
+        axes.text(column, row, text, ha="center", va="center", fontsize=8, color=ink)
+    axes.set(xticks=[], yticks=[], title="Irradiance, % of the brightest patch")
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    return inline_svg(drawing, name, "Irradiance over the chart", "Relative irradiance of each patch in per cent.")
+
+
+def loss_figure(name: str, history: np.ndarray) -> Markup | None:
+    """Loss against iteration, logarithmic where all losses are positive; None where there is no history."""
+    if history.size < 2:
+        return None
+    drawing = figure(7.2, 2.4)
+    axes = drawing.add_subplot()
+    steps = np.arange(history.size)
+    marks = "o-" if history.size <= 30 else "-"
+    axes.plot(steps, history, marks, ms=2.5, color="#1f4e8c", lw=1.3)
+    if np.all(history > 0):
+        axes.set_yscale("log")
+        for axis_format in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+            axis_format(FuncFormatter(lambda value, _: f"{value:.0e}" if _is_decade(value) else ""))
+        if history.max() / history.min() < 30:  # too few decades for their labels alone
+            axes.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:.1e}"))
+    axes.set(xlabel="Iteration", ylabel="Loss", xlim=(0, history.size - 1))
+    axes.grid(which="major")
+    start, end = number(float(history[0]), 3), number(float(history[-1]), 3)
+    digits = int(np.clip(4 - np.floor(np.log10(max(float(np.abs(history).min()), 1e-12))), 3, 14))
+    return inline_svg(drawing, name, "Loss history", f"The loss fell from {start} to {end}.",
+                      Readout(axes, steps.astype(float), {"loss": history}, "Iteration", "", digits))
+
+
+def _is_decade(value: float) -> bool:
+    return value > 0 and abs(np.log10(value) - round(np.log10(value))) < 1e-9

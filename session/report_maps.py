@@ -1,0 +1,118 @@
+"""Maps over the photo: photo and rendering alike stretched, signed residuals, and where each surface lies."""
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, to_hex
+from matplotlib.ticker import FuncFormatter
+
+from radiometry.records import Reconstruction, SensitivityFit
+from session.svg import figure, inline_svg, plain_line
+
+WIDTH_IN = 7.2
+NICE = np.array([0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0])  # ends of the residual scale
+UNUSED = "#eceef1"
+
+
+def display_bands(fit: SensitivityFit) -> list[int]:
+    """The bands shown as red, green and blue: longest, middle and shortest mean wavelength."""
+    weights = np.clip(fit.curves, 0, None) * fit.grid.weights_nm
+    order = np.argsort(weights @ fit.grid.nm / weights.sum(axis=1))
+    return [int(order[-1]), int(order[len(order) // 2]), int(order[0])]
+
+
+def srgb_encoded(linear: np.ndarray) -> np.ndarray:
+    """sRGB transfer curve of values clipped to 0..1."""
+    x = np.clip(linear, 0, 1)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 1e-9) ** (1 / 2.4) - 0.055)
+
+
+def pair_figure(name: str, made: Reconstruction, fit: SensitivityFit, bands: tuple[str, ...]) -> Markup:
+    """Photo and rendering side by side, divided by white and stretched by one common factor."""
+    chosen = display_bands(fit)
+    photo, rendering = (image[..., chosen] / made.white_signal[chosen] for image in (made.measured, made.rendered))
+    seen = photo[np.isfinite(photo)]
+    stretch = max(float(np.percentile(seen, 99)), 1e-12) if seen.size else 1.0
+    height, width = made.used.shape
+    drawing = figure(WIDTH_IN, _panel_height(WIDTH_IN / 2, height, width) + 0.3)
+    for axes, image, title in zip(drawing.subplots(1, 2), (photo, rendering), ("Photo", "Rendering"), strict=True):
+        axes.imshow(srgb_encoded(np.nan_to_num(image) / stretch))
+        _bare(axes, title)
+    shown = ", ".join(bands[k] for k in chosen)
+    return inline_svg(drawing, name, "Photo and rendering", f"Bands {shown} shown as red, green and blue.")
+
+
+def residual_maps(made: Reconstruction) -> np.ndarray:
+    """(photo - rendering) / photo (H, W, K), NaN where a pixel was not used."""
+    usable = made.used[..., None] & (made.measured > 0)
+    return np.where(usable, 1 - made.rendered / np.where(usable, made.measured, 1.0), np.nan)
+
+
+def residual_limit(residuals: np.ndarray) -> float:
+    """End of the common colour scale: the next round number above 98 % of all |residuals|."""
+    seen = np.abs(residuals[np.isfinite(residuals)])
+    reach = float(np.percentile(seen, 98)) if seen.size else 0.0
+    return float(NICE[min(int(np.searchsorted(NICE, reach)), NICE.size - 1)])
+
+
+def residual_figure(name: str, made: Reconstruction, bands: tuple[str, ...]) -> Markup:
+    """One signed residual map per band, all on one scale; pixels that were not used are hatched."""
+    residuals = residual_maps(made)
+    limit = residual_limit(residuals)
+    columns = min(len(bands), 3 if len(bands) != 4 else 4)
+    rows = -(-len(bands) // columns)
+    panel = _panel_height(WIDTH_IN / columns, *made.used.shape) + 0.25
+    drawing = figure(WIDTH_IN, rows * panel + 0.5)
+    grid = drawing.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid[len(bands):]:
+        axes.set_axis_off()
+    for k, axes in enumerate(grid[:len(bands)]):
+        axes.patch.set(facecolor=UNUSED, hatch="/////")
+        image = axes.imshow(residuals[..., k], cmap="RdBu_r", vmin=-limit, vmax=limit)
+        _bare(axes, f"Band {plain_line(bands[k], 24)}")
+    bar = drawing.colorbar(image, ax=list(grid), location="bottom", aspect=50, fraction=0.05, extend="both",
+                           format=FuncFormatter(lambda value, _: f"{100 * value:+g} %" if value else "0"))
+    bar.set_label("(photo − rendering) / photo:   blue, photo darker;   red, photo brighter;   hatched, not used")
+    bar.outline.set_visible(False)  # type: ignore[operator]
+    return inline_svg(drawing, name, "Residual maps", "Signed relative difference of photo and rendering per band.")
+
+
+def surface_colours(count: int) -> list[str]:
+    """One light colour per surface."""
+    base = [*matplotlib.color_sequences["Set3"], *matplotlib.color_sequences["Pastel1"]]
+    return [to_hex(base[s % len(base)]) for s in range(count)]
+
+
+def surface_figure(name: str, made: Reconstruction) -> Markup:
+    """Surfaces in false colour, each with its number; pixels of none are grey."""
+    count = len(made.agreement.names)
+    height, width = made.surface.shape
+    drawing = figure(WIDTH_IN * 0.55, _panel_height(WIDTH_IN * 0.55, height, width) + 0.1)
+    axes = drawing.add_subplot()
+    colours = ListedColormap([UNUSED, *surface_colours(count)])
+    axes.imshow(made.surface, cmap=colours, vmin=-1.5, vmax=count - 0.5)
+    for s in range(count):
+        if (made.surface == s).any():
+            row, column = _middle(made.surface == s)
+            axes.text(column, row, str(s + 1), ha="center", va="center", fontsize=9, fontweight="bold")
+    _bare(axes, "")
+    return inline_svg(drawing, name, "Surfaces", "Where each surface of the scene lies in the photo, numbered.")
+
+
+def _middle(mask: np.ndarray) -> tuple[float, float]:
+    """The pixel of a mask nearest to its centre, so the number stands on its own surface."""
+    pixels = np.argwhere(mask)
+    row, column = pixels[np.argmin(((pixels - pixels.mean(axis=0)) ** 2).sum(axis=1))]
+    return float(row), float(column)
+
+
+def _panel_height(width_in: float, height: int, width: int) -> float:
+    return float(np.clip(width_in * height / width, 0.8, 7.0))
+
+
+def _bare(axes: Axes, title: str) -> None:
+    axes.set(xticks=[], yticks=[], title=title)
+    for spine in axes.spines.values():
+        spine.set_visible(False)

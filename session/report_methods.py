@@ -1,0 +1,95 @@
+"""The methods paragraph of a paper, filled with the numbers of one session."""
+from __future__ import annotations
+
+import numpy as np
+
+from radiometry.records import Spectrum
+from session.report_verdict import chart_residuals, root_mean_square, worst_entry
+from session.report_words import deviation_words, exposure, listed, number, percent
+from session.results import SessionResults
+
+
+def methods_text(results: SessionResults) -> list[str]:
+    """Paragraphs that can be pasted into a paper."""
+    return [_capture(results), _calibration(results), _reconstruction(results), _sampling(results),
+            _agreement(results)]
+
+
+def _capture(results: SessionResults) -> str:
+    photo = results.photo
+    settings = [f"exposure {exposure(photo.exposure_s)}" if photo.exposure_s is not None else "",
+                f"ISO {photo.iso:g}" if photo.iso is not None else "",
+                f"f/{photo.f_number:g}" if photo.f_number is not None else ""]
+    stated = ", ".join(s for s in settings if s) or "exposure not stated"
+    clipped = float(photo.saturated.any(axis=2).mean())
+    return (f"The scene was photographed with {photo.camera or 'a camera that the file does not name'} "
+            f"({photo.kind.value}; {stated}). Signals are linear and black-subtracted, without white balance, "
+            f"in {len(results.bands)} bands ({', '.join(results.bands)}); {percent(clipped)} of the pixels were "
+            "clipped and left out.")
+
+
+def _calibration(results: SessionResults) -> str:
+    fit = results.calibration.sensitivity
+    parts = [f"Camera sensitivities: {fit.method}."]
+    rms = root_mean_square(chart_residuals(results))
+    if rms is not None:
+        parts.append(f"The rms residual over the 24 chart patches is {percent(rms)}.")
+    held_out = root_mean_square(fit.held_out_residuals)
+    if held_out is not None:
+        parts.append(f"Left out of its own fit, a patch is predicted within {percent(held_out)} rms.")
+    if fit.condition_number is not None:
+        parts.append(f"The condition number of the fit is {number(fit.condition_number, 3)}.")
+    light: Spectrum = results.calibration.light
+    parts.append(f"The light spectrum is {light.source}; the factor from rendered signal to the photo's signal is "
+                 f"{scale_words(results)} ({results.light_scale.source}).")
+    return " ".join(parts)
+
+
+def scale_words(results: SessionResults) -> str:
+    """The light scale with its standard error."""
+    scale = results.light_scale
+    if scale.standard_error is None:
+        return f"{number(scale.value)} (standard error not stated)"
+    return (f"{number(scale.value)} ± {number(scale.standard_error, 2)} (standard error, "
+            f"{percent(scale.standard_error / abs(scale.value))})")
+
+
+def _reconstruction(results: SessionResults) -> str:
+    made = results.reconstruction
+    unknown = [name for name, known in zip(made.materials, made.known, strict=True) if not known]
+    given = [name for name, known in zip(made.materials, made.known, strict=True) if known]
+    spectra = f"reflectances of {listed(unknown)} were" if unknown else "no reflectance was"
+    known = f"; {listed(given)} given" if given else ""
+    nm = made.grid.nm
+    return (f"By inverse rendering (engine: {made.engine}; {made.spp} samples per pixel, seed {made.seed}), "
+            f"{spectra} found from {int(made.used.sum())} of {made.used.size} pixels{known}. Reflectances are clamped "
+            f"uniform cubic B-splines with {made.basis.shape[1]} coefficients on {nm[0]:g}–{nm[-1]:g} nm. "
+            f"{made.outcome.value}")
+
+
+def _sampling(results: SessionResults) -> str:
+    drawn = [m for m in results.materials if m.samples is not None and m.summary is not None]
+    if not drawn:
+        return "No spectra were drawn: every material was given."
+    methods = listed(sorted({m.samples.method for m in drawn if m.samples}))
+    counts = sorted({len(m.samples.coefficients) for m in drawn if m.samples})
+    draws = str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
+    seeds = ", ".join(str(seed) for seed in sorted({m.samples.seed for m in drawn if m.samples}))
+    effective = min(m.samples.effective_samples for m in drawn if m.samples)
+    levels = listed(sorted({percent(m.summary.level) for m in drawn if m.summary}))
+    conditions = listed(sorted({m.summary.conditional_on for m in drawn if m.summary}))
+    return (f"Spectra that the camera cannot tell apart were drawn with {methods} ({draws} draws per material, seed "
+            f"{seeds}; at least {effective:.0f} effective). Bands are pointwise {levels} bands, conditional on "
+            f"{conditions}.")
+
+
+def _agreement(results: SessionResults) -> str:
+    agreement = results.reconstruction.agreement
+    worst = worst_entry(agreement)
+    if worst is None:
+        return "No surface could be compared between photo and rendering."
+    deviation = np.abs(agreement.ratio - 1)
+    median = float(np.median(deviation[np.isfinite(deviation)]))
+    return (f"Photo and rendering agree within {percent(median)} (median over {len(agreement.names)} surfaces and "
+            f"{len(results.bands)} bands); the worst surface is “{agreement.names[worst[0]]}”, where the photo is "
+            f"{deviation_words(float(agreement.ratio[worst]))} in band {results.bands[worst[1]]}.")

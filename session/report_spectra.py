@@ -1,0 +1,167 @@
+"""Figures over wavelength: the spectra behind one material, sensitivities, light, and the error budget."""
+from __future__ import annotations
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter
+
+from radiometry.bspline import basis_matrix
+from radiometry.records import Quantity, Reconstruction, SensitivityFit, Spectrum, SpectrumSamples
+from session.report_words import percent
+from session.results import MaterialResult
+from session.svg import INK, QUIET, Readout, band_colours, figure, inline_svg, plain_line
+
+DRAWS_SHOWN = 30
+CURVE_POINTS = 80  # of a faint draw
+MEAN, RENDERED, TRUTH = "#1f4e8c", "#d0661a", "#1a1a1a"
+QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradiance (W m⁻² nm⁻¹)",
+              Quantity.RADIANCE: "Radiance (W m⁻² sr⁻¹ nm⁻¹)", Quantity.RELATIVE: "Relative spectral power"}
+
+
+def material_curves(material: MaterialResult, made: Reconstruction) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Wavelengths (P,) and every curve known of one material, each (P,); NaN where a truth was not measured."""
+    grid_nm = made.grid.nm
+    estimate = made.spectra[made.materials.index(material.name)]
+    summary = material.summary
+    if summary is None:
+        nm, curves = grid_nm, {"given": estimate}
+    else:
+        nm, level = summary.grid.nm, percent(summary.level)
+        curves = {"mean": summary.mean, "standard deviation": summary.standard_deviation,
+                  f"{level} band, lower": summary.lower, f"{level} band, upper": summary.upper,
+                  "lowest possible": summary.bound_lower, "highest possible": summary.bound_upper,
+                  "inverse rendering": np.interp(nm, grid_nm, estimate)}
+    if material.truth is not None:
+        truth = material.truth
+        curves["measured truth"] = np.interp(nm, truth.grid.nm, truth.values, left=np.nan, right=np.nan)
+    return nm, curves
+
+
+def every_10_nm(nm: np.ndarray, curves: dict[str, np.ndarray]) -> list[list[float]]:
+    """Rows of wavelength and curve values at the multiples of 10 nm."""
+    at = np.arange(np.ceil(nm[0] / 10) * 10, nm[-1] + 1e-6, 10.0)
+    return [[float(v) for v in row] for row in np.c_[at, *[np.interp(at, nm, y)[:, None] for y in curves.values()]]]
+
+
+def material_figure(name: str, material: MaterialResult, made: Reconstruction) -> Markup:
+    """Draws, band, exact bounds, mean, the spectrum of inverse rendering, and the truth where one was measured."""
+    nm, curves = material_curves(material, made)
+    drawing = figure(6.6, 3.7)
+    axes = drawing.add_subplot()
+    if material.summary is None:
+        axes.plot(nm, curves["given"], color=MEAN, lw=1.8, label="given spectrum")
+    else:
+        _draw_uncertainty(axes, material, made, nm, curves)
+    if "measured truth" in curves:
+        axes.plot(nm, curves["measured truth"], color=TRUTH, lw=1.3, ls=(0, (1, 1.2)), label="measured truth")
+    _wavelength_axis(axes, nm)
+    top = max(1.0, *(float(np.nanmax(y)) for y in curves.values() if np.isfinite(y).any()))
+    axes.set(ylim=(0, 1.02 * top), ylabel="Reflectance")
+    drawing.legend(loc="outside upper left", ncols=4, handlelength=1.6, columnspacing=1.2)
+    shown = plain_line(material.name)
+    return inline_svg(drawing, name, f"Reflectance of {shown}", f"Reflectance of {shown} over wavelength with what is "
+                      "known of its uncertainty; the table below holds the numbers.",
+                      Readout(axes, nm, curves, "Wavelength", "nm"))
+
+
+def _draw_uncertainty(axes: Axes, material: MaterialResult, made: Reconstruction, nm: np.ndarray,
+                      curves: dict[str, np.ndarray]) -> None:
+    summary = material.summary
+    assert summary is not None
+    if material.samples is not None:
+        draw_nm, draws = drawn_spectra(material.samples, made)
+        axes.plot(draw_nm, draws.T, color=QUIET, lw=0.5, alpha=0.3)
+        axes.plot([], [], color=QUIET, lw=0.7, alpha=0.6, label=f"{len(draws)} draws")
+    axes.fill_between(nm, summary.lower, summary.upper, color=MEAN, alpha=0.18, lw=0,
+                      label=f"{percent(summary.level)} band")
+    axes.plot(nm, summary.bound_lower, color=QUIET, lw=0.9, ls="--", label="exact bounds")
+    axes.plot(nm, summary.bound_upper, color=QUIET, lw=0.9, ls="--")
+    axes.plot(nm, curves["inverse rendering"], color=RENDERED, lw=1.4, label="inverse rendering")
+    axes.plot(nm, summary.mean, color=MEAN, lw=1.9, label="mean")
+    axes.axvline(summary.next_measurement_nm, color=INK, lw=0.6, ls=":", label="measure here next")
+
+
+def drawn_spectra(samples: SpectrumSamples, made: Reconstruction) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (P,) and up to 30 draws (30, P), chosen by weight at a fixed seed, thinned for drawing."""
+    step = max(1, len(made.grid.nm) // CURVE_POINTS)
+    nm = made.grid.nm[::step]
+    coefficients = samples.coefficients
+    basis = made.basis[::step] if made.basis.shape[1] == coefficients.shape[1] else \
+        basis_matrix(nm, coefficients.shape[1])
+    weights = None if samples.weights is None else samples.weights / samples.weights.sum()
+    available = len(coefficients) if weights is None else int(np.count_nonzero(weights))
+    chosen = np.random.default_rng(0).choice(len(coefficients), min(DRAWS_SHOWN, available), replace=False, p=weights)
+    return nm, coefficients[chosen] @ basis.T
+
+
+def error_budget_figure(name: str, material: MaterialResult, bands: tuple[str, ...]) -> Markup | None:
+    """Relative standard error of the material's signal per cause and band; None where no cause was stated."""
+    budget = material.error_budget
+    if not budget:
+        return None
+    causes = list(budget)[::-1]
+    height = 0.8 / len(bands)
+    drawing = figure(3.3, min(8.0, 0.9 + 0.13 * len(causes) * max(len(bands), 3)))
+    axes = drawing.add_subplot()
+    for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
+        at = np.arange(len(causes)) + 0.4 - (k + 0.5) * height
+        axes.barh(at, [100 * float(budget[cause][k]) for cause in causes], 0.85 * height, color=colour, label=band)
+    axes.set_yticks(range(len(causes)), [plain_line(cause, 26) for cause in causes])
+    axes.tick_params(axis="y", length=0)
+    axes.set_xlabel("Relative standard error of signal (%)")
+    axes.grid(axis="x")
+    drawing.legend(loc="outside upper left", ncols=min(len(bands), 6), handlelength=0.8, columnspacing=0.9)
+    return inline_svg(drawing, name, f"Error budget of {plain_line(material.name)}",
+                      "Bars: relative standard error of the signal by cause and camera band.")
+
+
+def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
+                       truth: tuple[np.ndarray, np.ndarray] | None) -> Markup:
+    """Sensitivities with two standard errors either side, and the measured curves where given."""
+    nm = fit.grid.nm
+    drawing = figure(6.6, 3.3)
+    axes = drawing.add_subplot()
+    series: dict[str, np.ndarray] = {}
+    for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
+        series[band] = fit.curves[k]
+        if fit.standard_error is not None:
+            spread = 2 * fit.standard_error[k]
+            axes.fill_between(nm, fit.curves[k] - spread, fit.curves[k] + spread, color=colour, alpha=0.18, lw=0)
+            series[f"{band} ± 2 s.e."] = spread
+        axes.plot(nm, fit.curves[k], color=colour, lw=1.6, label=band)
+        if truth is not None:
+            axes.plot(truth[0], truth[1][k], color=colour, lw=1.0, ls=(0, (1, 1.2)))
+            series[f"{band} measured"] = np.interp(nm, *(truth[0], truth[1][k]), left=np.nan, right=np.nan)
+    if truth is not None:
+        axes.plot([], [], color=INK, lw=1.0, ls=(0, (1, 1.2)), label="measured curves")
+    _wavelength_axis(axes, nm)
+    axes.axhline(0, color=QUIET, lw=0.6)
+    axes.set_ylabel("Sensitivity (highest peak = 1)")
+    drawing.legend(loc="outside upper left", ncols=8, handlelength=1.4, columnspacing=1.2)
+    return inline_svg(drawing, name, "Camera sensitivities", "Sensitivity of each camera band over wavelength.",
+                      Readout(axes, nm, series, "Wavelength", "nm"))
+
+
+def light_figure(name: str, light: Spectrum) -> Markup:
+    """The light spectrum, with two standard errors either side where they are stated."""
+    nm = light.grid.nm
+    drawing = figure(4.4, 3.3)
+    axes = drawing.add_subplot()
+    axes.plot(nm, light.values, color=INK, lw=1.5)
+    series = {QUANTITIES[light.quantity].partition(" (")[0].lower(): light.values}
+    if light.standard_error is not None:
+        spread = 2 * light.standard_error
+        axes.fill_between(nm, light.values - spread, light.values + spread, color=QUIET, alpha=0.3, lw=0)
+        series["± 2 s.e."] = spread
+    _wavelength_axis(axes, nm)
+    axes.set(ylabel=QUANTITIES[light.quantity], ylim=(0, None))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+    digits = int(np.clip(3 - np.floor(np.log10(max(float(np.abs(light.values).max()), 1e-30))), 0, 12))
+    return inline_svg(drawing, name, "Light spectrum", f"{QUANTITIES[light.quantity]} over wavelength.",
+                      Readout(axes, nm, series, "Wavelength", "nm", digits))
+
+
+def _wavelength_axis(axes: Axes, nm: np.ndarray) -> None:
+    axes.set(xlim=(float(nm[0]), float(nm[-1])), xlabel="Wavelength (nm)")
+    axes.grid()

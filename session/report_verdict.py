@@ -1,0 +1,168 @@
+"""Is this session good? Each criterion with its value, its limit and what it says, and the verdict over all."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from radiometry.records import Outcome, SurfaceAgreement
+from session.report_words import deviation_words, percent
+from session.results import SessionResults
+
+MEDIAN_LIMITS = (0.02, 0.05)          # |photo / rendering - 1|: pass up to the first, fail beyond the second
+WORST_LIMITS = (0.05, 0.15)
+CHART_LIMITS = (0.03, 0.10)           # rms of (photo - predicted) / photo
+CLIPPED_LIMITS = (0.05, float("inf"))  # clipped pixels are left out, so they cost coverage, not correctness
+
+
+class Status(Enum):
+    """Outcome of one criterion, from harmless to worst; the value is the rank."""
+
+    INFO = 0
+    PASS = 1
+    WARN = 2
+    FAIL = 3
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One line of the verdict; ``value`` is None where it could not be measured."""
+
+    name: str
+    value: float | None
+    shown: str
+    limit: str
+    status: Status
+    says: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The worst status of all criteria, and the sentence that explains it."""
+
+    status: Status
+    says: str
+    criteria: tuple[Criterion, ...]
+
+
+def judge(results: SessionResults) -> Verdict:
+    """Verdict on a session: PASS, WARN or FAIL."""
+    agreement = results.reconstruction.agreement
+    criteria = (_median_surface(agreement), _worst_surface(agreement, results.bands), _chart(results),
+                _clipped(results), *_outcomes(results), _coverage(results))
+    status = max((c.status for c in criteria), key=lambda s: s.value)
+    reasons = [c.says for c in criteria if c.status is status]
+    if status in (Status.WARN, Status.FAIL):
+        return Verdict(status, " ".join(reasons), criteria)
+    return Verdict(status, "Photo, rendering and calibration agree within the limits.", criteria)
+
+
+def chart_residuals(results: SessionResults) -> np.ndarray | None:
+    """(photo - predicted) / photo of the 24 patches (24, K), or None where no chart was used."""
+    residuals = results.calibration.sensitivity.residuals
+    if residuals is None and results.chart is not None:
+        measured = results.chart.samples.mean
+        return (measured - results.chart.predicted) / measured
+    return residuals
+
+
+def root_mean_square(values: np.ndarray | None) -> float | None:
+    """Root mean square of the finite values, None where there are none."""
+    finite = np.empty(0) if values is None else values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite ** 2))) if finite.size else None
+
+
+def worst_entry(agreement: SurfaceAgreement) -> tuple[int, int] | None:
+    """Surface and band of the largest |ratio - 1|, None where no surface was compared."""
+    deviation = np.abs(agreement.ratio - 1)
+    if not np.isfinite(deviation).any():
+        return None
+    surface, band = np.unravel_index(np.nanargmax(deviation), deviation.shape)
+    return int(surface), int(band)
+
+
+def _median_surface(agreement: SurfaceAgreement) -> Criterion:
+    name = "Photo against rendering, median over surfaces and bands of |ratio − 1|"
+    deviation = np.abs(agreement.ratio - 1)
+    finite = deviation[np.isfinite(deviation)]
+    if not finite.size:
+        return Criterion(name, None, "not measured", _limit(MEDIAN_LIMITS), Status.WARN,
+                         "No surface could be compared with the photo.")
+    value = float(np.median(finite))
+    return _graded(name, value, MEDIAN_LIMITS,
+                   f"Half of all surfaces and bands agree with the photo within {percent(value)}.")
+
+
+def _worst_surface(agreement: SurfaceAgreement, bands: tuple[str, ...]) -> Criterion:
+    name = "Photo against rendering, worst surface"
+    worst = worst_entry(agreement)
+    if worst is None:
+        return Criterion(name, None, "not measured", _limit(WORST_LIMITS), Status.WARN,
+                         "The worst surface is unknown.")
+    surface, band = worst
+    ratio = float(agreement.ratio[worst])
+    fits = "fits least" if abs(ratio - 1) <= WORST_LIMITS[0] else "does not fit"
+    return _graded(name, abs(ratio - 1), WORST_LIMITS,
+                   f"The surface “{agreement.names[surface]}” {fits}: in band {bands[band]} the photo is "
+                   f"{deviation_words(ratio)} than the rendering.")
+
+
+def _chart(results: SessionResults) -> Criterion:
+    name = "Chart residual, rms over patches and bands"
+    value = root_mean_square(chart_residuals(results))
+    if value is None:
+        return Criterion(name, None, "no chart", _limit(CHART_LIMITS), Status.INFO,
+                         "Sensitivities were read from a file; no chart photo tests them.")
+    return _graded(name, value, CHART_LIMITS, f"The calibration reproduces the chart within {percent(value)} rms.")
+
+
+def _clipped(results: SessionResults) -> Criterion:
+    value = float(results.photo.saturated.any(axis=2).mean())
+    return _graded("Clipped pixels, left out of the fit", value, CLIPPED_LIMITS,
+                   f"{percent(value)} of the object photo is clipped and was left out.")
+
+
+def _outcomes(results: SessionResults) -> list[Criterion]:
+    named = [("Sensitivity fit", results.calibration.sensitivity.outcome),
+             ("Inverse rendering", results.reconstruction.outcome)]
+    drawn = [(m.name, m.samples.outcome) for m in results.materials if m.samples is not None]
+    rows = [Criterion(name, None, outcome.name.replace("_", " ").lower(), "converged", outcome_status(outcome),
+                      f"{name}: {outcome.value}") for name, outcome in named]
+    if not drawn:
+        return rows
+    worst = max((outcome for _, outcome in drawn), key=lambda o: outcome_status(o).value)
+    status = outcome_status(worst)
+    who = ", ".join(f"“{name}”" for name, outcome in drawn if outcome is worst)
+    says = f"Samplers, all {len(drawn)} materials: {worst.value}" if status is Status.PASS else \
+        f"Sampler of {who}: {worst.value}"
+    return [*rows, Criterion("Samplers", None, worst.name.replace("_", " ").lower(), "converged", status, says)]
+
+
+def outcome_status(outcome: Outcome) -> Status:
+    """How serious an outcome is. Ill-posed is information: the bands already carry what the data left open."""
+    return {Outcome.CONVERGED: Status.PASS, Outcome.EXACT: Status.PASS, Outcome.ILL_POSED: Status.INFO,
+            Outcome.STEP_LIMIT: Status.WARN, Outcome.UNREACHABLE: Status.WARN}[outcome]
+
+
+def _coverage(results: SessionResults) -> Criterion:
+    name = "Measured truth inside the band"
+    tested = [(m.scores.coverage, m.summary.level) for m in results.materials
+              if m.scores is not None and m.summary is not None]
+    if not tested:
+        return Criterion(name, None, "no truth given", "its level", Status.INFO,
+                         "No measured spectrum was given to compare with.")
+    coverage, level = np.mean(tested, axis=0)
+    return Criterion(name, float(coverage), percent(coverage), f"{percent(level)} intended", Status.INFO,
+                     f"Over {len(tested)} materials with a measured spectrum, the band holds it at {percent(coverage)} "
+                     f"of wavelengths; {percent(level)} is intended.")
+
+
+def _graded(name: str, value: float, limits: tuple[float, float], says: str) -> Criterion:
+    status = Status.PASS if value <= limits[0] else Status.WARN if value <= limits[1] else Status.FAIL
+    return Criterion(name, value, percent(value), _limit(limits), status, says)
+
+
+def _limit(limits: tuple[float, float]) -> str:
+    passes = f"pass up to {percent(limits[0], 0)}"
+    return passes if np.isinf(limits[1]) else f"{passes}, fail beyond {percent(limits[1], 0)}"

@@ -1,0 +1,78 @@
+"""Everything a finished session knows, as the report and the command line read it."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radiometry.records import (
+    Calibration,
+    ChartDetection,
+    LightScale,
+    LinearImage,
+    PatchSamples,
+    Reconstruction,
+    Spectrum,
+    SpectrumSamples,
+    SpectrumSummary,
+)
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How near a recovered spectrum came to a measured truth, over 400-700 nm."""
+
+    rmse_mean: float                  # reflectance, mean of the samples
+    rmse_inverse_rendering: float     # reflectance, the one spectrum of inverse rendering
+    coverage: float                   # share of wavelengths at which the band holds the truth
+    coverage_bounds: float            # the same for the exact bounds
+    band_width: float                 # mean width of the band, reflectance
+    delta_e00_mean: float             # CIEDE2000 under D65, 2 degree observer, mean of the samples against truth
+
+
+@dataclass(frozen=True)
+class MaterialResult:
+    """One material of the scene."""
+
+    name: str
+    summary: SpectrumSummary | None   # None where the spectrum was given
+    samples: SpectrumSamples | None
+    error_budget: dict[str, np.ndarray]  # cause -> (K,) relative standard error of this material's signal
+    truth: Spectrum | None
+    scores: Scores | None
+
+
+@dataclass(frozen=True)
+class ChartResult:
+    """The chart photo as it was used."""
+
+    detection: ChartDetection
+    samples: PatchSamples
+    predicted: np.ndarray             # (24, K) signal that the calibration predicts
+    irradiance: np.ndarray            # (24,) relative irradiance of each patch, brightest 1
+    overlay: Path                     # PNG
+
+
+@dataclass(frozen=True)
+class SessionResults:
+    """What the report shows; ``folder`` is the session folder."""
+
+    folder: Path
+    name: str
+    operator: str
+    notes: str
+    bands: tuple[str, ...]            # band names, "R", "G", "B" for a colour camera
+    inputs: list[dict[str, Any]]      # role, file (relative), sha256, bytes, facts (exposure_s, iso, camera, kind ...)
+    chart: ChartResult | None         # None where sensitivities came from a file
+    calibration: Calibration
+    sensitivity_truth: tuple[np.ndarray, np.ndarray] | None  # nm (P,), curves (K, P)
+    light_scale: LightScale
+    photo: LinearImage                # at the render's size
+    photo_preview: Path               # PNG of the whole object photo
+    reconstruction: Reconstruction
+    materials: list[MaterialResult]
+    stages: list[dict[str, Any]]      # name, seconds, state ("run", "kept")
+    provenance: dict[str, Any]        # versions, command, seed, started, finished, machine facts without paths
+    warnings: list[str] = field(default_factory=list)
