@@ -61,15 +61,17 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
     peak = (basis @ raw.T).max()
     if np.any(raw.max(axis=1) <= 0):
         dead = np.flatnonzero(raw.max(axis=1) <= 0)
-        raise CalibrationError(f"band {dead[0]} does not respond to the chart; check that photo and light belong together")
+        raise CalibrationError(f"band {dead[0]} does not respond to the chart; "
+                               "check that photo and light belong together")
     covariance = block_diag(*(block for _, block in solved)) / peak**2
     curves, padded = (basis @ raw.T).T / peak, np.pad(raw / peak, ((0, 0), (1, 1)))
     error = np.array([np.sqrt(np.einsum("pn,nm,pm->p", basis, block / peak**2, basis)) for _, block in solved])
     residuals = 1 - design @ raw.T / patches.mean
     held_out = _held_out_residuals(design, patches.mean, sigma)
     outcome = Outcome.ILL_POSED if condition > ILL_POSED_CONDITION else Outcome.CONVERGED
-    fit = SensitivityFit(grid, curves, basis_matrix(grid.nm, coefficients), padded, _pad_covariance(covariance, raw.shape),
-                         error, residuals, held_out, float(condition), "non-negative splines with zero ends", outcome)
+    fit = SensitivityFit(grid, curves, basis_matrix(grid.nm, coefficients), padded,
+                         _pad_covariance(covariance, raw.shape), error, residuals, held_out, float(condition),
+                         "non-negative splines with zero ends", outcome)
     return fit, _light_scale(peak, residuals, held_out, patches)
 
 

@@ -7,16 +7,20 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import struct
 from dataclasses import dataclass
 from fractions import Fraction
+from numbers import Rational
 from pathlib import Path
 from typing import Any
 
 import exifread
 
+from radiometry.errors import InputError
+
 MAKE_TAGS = ("Image Make",)
 MODEL_TAGS = ("Image Model",)
-SERIAL_TAGS = ("EXIF BodySerialNumber", "Image Tag 0xC62F", "MakerNote SerialNumber")  # 0xC62F: CameraSerialNumber
+SERIAL_TAGS = ("EXIF BodySerialNumber", "Image Tag 0xC62F")  # 0xC62F: CameraSerialNumber of DNG files
 EXPOSURE_TAGS = ("EXIF ExposureTime", "Image ExposureTime")
 F_NUMBER_TAGS = ("EXIF FNumber", "Image FNumber")
 ISO_TAGS = ("EXIF ISOSpeedRatings", "EXIF PhotographicSensitivity", "Image ISOSpeedRatings")
@@ -43,22 +47,31 @@ class PhotoMetadata:
 
 
 def photo_metadata(path: Path) -> PhotoMetadata:
-    """Read the metadata of a raw, TIFF or JPEG file; every field is empty where the file has no EXIF."""
+    """Read the metadata of a raw, TIFF or JPEG file; every field is empty where the file has no EXIF.
+
+    Raises
+    ------
+    InputError
+        If the metadata are damaged.
+    """
     logger = logging.getLogger("exifread")
     level = logger.level
     logger.setLevel(logging.CRITICAL)  # it would report each unknown tag
     try:
         with path.open("rb") as file:
-            tags = exifread.process_file(file, details=True)
+            tags = exifread.process_file(file, details=False)
+    except (LookupError, ValueError, TypeError, OverflowError, struct.error) as error:  # as exifread meets damaged tags
+        raise InputError(f"photo {path.name} has damaged metadata ({error}); "
+                         "copy it from the camera card again") from error
     finally:
         logger.setLevel(level)
-    black = next((tag.values for name, tag in tags.items() if name.endswith(BLACK_TAG)), None)
+    black: Any = next((tag.values for name, tag in tags.items() if name.endswith(BLACK_TAG)), [])
     iso = _number(tags, ISO_TAGS)
     return PhotoMetadata(
         exposure_s=_number(tags, EXPOSURE_TAGS), f_number=_number(tags, F_NUMBER_TAGS),
         iso=None if iso is None else float(iso),
         make=_text(tags, MAKE_TAGS), model=_text(tags, MODEL_TAGS), serial=_text(tags, SERIAL_TAGS),
-        black_level=None if black is None else tuple(_fraction(value) for value in black))
+        black_level=tuple(_fractions(black)) or None)
 
 
 def file_sha256(path: Path) -> str:
@@ -74,14 +87,11 @@ def _text(tags: dict[str, Any], names: tuple[str, ...]) -> str:
 
 def _number(tags: dict[str, Any], names: tuple[str, ...]) -> Fraction | None:
     """The first positive value; cameras write 0 or 0/0 for unknown."""
-    for name in names:
-        values = tags[name].values if name in tags else []
-        if isinstance(values, list) and values and _fraction(values[0]) > 0:
-            return _fraction(values[0])
-    return None
+    values = [value for name in names if name in tags for value in _fractions(tags[name].values)[:1]]
+    return next((value for value in values if value > 0), None)
 
 
-def _fraction(value: Any) -> Fraction:
-    denominator = getattr(value, "den", getattr(value, "denominator", 1))
-    numerator = getattr(value, "num", getattr(value, "numerator", value))
-    return Fraction(0) if denominator == 0 else Fraction(numerator, denominator)
+def _fractions(values: Any) -> list[Fraction]:
+    """The values of a tag, without any that is not a fraction (text, or a denominator of 0)."""
+    return [Fraction(int(value.numerator), int(value.denominator)) for value in values
+            if isinstance(value, Rational) and value.denominator != 0]

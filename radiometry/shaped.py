@@ -18,7 +18,7 @@ class Record:
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
-        for name, letters in array_fields(type(self)).items():
+        for name, letters in array_fields(typing.cast(Any, type(self))).items():
             value = getattr(self, name)
             if value is None:
                 continue
@@ -31,7 +31,7 @@ class Record:
 
 
 @functools.cache
-def array_fields(record: type) -> dict[str, str]:
+def array_fields(record: Any) -> dict[str, str]:
     """Names of the array fields of a record class, each with its shape letters."""
     hints = typing.get_type_hints(record, include_extras=True)
     return {field.name: letters for field in dataclasses.fields(record)

@@ -3,10 +3,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from radiometry.records import LinearImage, SurfaceAgreement
+from radiometry.light_scale import scale_from_signals
+from radiometry.records import LightScale, LinearImage, SurfaceAgreement
 
 EDGE_CONTRAST = 0.6      # (max - min) / mean within 3 x 3 pixels: above, an edge or a shadow boundary runs through
 DARKEST_SIGNAL = 1e-4    # of the photo's 99th percentile: below, a ratio says nothing
+SCALE_ERROR = 0.01       # relative: weight of a surface's mean in the light scale
 BLOCK = 4                # pixels: blocks over which the spread of photo / rendering is taken
 
 
@@ -48,20 +50,57 @@ def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measur
                             np.array(spreads).reshape(-1, bands))
 
 
-def model_covariance(agreement: SurfaceAgreement, material: str) -> np.ndarray:
-    """Relative covariance (K, K) of one material's signal by which photo and model disagree on its surfaces.
+def surface_covariance(agreement: SurfaceAgreement, known: frozenset[str]) -> np.ndarray:
+    """Covariance (K, K) between surfaces of log(photo / rendering): errors of light, pose and geometry.
 
-    The second moment about zero of log(photo / rendering): between surfaces, plus the mean of the scatter within
-    them. Nothing is divided by a number of pixels, since such errors (light, pose, glare) are the same in all of them.
+    A material that was fitted absorbs the mean error of its surfaces, so it tells only by the differences between
+    them; a known material tells by every surface. The covariance is pooled over the scene, since such errors befall
+    all surfaces alike. Zeros where the scene has no surface to tell from.
+    """
+    offset = np.log(agreement.ratio)
+    total, freedom = np.zeros((offset.shape[1],) * 2), 0
+    for material in dict.fromkeys(agreement.materials):
+        mine = offset[[name == material for name in agreement.materials]]
+        deviation = mine if material in known else mine - mine.mean(axis=0)
+        total += deviation.T @ deviation
+        freedom += len(mine) - (material not in known)
+    return total / freedom if freedom else total
+
+
+def model_covariance(agreement: SurfaceAgreement, material: str, known: frozenset[str]) -> np.ndarray:
+    """Relative covariance (K, K) of one material's signal by which photo and model disagree.
+
+    Three parts: the scatter between the scene's surfaces, divided by the number of this material's; the second moment
+    of its own mean log(photo / rendering), which a fit could not absorb; and the scatter within its surfaces, which
+    is not divided by the number of pixels, since neighbours err alike.
     """
     mine = [index for index, name in enumerate(agreement.materials) if name == material]
     if not mine:
         return np.zeros((agreement.ratio.shape[1],) * 2)
     weight = agreement.pixels[mine] / agreement.pixels[mine].sum()
-    offset = np.log(agreement.ratio[mine])
-    between = np.einsum("s,sk,sl->kl", weight, offset, offset)
+    mean = weight @ np.log(agreement.ratio[mine])
     within = np.einsum("s,sk,sl->kl", weight, agreement.spread[mine], agreement.spread[mine])
-    return between + within
+    return surface_covariance(agreement, known) / len(mine) + np.outer(mean, mean) + within
+
+
+def scale_from_surfaces(measured: np.ndarray, rendered: np.ndarray, surface: np.ndarray, source: str) -> LightScale:
+    """Light scale from the sums over each surface of known spectrum, with every band of every surface counting alike.
+
+    Sums, not pixels: a fit to single pixels is biased by the noise of the rendering.
+
+    Parameters
+    ----------
+    measured, rendered : (H, W, K) signal
+    surface : (H, W) int
+        Index of the surface, -1 where a pixel does not count.
+    """
+    return scale_from_signals(_sums(measured, surface), _sums(rendered, surface), SCALE_ERROR, source)
+
+
+def _sums(image: np.ndarray, surface: np.ndarray) -> np.ndarray:
+    mask = surface >= 0
+    members = np.unique(surface[mask], return_inverse=True)[1]
+    return np.stack([np.bincount(members, image[mask][:, band]) for band in range(image.shape[2])], axis=1)
 
 
 def _local_contrast(grey: np.ndarray) -> np.ndarray:
@@ -78,7 +117,8 @@ def _block_spread(measured: np.ndarray, rendered: np.ndarray, mask: np.ndarray) 
     full = count >= BLOCK
     if full.sum() < 2:
         return np.zeros(measured.shape[2])
-    sums = [np.stack([np.bincount(member, image[mask][:, band]) for band in range(image.shape[2])], axis=1)[full]
-            for image in (measured, rendered)]
+    blocks = np.full(mask.shape, -1)
+    blocks[mask] = member
+    sums = [_sums(image, blocks)[full] for image in (measured, rendered)]
     ratio = np.log(np.maximum(sums[0], 1e-12) / np.maximum(sums[1], 1e-12))
     return ratio.std(axis=0, ddof=1)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from radiometry.records import Outcome
+from reconstruct.agreement import scale_from_surfaces
 
 START = 1e-3             # not 0: Mitsuba refuses a spectrum without any mass
 LEARNING_RATE = 0.06
@@ -34,7 +35,7 @@ class GradientFit:
 
 
 def fit_by_gradient(scene: Any, bsdf_ids: tuple[str, ...], basis: np.ndarray, measured: np.ndarray,
-                    weight: np.ndarray, *, scale: float | None, scale_pixels: np.ndarray | None, steps: int, spp: int,
+                    weight: np.ndarray, *, scale: float | None, known_surface: np.ndarray | None, steps: int, spp: int,
                     seed: int, progress: Callable[[float, str], None]) -> GradientFit:
     """Spectra whose rendering matches the photo.
 
@@ -49,9 +50,9 @@ def fit_by_gradient(scene: Any, bsdf_ids: tuple[str, ...], basis: np.ndarray, me
     weight : (H, W, K) array
         Inverse variance of each pixel, 0 where it does not count.
     scale : float or None
-        Factor from rendering to photo; None to find it from ``scale_pixels``.
-    scale_pixels : (H, W) bool or None
-        Pixels of a known material.
+        Factor from rendering to photo; None to find it, step by step, from ``known_surface``.
+    known_surface : (H, W) int or None
+        Index of the surface of known material that each pixel shows, -1 elsewhere.
     """
     import drjit as dr
     import mitsuba as mi
@@ -76,8 +77,8 @@ def fit_by_gradient(scene: Any, bsdf_ids: tuple[str, ...], basis: np.ndarray, me
         parameters.update()
         draw = 2 * (seed * 100003 + step)
         image = mi.render(scene, parameters, spp=spp, seed=draw, seed_grad=draw + 1)
-        if scale is None and scale_pixels is not None:
-            ratio = _scale_ratio(measured, np.array(image), scale_pixels)
+        if scale is None and known_surface is not None:
+            ratio = scale_from_surfaces(measured, np.array(image), known_surface, "").value
             current = ratio if step == 0 else current + (ratio - current) * max(0.1, 1.0 / (step + 1))
         loss = dr.sum(weights * dr.square(image * current - photo), axis=None)
         dr.backward(loss)
@@ -104,11 +105,6 @@ def _reflectance_key(parameters: Any, bsdf: str) -> str:
 
 def _cosine(fraction: float) -> float:
     return LAST_RATE + (1 - LAST_RATE) * 0.5 * (1 + np.cos(np.pi * fraction))
-
-
-def _scale_ratio(measured: np.ndarray, rendered: np.ndarray, pixels: np.ndarray) -> float:
-    """Ratio of sums over the known material's pixels: not biased by the rendering's noise, as a fit would be."""
-    return float(np.mean(measured[pixels].sum(axis=0) / rendered[pixels].sum(axis=0)))
 
 
 def _outcome(losses: np.ndarray) -> Outcome:

@@ -32,6 +32,7 @@ class SceneFile:
     bsdf_ids: tuple[str, ...]
     surfaces: dict[str, str]
     light_ids: tuple[str, ...]
+    files: tuple[Path, ...]     # meshes and textures that it names
 
 
 def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
@@ -54,13 +55,13 @@ def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
     sensor = root.find("sensor")
     if sensor is None:
         raise InputError(f"{path.name} has no <sensor>: the scene must hold the camera's pose and field of view")
-    _check_file_names(root, path, folder)
+    files = _named_files(root, path, folder)
     _name_everything(root)
     film = sensor.find("film")
     integrator = root.find("integrator")
     width = _integer(film, "width", defaults, 768, path)
     height = _integer(film, "height", defaults, 576, path)
-    lights = [node for node in root.iter("emitter")]
+    lights = list(root.iter("emitter"))
     if not lights:
         raise InputError(f"{path.name} has no <emitter>: the scene must hold the light in its place")
     for light in lights:
@@ -70,7 +71,7 @@ def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
     depth = _integer(integrator, "max_depth", defaults, 8, path)
     return SceneFile(path, root, width, height, depth if depth > 0 else 12,
                      tuple(node.get("id", "") for node in root.findall("bsdf")), _surfaces(root, path),
-                     tuple(_light_id(root, node) for node in lights))
+                     tuple(_light_id(root, node) for node in lights), files)
 
 
 def check_materials(scene: SceneFile, bsdf_of_material: Mapping[str, str]) -> list[str]:
@@ -141,10 +142,11 @@ def _parse(path: Path) -> ET.Element:
     return root
 
 
-def _check_file_names(root: ET.Element, path: Path, folder: Path | None) -> None:
+def _named_files(root: ET.Element, path: Path, folder: Path | None) -> tuple[Path, ...]:
     names = [node.get("value", "") for node in root.iter("string") if node.get("name") == "filename"]
     names += [node.get("filename", "") for node in root.iter() if node.get("filename")]
     names += [node.get("value", "") for node in root.iter("path")]
+    files = []
     for name in names:
         if "$" in name:
             raise InputError(f"{path.name} names the file {name!r} through a variable; write its path out")
@@ -153,6 +155,8 @@ def _check_file_names(root: ET.Element, path: Path, folder: Path | None) -> None
             raise InputError(f"{path.name} names {name!r}, which lies outside the session folder; copy it into scene/")
         if not target.exists():
             raise InputError(f"{path.name} names {name!r}, which is missing")
+        files.append(target)
+    return tuple(files)
 
 
 def _name_everything(root: ET.Element) -> None:
@@ -199,8 +203,8 @@ def _integer(parent: ET.Element | None, name: str, defaults: Mapping[str, str], 
 
 def _regular(name: str, values: np.ndarray, range_nm: tuple[float, float]) -> ET.Element:
     node = ET.Element("spectrum", name=name, type="regular")
-    ET.SubElement(node, "float", name="wavelength_min", value=repr(range_nm[0]))
-    ET.SubElement(node, "float", name="wavelength_max", value=repr(range_nm[1]))
+    ET.SubElement(node, "float", name="wavelength_min", value=f"{range_nm[0]:g}")
+    ET.SubElement(node, "float", name="wavelength_max", value=f"{range_nm[1]:g}")
     ET.SubElement(node, "string", name="values", value=", ".join(f"{value:.9g}" for value in values))
     return node
 

@@ -25,6 +25,7 @@ from sampling.nullspace import null_space
 SERIES_BELOW = 1e-2     # |h| under which the closed forms lose digits and three terms of the series do not
 GRADIENT_ATOL = 1e-8    # of the whitened signal, which is of order 1; the sampler is exact at any theta
 NEWTON_STEPS = 200
+EDGE = 1e6               # h of a coefficient that noise-free signals pin to within 1e-6 of 0 or 1
 HALVINGS = 60
 RUNAWAY = 1e30          # theta of a signal out of reach squares at every step; beyond this it would overflow
 
@@ -55,9 +56,9 @@ def max_entropy_tilt(operator: MeasurementOperator) -> Tilt:
     whiten = (u / singular_values).T
     theta, residual = _newton(vt, whiten @ operator.y, whiten @ operator.noise_covariance @ whiten.T)
     reachable = is_reachable(operator)
-    if residual > GRADIENT_ATOL:
-        raise ConvergenceError(_no_tilt(operator, reachable))
     h = theta @ vt
+    if residual > GRADIENT_ATOL or (np.abs(h).max() > EDGE and not operator.noise_covariance.any()):
+        raise ConvergenceError(_no_tilt(operator, reachable))
     _, mean, _ = tilt_moments(h)
     return Tilt(whiten.T @ theta, h, mean, residual, reachable)
 

@@ -3,20 +3,27 @@
 The target is the posterior of c under a uniform prior on [0, 1]^N and the likelihood y = A c + N(0, R). R = 0 is
 allowed: the target is then exactly uniform on the polytope {A c = y, 0 <= c <= 1}.
 
-The algorithm. Take any theta (K,), h = A' theta, and K basic columns whose A_B is invertible; F are the others.
-  1. y' ~ N(y - R theta, R): the noise-free signal, guessed;
-  2. c_j with density proportional to exp(h_j c_j) on [0, 1], for j in F;
-  3. c_B = A_B^-1 (y' - A_F c_F); reject unless 0 <= c_B <= 1;
-  4. accept with probability exp(sum over B of (h_j c_j - max(0, h_j))), which is at most 1.
+Write R = L L' and the noise as L e with e ~ N(0, I): the unknowns are x = (c, e), and [A L] x = y holds exactly. The
+target is then the law of x under uniform c and normal e, given [A L] x = y.
 
-Why the accepted draws are exact. (y', c_F) determines c, with the constant Jacobian |det A_B|, so in these variables
-the target density is proportional to N(y'; y, R) 1[c in the box]. The proposal density is proportional to
-N(y'; y - R theta, R) exp(h_F.c_F), and completing the square in the Gaussian gives N(y'; y, R) exp(-theta.y')
-exp(h_F.c_F) up to a constant; where R is singular both densities live on the same subspace through y. On the solution
-theta.y' = theta.A c = h.c, so target / proposal = exp(h.c - h_F.c_F) = exp(h_B.c_B) 1[c in the box]. Step 4 is that
-ratio divided by its largest value.
+The algorithm. Take any theta (K,), (h, g) = [A L]' theta, and K basic columns of [A L] that are invertible; F are the
+others. Every coordinate has a tilted density f_j: exp(h_j c_j) on [0, 1], or exp(g_k e_k - e_k^2 / 2), which is
+N(g_k, 1).
+  1. draw x_j with density proportional to f_j, for j in F;
+  2. solve [A L]_B x_B = y - [A L]_F x_F;
+  3. accept with probability prod over B of f_j(x_j) / max f_j, which is 0 for a coefficient outside [0, 1].
 
-Nothing above uses which theta it is: theta decides the acceptance only. The maximum-entropy tilt makes A c centre on
+Why the accepted draws are exact. x_F determines x, with the constant Jacobian 1 / |det [A L]_B|. On the solutions
+h.c + g.e = theta.[A L] x = theta.y is constant, so there the target density, 1[0 <= c <= 1] exp(-|e|^2 / 2), is
+proportional to the product of f_j over all j. The proposal density is the product over F. Their ratio is the product
+over B, and step 3 divides it by its largest value.
+
+Where all basic columns belong to A, this reads: guess the noise-free signal y' ~ N(y - R theta, R), draw c_F, solve
+c_B = A_B^-1 (y' - A_F c_F), reject outside the box, accept with probability exp(sum over B of h_j c_j - max(0, h_j)).
+Where they all belong to L: draw c tilted, accept with the Gaussian likelihood of its signal about y - R theta.
+Signals within reach use the first, signals out of reach by many standard errors the second or a mixture.
+
+Nothing above uses which theta it is: theta decides the acceptance only. The maximum-entropy tilt centres the draws on
 the signal, so that the acceptance falls polynomially with N where bounding boxes collapse exponentially.
 """
 from __future__ import annotations
@@ -31,11 +38,11 @@ from radiometry.records import MeasurementOperator, Outcome, SpectrumSamples
 from sampling.tilt import Tilt, max_entropy_tilt, tilt_moments
 
 METHOD = "uniform (tilted rejection)"
-FIRST_BLOCK, LARGEST_BLOCK = 4096, 65536  # proposals held in memory at once
-PATIENCE = 2_000_000                      # proposals before a low acceptance is called hopeless
-HOPELESS = 1e-5                           # acceptance: 1000 draws would take minutes
+SMALLEST_BLOCK, LARGEST_BLOCK = 1024, 4096  # proposals at once: larger arrays leave the cache and take twice as long
+PATIENCE = 2_000_000    # proposals before a low acceptance is called hopeless
+HOPELESS = 1e-5         # acceptance: 1000 draws would take half a minute
 
-Propose = Callable[[int], np.ndarray]     # number of proposals -> accepted (n, N), independent and identical in law
+Propose = Callable[[int], np.ndarray]  # number of proposals -> accepted (n, N), independent and identical in law
 
 
 def sample_spectra(operator: MeasurementOperator, draws: int, seed: int) -> SpectrumSamples:
@@ -73,27 +80,34 @@ def sample_spectra(operator: MeasurementOperator, draws: int, seed: int) -> Spec
 
 
 def tilted_proposals(operator: MeasurementOperator, tilt: Tilt, rng: np.random.Generator) -> Propose:
-    """The steps 1 to 4 as a function of the number of proposals, which returns the accepted coefficients."""
-    basic = basic_columns(operator.A, tilt.h)
-    free = np.setdiff1d(np.arange(tilt.h.size), basic)
-    factors = lu_factor(operator.A[:, basic])
-    variances, directions = np.linalg.eigh(operator.noise_covariance)
-    noise = directions * np.sqrt(np.maximum(variances, 0))  # the maximum drops round-off below 0 of a singular R
-    centre = operator.y - operator.noise_covariance @ tilt.theta
-    h_basic = tilt.h[basic]
+    """The steps 1 to 3 as a function of the number of proposals, which returns the accepted coefficients."""
+    coefficients = tilt.h.size
+    columns = np.hstack([operator.A, noise_columns(operator.noise_covariance)])
+    slopes = tilt.theta @ columns
+    basic = basic_columns(columns, slopes, coefficients)
+    factors = lu_factor(columns[:, basic])
+    is_free = np.isin(np.arange(slopes.size), basic, invert=True)
+    free_c, free_e = np.flatnonzero(is_free[:coefficients]), coefficients + np.flatnonzero(is_free[coefficients:])
+    basic_c, basic_e = basic[basic < coefficients], basic[basic >= coefficients]
 
     def propose(proposals: int) -> np.ndarray:
-        signal = centre + rng.standard_normal((proposals, centre.size)) @ noise.T
-        c_free = draw_tilted(tilt.h[free], rng.random((proposals, free.size)))
-        c_basic = lu_solve(factors, (signal - c_free @ operator.A[:, free].T).T).T
-        log_ratio = c_basic @ h_basic - np.maximum(h_basic, 0).sum()
-        inside = np.all((c_basic >= 0) & (c_basic <= 1), axis=1)
-        accepted = inside & (-rng.standard_exponential(proposals) <= log_ratio)
-        c = np.empty((np.count_nonzero(accepted), tilt.h.size))
-        c[:, free], c[:, basic] = c_free[accepted], c_basic[accepted]
-        return c
+        x = np.empty((proposals, slopes.size))
+        x[:, free_c] = draw_tilted(slopes[free_c], rng.random((proposals, free_c.size)))
+        x[:, free_e] = slopes[free_e] + rng.standard_normal((proposals, free_e.size))
+        x[:, basic] = lu_solve(factors, (operator.y - x[:, is_free] @ columns[:, is_free].T).T).T
+        c = x[:, basic_c]
+        log_ratio = (c @ slopes[basic_c] - np.maximum(slopes[basic_c], 0).sum()
+                     - ((x[:, basic_e] - slopes[basic_e])**2).sum(axis=1) / 2)
+        inside = np.all((c >= 0) & (c <= 1), axis=1)
+        return x[inside & (-rng.standard_exponential(proposals) <= log_ratio), :coefficients]
 
     return propose
+
+
+def noise_columns(covariance: np.ndarray) -> np.ndarray:
+    """L (K, r) with L L' equal to the covariance (K, K) of rank r; no columns where there is no noise."""
+    variances, directions = np.linalg.eigh(covariance)
+    return (directions * np.sqrt(np.maximum(variances, 0)))[:, variances > 0]
 
 
 def draw_tilted(h: np.ndarray, uniform: np.ndarray) -> np.ndarray:
@@ -104,16 +118,19 @@ def draw_tilted(h: np.ndarray, uniform: np.ndarray) -> np.ndarray:
     return np.where(h > 0, 1 - c, c)
 
 
-def basic_columns(A: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """Indices (K,) of columns that nearly maximise |det A_B| prod Z(h_j) exp(-max(0, h_j)), hence the acceptance.
+def basic_columns(columns: np.ndarray, slopes: np.ndarray, coefficients: int) -> np.ndarray:
+    """Indices (K,) that nearly maximise |det columns_B| prod over B of (integral of f_j / max f_j): the acceptance.
 
-    With the columns scaled by their factor this is a submatrix of largest volume: start from the pivots of a QR
-    factorisation and swap while one swap gains more than 1 %.
+    The factor is Z(h_j) exp(-max(0, h_j)) for a coefficient and sqrt(2 pi) for a noise coordinate. With the columns
+    scaled by it this is a submatrix of largest volume: start from the pivots of a QR factorisation and swap while one
+    swap gains more than 1 %.
     """
+    h = slopes[:coefficients]
     log_z, _, _ = tilt_moments(h)
-    scaled = A * np.exp(log_z - np.maximum(h, 0))
+    scaled = columns * np.sqrt(2 * np.pi)
+    scaled[:, :coefficients] = columns[:, :coefficients] * np.exp(log_z - np.maximum(h, 0))
     _, _, pivots = qr(scaled, mode="economic", pivoting=True)
-    basic = pivots[:len(A)].copy()
+    basic = pivots[:len(columns)].copy()
     while True:
         # Cramer: entry (i, j) is the factor by which the volume changes when column j takes the place of basic[i].
         gain = np.abs(np.linalg.solve(scaled[:, basic], scaled))
@@ -136,7 +153,7 @@ def collect(propose: Propose, draws: int) -> tuple[np.ndarray, float]:
     if draws < 1:
         raise InputError(f"{draws} draws were asked for; ask for at least 1")
     kept: list[np.ndarray] = []
-    accepted, proposals, block = 0, 0, FIRST_BLOCK
+    accepted, proposals, block = 0, 0, SMALLEST_BLOCK
     while accepted < draws:
         kept.append(propose(block))
         accepted += len(kept[-1])
@@ -146,5 +163,5 @@ def collect(propose: Propose, draws: int) -> tuple[np.ndarray, float]:
                 f"only {accepted} of {proposals} proposals were accepted; use fewer coefficients, fewer bands, "
                 "or state a larger noise of the signal")
         missing = (draws - accepted) * proposals / max(accepted, 1)
-        block = int(np.clip(1.1 * missing, FIRST_BLOCK, LARGEST_BLOCK))
+        block = int(np.clip(1.1 * missing, SMALLEST_BLOCK, LARGEST_BLOCK))
     return np.concatenate(kept)[:draws], accepted / proposals

@@ -26,7 +26,8 @@ class Scores:
 
     rmse_mean: float                  # reflectance, mean of the samples
     rmse_inverse_rendering: float     # reflectance, the one spectrum of inverse rendering
-    coverage: float                   # share of wavelengths at which the band holds the truth
+    coverage: float                   # share of wavelengths at which the band at the session's level holds the truth
+    coverage_95: float                # the same for the 95 % band
     coverage_bounds: float            # the same for the exact bounds
     band_width: float                 # mean width of the band, reflectance
     delta_e00_mean: float             # CIEDE2000 under D65, 2 degree observer, mean of the samples against truth

@@ -11,8 +11,8 @@ from matplotlib import image as raster
 from matplotlib.ticker import FuncFormatter
 
 from radiometry.errors import InputError
-from session.report_words import number
-from session.svg import INK, QUIET, Readout, band_colours, figure, inline_svg
+from session.report.svg import INK, QUIET, Readout, band_colours, figure, inline_svg, plain_line
+from session.report.words import SUPERSCRIPT, number
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 LONGEST_PX = 1400  # pictures are reduced to this: the page shows no more
@@ -54,7 +54,7 @@ def _reduced(content: bytes, factor: int) -> bytes:
 def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray | None, bands: tuple[str, ...],
                           limit: float) -> Markup:
     """Residuals (24, K) of the patches: filled as fitted, open where the patch was left out of its own fit."""
-    drawing = figure(7.2, 2.6)
+    drawing = figure(9.6, 3.0)
     axes = drawing.add_subplot()
     axes.axhspan(-100 * limit, 100 * limit, color="#eef1f4", lw=0)
     axes.axhline(0, color=QUIET, lw=0.7)
@@ -62,7 +62,7 @@ def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray
         at = np.arange(1, 25) + 0.5 * ((k + 0.5) / len(bands) - 0.5)
         if held_out is not None:
             axes.plot(at, 100 * held_out[:, k], "o", ms=4.5, mfc="none", mec=colour, mew=0.8)
-        axes.plot(at, 100 * residuals[:, k], "o", ms=3.5, color=colour, label=band)
+        axes.plot(at, 100 * residuals[:, k], "o", ms=3.5, color=colour, label=plain_line(band, 24))
     if held_out is not None:
         axes.plot([], [], "o", ms=4.5, mfc="none", mec=INK, mew=0.8, label="left out of its own fit")
     axes.set(xlim=(0.4, 24.6), xticks=range(1, 25), xlabel="Patch", ylabel="(photo − predicted) / photo (%)")
@@ -92,7 +92,7 @@ def loss_figure(name: str, history: np.ndarray) -> Markup | None:
     """Loss against iteration, logarithmic where all losses are positive; None where there is no history."""
     if history.size < 2:
         return None
-    drawing = figure(7.2, 2.4)
+    drawing = figure(9.6, 2.7)
     axes = drawing.add_subplot()
     steps = np.arange(history.size)
     marks = "o-" if history.size <= 30 else "-"
@@ -100,15 +100,20 @@ def loss_figure(name: str, history: np.ndarray) -> Markup | None:
     if np.all(history > 0):
         axes.set_yscale("log")
         for axis_format in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
-            axis_format(FuncFormatter(lambda value, _: f"{value:.0e}" if _is_decade(value) else ""))
+            axis_format(FuncFormatter(lambda value, _: power_of_ten(value) if _is_decade(value) else ""))
         if history.max() / history.min() < 30:  # too few decades for their labels alone
-            axes.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:.1e}"))
+            axes.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: number(value, 2)))
     axes.set(xlabel="Iteration", ylabel="Loss", xlim=(0, history.size - 1))
     axes.grid(which="major")
     start, end = number(float(history[0]), 3), number(float(history[-1]), 3)
     digits = int(np.clip(4 - np.floor(np.log10(max(float(np.abs(history).min()), 1e-12))), 3, 14))
     return inline_svg(drawing, name, "Loss history", f"The loss fell from {start} to {end}.",
                       Readout(axes, steps.astype(float), {"loss": history}, "Iteration", "", digits))
+
+
+def power_of_ten(value: float) -> str:
+    """A power of ten as a tick label."""
+    return "10" + str(round(np.log10(value))).translate(SUPERSCRIPT)
 
 
 def _is_decade(value: float) -> bool:

@@ -8,9 +8,9 @@ from matplotlib.ticker import FuncFormatter
 
 from radiometry.bspline import basis_matrix
 from radiometry.records import Quantity, Reconstruction, SensitivityFit, Spectrum, SpectrumSamples
-from session.report_words import percent
+from session.report.svg import INK, QUIET, Readout, band_colours, figure, inline_svg, plain_line
+from session.report.words import percent
 from session.results import MaterialResult
-from session.svg import INK, QUIET, Readout, band_colours, figure, inline_svg, plain_line
 
 DRAWS_SHOWN = 30
 CURVE_POINTS = 80  # of a faint draw
@@ -106,10 +106,11 @@ def error_budget_figure(name: str, material: MaterialResult, bands: tuple[str, .
     axes = drawing.add_subplot()
     for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
         at = np.arange(len(causes)) + 0.4 - (k + 0.5) * height
-        axes.barh(at, [100 * float(budget[cause][k]) for cause in causes], 0.85 * height, color=colour, label=band)
+        axes.barh(at, [100 * float(budget[cause][k]) for cause in causes], 0.85 * height, color=colour,
+                  label=plain_line(band, 24))
     axes.set_yticks(range(len(causes)), [plain_line(cause, 26) for cause in causes])
     axes.tick_params(axis="y", length=0)
-    axes.set_xlabel("Relative standard error of signal (%)")
+    axes.set_xlabel("Relative standard error (%)")
     axes.grid(axis="x")
     drawing.legend(loc="outside upper left", ncols=min(len(bands), 6), handlelength=0.8, columnspacing=0.9)
     return inline_svg(drawing, name, f"Error budget of {plain_line(material.name)}",
@@ -120,7 +121,7 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
                        truth: tuple[np.ndarray, np.ndarray] | None) -> Markup:
     """Sensitivities with two standard errors either side, and the measured curves where given."""
     nm = fit.grid.nm
-    drawing = figure(6.6, 3.3)
+    drawing = figure(5.6, 3.1)
     axes = drawing.add_subplot()
     series: dict[str, np.ndarray] = {}
     for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
@@ -129,7 +130,7 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
             spread = 2 * fit.standard_error[k]
             axes.fill_between(nm, fit.curves[k] - spread, fit.curves[k] + spread, color=colour, alpha=0.18, lw=0)
             series[f"{band} ± 2 s.e."] = spread
-        axes.plot(nm, fit.curves[k], color=colour, lw=1.6, label=band)
+        axes.plot(nm, fit.curves[k], color=colour, lw=1.6, label=plain_line(band, 24))
         if truth is not None:
             axes.plot(truth[0], truth[1][k], color=colour, lw=1.0, ls=(0, (1, 1.2)))
             series[f"{band} measured"] = np.interp(nm, *(truth[0], truth[1][k]), left=np.nan, right=np.nan)
@@ -146,7 +147,7 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
 def light_figure(name: str, light: Spectrum) -> Markup:
     """The light spectrum, with two standard errors either side where they are stated."""
     nm = light.grid.nm
-    drawing = figure(4.4, 3.3)
+    drawing = figure(3.7, 3.1)
     axes = drawing.add_subplot()
     axes.plot(nm, light.values, color=INK, lw=1.5)
     series = {QUANTITIES[light.quantity].partition(" (")[0].lower(): light.values}

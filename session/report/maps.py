@@ -7,11 +7,12 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_hex
 from matplotlib.ticker import FuncFormatter
+from scipy.ndimage import distance_transform_edt
 
 from radiometry.records import Reconstruction, SensitivityFit
-from session.svg import figure, inline_svg, plain_line
+from session.report.svg import figure, inline_svg, plain_line
 
-WIDTH_IN = 7.2
+WIDTH_IN = 9.6  # a figure as wide as the page
 NICE = np.array([0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0])  # ends of the residual scale
 UNUSED = "#eceef1"
 
@@ -63,8 +64,8 @@ def residual_figure(name: str, made: Reconstruction, bands: tuple[str, ...]) -> 
     limit = residual_limit(residuals)
     columns = min(len(bands), 3 if len(bands) != 4 else 4)
     rows = -(-len(bands) // columns)
-    panel = _panel_height(WIDTH_IN / columns, *made.used.shape) + 0.25
-    drawing = figure(WIDTH_IN, rows * panel + 0.5)
+    panel = _panel_height(WIDTH_IN / columns, *made.used.shape) + 0.3
+    drawing = figure(WIDTH_IN, rows * panel + 0.7)
     grid = drawing.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid[len(bands):]:
         axes.set_axis_off()
@@ -73,9 +74,10 @@ def residual_figure(name: str, made: Reconstruction, bands: tuple[str, ...]) -> 
         image = axes.imshow(residuals[..., k], cmap="RdBu_r", vmin=-limit, vmax=limit)
         _bare(axes, f"Band {plain_line(bands[k], 24)}")
     bar = drawing.colorbar(image, ax=list(grid), location="bottom", aspect=50, fraction=0.05, extend="both",
-                           format=FuncFormatter(lambda value, _: f"{100 * value:+g} %" if value else "0"))
+                           format=FuncFormatter(lambda value, _: f"{100 * value:+g} %".replace("-", "−") if value
+                                                else "0"))
     bar.set_label("(photo − rendering) / photo:   blue, photo darker;   red, photo brighter;   hatched, not used")
-    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.outline.set_visible(False)
     return inline_svg(drawing, name, "Residual maps", "Signed relative difference of photo and rendering per band.")
 
 
@@ -102,9 +104,9 @@ def surface_figure(name: str, made: Reconstruction) -> Markup:
 
 
 def _middle(mask: np.ndarray) -> tuple[float, float]:
-    """The pixel of a mask nearest to its centre, so the number stands on its own surface."""
-    pixels = np.argwhere(mask)
-    row, column = pixels[np.argmin(((pixels - pixels.mean(axis=0)) ** 2).sum(axis=1))]
+    """The pixel of a mask farthest from its border, so the number stands on its own surface."""
+    depth = distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
+    row, column = np.unravel_index(np.argmax(depth), mask.shape)
     return float(row), float(column)
 
 

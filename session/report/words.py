@@ -9,6 +9,7 @@ import numpy as np
 from radiometry.records import SurfaceAgreement
 
 OFF = 0.05  # a surface further off than this is named and highlighted
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def percent(share: float | None, decimals: int | None = None) -> str:
@@ -17,7 +18,8 @@ def percent(share: float | None, decimals: int | None = None) -> str:
         return "not measured"
     value = 100 * float(share)
     if decimals is None:
-        decimals = 0 if abs(value) >= 9.95 else 1 if abs(value) >= 0.095 or value == 0 else 2
+        near_all = 99 < value < 100 and value != round(value)  # 99.9 % must not read 100 %
+        decimals = 1 if near_all else 0 if abs(value) >= 9.95 else 1 if abs(value) >= 0.095 or value == 0 else 2
     return f"{value:.{decimals}f} %".replace("-", "−")
 
 
@@ -34,7 +36,7 @@ def number(value: float | None, digits: int = 4) -> str:
         return "not measured"
     text = f"{float(value):.{digits}g}"
     mantissa, _, exponent = text.partition("e")
-    return text if not exponent else f"{mantissa} × 10^{int(exponent)}"
+    return text if not exponent else f"{mantissa} × 10{str(int(exponent)).translate(SUPERSCRIPT)}"
 
 
 def fixed(value: float | None, decimals: int = 3) -> str:
@@ -91,8 +93,8 @@ def disagreement(agreement: SurfaceAgreement, bands: tuple[str, ...]) -> str:
     order = off[np.argsort(-deviation[off])]
     where = listed([f"“{agreement.names[s]}” ({_bands_off(ratio[s], bands)})" for s in order])
     return (f"On {measured.sum() - off.size} of {measured.sum()} compared surfaces photo and rendering agree within "
-            f"{percent(OFF)} in every band. They disagree on {where}. {_shape_of(ratio[order[0]], agreement, order[0])}"
-            f"{unknown}")
+            f"{percent(OFF, 0)} in every band. They disagree on {where}. "
+            f"{_shape_of(agreement, int(order[0]))}{unknown}")
 
 
 def _bands_off(ratio: np.ndarray, bands: tuple[str, ...]) -> str:
@@ -100,9 +102,9 @@ def _bands_off(ratio: np.ndarray, bands: tuple[str, ...]) -> str:
     return f"photo {deviation_words(float(ratio[worst]))} in {bands[worst]}"
 
 
-def _shape_of(ratio: np.ndarray, agreement: SurfaceAgreement, surface: int) -> str:
+def _shape_of(agreement: SurfaceAgreement, surface: int) -> str:
     """What the pattern over bands hints at for the worst surface."""
-    name = f"“{agreement.names[surface]}”"
+    name, ratio = f"“{agreement.names[surface]}”", agreement.ratio[surface]
     if np.ptp(ratio) < 0.3 * np.abs(ratio - 1).max():
         return (f"On {name} all bands are off alike: geometry, light position or shadow is the first suspect, "
                 "not the spectrum.")

@@ -19,7 +19,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from session.safe_json import json_for_script
+from session.report.safe_json import json_for_script
 
 INK, QUIET, GRID = "#22262b", "#6b7280", "#e3e6ea"
 NATURAL = {"R": "#c2352b", "G": "#2c8a4b", "B": "#2b5fb8"}

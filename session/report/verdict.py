@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 
 from radiometry.records import Outcome, SurfaceAgreement
-from session.report_words import deviation_words, percent
+from session.report.words import deviation_words, percent
 from session.results import SessionResults
 
 MEDIAN_LIMITS = (0.02, 0.05)          # |photo / rendering - 1|: pass up to the first, fail beyond the second
@@ -134,7 +134,7 @@ def _outcomes(results: SessionResults) -> list[Criterion]:
     worst = max((outcome for _, outcome in drawn), key=lambda o: outcome_status(o).value)
     status = outcome_status(worst)
     who = ", ".join(f"“{name}”" for name, outcome in drawn if outcome is worst)
-    says = f"Samplers, all {len(drawn)} materials: {worst.value}" if status is Status.PASS else \
+    says = f"Sampler of every estimated material: {worst.value}" if status is Status.PASS else \
         f"Sampler of {who}: {worst.value}"
     return [*rows, Criterion("Samplers", None, worst.name.replace("_", " ").lower(), "converged", status, says)]
 

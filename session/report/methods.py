@@ -4,8 +4,8 @@ from __future__ import annotations
 import numpy as np
 
 from radiometry.records import Spectrum
-from session.report_verdict import chart_residuals, root_mean_square, worst_entry
-from session.report_words import deviation_words, exposure, listed, number, percent
+from session.report.verdict import chart_residuals, root_mean_square, worst_entry
+from session.report.words import deviation_words, exposure, listed, number, percent
 from session.results import SessionResults
 
 
@@ -40,8 +40,8 @@ def _calibration(results: SessionResults) -> str:
     if fit.condition_number is not None:
         parts.append(f"The condition number of the fit is {number(fit.condition_number, 3)}.")
     light: Spectrum = results.calibration.light
-    parts.append(f"The light spectrum is {light.source}; the factor from rendered signal to the photo's signal is "
-                 f"{scale_words(results)} ({results.light_scale.source}).")
+    parts.append(f"Light spectrum: {light.source}. The factor from rendered signal to the photo's signal, from "
+                 f"{results.light_scale.source}, is {scale_words(results)}.")
     return " ".join(parts)
 
 

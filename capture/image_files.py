@@ -1,0 +1,177 @@
+"""Linear images in EXR and TIFF, in and out, and pictures as PNG (OpenImageIO).
+
+Camera raws do not pass here: this library opens a DNG as a grey TIFF.
+"""
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from capture.metadata import file_sha256
+from capture.noise import photon_transfer
+from radiometry.errors import InputError
+from radiometry.records import LinearImage, PhotoKind
+
+IMAGE_SUFFIXES = (".exr", ".tif", ".tiff", ".png", ".jpg", ".jpeg")
+LINEAR_FORMATS = ("openexr", "tiff")
+FULL_SCALE = {"uint8": 255, "uint16": 65535}  # of integer files; others hold the signal itself
+CLIP_FRACTION = 0.98
+NOT_BANDS = ("A", "ALPHA", "Z", "DEPTH")
+
+
+def is_image_file(path: Path) -> bool:
+    """Whether a file is for this module: by its suffix, else by what it begins with."""
+    if path.suffix.lower() in IMAGE_SUFFIXES:
+        return True
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        start = file.read(8)
+    return start.startswith((b"\x76\x2f\x31\x01", b"\x89PNG", b"\xff\xd8\xff"))  # a TIFF header may begin a raw
+
+
+def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
+    """Read a linear EXR or TIFF; 16-bit values are taken as fractions of 65535.
+
+    Bands named R, G, B come in that order, all others as the file has them; alpha and depth are dropped. Saturated are
+    values from 0.98 of full scale in integer files, and in float files whose values all lie up to 1; a float file that
+    goes beyond 1 states no clip point, and nothing is marked. The variance comes from the picture (capture/noise.py).
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, does not hold linear values, has fewer than 3 bands, or has NaN pixels.
+    """
+    path = Path(path)
+    pixels, spec, file_format = _read(path)
+    kind = str(spec.format)
+    tagged_encoded = "srgb" in spec.get_string_attribute("oiio:ColorSpace").lower() and kind in FULL_SCALE
+    if file_format not in LINEAR_FORMATS or kind == "uint8" or tagged_encoded:
+        raise InputError(f"photo {path.name} is a {file_format.upper()} of {kind} values"
+                         f"{' tagged sRGB' if tagged_encoded else ''}, which are not linear in the light; "
+                         "give the camera raw, or develop it to a linear EXR or 16-bit TIFF")
+    scale = FULL_SCALE.get(kind, 1)
+    pixels *= np.float32(1 / scale)
+    if scale > 1:
+        return _linear_image(path, pixels, spec, clip=CLIP_FRACTION, quantum=1 / scale)
+    clip = CLIP_FRACTION if pixels.max() <= 1 else np.inf
+    step = 2.0**-11 if kind == "half" else 2.0**-24  # relative rounding of half and single precision
+    return _linear_image(path, pixels, spec, clip=clip, quantum=step * float(np.abs(pixels).max()))
+
+
+def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
+    """Read a JPEG, PNG or TIFF as sRGB-encoded: good for finding a chart, never for measuring.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, or has fewer than 3 bands.
+    """
+    path = Path(path)
+    pixels, spec, _ = _read(path)
+    full_scale = FULL_SCALE.get(str(spec.format), 1)
+    encoded = np.clip(pixels / np.float32(full_scale), 0, 1)
+    decoded = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return _linear_image(path, decoded, spec, clip=CLIP_FRACTION, quantum=1 / full_scale / 12.92)
+
+
+def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Sequence[str],
+              exposure_s: float | None = None) -> None:
+    """Write an image (H, W, C) as float EXR with named channels, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    if image.ndim != 3 or image.shape[2] != len(channel_names):
+        raise ValueError(f"image of shape {image.shape} and {len(channel_names)} channel names do not fit")
+    spec = oiio.ImageSpec(image.shape[1], image.shape[0], image.shape[2], oiio.FLOAT)
+    spec.channelnames = tuple(channel_names)
+    spec.attribute("compression", "zip")
+    if exposure_s is not None:
+        spec.attribute("ExposureTime", float(exposure_s))
+    _write(Path(path), np.ascontiguousarray(image, dtype=np.float32), spec)
+
+
+def write_png(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
+    """Write a picture (H, W, 3) uint8, already encoded for the screen, as PNG.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    spec = oiio.ImageSpec(rgb8.shape[1], rgb8.shape[0], rgb8.shape[2], oiio.UINT8)
+    _write(Path(path), np.ascontiguousarray(rgb8, dtype=np.uint8), spec)
+
+
+def _read(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
+    """All bands (H, W, K) float32 as stored, in the order to use them; integers are not scaled."""
+    if not path.is_file():
+        raise InputError(f"photo {path} does not exist; check its name in session.toml")
+    file = oiio.ImageInput.open(os.fspath(path))
+    if file is None:
+        raise InputError(f"photo {path.name} is no readable image ({_line(oiio.geterror())}); "
+                         "give a camera raw, or a linear EXR or TIFF")
+    spec = file.spec()
+    stored = file.read_image("unknown")  # in the type of the file: asking for floats would scale integers
+    trouble = file.geterror()
+    file.close()
+    if stored is None or trouble:
+        raise InputError(f"photo {path.name} cannot be read to its end ({_line(trouble)}); copy or export it again")
+    pixels = stored[..., _band_order(spec.channelnames)].astype(np.float32)
+    if pixels.shape[2] < 3:
+        raise InputError(f"photo {path.name} has {pixels.shape[2]} band(s) ({', '.join(spec.channelnames)}); "
+                         "at least 3 are needed")
+    return pixels, spec, file.format_name()
+
+
+def _band_order(names: Sequence[str]) -> list[int]:
+    plain = [name.split(".")[-1].upper() for name in names]
+    bands = [index for index, name in enumerate(plain) if name not in NOT_BANDS]
+    if not {"R", "G", "B"} <= set(plain):
+        return bands
+    named = [plain.index(name) for name in "RGB"]
+    return named + [index for index in bands if index not in named]
+
+
+def _linear_image(path: Path, signal: np.ndarray, spec: oiio.ImageSpec, clip: float, quantum: float) -> LinearImage:
+    bad = np.count_nonzero(~np.isfinite(signal))
+    if bad:
+        raise InputError(f"photo {path.name} has {bad} of {signal.size} values that are NaN or infinite; export it "
+                         "again without them, nothing is guessed in their place")
+    saturated = signal >= clip
+    variance = photon_transfer(signal, saturated, quantum).variance(signal)
+    for array in (signal, saturated, variance):
+        array.flags.writeable = False  # the record then keeps them without a copy
+    make, model = (spec.get_string_attribute(name) for name in ("Make", "Model"))
+    return LinearImage(
+        signal=signal, variance=variance, saturated=saturated, sensor_step=1.0,
+        exposure_s=_positive(spec, "ExposureTime"),
+        iso=_positive(spec, "Exif:PhotographicSensitivity") or _positive(spec, "Exif:ISOSpeedRatings"),
+        f_number=_positive(spec, "FNumber"), kind=PhotoKind.LINEAR_FILE, camera=f"{make} {model}".strip(),
+        source=path.name, sha256=file_sha256(path))
+
+
+def _positive(spec: oiio.ImageSpec, name: str) -> float | None:
+    value = spec.get_float_attribute(name, 0.0)
+    return value if value > 0 else None
+
+
+def _write(path: Path, pixels: np.ndarray, spec: oiio.ImageSpec) -> None:
+    unfinished = path.with_name(f"{path.stem}.part{path.suffix}")
+    file = oiio.ImageOutput.create(os.fspath(unfinished))
+    if file is None or not file.open(os.fspath(unfinished), spec):
+        raise InputError(f"{path} cannot be written ({_line(file.geterror() if file else oiio.geterror())})")
+    if not (file.write_image(pixels) and file.close()):
+        raise InputError(f"{path} cannot be written ({_line(file.geterror())}); is the disk full?")
+    unfinished.replace(path)
+
+
+def _line(message: str) -> str:
+    return " ".join(message.split()) or "no reason given"

@@ -1,0 +1,142 @@
+"""Stored results of a finished run to what the report shows, and to spectra an operator can take away."""
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radiometry.records import Calibration, Quantity, Reconstruction
+from radiometry.spectrum_files import on_grid, read_curves, spectrum_on_grid, table_text
+from session.files import write_text_whole
+from session.inputs import GRID, read_reflectance
+from session.pipeline import (
+    FinishedRun,
+    array_of,
+    calibration_of,
+    chart_of,
+    photo_of,
+    reconstruction_of,
+    results_folder,
+    samples_of,
+)
+from session.results import ChartResult, MaterialResult, SessionResults
+from session.scores import score
+from session.session_file import SessionConfig
+from session.stages import band_names, signal_errors
+
+CHART_WARNING, SURFACE_WARNING, CLIPPED_WARNING = 0.03, 0.05, 0.05
+
+
+def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]) -> SessionResults:
+    """Everything the report shows."""
+    stored = run.stored
+    calibration, reconstruction = calibration_of(stored), reconstruction_of(stored)
+    photo = photo_of(stored)
+    materials = [_material(config, calibration, reconstruction, stored, index)
+                 for index in range(len(reconstruction.materials))]
+    return SessionResults(
+        folder=config.folder, name=config.session.name, operator=config.session.operator, notes=config.session.notes,
+        bands=band_names(config, photo.signal.shape[2]), inputs=_inputs(config, run), chart=_chart(config, run),
+        calibration=calibration, sensitivity_truth=_sensitivity_truth(config), light_scale=reconstruction.light_scale,
+        photo=photo, photo_preview=results_folder(config) / "photo" / "preview.png", reconstruction=reconstruction,
+        materials=materials, provenance=provenance, warnings=_warnings(config, calibration, reconstruction),
+        stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name, stage in stored.items()])
+
+
+def write_spectra(results: SessionResults) -> Path:
+    """All recovered spectra in one CSV beside the report, every 1 nm."""
+    columns: dict[str, np.ndarray] = {}
+    for index, material in enumerate(results.materials):
+        columns[f"{material.name} inverse rendering"] = results.reconstruction.spectra[index]
+        if material.summary is not None:
+            columns |= {f"{material.name} mean": material.summary.mean,
+                        f"{material.name} standard deviation": material.summary.standard_deviation,
+                        f"{material.name} lower {material.summary.level:g}": material.summary.lower,
+                        f"{material.name} upper {material.summary.level:g}": material.summary.upper,
+                        f"{material.name} bound lower": material.summary.bound_lower,
+                        f"{material.name} bound upper": material.summary.bound_upper}
+    path = results.folder / "spectra.csv"
+    write_text_whole(path, table_text(results.reconstruction.grid.nm, columns, quantity=Quantity.REFLECTANCE,
+                                      source=f"spectrabox, {results.name}".replace("\n", " ")))
+    return path
+
+
+def _material(config: SessionConfig, calibration: Calibration, reconstruction: Reconstruction, stored: dict[str, Any],
+              index: int) -> MaterialResult:
+    name = reconstruction.materials[index]
+    section = config.materials[name]
+    truth = None if section.truth is None else read_reflectance(config, section.truth)
+    if reconstruction.known[index]:
+        return MaterialResult(name, None, None, {}, truth, None)
+    samples, summary = samples_of(stored, name)
+    errors = {cause: np.sqrt(np.diag(covariance))
+              for cause, covariance in signal_errors(calibration, reconstruction, index).items()}
+    scores = None if truth is None else score(spectrum_on_grid(truth, reconstruction.grid),
+                                              reconstruction.spectra[index], summary, samples, reconstruction.basis)
+    return MaterialResult(name, summary, samples, errors, truth, scores)
+
+
+def _chart(config: SessionConfig, run: FinishedRun) -> ChartResult | None:
+    chart = chart_of(run.stored)
+    if chart is None:
+        return None
+    stage = run.stored["calibrate"]
+    predicted, irradiance = array_of(stage, "predicted"), array_of(stage, "irradiance")
+    assert predicted is not None and irradiance is not None
+    return ChartResult(chart[0], chart[1], predicted, irradiance / irradiance.max(),
+                       results_folder(config) / "chart" / "overlay.png")
+
+
+def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:
+    truth = config.sensitivity.truth
+    if truth is None:
+        return None
+    nm, _, curves = read_curves(config.path(truth.file), truth.columns, truth.wavelength_column)
+    values = on_grid(nm, curves, GRID, truth.file)
+    return GRID.nm, values / values.max()
+
+
+def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
+    """Every input file once, with its role, hash, size and what is known of it."""
+    roles: dict[str, str] = {config.photos.object: "object photo", config.light.spectrum.file: "light spectrum",
+                             config.scene.file: "scene"}
+    for name, role in ((config.photos.chart, "chart photo"), (config.photos.flat, "flat-field photo"),
+                       (config.chart.scene, "chart scene")):
+        if name is not None:
+            roles.setdefault(name, role)
+    if not config.sensitivity.from_chart:
+        roles.setdefault(config.sensitivity.source.file, "sensitivities")
+    for material, section in config.materials.items():
+        if section.known is not None:
+            roles.setdefault(section.known.file, f"known spectrum of {material}")
+    hashes = {name: digest for stage in run.stored.values() for name, digest in stage.key.get("files", {}).items()}
+    facts = {config.photos.object: photo_of(run.stored)}
+    if (chart := chart_of(run.stored)) is not None:
+        facts[str(config.photos.chart)] = chart[2]
+    return [{"role": role, "file": name, "sha256": hashes[name], "bytes": config.path(name).stat().st_size}
+            | ({} if (image := facts.get(name)) is None else
+               {"exposure_s": image.exposure_s, "iso": image.iso, "f_number": image.f_number, "camera": image.camera,
+                "kind": image.kind.value, "clipped": float(image.saturated.any(axis=2).mean())})
+            for name, role in roles.items() if name in hashes]
+
+
+def _warnings(config: SessionConfig, calibration: Calibration, reconstruction: Reconstruction) -> list[str]:
+    found = []
+    residuals = calibration.sensitivity.residuals
+    if residuals is not None and (rms := float(np.sqrt(np.mean(residuals**2)))) > CHART_WARNING:
+        found.append(f"The chart's patches disagree with the fitted camera by {rms:.1%} rms: look for glare, uneven "
+                     "light or another chart.")
+    agreement = reconstruction.agreement
+    for index, name in enumerate(agreement.names):
+        off = agreement.ratio[index] - 1
+        if np.abs(off).max() > SURFACE_WARNING:
+            found.append(f"Photo and rendering disagree on {name} by {off[np.argmax(np.abs(off))]:+.0%} in the worst "
+                         "band: geometry, light or material of this surface is not as the scene says.")
+    if config.photos.flat is None:
+        found.append("No flat-field photo: vignetting is not corrected and counts as reflectance.")
+    if config.scale.source == "material" or calibration.light_scale is None:
+        found.append("The light scale rests on the spectrum given for a known material.")
+    if calibration.sensitivity.basis is None and calibration.sensitivity.residuals is None:
+        found.append("The sensitivities were taken from a file and not checked against a chart photo.")
+    return found

@@ -1,0 +1,102 @@
+"""Read every input of a session and say everything that is wrong with it at once."""
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from capture.chart_detection import find_chart
+from capture.patches import require_unclipped, sample_patches
+from radiometry.chart import PATCH_NAMES, typical_camera_signals
+from radiometry.errors import CheckError, EnvironmentProblem, InputError, SpectraboxError
+from radiometry.records import LinearImage
+from radiometry.spectrum_files import spectrum_on_grid
+from reconstruct.scene_file import check_materials
+from session.inputs import (
+    GRID,
+    check_aspect,
+    read_chart_reference,
+    read_chart_scene,
+    read_light,
+    read_photo,
+    read_reflectance,
+    read_sensitivities,
+    read_session_scene,
+)
+from session.session_file import SessionConfig, SpectrumRef, try_read_session
+from session.stages import needs_chart
+
+MOST_CLIPPED = 0.5  # of the object photo: more leaves too little to compare with a rendering
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong, and the exit code that it means."""
+
+    sentence: str
+    exit_code: int
+
+
+def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
+    """Everything that would stop or spoil a run of this session; empty when it is ready."""
+    problems: list[Problem] = []
+    config, sentences = try_read_session(folder, allow_outside)
+    problems += [Problem(sentence, InputError.exit_code) for sentence in sentences]
+    if folder.is_dir() and not os.access(folder, os.W_OK):
+        problems.append(Problem(f"{folder} cannot be written: change its permissions", EnvironmentProblem.exit_code))
+    if config is None:
+        return problems
+
+    def attempt(read: Callable[..., Any], *arguments: Any) -> Any:
+        """The result, or None with the problem noted."""
+        try:
+            return read(*arguments)
+        except SpectraboxError as error:
+            problems.extend(Problem(sentence, error.exit_code) for sentence in str(error).splitlines()
+                            if sentence not in [problem.sentence for problem in problems])
+            return None
+
+    light = attempt(read_light, config)
+    scene = attempt(read_session_scene, config)
+    if scene is not None:
+        bsdfs = {name: material.bsdf for name, material in config.materials.items()}
+        problems += [Problem(sentence, InputError.exit_code) for sentence in check_materials(scene, bsdfs)]
+    for reference in _reflectances(config):
+        attempt(read_reflectance, config, reference)
+    if not config.sensitivity.from_chart:
+        attempt(read_sensitivities, config)
+    photo = attempt(read_photo, config, config.photos.object)
+    if photo is not None:
+        attempt(_require_exposed, photo, config.photos.object)
+        if scene is not None:
+            attempt(check_aspect, photo, scene, config.photos.object)
+    if needs_chart(config):
+        attempt(read_chart_scene, config)
+        reference_chart = attempt(read_chart_reference, config)
+        chart = attempt(read_photo, config, str(config.photos.chart))
+        if chart is not None and light is not None and reference_chart is not None:
+            signals = typical_camera_signals(reference_chart, GRID, spectrum_on_grid(light, GRID))
+            attempt(_check_chart, config, chart, signals)
+    return problems
+
+
+def _reflectances(config: SessionConfig) -> list[SpectrumRef]:
+    both = [(material.known, material.truth) for material in config.materials.values()]
+    return [reference for pair in both for reference in pair if reference is not None]
+
+
+def _require_exposed(photo: LinearImage, name: str) -> None:
+    clipped = float(photo.saturated.any(axis=2).mean())
+    if clipped > MOST_CLIPPED:
+        raise CheckError(f"{name}: {clipped:.0%} of the photo is saturated; halve the exposure until the surfaces "
+                         "are not, the light itself may be")
+
+
+def _check_chart(config: SessionConfig, chart: LinearImage, signals: np.ndarray) -> None:
+    corners = None if config.chart.corners_px is None else np.array(config.chart.corners_px)
+    require_unclipped(sample_patches(chart, find_chart(chart, signals, corners)), PATCH_NAMES,
+                      str(config.photos.chart))

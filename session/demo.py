@@ -1,0 +1,18 @@
+"""The demo session: written as a lab would have captured it, then run like any other."""
+from __future__ import annotations
+
+from pathlib import Path
+
+from fixtures.demo_session import write_demo_session
+from session.progress import progress_display
+from session.session_file import FILE_NAME
+
+
+def make_demo(folder: Path, seed: int) -> None:
+    """Write the synthetic capture session into ``folder``, unless it is there already."""
+    if (folder / FILE_NAME).exists():
+        return
+    with progress_display() as progress:
+        progress("capture", 0.0, "")
+        write_demo_session(folder, seed, lambda message, fraction: progress("capture", min(fraction, 0.99), message))
+        progress("capture", 1.0, "synthetic photos, spectra and scenes written")

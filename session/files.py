@@ -1,0 +1,59 @@
+"""Files written whole or not at all, and their fingerprints."""
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from radiometry.errors import EnvironmentProblem, InputError
+
+
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file's content.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or cannot be read.
+    """
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing: add the file or correct its name in session.toml") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+
+
+def write_text_whole(path: Path, text: str) -> None:
+    """Write a text file under a temporary name and rename it, so that a crash leaves the old one.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If the folder cannot be written.
+    """
+    with writable(path.parent):
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+                stream.write(text)
+            Path(temporary).chmod(0o644)
+            Path(temporary).replace(path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+
+
+@contextlib.contextmanager
+def writable(folder: Path) -> Iterator[None]:
+    """Turn a refused write below ``folder`` into one sentence."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise EnvironmentProblem(f"{folder} cannot be written ({error.strerror}): free space or change its "
+                                 "permissions, then run again") from None

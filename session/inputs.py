@@ -1,0 +1,119 @@
+"""Every input of a session, read and checked the same way by ``check`` and ``run``."""
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from capture.flat_field import divide_by_flat
+from capture.linear import open_photo
+from radiometry.chart import REFERENCES, chart_reflectances
+from radiometry.errors import InputError
+from radiometry.grid import visible_grid
+from radiometry.records import LinearImage, Quantity, Spectrum
+from radiometry.spectrum_files import on_grid, read_curves, read_spectrum, spectrum_on_grid
+from reconstruct.inverse_rendering import MaterialSpec
+from reconstruct.scene_file import SceneFile, check_materials, read_scene
+from session.session_file import SessionConfig, SpectrumRef
+
+GRID = visible_grid()            # 400-700 nm in 1 nm steps, on which everything is integrated
+LARGEST_ASPECT_ERROR = 0.01      # photo against scene film: above, the two do not show the same view
+
+
+def read_light(config: SessionConfig) -> Spectrum:
+    """Light spectrum as its file gives it; covers 400-700 nm and is nowhere negative."""
+    light = _spectrum(config, config.light.spectrum, Quantity.RELATIVE)
+    values = spectrum_on_grid(light, GRID)
+    if values.max() <= 0 or values.min() < -0.01 * values.max():
+        raise InputError(f"{config.light.spectrum.file}: a light spectrum must be positive; "
+                         f"it runs from {values.min():.3g} to {values.max():.3g} over 400-700 nm")
+    return light
+
+
+def read_reflectance(config: SessionConfig, reference: SpectrumRef) -> Spectrum:
+    """Reflectance that covers 400-700 nm."""
+    spectrum = _spectrum(config, reference, Quantity.REFLECTANCE)
+    spectrum_on_grid(spectrum, GRID)
+    return spectrum
+
+
+def read_sensitivities(config: SessionConfig) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names and measured curves (K, P) on the working grid, scaled to a largest value of 1."""
+    source = config.sensitivity.source
+    nm, names, curves = read_curves(config.path(source.file), source.columns, source.wavelength_column)
+    if len(names) < 3:
+        raise InputError(f"{source.file} holds {len(names)} curves; three or more bands are needed")
+    on = on_grid(nm, curves, GRID, source.file)
+    if on.max() <= 0 or on.min() < -0.05 * on.max():
+        raise InputError(f"{source.file}: sensitivities must be positive; "
+                         f"they run from {on.min():.3g} to {on.max():.3g}")
+    return names, np.maximum(on, 0.0) / on.max()
+
+
+def read_chart_reference(config: SessionConfig) -> np.ndarray:
+    """Reflectances (24, P) of the chart: a published average by name, or measured ones from a file."""
+    name = config.chart.reference
+    if name in REFERENCES or not Path(name).suffix:
+        return chart_reflectances(name, GRID)
+    nm, names, values = read_curves(config.path(name))
+    if len(names) != 24:
+        raise InputError(f"{name} holds {len(names)} columns; 24 are needed, one per patch, dark skin first")
+    return on_grid(nm, values, GRID, name)
+
+
+def read_session_scene(config: SessionConfig) -> SceneFile:
+    """The scene of the object photo; its files lie within the session folder."""
+    return read_scene(config.path(config.scene.file), None if config.allow_outside else config.folder)
+
+
+def read_chart_scene(config: SessionConfig) -> SceneFile | None:
+    """The scene of the chart photo, where there is one."""
+    if config.chart.scene is None:
+        return None
+    return read_scene(config.path(config.chart.scene), None if config.allow_outside else config.folder)
+
+
+def read_photo(config: SessionConfig, name: str) -> LinearImage:
+    """A photo as linear signal, flat-fielded where the session has a flat."""
+    photo = open_photo(config.path(name))
+    if config.photos.flat is None or name == config.photos.flat:
+        return photo
+    return divide_by_flat(photo, open_photo(config.path(config.photos.flat)))
+
+
+def check_aspect(photo: LinearImage, scene: SceneFile, name: str) -> None:
+    """Refuse a photo whose shape is not that of the scene's film.
+
+    Raises
+    ------
+    InputError
+        Naming both sizes.
+    """
+    height, width = photo.signal.shape[:2]
+    mismatch = (width / height) / (scene.width / scene.height) - 1
+    if abs(mismatch) > LARGEST_ASPECT_ERROR:
+        full = (round(width * photo.sensor_step), round(height * photo.sensor_step))
+        raise InputError(f"{name} is {full[0]} x {full[1]} pixels, but {scene.path.name} expects "
+                         f"{scene.width} x {scene.height} ({mismatch:+.0%} in shape): give the whole photo uncropped, "
+                         "or correct the film's width and height")
+
+
+def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpec, ...]:
+    """Materials of the session with their known spectra on the working grid.
+
+    Raises
+    ------
+    InputError
+        If scene and session do not name the same materials.
+    """
+    problems = check_materials(scene, {name: material.bsdf for name, material in config.materials.items()})
+    if problems:
+        raise InputError("\n".join(problems))
+    return tuple(MaterialSpec(name, material.bsdf, None if material.known is None else
+                              spectrum_on_grid(read_reflectance(config, material.known), GRID))
+                 for name, material in config.materials.items())
+
+
+def _spectrum(config: SessionConfig, reference: SpectrumRef, role: Quantity) -> Spectrum:
+    return read_spectrum(config.path(reference.file), role=role, column=reference.column,
+                         wavelength_column=reference.wavelength_column)

@@ -1,0 +1,265 @@
+"""The order of the stages, what each was made from, and which must be run again."""
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radiometry.errors import InputError
+from radiometry.records import (
+    Calibration,
+    ChartDetection,
+    LinearImage,
+    PatchSamples,
+    Reconstruction,
+    SpectrumSamples,
+    SpectrumSummary,
+)
+from session.files import sha256_of
+from session.inputs import read_chart_scene, read_session_scene
+from session.provenance import DECISIVE, versions
+from session.session_file import SessionConfig
+from session.stages import (
+    bin_object_photo,
+    calibrate_camera,
+    find_and_sample_chart,
+    invert_photo,
+    needs_chart,
+    sample_materials,
+)
+from session.store import StoredStage, fingerprint, load_stage, save_stage, stage_folder, why_stale
+
+STAGES = ("chart", "photo", "calibrate", "reconstruct", "sample")
+Key = dict[str, Any]
+Progress = Callable[[str, float, str], None]
+
+
+@dataclass(frozen=True)
+class StageState:
+    """Where one stage stands: "done", "stale" (with reasons), "missing" or "not needed"."""
+
+    name: str
+    state: str
+    reasons: tuple[str, ...]
+    seconds: float | None
+
+
+@dataclass(frozen=True)
+class FinishedRun:
+    """The stages of a run: stored results by name, and which were made now ("run") or found right ("kept")."""
+
+    stored: dict[str, StoredStage]
+    states: dict[str, str]
+
+
+def stage_keys(config: SessionConfig) -> dict[str, Key]:
+    """What each stage of this session is made from.
+
+    Raises
+    ------
+    InputError
+        If an input file is missing.
+    """
+    hashes: dict[str, str] = {}
+
+    def files(*names: str | None) -> dict[str, str]:
+        for name in names:
+            if name is not None and name not in hashes:
+                hashes[name] = sha256_of(config.path(name))
+        return {name: hashes[name] for name in names if name is not None}
+
+    chart_scene, scene = read_chart_scene(config), read_session_scene(config)
+    reference = config.chart.reference if Path(config.chart.reference).suffix else None
+    curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
+    made_by = versions(DECISIVE)
+    keys: dict[str, Key] = {}
+    if needs_chart(config):
+        keys["chart"] = {"files": files(config.photos.chart, config.photos.flat, reference, config.light.spectrum.file),
+                         "settings": {"reference": config.chart.reference, "corners_px": config.chart.corners_px,
+                                      "light": _plain(config.light.spectrum)}, "versions": made_by}
+    keys["photo"] = {"files": files(config.photos.object, config.photos.flat, config.scene.file),
+                     "settings": {"width": config.reconstruct.width}, "versions": made_by}
+    keys["calibrate"] = {
+        "files": files(config.light.spectrum.file, config.chart.scene, curves, reference) | _scene_files(chart_scene),
+        "settings": {"light": _plain(config.light.spectrum), "sensitivity": _plain(config.sensitivity.source),
+                     "coefficients": config.sensitivity.coefficients, "seed": config.session.seed,
+                     "relative_error": config.sensitivity.relative_error, "reference": config.chart.reference},
+        "stages": {"chart": fingerprint(keys["chart"])} if "chart" in keys else {}, "versions": made_by}
+    known = {name: material.known for name, material in config.materials.items() if material.known is not None}
+    keys["reconstruct"] = {
+        "files": files(config.scene.file, *(reference.file for reference in known.values())) | _scene_files(scene),
+        "settings": {"materials": {name: material.bsdf for name, material in config.materials.items()},
+                     "known": {name: _plain(reference) for name, reference in known.items()},
+                     "reconstruct": _plain(config.reconstruct), "scale": config.scale.source,
+                     "seed": config.session.seed},
+        "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}, "versions": made_by}
+    keys["sample"] = {"settings": {"sampling": _plain(config.sampling), "seed": config.session.seed},
+                      "stages": {"reconstruct": fingerprint(keys["reconstruct"])}, "versions": made_by}
+    return keys
+
+
+def stage_states(config: SessionConfig) -> list[StageState]:
+    """How far a session has come, and why any stage must be run again."""
+    keys, states = stage_keys(config), []
+    for name in STAGES:
+        stored = load_stage(results_folder(config), name)
+        if name not in keys:
+            states.append(StageState(name, "not needed", (), None))
+        elif stored is None:
+            states.append(StageState(name, "missing", (), None))
+        else:
+            reasons = tuple(why_stale(stored.key, _as_stored(keys[name])))
+            states.append(StageState(name, "stale" if reasons else "done", reasons, stored.seconds))
+    return states
+
+
+def run_stages(config: SessionConfig, *, device: str, only: str | None, force: bool, progress: Progress) -> FinishedRun:
+    """Run every stage whose inputs changed; results are replaced stage by stage, each whole.
+
+    Parameters
+    ----------
+    device : {"auto", "cpu", "cuda"}
+    only : str or None
+        Run this stage alone, on the stored results of those before it.
+    force : bool
+        Run also what is up to date.
+    progress : callable of (stage, fraction, message)
+
+    Raises
+    ------
+    InputError
+        If ``only`` names no stage of this session, or a stage before it is not up to date.
+    """
+    keys = stage_keys(config)
+    if only is not None and only not in keys:
+        raise InputError(f"there is no stage {only!r} in this session; it has {', '.join(keys)}")
+    finished = FinishedRun({}, {})
+    for name, key in keys.items():
+        stored = load_stage(results_folder(config), name)
+        fresh = stored is not None and stored.key == _as_stored(key)
+        if only is not None and name != only:
+            if stored is not None and (fresh or STAGES.index(name) > STAGES.index(only)):
+                finished.stored[name], finished.states[name] = stored, "kept" if fresh else "stale"
+            elif STAGES.index(name) < STAGES.index(only):
+                raise InputError(f"stage {name!r}, which comes before {only!r}, is not up to date: run without --only")
+            continue
+        wanted = force and only in (None, name)
+        if stored is not None and fresh and not wanted:
+            finished.stored[name], finished.states[name] = stored, "kept"
+            progress(name, 1.0, "up to date")
+        else:
+            finished.stored[name] = _run_stage(config, name, key, device, finished.stored, progress)
+            finished.states[name] = "run"
+    return finished
+
+
+def load_finished(config: SessionConfig) -> FinishedRun:
+    """Stored results of all stages.
+
+    Raises
+    ------
+    InputError
+        If a stage has none.
+    """
+    stored = {name: load_stage(results_folder(config), name) for name in STAGES
+              if name != "chart" or needs_chart(config)}
+    missing = [name for name, stage in stored.items() if stage is None]
+    if missing:
+        raise InputError(f"no results of stage {missing[0]!r} yet: run 'spectrabox run' first")
+    return FinishedRun({name: stage for name, stage in stored.items() if stage is not None},
+                       dict.fromkeys(stored, "kept"))
+
+
+def results_folder(config: SessionConfig) -> Path:
+    """Where the stages of a session keep their results."""
+    return config.folder / "results"
+
+
+def calibration_of(stored: dict[str, StoredStage]) -> Calibration:
+    """The calibration of a finished run."""
+    calibration: Calibration = stored["calibrate"].record(Calibration, "calibration")
+    return calibration
+
+
+def reconstruction_of(stored: dict[str, StoredStage]) -> Reconstruction:
+    """The reconstruction of a finished run."""
+    reconstruction: Reconstruction = stored["reconstruct"].record(Reconstruction, "reconstruction")
+    return reconstruction
+
+
+def photo_of(stored: dict[str, StoredStage]) -> LinearImage:
+    """The object photo at the render's size."""
+    photo: LinearImage = stored["photo"].record(LinearImage, "photo")
+    return photo
+
+
+def chart_of(stored: dict[str, StoredStage]) -> tuple[ChartDetection, PatchSamples, LinearImage] | None:
+    """Detection, patch statistics and a thumbnail of the chart photo, where one was used."""
+    if "chart" not in stored:
+        return None
+    stage = stored["chart"]
+    return (stage.record(ChartDetection, "detection"), stage.record(PatchSamples, "samples"),
+            stage.record(LinearImage, "thumbnail"))
+
+
+def samples_of(stored: dict[str, StoredStage], material: str) -> tuple[SpectrumSamples, SpectrumSummary]:
+    """Draws and summary of one unknown material."""
+    stage = stored["sample"]
+    return stage.record(SpectrumSamples, f"samples {material}"), stage.record(SpectrumSummary, f"summary {material}")
+
+
+def array_of(stage: StoredStage, name: str) -> np.ndarray | None:
+    """A plain array that a stage stored."""
+    array: np.ndarray | None = stage.record(np.ndarray, name)
+    return array
+
+
+def _run_stage(config: SessionConfig, name: str, key: Key, device: str, stored: dict[str, StoredStage],
+               progress: Progress) -> StoredStage:
+    start = time.perf_counter()
+    progress(name, 0.0, "")
+
+    def report(fraction: float, message: str) -> None:
+        progress(name, fraction, message)
+
+    with stage_folder(results_folder(config), name) as folder:
+        if name == "chart":
+            records = find_and_sample_chart(config, folder, report)
+        elif name == "photo":
+            records = bin_object_photo(config, folder, report)
+        elif name == "calibrate":
+            chart = chart_of(stored)
+            records = calibrate_camera(config, device, None if chart is None else chart[1], report)
+        elif name == "reconstruct":
+            chart = chart_of(stored)
+            records = {"reconstruction": invert_photo(config, device, photo_of(stored), calibration_of(stored),
+                                                      None if chart is None else chart[2], report)}
+        else:
+            records = sample_materials(config, calibration_of(stored), reconstruction_of(stored), report)
+        save_stage(folder, _as_stored(key), records, time.perf_counter() - start, {"stage": name})
+    finished = load_stage(results_folder(config), name)
+    assert finished is not None
+    progress(name, 1.0, f"{finished.seconds:.1f} s")
+    return finished
+
+
+def _scene_files(scene: Any) -> dict[str, str]:
+    return {} if scene is None else {path.name: sha256_of(path) for path in scene.files}
+
+
+def _plain(section: Any) -> dict[str, Any]:
+    return dict(vars(section))
+
+
+def _as_stored(key: Key) -> Key:
+    """The key as JSON gives it back: tuples become lists."""
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: plain(item) for name, item in value.items()}
+        return [plain(item) for item in value] if isinstance(value, list | tuple) else value
+    stored: Key = plain(key)
+    return stored

@@ -1,0 +1,30 @@
+"""What was run, with what: enough to run it again."""
+from __future__ import annotations
+
+import datetime
+import importlib.metadata
+import platform
+from typing import Any
+
+PACKAGES = ("spectrabox", "numpy", "scipy", "mitsuba", "drjit", "rawpy", "opencv-contrib-python-headless",
+            "colour-science", "OpenImageIO", "exifread")
+DECISIVE = ("spectrabox", "mitsuba", "drjit", "rawpy", "scipy", "opencv-contrib-python-headless")
+
+
+def versions(names: tuple[str, ...] = PACKAGES) -> dict[str, str]:
+    """Installed versions of the packages that results depend on."""
+    return {name: _version(name) for name in names}
+
+
+def provenance(command: list[str], seed: int, device: str) -> dict[str, Any]:
+    """Versions, command, seed, time and kind of machine; no paths and no names of machines."""
+    return {"versions": versions() | {"python": platform.python_version()}, "command": command, "seed": seed,
+            "device": device, "machine": platform.machine(), "system": platform.system(),
+            "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")}
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,87 @@
+"""The numbers of the report as one JSON object, so that they can be checked and used again."""
+from __future__ import annotations
+
+from typing import Any
+
+from radiometry.records import SurfaceAgreement
+from session.report.verdict import Criterion, Verdict, chart_residuals
+from session.results import ChartResult, MaterialResult, SessionResults
+
+SCHEMA = "spectrabox-results/1"
+
+
+def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
+    """Everything the report shows, images left out; wavelengths in nm, shares as fractions."""
+    made = results.reconstruction
+    return {
+        "schema": SCHEMA, "name": results.name, "operator": results.operator, "notes": results.notes,
+        "bands": results.bands,
+        "verdict": {"status": verdict.status, "says": verdict.says,
+                    "criteria": [_criterion(c) for c in verdict.criteria]},
+        "materials": [_material(m, results) for m in results.materials],
+        "agreement": _agreement(made.agreement),
+        "calibration": _calibration(results),
+        "chart": None if results.chart is None else _chart(results.chart),
+        "reconstruction": {"engine": made.engine, "spp": made.spp, "seed": made.seed, "outcome": made.outcome,
+                           "loss_history": made.loss_history, "pixels_used": int(made.used.sum()),
+                           "pixels": made.used.size, "white_signal": made.white_signal},
+        "clipped_share": results.photo.saturated.any(axis=2).mean(),
+        "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
+        "provenance": results.provenance,
+    }
+
+
+def _criterion(criterion: Criterion) -> dict[str, Any]:
+    return {"name": criterion.name, "value": criterion.value, "limit": criterion.limit, "status": criterion.status,
+            "says": criterion.says}
+
+
+def _material(material: MaterialResult, results: SessionResults) -> dict[str, Any]:
+    made = results.reconstruction
+    m = made.materials.index(material.name)
+    return {
+        "name": material.name, "known": made.known[m],
+        "inverse_rendering": {"nm": made.grid.nm, "reflectance": made.spectra[m]},
+        "signal": made.signal[m], "signal_covariance": made.signal_covariance[m],
+        "model_covariance": made.model_covariance[m], "error_budget": material.error_budget,
+        "summary": _fields(material.summary, "mean", "standard_deviation", "lower", "upper", "bound_lower",
+                           "bound_upper", "level", "conditional_on", "next_measurement_nm"),
+        "samples": _fields(material.samples, "method", "acceptance", "effective_samples", "seed", "outcome"),
+        "truth": _fields(material.truth, "values", "standard_error", "source"),
+        "scores": None if material.scores is None else vars(material.scores),
+    }
+
+
+def _fields(record: Any, *names: str) -> dict[str, Any] | None:
+    """The named fields of a record, with the wavelengths where it has a grid."""
+    if record is None:
+        return None
+    grid = {"nm": record.grid.nm} if hasattr(record, "grid") else {}
+    return grid | {name: getattr(record, name) for name in names}
+
+
+def _agreement(agreement: SurfaceAgreement) -> list[dict[str, Any]]:
+    return [{"surface": name, "material": agreement.materials[s], "pixels": agreement.pixels[s],
+             "ratio": agreement.ratio[s], "spread": agreement.spread[s]} for s, name in enumerate(agreement.names)]
+
+
+def _calibration(results: SessionResults) -> dict[str, Any]:
+    calibration = results.calibration
+    truth = results.sensitivity_truth
+    return {
+        "sensitivity": _fields(calibration.sensitivity, "curves", "standard_error", "residuals", "held_out_residuals",
+                               "condition_number", "method", "outcome"),
+        "sensitivity_truth": None if truth is None else {"nm": truth[0], "curves": truth[1]},
+        "light": _fields(calibration.light, "values", "standard_error", "quantity", "source"),
+        "light_scale": _fields(results.light_scale, "value", "standard_error", "residuals", "source"),
+        "relative_covariance": calibration.relative_covariance, "chart_residuals": chart_residuals(results),
+        "checks": calibration.checks,
+    }
+
+
+def _chart(chart: ChartResult) -> dict[str, Any]:
+    return {"measured": chart.samples.mean, "covariance_of_mean": chart.samples.covariance_of_mean,
+            "saturated_fraction": chart.samples.saturated_fraction, "predicted": chart.predicted,
+            "irradiance": chart.irradiance, "corners_px": chart.detection.corners_px,
+            "confidence": chart.detection.confidence, "how_found": chart.detection.how_found,
+            "mirrored": chart.detection.mirrored}

@@ -1,0 +1,101 @@
+"""The session report: one HTML file that opens offline and carries its own numbers."""
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from radiometry.errors import EnvironmentProblem
+from session.report import words
+from session.report.figures import loss_figure, picture_data_uri
+from session.report.maps import pair_figure, residual_figure, residual_limit, residual_maps, surface_figure
+from session.report.methods import methods_text, scale_words
+from session.report.numbers import report_numbers
+from session.report.safe_json import json_for_script
+from session.report.spectra import light_figure, sensitivity_figure
+from session.report.svg import band_colours, report_style
+from session.report.tables import chart_section, held_out_rms, input_rows, material_section, surface_rows
+from session.report.verdict import judge
+from session.results import SessionResults
+
+TEMPLATES = Path(__file__).parent / "templates"
+FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
+           "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact}
+
+
+def write_report(results: SessionResults) -> Path:
+    """Write ``report.html`` into the session folder, whole or not at all.
+
+    Returns
+    -------
+    Path
+        The report.
+
+    Raises
+    ------
+    InputError
+        If a picture that the report embeds is missing.
+    EnvironmentProblem
+        If the folder cannot be written; an older report is left as it was.
+    """
+    page = render_report(results).encode("utf-8", "backslashreplace")
+    report = results.folder / "report.html"
+    unfinished = results.folder / f".report-{os.getpid()}.html"
+    try:
+        unfinished.write_bytes(page)
+        unfinished.replace(report)
+    except OSError as problem:
+        raise EnvironmentProblem(f"report.html cannot be written to the session folder ({problem.strerror}); "
+                                 "free some space or allow writing there, then build the report again") from problem
+    finally:
+        unfinished.unlink(missing_ok=True)
+    return report
+
+
+def render_report(results: SessionResults) -> str:
+    """The page as text; every name, note and file name of the session is escaped."""
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True,
+                                     lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+    environment.filters.update(FILTERS)
+    with report_style():
+        return environment.get_template("report.html.j2").render(_page(results))
+
+
+def _page(results: SessionResults) -> dict[str, Any]:
+    verdict = judge(results)
+    return {
+        "results": results, "verdict": verdict,
+        "style": Markup((TEMPLATES / "report.css").read_text()),
+        "script": Markup((TEMPLATES / "report.js").read_text()),
+        "numbers": json_for_script(report_numbers(results, verdict)),
+        "preview": picture_data_uri(results.photo_preview),
+        "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
+        "materials": [material_section(number, material, results)
+                      for number, material in enumerate(results.materials, start=1)],
+        "agreement": _agreement_section(results), "calibration": _calibration_section(results),
+        "loss": loss_figure("loss", results.reconstruction.loss_history),
+        "inputs": input_rows(results), "methods": methods_text(results),
+    }
+
+
+def _agreement_section(results: SessionResults) -> dict[str, Any]:
+    made = results.reconstruction
+    return {
+        "words": words.disagreement(made.agreement, results.bands), "off": words.OFF,
+        "pair": pair_figure("pair", made, results.calibration.sensitivity, results.bands),
+        "residuals": residual_figure("residuals", made, results.bands),
+        "limit": residual_limit(residual_maps(made)),
+        "surfaces": surface_figure("surfaces", made), "rows": surface_rows(made),
+    }
+
+
+def _calibration_section(results: SessionResults) -> dict[str, Any]:
+    fit = results.calibration.sensitivity
+    return {
+        "chart": chart_section(results), "held_out_rms": held_out_rms(results), "scale": scale_words(results),
+        "sensitivity": sensitivity_figure("sensitivity", fit, results.bands, results.sensitivity_truth),
+        "light": light_figure("light", results.calibration.light),
+    }

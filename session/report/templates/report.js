@@ -1,0 +1,37 @@
+/* A read-out under each plot: the values of every series at the wavelength under the pointer. */
+(() => {
+  const SVG = document.querySelector("svg").namespaceURI;
+  const valueAt = (xs, ys, x) => {
+    let i = xs.findIndex((value) => value >= x);
+    if (i < 0) i = xs.length - 1;
+    if (i === 0 || xs[i] === x) return ys[i];
+    if (ys[i] === null || ys[i - 1] === null) return null;
+    return ys[i - 1] + (ys[i] - ys[i - 1]) * (x - xs[i - 1]) / (xs[i] - xs[i - 1]);
+  };
+  let readouts = 0;
+  document.querySelectorAll(".plot-box").forEach((box) => {
+    const source = box.querySelector("script.readout");
+    if (!source) return;
+    const plot = JSON.parse(source.textContent);
+    const svg = box.querySelector("svg");
+    const output = box.querySelector("output");
+    const line = document.createElementNS(SVG, "line");
+    line.setAttribute("class", "pointer");
+    svg.appendChild(line);
+    const [left, top, right, bottom] = plot.box;
+    svg.addEventListener("pointermove", (event) => {
+      const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+      if (at.x < left || at.x > right) return;
+      const x = Math.round(plot.limits[0] + (at.x - left) / (right - left) * (plot.limits[1] - plot.limits[0]));
+      const px = left + (x - plot.limits[0]) / (plot.limits[1] - plot.limits[0]) * (right - left);
+      Object.entries({x1: px, x2: px, y1: top, y2: bottom}).forEach(([key, value]) => line.setAttribute(key, value));
+      const values = plot.series.map(([label, ys]) => {
+        const y = valueAt(plot.x, ys, x);
+        return label + " " + (y === null ? "not measured" : y.toFixed(plot.digits));
+      });
+      output.textContent = `${plot.name} ${x}${plot.unit ? " " + plot.unit : ""}: ${values.join(", ")}`;
+    });
+    readouts += 1;
+  });
+  document.documentElement.dataset.readouts = readouts;
+})();

@@ -1,0 +1,51 @@
+"""Colours of reflectances under D65."""
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radiometry.appearance import delta_e00, reflectance_to_srgb, tristimulus
+
+NM = np.arange(400.0, 701.0, 5.0)
+RED = 0.05 + 0.6 / (1 + np.exp(-(NM - 600) / 10))
+
+
+@pytest.mark.parametrize("step_nm", [1.0, 5.0, 20.0])
+def test_a_perfect_white_is_the_d65_white_on_any_grid(step_nm):
+    nm = np.arange(400.0, 701.0, step_nm)
+    # White of D65 as published for the 2 degree observer (CIE 15), four digits.
+    np.testing.assert_allclose(tristimulus(nm, np.ones(nm.size)), [0.9504, 1.0, 1.0888], atol=2e-4)
+    # One step of 8 bit.
+    np.testing.assert_allclose(reflectance_to_srgb(nm, np.ones(nm.size)), 1, atol=1 / 255)
+
+
+def test_a_grey_surface_has_equal_channels_and_black_has_none():
+    grey = reflectance_to_srgb(NM, np.full(NM.size, 0.18))
+    # The rounded matrix of the sRGB standard moves a grey by less than half a step of 8 bit.
+    assert np.ptp(grey) < 0.5 / 255
+    np.testing.assert_array_equal(reflectance_to_srgb(NM, np.zeros(NM.size)), 0)
+
+
+def test_a_surface_that_reflects_long_waves_looks_red():
+    red, green, blue = reflectance_to_srgb(NM, RED)
+    assert red > 2 * green
+    assert red > 2 * blue
+
+
+def test_colour_difference_is_zero_to_itself_symmetric_and_grows():
+    assert delta_e00(NM, RED, RED) == 0
+    near, far = delta_e00(NM, RED, RED + 0.01), delta_e00(NM, RED, RED + 0.05)
+    assert 0 < near < far
+    # The formula is symmetric; only round-off differs.
+    assert delta_e00(NM, RED + 0.05, RED) == pytest.approx(far, rel=1e-9)
+
+
+def test_two_greys_differ_by_their_weighted_lightness():
+    # For neutral colours CIEDE2000 is |dL| / S_L with S_L = 1 + 0.015 (L - 50)^2 / sqrt(20 + (L - 50)^2), L the mean.
+    a, b = 0.2, 0.25
+    lightness = [116 * y ** (1 / 3) - 16 for y in (a, b)]
+    offset = np.mean(lightness) - 50
+    expected = (lightness[1] - lightness[0]) / (1 + 0.015 * offset ** 2 / np.sqrt(20 + offset ** 2))
+    grey = np.ones(NM.size)
+    # White in chromaticity coordinates is rounded nowhere; 1e-3 leaves room for a residual chroma of round-off size.
+    assert delta_e00(NM, a * grey, b * grey) == pytest.approx(expected, rel=1e-3)

@@ -1,0 +1,204 @@
+"""The demo session against physics written down a second time: inverse square, integrals, geometry."""
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import rawpy
+from scipy.interpolate import BSpline
+
+from fixtures import lamp
+from fixtures.box_render import box_light, smooth_within_faces
+from fixtures.chart_scene import homography
+from fixtures.demo_photos import (
+    BLACK,
+    FULL_WELL_ELECTRONS,
+    GAIN,
+    READ_NOISE_DN,
+    WHITE,
+    camera_sensitivities,
+    chart_corners,
+    light_factor,
+    vignetting,
+)
+from fixtures.demo_scenes import BOX_LIGHT_CM, CHART_CM, LIGHT_RADIUS_CM, chart_scene_xml
+from fixtures.demo_session import write_demo_session
+from fixtures.paints import FORMULAS, NM, chart_truth, paint
+from radiometry.errors import InputError
+from reconstruct.llvm import ensure_llvm
+
+SIZE = (208, 312)               # rows, columns of the small photos
+FILES = ["session.toml", "photos/box.dng", "photos/chart.dng", "photos/flat.dng", "scene/box.xml", "scene/chart.xml",
+         "spectra/light.csv", "spectra/truth_sensitivity.csv",
+         *(f"spectra/truth_{name}.csv" for name in ("white", "green", "red", "cube"))]
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("demo") / "session"
+    write_demo_session(folder, seed=3, size=SIZE, spp=16)
+    return folder
+
+
+def bands(folder, name):
+    """Signal (H/2, W/2, 3) without vignetting, and the exposure in s."""
+    with rawpy.imread(str(folder / "photos" / f"{name}.dng")) as raw:
+        # LibRaw lists black by colour R, G, B, second G; the file by place R, G, G, B.
+        assert list(raw.black_level_per_channel) == [BLACK[0], BLACK[1], BLACK[3], BLACK[2]]
+        assert raw.white_level == WHITE
+        counts, exposure_s = raw.raw_image_visible.astype(float), raw.other.shutter_speed
+    tiles = [(slice(place // 2, None, 2), slice(place % 2, None, 2)) for place in range(4)]
+    red, green1, green2, blue = [(counts[tile] - black) / (WHITE - black) / vignetting(SIZE)[tile]
+                                 for tile, black in zip(tiles, BLACK, strict=True)]
+    return np.stack([red, (green1 + green2) / 2, blue], axis=-1), exposure_s
+
+
+def seen(spectrum):
+    """Integrals (3,) of a radiance (P,) at ``NM`` by Simpson's rule: not the fixture's trapezoid."""
+    weights = np.r_[1, np.tile([4, 2], NM.size // 2 - 1), 4, 1] / 3
+    return camera_sensitivities() @ (weights * spectrum)
+
+
+def pixel_noise(signal):
+    """Standard deviation of the signal of one pixel."""
+    return np.sqrt(signal / FULL_WELL_ELECTRONS + (READ_NOISE_DN / (WHITE - max(BLACK))) ** 2)
+
+
+@pytest.mark.parametrize("name", FORMULAS)
+def test_paints_are_reflectances_that_no_spline_of_the_inversion_is(name):
+    nm, reflectance = paint(name)
+    assert 0.03 < reflectance.min() < reflectance.max() < 0.9
+    inside = (nm >= 400) & (nm <= 700)
+    knots = np.r_[[400.0] * 3, np.linspace(400, 700, 19), [700.0] * 3]
+    basis = BSpline.design_matrix(nm[inside], knots, 3).toarray()
+    fit = basis @ np.linalg.lstsq(basis, reflectance[inside], rcond=None)[0]
+    # One-sided: a spectrum made in the basis would leave round-off, about 1e-15.
+    assert np.max(np.abs(fit - reflectance[inside])) > 1e-4
+
+
+def test_the_chart_deviates_by_about_one_per_cent_from_the_average():
+    one, other = chart_truth(np.random.default_rng(1)), chart_truth(np.random.default_rng(2))
+    assert one.shape == (24, NM.size)
+    # Two charts differ by sqrt(2) of what each differs from the average. 24 x 4 x 2 random numbers of effect: the
+    # standard deviation is known to about 10 %, taken three times.
+    assert np.std(np.log(one / other)) / np.sqrt(2) == pytest.approx(0.01, rel=0.3)
+
+
+def test_the_lamp_shines_everywhere_in_the_visible():
+    visible = lamp.radiance(np.arange(400.0, 701.0))
+    assert visible.min() >= 0.004 * visible.max()
+    assert abs(400 + np.argmax(visible) - 450) < 5
+
+
+def test_the_reading_of_the_lamp_states_its_own_error():
+    nm, values, standard_error = lamp.measured(np.random.default_rng(5))
+    scatter = (values - lamp.radiance(nm)) / standard_error
+    # 401 readings: the root mean square of the scatter is 1 +- 0.035; four of these.
+    assert np.sqrt(np.mean(scatter**2)) == pytest.approx(1, abs=0.14)
+
+
+def test_the_session_is_complete(session):
+    found = [file.relative_to(session).as_posix() for file in session.rglob("*") if file.is_file()]
+    assert sorted(found) == sorted(FILES)
+
+
+def test_the_same_seed_gives_the_same_bytes(session, tmp_path):
+    write_demo_session(tmp_path / "again", seed=3, size=SIZE, spp=16)
+    for name in FILES:
+        assert (tmp_path / "again" / name).read_bytes() == (session / name).read_bytes(), name
+
+
+def test_a_folder_with_a_session_is_left_alone(session):
+    before = (session / "session.toml").read_bytes()
+    with pytest.raises(InputError, match=r"already holds session\.toml; give a new or empty folder"):
+        write_demo_session(session, seed=4)
+    assert (session / "session.toml").read_bytes() == before
+
+
+def test_progress_ends_at_one(tmp_path):
+    fractions = []
+    write_demo_session(tmp_path, progress=lambda phrase, fraction: fractions.append(fraction), size=(52, 78), spp=4)
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1
+
+
+@pytest.mark.parametrize("name, target", [("box", 0.70), ("chart", 0.75), ("flat", 0.80)])
+def test_photos_are_well_exposed(session, name, target):
+    signal, exposure_s = bands(session, name)
+    # Exposures are 1 / n s with n about 60 to 100: within 1 %; vignetting is taken out, which adds up to 18 %.
+    assert 0.95 * target < np.percentile(signal.max(axis=-1), 99.5) < 1.2 * target
+    # EXIF holds the fraction, LibRaw gives a float32 of its logarithm.
+    assert exposure_s == pytest.approx(float(Fraction(1, round(1 / exposure_s))), rel=1e-3)
+
+
+def test_the_white_card_is_even_and_falls_off_to_the_corners(session):
+    signal, _ = bands(session, "flat")
+    blocks = signal[:100, :150].reshape(5, 20, 5, 30, 3).mean(axis=(1, 3))
+    # Shot noise of 600 pixels; 75 blocks of which none may be 4.5 sigma off.
+    np.testing.assert_allclose(blocks / signal.mean(axis=(0, 1)), 1, atol=4.5 * pixel_noise(0.5) / 0.5 / np.sqrt(600))
+    assert vignetting(SIZE)[0, 0] == pytest.approx(0.85)
+
+
+@pytest.mark.parametrize("patch", range(24))
+def test_a_patch_reads_what_lamp_paint_and_distance_say(session, patch):
+    signal, exposure_s = bands(session, "chart")
+    row, column = divmod(patch, 6)
+    centre_cm = np.array([[4.35 * (column - 2.5), -4.35 * (row - 1.5)]])
+    corners_cm, corners_px = chart_corners(SIZE)
+    x, y, w = homography(corners_cm, corners_px) @ np.append(centre_cm[0], 1)
+    i, j = round(y / w / 2 - 0.25), round(x / w / 2 - 0.25)
+    measured = signal[i - 2:i + 3, j - 2:j + 3].mean(axis=(0, 1))
+    chart = chart_truth(np.random.default_rng(3).spawn(5)[0])
+    expected = GAIN * exposure_s * light_factor(centre_cm)[0] * seen(chart[patch] * lamp.radiance(NM))
+    # Noise of 25 pixels, 4.5 sigma (72 comparisons), and 0.1 % for the patch's own gradient within the 5 x 5 window.
+    assert np.all(np.abs(measured - expected) < 4.5 * pixel_noise(expected) / 5 + 1e-3 * expected)
+
+
+def test_light_falls_off_as_the_inverse_square_and_the_cosine():
+    # The point below the light sees it square on: (R / d)^2 exactly.
+    assert light_factor(np.array([-4.0, 10.0])) == pytest.approx((LIGHT_RADIUS_CM / 74) ** 2, rel=1e-12)
+    corners = light_factor(np.array([[-14.5, 10.15], [14.5, 10.15], [14.5, -10.15], [-14.5, -10.15]]))
+    assert 1.03 < corners.max() / corners.min() < 1.2
+
+
+def test_the_scene_file_sees_the_chart_where_the_photo_shows_it():
+    ensure_llvm()
+    import mitsuba as mi
+    mi.set_variant("llvm_ad_spectral")
+    scene = mi.load_string(chart_scene_xml(SIZE))
+    corners_cm, corners_px = chart_corners(SIZE)
+    film_point = mi.Point2f(*((corners_px.T + 0.5) / [[SIZE[1]], [SIZE[0]]]))
+    ray, _ = scene.sensors()[0].sample_ray(0.0, 0.5, film_point, mi.Point2f(0.5))
+    uv = np.array(scene.ray_intersect(ray).uv).T
+    # Single precision over a distance of 90 cm: about 1e-5 of the chart.
+    np.testing.assert_allclose(uv, 0.5 + corners_cm / CHART_CM, atol=1e-4)
+
+
+@pytest.mark.parametrize("x_cm, tinted_band", [(20.0, 0), (-20.0, 1)])
+def test_the_floor_gets_direct_light_and_some_from_the_wall_beside_it(session, x_cm, tinted_band):
+    signal, exposure_s = bands(session, "box")
+    point = np.array([x_cm, 0.0, -8.0])       # 4 cm from the red wall or the green one
+    focal_px = SIZE[1] / 2 / np.tan(np.radians(37.3 / 2))   # the scene's camera stands at (0, 16.5, 69)
+    x = SIZE[1] / 2 + focal_px * point[0] / (69 - point[2])
+    y = SIZE[0] / 2 + focal_px * 16.5 / (69 - point[2])
+    i, j = int(y / 2), int(x / 2)
+    measured = signal[i - 1:i + 2, j - 2:j + 3].mean(axis=(0, 1))
+    to_light = BOX_LIGHT_CM - point
+    factor = LIGHT_RADIUS_CM**2 * to_light[1] / np.linalg.norm(to_light) ** 3
+    direct = GAIN * exposure_s * factor * seen(paint("white_wall")[1] * lamp.radiance(NM))
+    assert np.all(measured > direct)
+    assert np.all(measured < 1.5 * direct)
+    assert np.argmax(measured / direct) == tinted_band
+
+
+def test_smoothing_keeps_an_even_face_and_never_mixes_two():
+    faces = np.repeat([[0] * 20 + [1] * 20], 30, axis=0)
+    signal = np.where(faces == 0, 0.2, 0.7)[..., None]
+    # Sums of at most 49 numbers: a few eps.
+    np.testing.assert_allclose(smooth_within_faces(signal, faces), signal, rtol=1e-13)
+
+
+def test_a_number_of_paths_that_cannot_be_repeated_is_refused():
+    with pytest.raises(ValueError, match="48 paths per pixel were asked for; give one of 4, 16, 64, 256"):
+        box_light(NM, {}, NM, camera_sensitivities(), size=SIZE, spp=48, seed=1, progress=print)

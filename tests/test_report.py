@@ -1,0 +1,247 @@
+"""The session report: it opens offline, says what the records say, and survives hostile names."""
+from __future__ import annotations
+
+import dataclasses
+import html
+import json
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from report_example import SURFACES, WORST_RATIO, example_session
+
+from radiometry.errors import EnvironmentProblem, InputError
+from radiometry.records import Outcome
+from session.report.maps import residual_limit, residual_maps
+from session.report.page import write_report
+from session.report.svg import band_colours, plain_line
+from session.report.verdict import Status, judge
+from session.report.words import exposure, number, percent, signed_percent
+
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+HOSTILE = "<script>alert(1)</script>"
+NAMES = (HOSTILE, 'a $\\frac{ $ "quoted" \x00\ud800 & </title>', "石膏 wall")
+
+
+class Page(HTMLParser):
+    """Checks that elements close in order; gathers ids, addresses, script texts and visible text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.addresses: list[str] = []
+        self.scripts: dict[str | None, str] = {}
+        self.texts: list[str] = []
+        self._script: str | None = None
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self._note(attrs)
+        if tag == "script":
+            self._script = dict(attrs).get("id")
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self._note(attrs)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] == "script":
+            self.scripts[self._script] = data
+        else:
+            self.texts.append(data)
+
+    def _note(self, attrs):
+        self.ids += [value for key, value in attrs if key == "id"]
+        self.addresses += [value for key, value in attrs if key in ("src", "href", "xlink:href")]
+
+    @property
+    def numbers(self):
+        return json.loads(self.scripts["spectrabox-results"])
+
+
+def written(results):
+    return write_report(results).read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def usual(tmp_path_factory):
+    results = example_session(tmp_path_factory.mktemp("usual"))
+    return results, written(results)
+
+
+@pytest.mark.parametrize("case", [
+    {}, {"bands": ("410", "480", "550", "620", "690")}, {"chart": False}, {"truth": False}, {"materials": NAMES},
+    {"bands": ("B1", "B2", "B3", "B4"), "chart": False, "truth": False, "name": HOSTILE, "notes": HOSTILE}])
+def test_the_page_is_balanced_and_needs_nothing_from_outside(tmp_path, case):
+    text = written(example_session(tmp_path, **case))
+    page = Page(text)
+    assert len(page.ids) == len(set(page.ids))
+    assert not re.search(r"https?://|file:|@import", text)
+    assert all(address.startswith(("#", "data:image/png;base64,")) for address in page.addresses)
+    targets = {address[1:] for address in page.addresses if address.startswith("#")}
+    assert targets | set(re.findall(r"url\(#([^)]+)\)", text)) <= set(page.ids)
+
+
+def test_hostile_names_are_shown_and_never_run(tmp_path):
+    results = example_session(tmp_path, materials=NAMES, name=HOSTILE, notes=HOSTILE, bands=("R", HOSTILE, "B"))
+    results.inputs[0]["file"] = HOSTILE
+    results.warnings.append(HOSTILE)
+    text = written(results)
+    assert HOSTILE not in text
+    assert html.escape(HOSTILE) in text
+    page = Page(text)
+    assert page.numbers["materials"][0]["name"] == HOSTILE
+    assert page.numbers["warnings"] == [HOSTILE]
+    assert text.count("<script") == text.count("</script>") == len(re.findall(r"<script[ >]", text))
+
+
+def test_numbers_in_the_json_equal_the_records(usual):
+    results, text = usual
+    numbers, made = Page(text).numbers, results.reconstruction
+    # JSON writes the shortest digits that read back as the same float, so nothing may differ.
+    for entry, material in zip(numbers["materials"], results.materials, strict=True):
+        m = made.materials.index(material.name)
+        np.testing.assert_array_equal(entry["inverse_rendering"]["reflectance"], made.spectra[m])
+        if material.summary is not None:
+            np.testing.assert_array_equal(entry["summary"]["mean"], material.summary.mean)
+            np.testing.assert_array_equal(entry["summary"]["bound_upper"], material.summary.bound_upper)
+            assert entry["scores"] == dataclasses.asdict(material.scores)
+    np.testing.assert_array_equal([row["ratio"] for row in numbers["agreement"]], made.agreement.ratio)
+    np.testing.assert_array_equal(numbers["reconstruction"]["loss_history"], made.loss_history)
+    np.testing.assert_array_equal(numbers["calibration"]["sensitivity"]["curves"],
+                                  results.calibration.sensitivity.curves)
+    assert numbers["calibration"]["light_scale"]["value"] == results.light_scale.value
+    assert numbers["inputs"][0]["sha256"] == results.inputs[0]["sha256"]
+
+
+def test_the_surface_that_does_not_fit_is_named_in_words(usual):
+    results, text = usual
+    verdict = judge(results)
+    assert verdict.status is Status.WARN
+    assert verdict.says == ("The surface “left wall” does not fit: in band R the photo is "
+                            f"{percent(WORST_RATIO - 1)} brighter than the rendering.")
+    assert verdict.says in text
+
+
+@pytest.mark.parametrize("median, worst, status", [
+    (1.01, 1.04, Status.PASS), (1.03, 1.04, Status.WARN), (0.94, 0.94, Status.FAIL), (1.0, 0.9, Status.WARN),
+    (1.0, 1.2, Status.FAIL)])
+def test_the_verdict_follows_the_worst_criterion(tmp_path, median, worst, status):
+    ratio = np.full((len(SURFACES), 3), median)
+    ratio[2, 1] = worst
+    assert judge(with_ratio(example_session(tmp_path), ratio)).status is status
+
+
+@pytest.mark.parametrize("outcome, status", [
+    (Outcome.STEP_LIMIT, Status.WARN), (Outcome.ILL_POSED, Status.PASS), (Outcome.CONVERGED, Status.PASS)])
+def test_a_fit_that_was_stopped_early_is_a_warning(tmp_path, outcome, status):
+    results = with_ratio(example_session(tmp_path), np.ones((len(SURFACES), 3)))
+    made = dataclasses.replace(results.reconstruction, outcome=outcome)
+    verdict = judge(dataclasses.replace(results, reconstruction=made))
+    assert verdict.status is status
+    assert any(outcome.value in criterion.says for criterion in verdict.criteria)
+
+
+def test_what_could_not_be_measured_is_said_and_is_not_a_number(tmp_path):
+    results = example_session(tmp_path)
+    ratio = results.reconstruction.agreement.ratio.copy()
+    ratio[3] = np.nan
+    text = written(with_ratio(results, ratio))
+    assert "Not compared in every band: floor." in text
+    assert "not measured" in text
+    assert Page(text).numbers["agreement"][3]["ratio"] == [None, None, None]
+    assert not re.search(r">\s*[+−-]?nan", text)
+
+
+def test_a_session_without_any_compared_surface_is_no_pass(tmp_path):
+    results = with_ratio(example_session(tmp_path), np.full((len(SURFACES), 3), np.nan))
+    assert judge(results).status is Status.WARN
+    assert "No surface could be compared" in written(results)
+
+
+def test_a_failing_render_leaves_the_old_report(tmp_path):
+    results = example_session(tmp_path)
+    (tmp_path / "report.html").write_text("old")
+    results.chart.overlay.unlink()
+    with pytest.raises(InputError, match=r"picture overlay\.png cannot be read .* run the stage that makes it again"):
+        write_report(results)
+    assert (tmp_path / "report.html").read_text() == "old"
+
+
+def test_a_failing_write_leaves_nothing_behind(tmp_path):
+    results = example_session(tmp_path)
+    (tmp_path / "report.html").mkdir()  # a folder in the way cannot be replaced by a file
+    with pytest.raises(EnvironmentProblem, match=r"report\.html cannot be written"):
+        write_report(results)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["overlay.png", "preview.png", "report.html"]
+
+
+def test_the_same_session_gives_the_same_page(usual):
+    results, text = usual
+    assert written(results) == text
+
+
+def test_residuals_are_relative_to_the_photo_and_absent_where_not_used(usual):
+    made = usual[0].reconstruction
+    residuals = residual_maps(made)
+    # One division and one subtraction of numbers near 1: a few eps.
+    np.testing.assert_allclose((1 - residuals[made.used]) * made.measured[made.used], made.rendered[made.used],
+                               rtol=8 * np.finfo(float).eps)
+    assert np.isnan(residuals[~made.used]).all()
+
+
+@pytest.mark.parametrize("size, limit", [(0.0, 0.02), (0.019, 0.02), (0.04, 0.05), (0.45, 0.5), (7.0, 1.0)])
+def test_the_residual_scale_ends_at_a_round_number(size, limit):
+    assert residual_limit(np.array([-size, size, np.nan])) == limit
+
+
+def test_red_green_and_blue_look_so_and_all_bands_differ():
+    assert band_colours(("B", "R")) == band_colours(("R", "G", "B"))[::2][::-1]
+    for bands in (("R", "G", "B", "NIR"), tuple(str(nm) for nm in range(400, 700, 30))):
+        assert len(set(band_colours(bands))) == len(bands)
+
+
+@pytest.mark.parametrize("said, expected", [
+    (percent(0.0213), "2.1 %"), (percent(0.999), "99.9 %"), (percent(1.0), "100 %"), (percent(None), "not measured"),
+    (signed_percent(-0.021), "−2.1 %"), (number(1.5e-9, 2), "1.5 × 10⁻⁹"), (exposure(0.004), "1/250 s"),
+    (exposure(None), "not stated"), (plain_line("a\n b\x07 c" + "d" * 90, 12), "a b c" + "d" * 6 + "…")])
+def test_numbers_are_written_for_people(said, expected):
+    assert said == expected
+
+
+def test_the_pointer_reads_the_curves_in_a_browser(tmp_path):
+    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("no Chromium on this machine to open the report in")
+    results = example_session(tmp_path, materials=("white", HOSTILE, "green"))
+    probe = """<script>window.addEventListener("error", (e) => { document.title = "ERROR " + e.message; });</script>"""
+    move = """<script>
+      const box = document.querySelector("script.readout").parentElement.querySelector("svg").getBoundingClientRect();
+      document.querySelector(".plot-box svg").dispatchEvent(new PointerEvent("pointermove",
+        {clientX: box.left + box.width / 2, clientY: box.top + box.height / 2}));</script>"""
+    page = tmp_path / "probed.html"
+    page.write_text(written(results).replace("<style>", probe + "<style>", 1).replace("</body>", move + "</body>"),
+                    encoding="utf-8")
+    dom = subprocess.run(
+        [browser, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
+         "--dump-dom", page.as_uri()], capture_output=True, text=True, timeout=100, check=True).stdout
+    assert "<title>ERROR" not in dom
+    assert int(re.search(r'data-readouts="(\d+)"', dom)[1]) == dom.count('class="readout"')
+    assert re.search(r"Wavelength 5\d\d nm: mean 0\.\d{3}, standard deviation 0\.\d{3}", dom)
+
+
+def with_ratio(results, ratio):
+    """The session with other ratios of photo to rendering."""
+    made = results.reconstruction
+    agreement = dataclasses.replace(made.agreement, ratio=ratio)
+    return dataclasses.replace(results, reconstruction=dataclasses.replace(made, agreement=agreement))

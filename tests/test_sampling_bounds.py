@@ -1,0 +1,124 @@
+"""Lowest and highest reflectance over all spectra that fit: closed forms, draws inside, and signals out of reach."""
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from radiometry.bspline import basis_matrix
+from radiometry.errors import InputError
+from radiometry.grid import visible_grid
+from radiometry.records import MeasurementOperator
+from radiometry.response import relative_operator, response_matrix
+from sampling.bounds import reflectance_bounds, widening
+from sampling.tilted_rejection import sample_spectra
+
+NM = np.linspace(400, 700, 13)
+SOLVER = 1e-6  # HiGHS keeps every constraint to 1e-7; small pivots of these cameras enlarge that less than ten times
+
+
+def camera(coefficients):
+    grid = visible_grid(5)
+    sensitivities = np.exp(-0.5 * ((grid.nm - np.array([[450], [530], [610]])) / 35)**2)
+    return relative_operator(response_matrix(grid, sensitivities, np.ones(grid.nm.size)),
+                             basis_matrix(grid.nm, coefficients))
+
+
+def measurement(A, y, error=0.0):
+    return MeasurementOperator(A, y, error**2 * np.eye(len(y)))
+
+
+def grey(coefficients, error=0.0):
+    A = camera(coefficients)
+    return measurement(A, A @ np.random.default_rng(8).uniform(0.05, 0.95, coefficients), error)
+
+
+@pytest.mark.parametrize("total", [0.3, 1.0, 2.5])
+def test_bounds_of_a_sum_are_what_the_others_leave(total):
+    A = np.full((1, 4), 0.25)
+    lower, upper = reflectance_bounds(measurement(A, np.array([total / 4])), np.eye(4))
+    np.testing.assert_allclose(lower, max(0.0, total - 3), atol=SOLVER)
+    np.testing.assert_allclose(upper, min(1.0, total), atol=SOLVER)
+
+
+def test_a_coefficient_seen_alone_is_bounded_by_its_noise():
+    error = 0.05
+    lower, upper = reflectance_bounds(measurement(np.eye(2, 4), np.array([0.5, 0.02]), error), np.eye(4), level=0.9)
+    radius = error * np.sqrt(chi2.ppf(0.9, 2))
+    np.testing.assert_allclose(lower, [0.5 - radius, 0, 0, 0], atol=SOLVER)
+    np.testing.assert_allclose(upper, [0.5 + radius, 0.02 + radius, 1, 1], atol=SOLVER)
+
+
+@pytest.mark.parametrize("coefficients", [5, 9, 21])
+def test_every_draw_lies_within_the_bounds(coefficients):
+    operator, basis = grey(coefficients), basis_matrix(NM, coefficients)
+    spectra = sample_spectra(operator, 2_000, seed=1).coefficients @ basis.T
+    lower, upper = reflectance_bounds(operator, basis)
+    assert np.all(spectra > lower - SOLVER)
+    assert np.all(spectra < upper + SOLVER)
+
+
+def test_draws_come_close_to_the_bounds():
+    operator, basis = grey(5), basis_matrix(NM, 5)
+    spectra = sample_spectra(operator, 20_000, seed=1).coefficients @ basis.T
+    lower, upper = reflectance_bounds(operator, basis)
+    # With two free directions the corner of a polygon is missed by a few 1/sqrt(draws) of the width: 5 %.
+    np.testing.assert_allclose(np.ptp(spectra, axis=0), upper - lower, rtol=0.05, atol=1e-3)
+
+
+def test_draws_whose_noise_lies_in_the_ellipsoid_lie_within_the_bounds():
+    operator, basis = grey(9, error=0.02), basis_matrix(NM, 9)
+    c = sample_spectra(operator, 2_000, seed=1).coefficients
+    chi_square = (((c @ operator.A.T - operator.y) / 0.02)**2).sum(axis=1)
+    spectra = c[chi_square < chi2.ppf(0.95, 3)] @ basis.T
+    lower, upper = reflectance_bounds(operator, basis)
+    assert np.all((spectra > lower - SOLVER) & (spectra < upper + SOLVER))
+
+
+def test_more_noise_or_a_higher_level_never_narrows_the_bounds():
+    basis = basis_matrix(NM, 9)
+    cases = [(0.0, 0.95), (0.005, 0.5), (0.005, 0.95), (0.02, 0.95), (0.02, 0.999)]
+    found = [reflectance_bounds(grey(9, error), basis, level) for error, level in cases]
+    for (lower, upper), (wider_lower, wider_upper) in pairwise(found):
+        assert np.all(wider_lower <= lower + SOLVER)
+        assert np.all(wider_upper >= upper - SOLVER)
+
+
+@pytest.mark.parametrize("reflectance", [0.0, 1.0])
+def test_perfect_black_and_white_have_one_spectrum(reflectance):
+    A = camera(7)
+    operator = measurement(A, A @ np.full(7, reflectance))
+    # A bound is off by the solver's 1e-7 over the smallest weight of a coefficient in A, 1e-3.
+    for bound in reflectance_bounds(operator, basis_matrix(NM, 7)):
+        np.testing.assert_allclose(bound, reflectance, atol=1e-4)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.01])
+def test_out_of_reach_the_bounds_widen_by_the_least_that_fits(error):
+    operator = measurement(np.eye(2, 4), np.array([0.5, 1.3]), error)
+    slack = 0.3 - error * np.sqrt(chi2.ppf(0.95, 2))
+    assert widening(operator) == pytest.approx(slack, abs=SOLVER)
+    lower, upper = reflectance_bounds(operator, np.eye(4))
+    np.testing.assert_allclose(lower, [0.2, 1, 0, 0], atol=SOLVER)
+    np.testing.assert_allclose(upper, [0.8, 1, 1, 1], atol=SOLVER)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.01])
+def test_signals_within_reach_need_no_widening(error):
+    assert widening(grey(7, error)) == 0
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, 95.0])
+def test_a_level_that_is_no_probability_is_an_error(level):
+    with pytest.raises(InputError, match=f"a level of {level} was asked for; it is a probability between 0 and 1"):
+        reflectance_bounds(grey(7), basis_matrix(NM, 7), level)
+
+
+def test_a_basis_of_another_size_is_an_error():
+    with pytest.raises(InputError, match=r"the basis has shape \(13, 9\); \(P, 7\) is needed"):
+        reflectance_bounds(grey(7), basis_matrix(NM, 9))
+
+
+def test_a_signal_that_is_not_finite_is_an_error():
+    with pytest.raises(InputError, match="y of the measurement holds numbers that are not finite"):
+        reflectance_bounds(measurement(camera(7), np.array([0.5, np.inf, 0.5])), basis_matrix(NM, 7))

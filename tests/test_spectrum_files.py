@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+
+from radiometry.errors import InputError
+from radiometry.grid import grid_from_nm, visible_grid
+from radiometry.records import Quantity
+from radiometry.spectrum_files import (
+    on_grid,
+    read_curves,
+    read_spectrum,
+    read_table,
+    spectrum_on_grid,
+    table_text,
+)
+
+CANONICAL = "# quantity: reflectance\n# unit: 1\n# source: lab\nwavelength_nm,value,standard_error\n"
+
+
+def write(tmp_path, text, name="s.csv"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_canonical_file_comes_back_as_written(tmp_path):
+    nm, values = np.arange(380.0, 731.0), np.random.default_rng(1).uniform(size=351)
+    path = write(tmp_path, table_text(nm, {"value": values}, quantity=Quantity.REFLECTANCE, source="lab 7"))
+    spectrum = read_spectrum(path, role=Quantity.REFLECTANCE)
+    assert spectrum.source == "lab 7" and spectrum.quantity is Quantity.REFLECTANCE
+    # Nine significant digits are written: half a unit of the ninth.
+    np.testing.assert_allclose(spectrum.values, values, rtol=5e-9)
+
+
+def test_the_standard_error_travels_with_the_values(tmp_path):
+    spectrum = read_spectrum(write(tmp_path, CANONICAL + "400,0.5,0.01\n500,0.6,0.02\n"), role=Quantity.REFLECTANCE)
+    np.testing.assert_array_equal(spectrum.standard_error, [0.01, 0.02])
+
+
+@pytest.mark.parametrize("text", [
+    "nm;R\n400;0,25\n500;0,5\n", "nm\tR\n400\t0.25\n500\t0.5\n", "400,0.25\n500,0.5\n",
+    "﻿nm,R\n400,0.25\n500,0.5\n\n"])
+def test_loose_files_are_read(tmp_path, text):
+    spectrum = read_spectrum(write(tmp_path, text), role=Quantity.REFLECTANCE)
+    np.testing.assert_array_equal(spectrum.values, [0.25, 0.5])
+
+
+def test_a_column_is_chosen_by_name_or_number(tmp_path):
+    path = write(tmp_path, "nm,red,green,red\n400,1,2,3\n500,4,5,6\n")
+    np.testing.assert_array_equal(read_spectrum(path, role=Quantity.RELATIVE, column="green").values, [2, 5])
+    np.testing.assert_array_equal(read_spectrum(path, role=Quantity.RELATIVE, column=4).values, [3, 6])
+
+
+def test_units_are_converted_to_si(tmp_path):
+    path = write(tmp_path, "# quantity: radiance\n# unit: uW cm-2 sr-1 nm-1\nnm,v\n400,100\n500,200\n")
+    spectrum = read_spectrum(path, role=Quantity.RELATIVE)
+    assert spectrum.quantity is Quantity.RADIANCE
+    np.testing.assert_allclose(spectrum.values, [1, 2])
+
+
+@pytest.mark.parametrize("text, options, message", [
+    ("", {}, "is empty"),
+    ("hello\nworld\n", {}, "holds no table of wavelengths"),
+    ("nm,v\n400,1\n390,2\n", {}, "must ascend; they turn back at 390 nm"),
+    ("um,v\n0.4,1\n0.5,2\n", {}, "cannot be in nm"),
+    ("nm,a,b\n400,1,1\n500,1,1\n", {}, "holds 2 columns .'a', 'b'.; say which"),
+    ("nm,a,b\n400,1,1\n500,1,1\n", {"column": "c"}, "no column named 'c'; it holds 'a', 'b'"),
+    ("nm,a,a\n400,1,1\n500,1,1\n", {"column": "a"}, "2 columns named 'a'"),
+    ("nm,a\n400,1\n500,1\n", {"column": 7}, "has no column 7"),
+    ("nm,a\n400,40\n500,80\n", {}, "looks like percent"),
+    ("nm,a\n400,-0.4\n500,0.5\n", {}, "cannot be negative"),
+    ("# quantity: radiance\nnm,a\n400,0.1\n500,0.1\n", {}, "holds radiance; reflectance is needed"),
+    ("# quantity: mood\nnm,a\n400,0.1\n500,0.1\n", {}, "states the quantity 'mood'"),
+    ("# unit: furlong\nnm,a\n400,0.1\n500,0.1\n", {}, "states the unit 'furlong'"),
+    ("nm,a\n400,x\n500,y\n", {}, "holds no numbers"),
+    ("nm,a\n400,1\n", {}, "holds no table"),
+    ("nm,a\n400,1\n410,1\nend,1\n", {}, "'end' stands where a wavelength is needed")])
+def test_a_bad_file_gets_one_sentence(tmp_path, text, options, message):
+    with pytest.raises(InputError, match=message):
+        read_spectrum(write(tmp_path, text), role=Quantity.REFLECTANCE, **options)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"nothing\.csv is missing"):
+        read_table(tmp_path / "nothing.csv")
+
+
+def test_a_binary_file_is_not_a_spectrum(tmp_path):
+    path = tmp_path / "b.csv"
+    path.write_bytes(bytes(range(256)))
+    with pytest.raises(InputError, match="not a text file"):
+        read_table(path)
+
+
+def test_resampling_reproduces_a_line_and_never_extrapolates():
+    grid = visible_grid()
+    for step in (1.0, 10.0):
+        nm = np.arange(400.0, 701.0, step)
+        # Both rules are exact for lines up to round-off.
+        np.testing.assert_allclose(on_grid(nm, 0.001 * nm, grid, "line"), 0.001 * grid.nm, rtol=1e-12)
+    with pytest.raises(InputError, match="covers 420-700 nm; 400-700 nm is needed"):
+        on_grid(np.arange(420.0, 701.0), np.ones(281), grid, "lamp.csv")
+
+
+def test_coarse_samples_do_not_overshoot():
+    nm = np.arange(400.0, 701.0, 10)
+    step = np.where(nm < 550, 0.1, 0.9)
+    fine = on_grid(nm, step, visible_grid(), "step")
+    assert fine.min() >= 0.1 - 1e-12 and fine.max() <= 0.9 + 1e-12  # monotone between samples, up to round-off
+
+
+def test_curves_come_with_their_names(tmp_path):
+    nm, names, values = read_curves(write(tmp_path, "nm,R,G,B\n400,1,2,3\n410,4,5,6\n"))
+    assert names == ("R", "G", "B")
+    np.testing.assert_array_equal(values, [[1, 4], [2, 5], [3, 6]])
+    np.testing.assert_array_equal(nm, [400, 410])
+
+
+def test_a_spectrum_keeps_its_own_grid():
+    from radiometry.records import Spectrum
+    spectrum = Spectrum(grid_from_nm(np.array([380.0, 800.0])), np.array([0.0, 0.42]), Quantity.RELATIVE, "ramp")
+    # Coarser than 2.5 nm: the cubic through two points is their line.
+    line = 0.001 * (visible_grid().nm - 380)
+    np.testing.assert_allclose(spectrum_on_grid(spectrum, visible_grid()), line, atol=1e-12)
