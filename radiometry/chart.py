@@ -17,6 +17,9 @@ PATCH_NAMES = (
 )
 ROWS, COLUMNS = 4, 6
 
+# The printed card: its size, the side of a patch and the distance from patch to patch; the border is what remains.
+CARD_CM, PATCH_CM, PITCH_CM = (29.0, 20.3), 4.0, 4.35
+
 # Chart names of colour-science that cover 400-700 nm, by what an operator may write.
 REFERENCES = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta")
 
@@ -45,9 +48,15 @@ def chart_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
 
 
 def patch_centres_uv() -> np.ndarray:
-    """Centres (24, 2) of the patches as fractions of the chart's width and height, from the dark-skin corner."""
+    """Centres (24, 2) of the patches as fractions of the card's width and height, from the dark-skin corner."""
     row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
-    return np.column_stack([(column + 0.5) / COLUMNS, (row + 0.5) / ROWS])
+    from_centre_cm = PITCH_CM * np.column_stack([column - (COLUMNS - 1) / 2, row - (ROWS - 1) / 2])
+    return 0.5 + from_centre_cm / np.array(CARD_CM)
+
+
+def patch_size_uv() -> tuple[float, float]:
+    """Width and height of a patch in the same fractions."""
+    return PATCH_CM / CARD_CM[0], PATCH_CM / CARD_CM[1]
 
 
 def typical_camera_signals(reflectances: np.ndarray, grid: WavelengthGrid,

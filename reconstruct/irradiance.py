@@ -12,7 +12,7 @@ SAMPLED_PART = 0.5       # of a patch's side, as the photo is sampled
 SAMPLES = 4096           # light directions per patch
 
 
-def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, pitch_uv: tuple[float, float],
+def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tuple[float, float],
                      seed: int = 0) -> np.ndarray:
     """Irradiance (24,) in the centre of each patch, for an emitter whose radiance (or intensity) spectrum is 1.
 
@@ -23,7 +23,7 @@ def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, pitch_uv: tu
         the corner beyond bluish green, so v falls from dark skin to white.
     centres_uv : (24, 2) array
         Centres of the patches as fractions of width and height from the dark-skin corner.
-    pitch_uv : (float, float)
+    size_uv : (float, float)
         Width and height of a patch in the same fractions.
 
     Raises
@@ -41,7 +41,7 @@ def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, pitch_uv: tu
                                  bands={"one": ones}, range_nm=(400.0, 700.0), size=(4, 4), integrator="path"))
     shape = next(shape for shape in scene.shapes() if shape.id() == CHART_SHAPE)
     rng = np.random.default_rng(seed)
-    offset = (rng.random((len(centres_uv), SAMPLES, 2)) - 0.5) * SAMPLED_PART * np.asarray(pitch_uv)
+    offset = (rng.random((len(centres_uv), SAMPLES, 2)) - 0.5) * SAMPLED_PART * np.asarray(size_uv)
     place = (centres_uv[:, None] + offset).reshape(-1, 2)
     interaction = shape.eval_parameterization(mi.Point2f(place[:, 0], 1.0 - place[:, 1]))
     interaction.wavelengths = mi.Spectrum(550.0)

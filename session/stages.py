@@ -13,7 +13,7 @@ from capture.chart_detection import chart_overlay, find_chart
 from capture.image_files import write_png
 from capture.patches import require_unclipped, sample_patches
 from capture.preview import preview_rgb8
-from radiometry.chart import COLUMNS, PATCH_NAMES, ROWS, patch_centres_uv, typical_camera_signals
+from radiometry.chart import PATCH_NAMES, patch_centres_uv, patch_size_uv, typical_camera_signals
 from radiometry.light_scale import scale_for_photo
 from radiometry.records import (
     Calibration,
@@ -104,7 +104,7 @@ def calibrate_camera(config: SessionConfig, device: str, samples: PatchSamples |
     if scene is not None:
         progress(0.2, "irradiance on the chart")
         start_mitsuba(device)
-        irradiance = patch_irradiance(scene, patch_centres_uv(), (1 / COLUMNS, 1 / ROWS), config.session.seed)
+        irradiance = patch_irradiance(scene, patch_centres_uv(), patch_size_uv(), config.session.seed)
     progress(0.6, "fitting sensitivities")
     calibration, predicted = calibration_from_chart(
         samples, read_chart_reference(config), light, irradiance, GRID, coefficients=config.sensitivity.coefficients,
