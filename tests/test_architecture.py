@@ -13,7 +13,7 @@ EXCEPTIONS = {("fixtures/box_render.py", "reconstruct.llvm"): "drjit aborts on a
 OWNERS = {"rawpy": ("capture/raw.py",), "cv2": ("capture/chart_detection.py",), "exifread": ("capture/metadata.py",),
           "OpenImageIO": ("capture/image_files.py",), "colour": ("radiometry/",),
           "mitsuba": ("reconstruct/", "fixtures/"), "drjit": ("reconstruct/", "fixtures/"),
-          "typer": ("session/cli.py",)}
+          "typer": ("session/cli.py", "session/command_line.py", "session/commands/")}
 EXTRA_OWNERS = {("fixtures/demo_photos.py", "colour"), ("fixtures/paints.py", "colour"),
                 ("fixtures/lamp.py", "colour"), ("fixtures/demo_session.py", "colour")}
 
@@ -65,11 +65,13 @@ def test_mitsuba_and_colour_are_not_imported_with_a_module(path):
 
 
 def test_the_command_line_imports_nothing_heavy_before_a_command_runs():
-    top = {module.split(".")[0] for module in imports_of(ROOT / "session" / "cli.py", top_level_only=True)}
+    files = [ROOT / "session" / "cli.py", ROOT / "session" / "command_line.py",
+             *(ROOT / "session" / "commands").glob("*.py")]
+    top = {module.split(".")[0] for path in files for module in imports_of(path, top_level_only=True)}
     assert not top & {"numpy", "scipy", "mitsuba", "cv2", "rawpy", "matplotlib", "colour"}
 
 
-@pytest.mark.parametrize("package", PACKAGES)
+@pytest.mark.parametrize("package", [*PACKAGES, "session/report", "session/commands"])
 def test_a_package_file_holds_a_docstring_only(package):
     tree = ast.parse((ROOT / package / "__init__.py").read_text(encoding="utf-8"))
     assert len(tree.body) == 1 and ast.get_docstring(tree), f"{package}/__init__.py must hold its docstring only"

@@ -1,0 +1,56 @@
+"""What every command shares: options, one clear message per error, one JSON object per answer."""
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from radiometry.errors import SpectraboxError
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.", show_default=False)]
+Json = Annotated[bool, typer.Option("--json", help="One machine-readable object on standard output.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+Outside = Annotated[bool, typer.Option("--allow-outside", help="Let the session name files outside its folder.")]
+Device = Annotated[str, typer.Option(help="auto, cpu or cuda: where Mitsuba renders.")]
+INTERRUPTED = 130
+
+
+@contextlib.contextmanager
+def command(as_json: bool, debug: bool) -> Iterator[None]:
+    """Turn errors into one clear message and the documented exit code."""
+    try:
+        yield
+    except typer.Exit:
+        raise
+    except KeyboardInterrupt:
+        fail(as_json, "interrupted: finished stages are kept, run the same command again to go on", INTERRUPTED)
+    except SpectraboxError as error:
+        if debug:
+            raise
+        fail(as_json, str(error), error.exit_code)
+    except BrokenPipeError:
+        raise typer.Exit(1) from None
+
+
+def fail(as_json: bool, message: str, exit_code: int) -> None:
+    """Print an error where the caller looks for it and leave."""
+    if as_json:
+        print(json.dumps({"error": message, "exit_code": exit_code}))
+    print(f"spectrabox: {message}", file=sys.stderr)
+    raise typer.Exit(exit_code)
+
+
+def answer(as_json: bool, facts: dict[str, Any], text: str) -> None:
+    """One JSON object, or text for a person."""
+    print(json.dumps(facts, allow_nan=False) if as_json else text)
+
+
+def check_device(device: str) -> None:
+    """Refuse an unknown device as a usage error."""
+    if device not in ("auto", "cpu", "cuda"):
+        raise typer.BadParameter(f"{device!r} is not one of auto, cpu, cuda", param_hint="--device")
