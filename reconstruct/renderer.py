@@ -42,6 +42,8 @@ def start_mitsuba(device: str = "auto") -> ModuleType:
         raise EnvironmentProblem(f"this process already renders with {mi.variant()}; start a new one for {variant}")
     mi.set_variant(variant)
     mi.set_log_level(mi.LogLevel.Error)
+    if variant == CPU_VARIANT:
+        dr.set_thread_count(1)  # with more, gradients are added in the order in which threads end: not reproducible
     return mi
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from capture.chart_detection import find_chart
 from capture.patches import require_unclipped, sample_patches
 from radiometry.chart import PATCH_NAMES, typical_camera_signals
-from radiometry.errors import CheckError, EnvironmentProblem, InputError, SpectraboxError
+from radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from radiometry.records import LinearImage
 from radiometry.spectrum_files import spectrum_on_grid
 from reconstruct.scene_file import check_materials
@@ -26,11 +26,10 @@ from session.inputs import (
     read_reflectance,
     read_sensitivities,
     read_session_scene,
+    require_exposed,
 )
 from session.session_file import SessionConfig, SpectrumRef, try_read_session
 from session.stages import needs_chart
-
-MOST_CLIPPED = 0.5  # of the object photo: more leaves too little to compare with a rendering
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
         attempt(read_sensitivities, config)
     photo = attempt(read_photo, config, config.photos.object)
     if photo is not None:
-        attempt(_require_exposed, photo, config.photos.object)
+        attempt(require_exposed, photo, config.photos.object)
         if scene is not None:
             attempt(check_aspect, photo, scene, config.photos.object)
     if needs_chart(config):
@@ -87,13 +86,6 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
 def _reflectances(config: SessionConfig) -> list[SpectrumRef]:
     both = [(material.known, material.truth) for material in config.materials.values()]
     return [reference for pair in both for reference in pair if reference is not None]
-
-
-def _require_exposed(photo: LinearImage, name: str) -> None:
-    clipped = float(photo.saturated.any(axis=2).mean())
-    if clipped > MOST_CLIPPED:
-        raise CheckError(f"{name}: {clipped:.0%} of the photo is saturated; halve the exposure until the surfaces "
-                         "are not, the light itself may be")
 
 
 def _check_chart(config: SessionConfig, chart: LinearImage, signals: np.ndarray) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from capture.flat_field import divide_by_flat
 from capture.linear import open_photo
 from radiometry.chart import REFERENCES, chart_reflectances
-from radiometry.errors import InputError
+from radiometry.errors import ClippedPhotoError, InputError
 from radiometry.grid import visible_grid
 from radiometry.records import LinearImage, Quantity, Spectrum
 from radiometry.spectrum_files import on_grid, read_curves, read_spectrum, spectrum_on_grid
@@ -17,6 +17,7 @@ from reconstruct.scene_file import SceneFile, check_materials, read_scene
 from session.session_file import SessionConfig, SpectrumRef
 
 GRID = visible_grid()            # 400-700 nm in 1 nm steps, on which everything is integrated
+MOST_CLIPPED = 0.5               # of the object photo
 LARGEST_ASPECT_ERROR = 0.01      # photo against scene film: above, the two do not show the same view
 
 
@@ -79,6 +80,20 @@ def read_photo(config: SessionConfig, name: str) -> LinearImage:
     if config.photos.flat is None or name == config.photos.flat:
         return photo
     return divide_by_flat(photo, open_photo(config.path(config.photos.flat)))
+
+
+def require_exposed(photo: LinearImage, name: str) -> None:
+    """Refuse an object photo of which too little is left to compare with a rendering.
+
+    Raises
+    ------
+    ClippedPhotoError
+        With the saturated share.
+    """
+    clipped = float(photo.saturated.any(axis=2).mean())
+    if clipped > MOST_CLIPPED:
+        raise ClippedPhotoError(f"{name}: {clipped:.0%} of the photo is saturated; halve the exposure until the "
+                                "surfaces are not, the light itself may be")
 
 
 def check_aspect(photo: LinearImage, scene: SceneFile, name: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 import dataclasses
 import types
 import typing
+import zipfile
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -64,7 +65,7 @@ def load_arrays(path: Path) -> dict[str, np.ndarray]:
         If the file is damaged, or holds anything but plain arrays.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             return {name: stored[name] for name in stored.files}
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
         raise InputError(f"the stored result {path.name} is damaged ({error}); run again with --force") from None

@@ -91,7 +91,7 @@ class MaterialSection:
 
 @dataclass(frozen=True)
 class ReconstructSection:
-    coefficients: int = 9
+    coefficients: int = 11
     width: int = 96
     steps: int = 160
     spp: int = 16

@@ -40,6 +40,7 @@ from session.inputs import (
     read_photo,
     read_sensitivities,
     read_session_scene,
+    require_exposed,
 )
 from session.session_file import SessionConfig
 
@@ -83,6 +84,7 @@ def bin_object_photo(config: SessionConfig, folder: Path, progress: Progress) ->
 
     progress(0.1, f"decoding {config.photos.object}")
     photo = read_photo(config, config.photos.object)
+    require_exposed(photo, config.photos.object)
     check_aspect(photo, read_session_scene(config), config.photos.object)
     write_png(folder / "preview.png", preview_rgb8(photo))
     height, width = photo.signal.shape[:2]

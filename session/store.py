@@ -63,7 +63,7 @@ def load_stage(results: Path, stage: str) -> StoredStage | None:
         old.replace(folder)
     try:
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except (json.JSONDecodeError, UnicodeDecodeError):
         return None  # half a file cannot come from here; whatever it is, the stage is to be run again

@@ -40,7 +40,7 @@ bsdf = "wall"                       # its id in the scene
 # truth = "spectra/wall.csv"        # measured, only compared with
 
 [reconstruct]
-coefficients = 9                    # B-spline coefficients of each spectrum
+coefficients = 11                   # B-spline coefficients of each spectrum
 width = 96                          # pixels of the rendered view
 steps = 160
 spp = 16                            # samples per pixel and step

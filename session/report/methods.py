@@ -77,10 +77,9 @@ def _sampling(results: SessionResults) -> str:
     seeds = ", ".join(str(seed) for seed in sorted({m.samples.seed for m in drawn if m.samples}))
     effective = min(m.samples.effective_samples for m in drawn if m.samples)
     levels = listed(sorted({percent(m.summary.level) for m in drawn if m.summary}))
-    conditions = listed(sorted({m.summary.conditional_on for m in drawn if m.summary}))
     return (f"Spectra that the camera cannot tell apart were drawn with {methods} ({draws} draws per material, seed "
-            f"{seeds}; at least {effective:.0f} effective). Bands are pointwise {levels} bands, conditional on "
-            f"{conditions}.")
+            f"{seeds}; at least {effective:.0f} effective). Bands are pointwise central {levels} bands of the draws, "
+            "conditional on the spline class, on the sampler's prior and on the stated errors of each signal.")
 
 
 def _agreement(results: SessionResults) -> str:

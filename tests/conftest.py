@@ -1,0 +1,37 @@
+"""A small synthetic session, written once and run once; every test gets its own copy."""
+import shutil
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def _captured(tmp_path_factory):
+    from fixtures.demo_session import write_demo_session
+    folder = tmp_path_factory.mktemp("capture") / "box"
+    write_demo_session(folder, 1, size=(208, 312), spp=4)
+    text = (folder / "session.toml").read_text(encoding="utf-8")
+    text = text.replace("width = 96", "width = 40\nsteps = 80").replace("draws = 4000", "draws = 1000")
+    (folder / "session.toml").write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def _finished(_captured, tmp_path_factory):
+    from session.pipeline import run_stages
+    from session.session_file import read_session
+    folder = tmp_path_factory.mktemp("finished") / "box"
+    shutil.copytree(_captured, folder)
+    run_stages(read_session(folder), device="cpu", only=None, force=False, progress=lambda *_: None)
+    return folder
+
+
+@pytest.fixture
+def captured(_captured, tmp_path):
+    """A session with photos, spectra and scenes that nobody has run."""
+    return shutil.copytree(_captured, tmp_path / "captured" / "box")
+
+
+@pytest.fixture
+def finished(_finished, tmp_path):
+    """The same with the results of every stage."""
+    return shutil.copytree(_finished, tmp_path / "finished" / "box")

@@ -1,0 +1,231 @@
+import json
+import re
+import struct
+import subprocess
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from fixtures.dng import write_dng
+from session.cli import app
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def call(*arguments):
+    outcome = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    if outcome.exception is not None and not isinstance(outcome.exception, SystemExit):
+        raise outcome.exception
+    return outcome
+
+
+def edit(folder, before, after, name="session.toml"):
+    path = folder / name
+    text = path.read_text(encoding="utf-8")
+    assert before in text
+    path.write_text(text.replace(before, after), encoding="utf-8")
+
+
+def repaint(path, paint):
+    """Replace the sensor values (H, W) of a DNG in its place, leaving camera, exposure and black level."""
+    content = bytearray(path.read_bytes())
+    directory = struct.unpack("<L", content[4:8])[0]
+    count = struct.unpack("<H", content[directory:directory + 2])[0]
+    tags = {struct.unpack("<H", content[at:at + 2])[0]: struct.unpack("<L", content[at + 8:at + 12])[0]
+            for at in range(directory + 2, directory + 2 + 12 * count, 12)}
+    width, height, start = tags[256] & 0xFFFFFFFF, tags[257], tags[273]
+    mosaic = np.frombuffer(bytes(content[start:start + 2 * width * height]), "<u2").reshape(height, width)
+    painted = np.clip(paint(mosaic.astype(float)), 0, 15871).astype("<u2")
+    content[start:start + painted.nbytes] = painted.tobytes()
+    path.write_bytes(bytes(content))
+
+
+def remove_photo(folder): (folder / "photos" / "box.dng").unlink()
+def empty_photo(folder): (folder / "photos" / "box.dng").write_bytes(b"")
+def unknown_key(folder): edit(folder, "draws =", "drawss =")
+def no_material(folder): edit(folder, 'bsdf = "cube"', 'bsdf = "cubes"')
+def broken_scene(folder): edit(folder, "</scene>", "", "scene/box.xml")
+def broken_toml(folder): edit(folder, "[photos]", "[photos")
+
+
+def truncated_photo(folder):
+    path = folder / "photos" / "box.dng"
+    path.write_bytes(path.read_bytes()[:20000])
+
+
+def no_chart(folder):
+    noise = np.random.default_rng(1).normal(0, 20, (208, 312))
+    repaint(folder / "photos" / "chart.dng", lambda mosaic: 4000 + noise)
+
+
+def bright_object(folder):
+    repaint(folder / "photos" / "box.dng", lambda mosaic: np.where(np.arange(312) < 200, 15871, mosaic))
+
+
+def clipped_chart(folder):
+    repaint(folder / "photos" / "chart.dng", lambda mosaic: 600 + 4 * (mosaic - 600))
+
+
+def other_size(folder):
+    noise = np.random.default_rng(1).normal(0, 20, (208, 208))
+    write_dng(folder / "photos" / "box.dng", (4000 + noise).astype(np.uint16), white=15871,
+              exposure_s=Fraction(1, 100), f_number=8.0, iso=100)
+    edit(folder, 'flat = "photos/flat.dng"', "")
+
+
+def short_light(folder):
+    path = folder / "spectra" / "light.csv"
+    kept = [line for line in path.read_text(encoding="utf-8").splitlines()
+            if not re.match(r"\d+", line) or int(float(line.split(",")[0])) >= 420]
+    path.write_text("\n".join(kept), encoding="utf-8")
+
+
+def extra_surface(folder):
+    edit(folder, "</scene>", '<bsdf type="diffuse" id="brass"/><shape type="sphere" id="knob"><ref id="brass"/></shape>'
+         "</scene>", "scene/box.xml")
+
+
+def results_is_a_file(folder): (folder / "results").write_text("in the way")
+
+
+BAD_INPUT = [
+    (remove_photo, 3, r"box\.dng (is missing|does not exist)"),
+    (empty_photo, 3, r"box\.dng.*empty"),
+    (truncated_photo, 3, r"box\.dng"),
+    (no_chart, 4, r"no ColorChecker.*corners_px"),
+    (clipped_chart, 4, r"chart\.dng.*saturated.*white"),
+    (bright_object, 4, r"box\.dng: 6\d% of the photo is saturated; halve the exposure"),
+    (unknown_key, 3, r"unknown key 'drawss' in \[sampling\]; did you mean 'draws'"),
+    (no_material, 3, r"'cube' names the BSDF 'cubes', which box\.xml lacks; it has"),
+    (extra_surface, 3, r"BSDF 'brass' of knob has no material; add \[materials\.brass\]"),
+    (broken_scene, 3, r"box\.xml is not well-formed XML"),
+    (broken_toml, 3, r"session\.toml is not valid TOML"),
+    (short_light, 3, r"covers 420-\d+ nm; 400-700 nm is needed"),
+]
+
+
+@pytest.mark.parametrize("spoil, code, sentence", BAD_INPUT, ids=lambda value: getattr(value, "__name__", ""))
+def test_bad_input_gets_one_sentence_and_its_exit_code(captured, spoil, code, sentence):
+    spoil(captured)
+    checked = call("check", captured)
+    assert checked.exit_code == code, checked.output
+    assert re.search(sentence, checked.output), checked.output
+    ran = call("run", captured, "--device", "cpu")
+    assert ran.exit_code == code, ran.output
+    assert re.search(sentence, ran.output), ran.output
+    assert "Traceback" not in ran.output
+    assert not (captured / "report.html").exists()
+
+
+def test_a_photo_of_another_shape_names_both_sizes(captured):
+    other_size(captured)
+    for verb in ("check", "run"):
+        outcome = call(verb, captured)
+        assert outcome.exit_code == 3
+        assert "box.dng is 208 x 208 pixels, but box.xml expects 312 x 208" in outcome.output, outcome.output
+
+
+def test_check_lists_everything_at_once(captured):
+    remove_photo(captured)
+    no_chart(captured)
+    short_light(captured)
+    no_material(captured)
+    facts = json.loads(call("check", captured, "--json").stdout)
+    assert not facts["ready"] and len(facts["problems"]) >= 4, facts["problems"]
+
+
+def test_check_of_a_good_session_is_ready(captured):
+    outcome = call("check", captured, "--json")
+    assert outcome.exit_code == 0 and json.loads(outcome.stdout) == {"ready": True, "problems": []}
+    assert not (captured / "results").exists()
+
+
+def test_results_that_cannot_be_written_are_said(captured):
+    results_is_a_file(captured)
+    outcome = call("run", captured)
+    assert outcome.exit_code == 7
+    assert "cannot be written" in outcome.output
+    assert (captured / "results").read_text() == "in the way"
+
+
+def test_a_finished_run_answers_with_its_numbers(finished):
+    outcome = call("run", finished, "--json", "--device", "cpu")
+    assert outcome.exit_code == 0, outcome.output
+    facts = json.loads(outcome.stdout)
+    assert Path(facts["report"]).is_file() and Path(facts["spectra"]).is_file()
+    assert {stage["name"] for stage in facts["stages"]} == {"chart", "photo", "calibrate", "reconstruct", "sample"}
+    assert {material["name"] for material in facts["materials"]} == {"white", "green", "red", "cube"}
+    for material in facts["materials"]:
+        assert 0 <= material["rmse_mean"] < 0.3 and 0 <= material["rmse_inverse_rendering"] < 0.3
+        assert 0 <= material["coverage_95"] <= 1
+    # Forty pixels wide and thirty steps: within 5 %, where the full demo is within 1 %.
+    assert facts["median_surface_error"] < 0.05
+
+
+def test_the_report_can_be_rebuilt_from_stored_results(finished):
+    outcome = call("report", finished)
+    assert outcome.exit_code == 0, outcome.output
+    text = (finished / "report.html").read_text(encoding="utf-8")
+    assert "spectrabox-results" in text and "http://" not in text.replace("http://www.w3.org", "")
+    header = (finished / "spectra.csv").read_text(encoding="utf-8").splitlines()
+    assert header[0] == "# quantity: reflectance" and "green mean" in header[3]
+
+
+def test_a_report_without_results_says_what_to_run(captured):
+    outcome = call("report", captured)
+    assert outcome.exit_code == 3 and "run 'spectrabox run' first" in outcome.output
+
+
+def test_status_tells_how_far_a_session_has_come(captured, finished):
+    assert "missing" in call("status", captured).output
+    edit(finished, "draws = 1000", "draws = 1300")
+    facts = json.loads(call("status", finished, "--json").stdout)
+    stale = [stage for stage in facts["stages"] if stage["state"] == "stale"]
+    assert [stage["name"] for stage in stale] == ["sample"]
+    assert stale[0]["reasons"] == ["settings: sampling changed"]
+
+
+def test_a_new_session_is_a_commented_template_and_overwrites_nothing(tmp_path):
+    folder = tmp_path / "new session"
+    assert call("new", folder).exit_code == 0
+    assert {path.name for path in folder.iterdir()} == {"photos", "spectra", "scene", "session.toml"}
+    again = call("new", folder)
+    assert again.exit_code == 3 and "exists already" in again.output
+
+
+def test_wrong_usage_exits_with_2(captured):
+    assert call("run").exit_code == 2
+    assert call("run", captured, "--device", "toaster").exit_code == 2
+    assert call("fly").exit_code == 2
+
+
+def test_an_error_in_json_is_one_object(tmp_path):
+    outcome = call("run", tmp_path, "--json")
+    assert outcome.exit_code == 3
+    assert json.loads(outcome.stdout)["exit_code"] == 3
+
+
+def test_debug_shows_the_traceback_and_nothing_else_does(tmp_path):
+    command = [sys.executable, "-m", "session.cli", "run", str(tmp_path)]
+    plain = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert plain.returncode == 3 and "Traceback" not in plain.stderr and "session.toml is missing" in plain.stderr
+    debug = subprocess.run([*command, "--debug"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert "Traceback" in debug.stderr
+
+
+def test_the_doctor_finds_this_machine_ready():
+    outcome = call("doctor", "--json", "--device", "cpu")
+    facts = json.loads(outcome.stdout)
+    assert outcome.exit_code == 0 and facts["ready"] and facts["variant"] == "llvm_ad_spectral", facts
+    assert facts["llvm"]["version"] >= 15
+
+
+@pytest.mark.parametrize("where", ["../outside.csv", "/etc/hostname"])
+def test_a_session_cannot_read_outside_its_folder(captured, where):
+    edit(captured, '"spectra/light.csv"', f'"{where}"')
+    outcome = call("run", captured)
+    assert outcome.exit_code == 3 and "lies outside the session folder" in outcome.output

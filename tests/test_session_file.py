@@ -1,0 +1,95 @@
+import pytest
+
+from radiometry.errors import InputError
+from session.session_file import read_session, try_read_session
+from session.template import SESSION_TEMPLATE
+
+GOOD = """
+[photos]
+object = "photos/box.dng"
+chart = "photos/chart.dng"
+[chart]
+scene = "scene/chart.xml"
+[light]
+spectrum = "spectra/light.csv"
+[scene]
+file = "scene/box.xml"
+[materials.white]
+bsdf = "white"
+"""
+
+
+def problems_of(tmp_path, text):
+    (tmp_path / "session.toml").write_text(text, encoding="utf-8")
+    return try_read_session(tmp_path)[1]
+
+
+def test_the_template_is_a_valid_session(tmp_path):
+    assert problems_of(tmp_path, SESSION_TEMPLATE) == []
+
+
+def test_a_plain_session_gets_the_documented_defaults(tmp_path):
+    (tmp_path / "session.toml").write_text(GOOD, encoding="utf-8")
+    config = read_session(tmp_path)
+    assert config.sensitivity.from_chart and config.scale.source == "chart"
+    assert config.sampling.level == 0.95 and config.session.seed == 1
+    assert config.light.spectrum.file == "spectra/light.csv" and config.light.spectrum.column is None
+
+
+def test_a_spectrum_may_name_its_column(tmp_path):
+    text = GOOD.replace('"spectra/light.csv"', '{ file = "spectra/light.csv", column = 2 }')
+    (tmp_path / "session.toml").write_text(text, encoding="utf-8")
+    assert read_session(tmp_path).light.spectrum.column == 2
+
+
+@pytest.mark.parametrize("change, sentence", [
+    (("[photos]", "[foto]"), "unknown key 'foto'; did you mean 'photos'"),
+    (("bsdf = ", "bsfd = "), "unknown key 'bsfd' in [materials.white]; did you mean 'bsdf'"),
+    (('object = "photos/box.dng"', "object = 3"), "photos.object is 3; str is needed"),
+    (('object = "photos/box.dng"', ""), "photos.object is missing"),
+    (('chart = "photos/chart.dng"', ""), "photos.chart is missing, but sensitivities or scale are to come from it"),
+    (('[chart]\nscene = "scene/chart.xml"', ""), "chart.scene is missing"),
+    (("[scene]", '[scale]\nfrom = "moon"\n[scene]'), "scale.from is 'moon'"),
+    (("[scene]", '[scale]\nfrom = "material"\n[scene]'), "no material has a known spectrum"),
+    (("[scene]", "[reconstruct]\nwidth = 5\n[scene]"), "reconstruct.width is 5; 16 to 1024 is possible"),
+    (("[scene]", "[sampling]\nlevel = 2\n[scene]"), "sampling.level is 2; 0.5 to 0.999 is possible"),
+    (("[scene]", "[chart.x]\n[scene]"), "unknown key 'x' in [chart]"),
+    (('bsdf = "white"', 'bsdf = "white"\nknown = "spectra/w.csv"'), "every material is known"),
+    (('bsdf = "white"', 'bsdf = "white"\n[materials.other]\nbsdf = "white"'), "name the same BSDF 'white'"),
+    (('[light]\nspectrum = "spectra/light.csv"', ""), "the table [light] is missing"),
+    (("[materials.white]", "[materials"), "is not valid TOML"),
+    (('scene = "scene/chart.xml"', 'scene = "scene/chart.xml"\ncorners_px = [[1, 2], [3, 4]]'),
+     "corners_px needs four [x, y] pairs")])
+def test_each_fault_gets_its_sentence(tmp_path, change, sentence):
+    assert change[0] in GOOD
+    found = problems_of(tmp_path, GOOD.replace(*change))
+    assert any(sentence in problem for problem in found), found
+
+
+def test_all_faults_are_said_at_once(tmp_path):
+    text = GOOD.replace("[photos]", "[photos]\nflatt = \"a\"").replace("bsdf = ", "bsfd = ")
+    assert len(problems_of(tmp_path, text)) == 3  # two unknown keys and the bsdf that is then missing
+
+
+def test_a_missing_session_says_how_to_start_one(tmp_path):
+    with pytest.raises(InputError, match="write one with 'spectrabox new"):
+        read_session(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["../elsewhere.csv", "/etc/hostname", "spectra/../../x.csv"])
+def test_a_session_cannot_reach_out_of_its_folder_unasked(tmp_path, name):
+    folder = tmp_path / "s"
+    folder.mkdir()
+    (folder / "session.toml").write_text(GOOD, encoding="utf-8")
+    with pytest.raises(InputError, match="lies outside the session folder"):
+        read_session(folder).path(name)
+    read_session(folder, allow_outside=True).path(name)
+
+
+def test_a_link_out_of_the_folder_is_outside_too(tmp_path):
+    folder = tmp_path / "s"
+    folder.mkdir()
+    (folder / "session.toml").write_text(GOOD, encoding="utf-8")
+    (folder / "link.csv").symlink_to(tmp_path / "secret.csv")
+    with pytest.raises(InputError, match="outside"):
+        read_session(folder).path("link.csv")
