@@ -17,8 +17,8 @@ from pathlib import Path
 def spectrabox(*arguments: str) -> tuple[dict, float]:
     """Answer of one command as JSON, and its wall time in seconds."""
     start = time.perf_counter()
-    outcome = subprocess.run([sys.executable, "-m", "session.cli", *arguments, "--json"], capture_output=True, text=True,
-                             check=True)
+    outcome = subprocess.run([sys.executable, "-m", "session.cli", *arguments, "--json"], capture_output=True,
+                             text=True, check=True)
     return json.loads(outcome.stdout), time.perf_counter() - start
 
 

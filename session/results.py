@@ -65,7 +65,7 @@ class SessionResults:
     operator: str
     notes: str
     bands: tuple[str, ...]            # band names, "R", "G", "B" for a colour camera
-    inputs: list[dict[str, Any]]      # role, file (relative), sha256, bytes, facts (exposure_s, iso, camera, kind ...)
+    inputs: list[dict[str, Any]]      # role, file (relative), sha256, bytes; of photos also exposure_s, iso, camera ...
     chart: ChartResult | None         # None where sensitivities came from a file
     calibration: Calibration
     sensitivity_truth: tuple[np.ndarray, np.ndarray] | None  # nm (P,), curves (K, P)

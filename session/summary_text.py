@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from session.report.verdict import judge
+from session.report.verdict import judge, median_surface_error
+from session.report.words import percent
 from session.results import MaterialResult, SessionResults
 
 
@@ -19,7 +20,7 @@ def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
             "materials": [_material_facts(material, results) for material in results.materials],
             "surfaces": [{"name": name, "ratio": [float(value) for value in ratio]}
                          for name, ratio in zip(agreement.names, agreement.ratio, strict=True)],
-            "median_surface_error": _median_surface_error(results),
+            "median_surface_error": median_surface_error(agreement),
             "light_scale": {"value": results.light_scale.value,
                             "standard_error": results.light_scale.standard_error},
             "warnings": results.warnings}
@@ -39,7 +40,8 @@ def run_text(results: SessionResults, report: Path) -> str:
     stream = io.StringIO()
     Console(file=stream, width=110).print(table)
     lines = [stream.getvalue().rstrip(),
-             f"rendered signal within {_median_surface_error(results):.1%} of the photo (median over surfaces)",
+             f"rendered signal within {percent(median_surface_error(results.reconstruction.agreement))} of the photo "
+             "(worst band, median over surfaces)",
              f"verdict: {judge(results).status.name}"]
     lines += [f"warning: {sentence}" for sentence in results.warnings]
     return "\n".join([*lines, f"report: {report}"])
@@ -72,6 +74,3 @@ def _material_facts(material: MaterialResult, results: SessionResults) -> dict[s
     return facts
 
 
-def _median_surface_error(results: SessionResults) -> float:
-    """Median over surfaces of the worst band's |photo / rendering - 1|."""
-    return float(np.median(np.abs(results.reconstruction.agreement.ratio - 1).max(axis=1)))

@@ -1,10 +1,8 @@
 """The methods paragraph of a paper, filled with the numbers of one session."""
 from __future__ import annotations
 
-import numpy as np
-
 from radiometry.records import Spectrum
-from session.report.verdict import chart_residuals, root_mean_square, worst_entry
+from session.report.verdict import chart_residuals, median_surface_error, root_mean_square, worst_entry
 from session.report.words import deviation_words, exposure, listed, number, percent
 from session.results import SessionResults
 
@@ -87,8 +85,7 @@ def _agreement(results: SessionResults) -> str:
     worst = worst_entry(agreement)
     if worst is None:
         return "No surface could be compared between photo and rendering."
-    deviation = np.abs(agreement.ratio - 1)
-    median = float(np.median(deviation[np.isfinite(deviation)]))
-    return (f"Photo and rendering agree within {percent(median)} (median over {len(agreement.names)} surfaces and "
-            f"{len(results.bands)} bands); the worst surface is “{agreement.names[worst[0]]}”, where the photo is "
+    return (f"Photo and rendering agree within {percent(median_surface_error(agreement))} (worst of "
+            f"{len(results.bands)} bands, median over {len(agreement.names)} surfaces); "
+            f"the worst surface is “{agreement.names[worst[0]]}”, where the photo is "
             f"{deviation_words(float(agreement.ratio[worst]))} in band {results.bands[worst[1]]}.")
