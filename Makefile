@@ -15,8 +15,11 @@ setup: $(STAMP)
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "spectrabox needs Python 3.11 or newer; name one with: make PYTHON=python3.12" >&2; exit 7; }
-	@$(PYTHON) -m venv $(VENV) 2>/dev/null || $(PYTHON) -m virtualenv -q $(VENV) 2>/dev/null \
-	  || { rm -rf $(VENV); echo "cannot make a virtual environment: install it with: apt install python3-venv" >&2; exit 7; }
+	@$(PYTHON) -m venv $(VENV) >/dev/null 2>&1 \
+	  || { rm -rf $(VENV) && $(PYTHON) -m pip install -q --target .virtualenv virtualenv >/dev/null 2>&1 \
+	       && PYTHONPATH=.virtualenv $(PYTHON) -m virtualenv -q $(VENV); }; \
+	  status=$$?; rm -rf .virtualenv; [ $$status = 0 ] \
+	  || { rm -rf $(VENV); echo "cannot make a virtual environment: apt install python3-venv, then run make again" >&2; exit 7; }
 
 $(STAMP): requirements.lock pyproject.toml reconstruct/llvm.py | $(VENV)/bin/python
 	@echo "setting up $(VENV) from locked versions"

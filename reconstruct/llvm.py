@@ -20,6 +20,8 @@ from radiometry.errors import EnvironmentProblem
 
 VARIABLE = "DRJIT_LIBLLVM_PATH"
 ENVIRONMENT_FOLDER = Path(sys.prefix) / "lib" / "llvm"
+RENDERER_NEEDS = "libatomic1"
+RUNTIME_PACKAGES = ("libc6", "libgcc", "gcc-", "libstdc++", "libcrypt", "debconf", "perl", "dpkg")
 DEBIAN_PACKAGES = ("libllvm19", "libllvm18", "libllvm17", "libllvm16", "libllvm15", "libllvm20")
 PATTERNS = (
     (Path(sys.prefix) / "lib" / "llvm", "libLLVM*"),
@@ -59,6 +61,7 @@ def llvm_version(library: Path) -> int | None:
 
 def find_llvm() -> tuple[Path, int] | None:
     """The newest usable libLLVM of this machine with its major version; an operator's own choice comes first."""
+    _preload_companions()
     chosen = os.environ.get(VARIABLE)
     candidates = [Path(chosen)] if chosen else [file for folder, pattern in PATTERNS for file in folder.glob(pattern)]
     unique = {file.resolve() for file in candidates if file.is_file()}
@@ -88,29 +91,71 @@ def ensure_llvm() -> tuple[Path, int]:
 
 
 def fetch_llvm(folder: Path = ENVIRONMENT_FOLDER) -> None:
-    """Unpack Debian's libLLVM into the environment; needs apt-get and dpkg-deb, but no root."""
+    """Unpack Debian's libLLVM, and the libraries that it and the renderer need, into the environment.
+
+    Needs apt-get and dpkg-deb, but no root: package lists are kept in a scratch folder.
+    """
     if not (shutil.which("apt-get") and shutil.which("dpkg-deb")):
         return
-    for package in DEBIAN_PACKAGES:
-        with tempfile.TemporaryDirectory() as scratch:
-            quiet = {"cwd": scratch, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-            if subprocess.run(["apt-get", "download", "-qq", package], **quiet).returncode != 0:  # type: ignore[call-overload]
-                continue
-            archives = list(Path(scratch).glob("*.deb"))
-            if not archives:
-                continue
-            subprocess.run(["dpkg-deb", "-x", str(archives[0]), "unpacked"], check=True, **quiet)  # type: ignore[call-overload]
-            folder.mkdir(parents=True, exist_ok=True)
-            for library in Path(scratch, "unpacked").glob("usr/lib/*/libLLVM*.so*"):
-                if library.is_file() and not library.is_symlink():
-                    shutil.copy2(library, folder / library.name)
-        if find_llvm() is not None:
+    with tempfile.TemporaryDirectory() as scratch:
+        options = _private_apt(Path(scratch))
+        _quietly(["apt-get", *options, "update"], scratch)
+        for package in DEBIAN_PACKAGES:
+            wanted = [package, *_needed_packages(package, options), RENDERER_NEEDS]
+            if _quietly(["apt-get", *options, "download", package], scratch):
+                _quietly(["apt-get", *options, "download", *wanted], scratch)
+                break
+        for archive in Path(scratch).glob("*.deb"):
+            _quietly(["dpkg-deb", "-x", str(archive), "unpacked"], scratch)
+        folder.mkdir(parents=True, exist_ok=True)
+        for library in Path(scratch, "unpacked").rglob("lib*.so*"):
+            if library.parent.name.endswith("-linux-gnu") and library.is_file():
+                shutil.copy2(library, folder / library.name)  # links become files: each name must be found
+
+
+def _private_apt(scratch: Path) -> list[str]:
+    """Options that let apt work in a scratch folder, as any user."""
+    for name in ("state/lists/partial", "cache/archives/partial"):
+        (scratch / name).mkdir(parents=True)
+    return ["-qq", "-o", f"Dir::State={scratch}/state", "-o", f"Dir::Cache={scratch}/cache",
+            "-o", "Dir::State::status=/var/lib/dpkg/status", "-o", "Debug::NoLocking=true"]
+
+
+def _needed_packages(package: str, options: list[str]) -> list[str]:
+    """Packages that a package depends on, but for the C and C++ runtime that Python itself needs."""
+    command = ["apt-cache", *options[1:], "depends", "--recurse", "--no-recommends", "--no-suggests", "--no-conflicts",
+               "--no-breaks", "--no-replaces", "--no-enhances", package]
+    listed = subprocess.run(command, capture_output=True, text=True, check=False).stdout.splitlines()
+    names = {line for line in listed if line and not line.startswith((" ", "<", "|"))}
+    return sorted(name for name in names - {package} if not name.startswith(RUNTIME_PACKAGES))
+
+
+def _quietly(command: list[str], folder: str) -> bool:
+    outcome = subprocess.run(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
+    return outcome.returncode == 0
+
+
+def _preload_companions() -> None:
+    """Load the libraries that were unpacked beside LLVM, so that the linker finds them by name when LLVM is loaded."""
+    waiting = [file for file in sorted(ENVIRONMENT_FOLDER.glob("lib*.so*")) if not file.name.startswith("libLLVM")]
+    while waiting:
+        left = [file for file in waiting if not _load(file)]
+        if len(left) == len(waiting):
             return
+        waiting = left
+
+
+def _load(library: Path) -> bool:
+    try:
+        ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
+    except OSError:
+        return False
+    return True
 
 
 def main() -> int:
     """Set-up step: make sure that the environment has a usable LLVM."""
-    if find_llvm() is None:
+    if find_llvm() is None or not _load(Path("libatomic.so.1")):
         fetch_llvm()
     found = find_llvm()
     if found is None:
