@@ -1,0 +1,105 @@
+"""Sessions without raw photos or chart: linear image files, scenes from elsewhere, a known paint for the scale."""
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from capture.image_files import write_exr
+from capture.linear import open_photo
+from session.cli import app
+
+SESSION = """
+[session]
+name = "box without a chart"
+[photos]
+object = "photos/box.exr"
+[light]
+spectrum = {{ file = "spectra/lights.csv", column = 3 }}
+[sensitivity]
+from = {{ file = "spectra/truth_sensitivity.csv", columns = ["R", "G", "B"] }}
+[scale]
+from = "material"
+[scene]
+file = "scene/box.xml"
+[materials.white]
+bsdf = "white"
+known = "spectra/truth_white.csv"
+[materials.green]
+bsdf = "green"
+truth = "spectra/truth_green.csv"
+[materials.red]
+bsdf = "red"
+truth = "spectra/truth_red.csv"
+[materials.cube]
+bsdf = "cube"
+truth = "spectra/truth_cube.csv"
+[reconstruct]
+width = 40
+steps = {steps}
+[sampling]
+draws = 1000
+"""
+
+
+@pytest.fixture
+def converted(captured):
+    """The captured box as another lab would hand it over: an EXR, a scene with its own plugins, a loose CSV."""
+    photo = open_photo(captured / "photos" / "box.dng")
+    write_exr(captured / "photos" / "box.exr", 37.5 * photo.signal, ("R", "G", "B"))  # any scale
+    scene = captured / "scene" / "box.xml"
+    scene.write_text(scene.read_text(encoding="utf-8").replace('type="diffuse"', 'type="spectralDiffuse"'),
+                     encoding="utf-8")
+    rows = [line.split(",") for line in (captured / "spectra" / "light.csv").read_text(encoding="utf-8").splitlines()
+            if line[0].isdigit()]
+    loose = ["Wvl.,other lamp,Rad. [W],"] + [f"{row[0]},1,{row[1]}," for row in rows]
+    (captured / "spectra" / "lights.csv").write_text("\n".join(loose), encoding="utf-8")
+    (captured / "session.toml").write_text(SESSION.format(steps=80), encoding="utf-8")
+    return captured
+
+
+def run(folder, *options):
+    return CliRunner().invoke(app, ["run", str(folder), "--json", "--device", "cpu", *options])
+
+
+def test_an_exr_with_a_known_paint_gives_the_other_paints(converted):
+    outcome = run(converted)
+    assert outcome.exit_code == 0, outcome.output
+    facts = json.loads(outcome.stdout)
+    assert {stage["name"] for stage in facts["stages"]} == {"photo", "calibrate", "reconstruct", "sample"}
+    ratios = np.array([surface["ratio"] for surface in facts["surfaces"]])
+    # The photo has no flat field: 15 % of vignetting is left in the corners, and it must show.
+    assert 0.02 < np.abs(ratios - 1).max() < 0.15
+    known = next(material for material in facts["materials"] if material["name"] == "white")
+    assert known["known"] and "rmse_mean" not in known
+    for material in facts["materials"][1:]:
+        assert material["rmse_inverse_rendering"] < 0.15, material
+
+
+def test_a_surface_that_does_not_fit_is_named(converted):
+    """Half the light on the floor: the one white paint cannot explain it together with the other walls."""
+    photo = open_photo(converted / "photos" / "box.exr")
+    signal = photo.signal.copy()
+    signal[80:] *= 0.5
+    write_exr(converted / "photos" / "box.exr", signal, ("R", "G", "B"))
+    outcome = run(converted)
+    facts = json.loads(outcome.stdout)
+    assert facts["verdict"] == "fail", facts["surfaces"]
+    assert any("disagree on white" in warning for warning in facts["warnings"]), facts["warnings"]
+    report = (converted / "report.html").read_text(encoding="utf-8")
+    assert "does not fit" in report
+
+
+def test_an_image_with_the_bands_missing_is_refused(converted):
+    write_exr(converted / "photos" / "box.exr", np.ones((104, 156, 1), np.float32), ("Y",))
+    outcome = run(converted)
+    assert outcome.exit_code == 3 and "box.exr" in json.loads(outcome.stdout)["error"]
+
+
+def test_a_scene_may_not_reach_files_outside(converted):
+    scene = converted / "scene" / "box.xml"
+    mesh = ('<shape type="ply" id="mesh"><string name="filename" value="../../secret.ply"/><ref id="white"/></shape>'
+            '</scene>')
+    scene.write_text(scene.read_text(encoding="utf-8").replace("</scene>", mesh), encoding="utf-8")
+    outcome = run(converted)
+    assert outcome.exit_code == 3 and "outside the session folder" in json.loads(outcome.stdout)["error"]
