@@ -8,6 +8,7 @@ import numpy as np
 
 from radiometry.records import Calibration, Quantity, Reconstruction
 from radiometry.spectrum_files import on_grid, read_curves, spectrum_on_grid, table_text
+from session.error_budget import relative_errors
 from session.files import write_text_whole
 from session.inputs import GRID, read_reflectance
 from session.pipeline import (
@@ -23,7 +24,7 @@ from session.pipeline import (
 from session.results import ChartResult, MaterialResult, SessionResults
 from session.scores import score
 from session.session_file import SessionConfig
-from session.stages import band_names, signal_errors
+from session.stages import band_names
 
 CHART_WARNING, SURFACE_WARNING, CLIPPED_WARNING = 0.03, 0.05, 0.05
 
@@ -70,8 +71,7 @@ def _material(config: SessionConfig, calibration: Calibration, reconstruction: R
     if reconstruction.known[index]:
         return MaterialResult(name, None, None, {}, truth, None)
     samples, summary = samples_of(stored, name)
-    errors = {cause: np.sqrt(np.diag(covariance))
-              for cause, covariance in signal_errors(calibration, reconstruction, index).items()}
+    errors = relative_errors(calibration, reconstruction, index)
     scores = None if truth is None else score(spectrum_on_grid(truth, reconstruction.grid),
                                               reconstruction.spectra[index], summary, samples, reconstruction.basis)
     return MaterialResult(name, summary, samples, errors, truth, scores)

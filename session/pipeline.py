@@ -21,7 +21,7 @@ from radiometry.records import (
 )
 from session.files import sha256_of
 from session.inputs import read_chart_scene, read_session_scene
-from session.provenance import DECISIVE, versions
+from session.provenance import DECISIVE, code_digest, versions
 from session.session_file import SessionConfig
 from session.stages import (
     bin_object_photo,
@@ -34,6 +34,9 @@ from session.stages import (
 from session.store import StoredStage, fingerprint, load_stage, save_stage, stage_folder, why_stale
 
 STAGES = ("chart", "photo", "calibrate", "reconstruct", "sample")
+CODE_OF = {"chart": ("radiometry", "capture"), "photo": ("radiometry", "capture"),
+           "calibrate": ("radiometry", "calibrate", "reconstruct"), "reconstruct": ("radiometry", "reconstruct"),
+           "sample": ("radiometry", "sampling")}
 Key = dict[str, Any]
 Progress = Callable[[str, float, str], None]
 
@@ -75,20 +78,25 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
     chart_scene, scene = read_chart_scene(config), read_session_scene(config)
     reference = config.chart.reference if Path(config.chart.reference).suffix else None
     curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
-    made_by = versions(DECISIVE)
+    installed = versions(DECISIVE)
+    digests = {package: code_digest(package) for package in {package for some in CODE_OF.values() for package in some}}
+
+    def made_by(stage: str) -> Key:
+        return {"versions": installed, "code": {package: digests[package] for package in CODE_OF[stage]}}
+
     keys: dict[str, Key] = {}
     if needs_chart(config):
         keys["chart"] = {"files": files(config.photos.chart, config.photos.flat, reference, config.light.spectrum.file),
                          "settings": {"reference": config.chart.reference, "corners_px": config.chart.corners_px,
-                                      "light": _plain(config.light.spectrum)}, "versions": made_by}
+                                      "light": _plain(config.light.spectrum)}} | made_by("chart")
     keys["photo"] = {"files": files(config.photos.object, config.photos.flat, config.scene.file),
-                     "settings": {"width": config.reconstruct.width}, "versions": made_by}
+                     "settings": {"width": config.reconstruct.width}} | made_by("photo")
     keys["calibrate"] = {
         "files": files(config.light.spectrum.file, config.chart.scene, curves, reference) | _scene_files(chart_scene),
         "settings": {"light": _plain(config.light.spectrum), "sensitivity": _plain(config.sensitivity.source),
                      "coefficients": config.sensitivity.coefficients, "seed": config.session.seed,
                      "relative_error": config.sensitivity.relative_error, "reference": config.chart.reference},
-        "stages": {"chart": fingerprint(keys["chart"])} if "chart" in keys else {}, "versions": made_by}
+        "stages": {"chart": fingerprint(keys["chart"])} if "chart" in keys else {}} | made_by("calibrate")
     known = {name: material.known for name, material in config.materials.items() if material.known is not None}
     keys["reconstruct"] = {
         "files": files(config.scene.file, *(reference.file for reference in known.values())) | _scene_files(scene),
@@ -96,9 +104,9 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
                      "known": {name: _plain(reference) for name, reference in known.items()},
                      "reconstruct": _plain(config.reconstruct), "scale": config.scale.source,
                      "seed": config.session.seed},
-        "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}, "versions": made_by}
+        "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}} | made_by("reconstruct")
     keys["sample"] = {"settings": {"sampling": _plain(config.sampling), "seed": config.session.seed},
-                      "stages": {"reconstruct": fingerprint(keys["reconstruct"])}, "versions": made_by}
+                      "stages": {"reconstruct": fingerprint(keys["reconstruct"])}} | made_by("sample")
     return keys
 
 

@@ -19,17 +19,16 @@ from radiometry.records import (
     Calibration,
     LightScale,
     LinearImage,
-    MeasurementOperator,
     PatchSamples,
     Reconstruction,
 )
-from radiometry.response import relative_operator, response_matrix
 from radiometry.spectrum_files import spectrum_on_grid
 from reconstruct.inverse_rendering import InversionSettings, reconstruct
 from reconstruct.irradiance import patch_irradiance
 from reconstruct.renderer import start_mitsuba
 from sampling.summary import summarise
 from sampling.tilted_rejection import sample_spectra
+from session.error_budget import measurement_of
 from session.inputs import (
     GRID,
     check_aspect,
@@ -62,7 +61,6 @@ def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
 
 def find_and_sample_chart(config: SessionConfig, folder: Path, progress: Progress) -> dict[str, Any]:
     """Chart photo to patch statistics."""
-
     name = str(config.photos.chart)
     progress(0.1, f"decoding {name}")
     photo = read_photo(config, name)
@@ -81,7 +79,6 @@ def find_and_sample_chart(config: SessionConfig, folder: Path, progress: Progres
 
 def bin_object_photo(config: SessionConfig, folder: Path, progress: Progress) -> dict[str, Any]:
     """Object photo to linear signal at the render's size."""
-
     progress(0.1, f"decoding {config.photos.object}")
     photo = read_photo(config, config.photos.object)
     require_exposed(photo, config.photos.object)
@@ -94,7 +91,6 @@ def bin_object_photo(config: SessionConfig, folder: Path, progress: Progress) ->
 def calibrate_camera(config: SessionConfig, device: str, samples: PatchSamples | None,
                      progress: Progress) -> dict[str, Any]:
     """Patch statistics and light to sensitivities and light scale."""
-
     light = read_light(config)
     curves = None if config.sensitivity.from_chart else read_sensitivities(config)[1]
     if samples is None:
@@ -117,7 +113,6 @@ def calibrate_camera(config: SessionConfig, device: str, samples: PatchSamples |
 def invert_photo(config: SessionConfig, device: str, photo: LinearImage, calibration: Calibration,
                  chart_photo: LinearImage | None, progress: Progress) -> Reconstruction:
     """Photo, scene and calibration to spectra."""
-
     scene = read_session_scene(config)
     materials = read_materials(config, scene)
     scale: LightScale | None = None
@@ -134,7 +129,6 @@ def invert_photo(config: SessionConfig, device: str, photo: LinearImage, calibra
 def sample_materials(config: SessionConfig, calibration: Calibration, reconstruction: Reconstruction,
                      progress: Progress) -> dict[str, Any]:
     """Draws from all spectra behind each unknown material's signal, and their summary."""
-
     records: dict[str, Any] = {}
     for index, name in enumerate(reconstruction.materials):
         if reconstruction.known[index]:
@@ -146,27 +140,3 @@ def sample_materials(config: SessionConfig, calibration: Calibration, reconstruc
         records[f"summary {name}"] = summarise(draws, operator, reconstruction.grid, reconstruction.basis,
                                                level=config.sampling.level)
     return records
-
-
-def signal_errors(calibration: Calibration, reconstruction: Reconstruction, index: int) -> dict[str, np.ndarray]:
-    """Relative covariance (K, K) of one material's signal, by cause."""
-    signal = reconstruction.signal[index]
-    scale = reconstruction.light_scale
-    relative_scale = 0.0 if scale.standard_error is None else scale.standard_error / scale.value
-    return {"photo and rendering noise": reconstruction.signal_covariance[index] / np.outer(signal, signal),
-            "sensitivities and chart": calibration.relative_covariance,
-            "light scale": np.full((signal.size,) * 2, relative_scale**2),
-            "photo and model disagree": reconstruction.model_covariance[index]}
-
-
-def measurement_of(calibration: Calibration, reconstruction: Reconstruction, index: int) -> MeasurementOperator:
-    """What the camera said of one material, with every error that is known."""
-
-    light = spectrum_on_grid(calibration.light, reconstruction.grid)
-    response = response_matrix(reconstruction.grid, calibration.sensitivity.curves, light)
-    signal = reconstruction.signal[index]
-    relative = sum(signal_errors(calibration, reconstruction, index).values())
-    return MeasurementOperator(relative_operator(response, reconstruction.basis), signal,
-                               relative * np.outer(signal, signal))
-
-

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from radiometry.errors import InputError
+from session.error_budget import measurement_of
 from session.files import sha256_of
 from session.pipeline import (
     STAGES,
@@ -20,7 +21,6 @@ from session.pipeline import (
     stage_states,
 )
 from session.session_file import read_session
-from session.stages import measurement_of
 
 ROOT = Path(__file__).resolve().parent.parent
 
