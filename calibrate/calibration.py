@@ -1,20 +1,48 @@
 """A whole calibration: curves, light and scale, from a chart photo or from measured curves."""
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
 import numpy as np
 
-from calibrate.sensitivity import fit_sensitivities, relative_prediction_covariance
+from calibrate.camera_prior import CameraPrior, shipped_prior
+from calibrate.chart_photo import chart_photo
+from calibrate.photo_checks import light_power, refuse_disagreement
+from calibrate.sensitivity import (
+    SPLINE_COEFFICIENTS,
+    PriorFit,
+    fit_sensitivities,
+    fit_with_prior,
+    relative_prediction_covariance,
+    scale_of_photo,
+)
+from calibrate.trust import other_readings, sentences
+from radiometry.chart import patch_centres_uv
 from radiometry.light_scale import scale_from_signals
 from radiometry.records import Calibration, LightScale, Outcome, PatchSamples, SensitivityFit, Spectrum, WavelengthGrid
 from radiometry.response import response_matrix
-from radiometry.spectrum_files import spectrum_on_grid
+from radiometry.shaped import Record
 
 CHART_ERROR = 0.01  # relative error of a patch against its published reflectance
 
 
+@dataclass(frozen=True, eq=False)
+class ChartCalibration(Record):
+    """A calibration with everything that led to it."""
+
+    calibration: Calibration
+    scale: LightScale                               # also where the geometry is unknown and the calibration has none
+    predicted: Annotated[np.ndarray, "I K"]
+    held_out: Annotated[np.ndarray, "I K"]          # each patch predicted from the others
+    found: PriorFit | None                          # of the method ``prior``
+
+
 def calibration_from_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectrum, irradiance: np.ndarray,
-                           grid: WavelengthGrid, *, coefficients: int, curves: np.ndarray | None,
-                           scaled: bool) -> tuple[Calibration, np.ndarray]:
+                           grid: WavelengthGrid, *, coefficients: int = SPLINE_COEFFICIENTS,
+                           curves: np.ndarray | None = None, scaled: bool = False, method: str | None = None,
+                           prior: CameraPrior | None = None,
+                           patch_places: np.ndarray | None = None) -> tuple[Calibration, np.ndarray]:
     """Calibration from a chart photo, and the signal (24, K) that it predicts for the patches.
 
     Parameters
@@ -23,24 +51,75 @@ def calibration_from_chart(samples: PatchSamples, reflectances: np.ndarray, ligh
     irradiance : (24,) array
         On each patch for a light spectrum of 1; pi everywhere where the geometry is unknown.
     coefficients : int
-        Of the spline of each band.
+        Of the spline of each band, for the methods ``paper`` and ``nonnegative``.
     curves : (K, P) array or None
         Measured sensitivities; None fits them.
     scaled : bool
         Whether the irradiance is that of the real geometry, so that a light scale follows.
+    method : str or None
+        One of ``calibrate.sensitivity.METHODS``; None takes ``prior`` for cameras of as many bands as the prior and
+        ``smooth`` for others.
+    prior : CameraPrior or None
+        None takes the one that comes with the project.
+    patch_places : (24, 2) array or None
+        Of the patches on the chart, for a smooth illumination field; None takes the printed chart's where the geometry
+        is unknown and allows no field where it is known.
+
+    Raises
+    ------
+    CheckError
+        If no camera explains the patches.
+    CalibrationError, InputError
+        See ``fit_sensitivities`` and ``light_power``.
     """
-    power = spectrum_on_grid(light, grid)
-    if curves is None:
-        fit, scale = fit_sensitivities(samples, reflectances, power, irradiance, grid, coefficients)
-        held_out = fit.held_out_residuals
+    made = calibrate_chart(samples, reflectances, light, irradiance, grid, coefficients=coefficients, curves=curves,
+                           scaled=scaled, method=method, prior=prior, patch_places=patch_places)
+    return made.calibration, made.predicted
+
+
+def calibrate_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectrum, irradiance: np.ndarray,
+                    grid: WavelengthGrid, *, coefficients: int = SPLINE_COEFFICIENTS,
+                    curves: np.ndarray | None = None, scaled: bool = False, method: str | None = None,
+                    prior: CameraPrior | None = None, patch_places: np.ndarray | None = None) -> ChartCalibration:
+    """The same with the joint estimate and the light scale whether or not the geometry is known."""
+    power, unseen = light_power(light, grid)
+    places = patch_centres_uv() if patch_places is None and not scaled else patch_places
+    found = None
+    said: tuple[str, ...] = ()
+    if curves is not None:
+        fit, scale, predicted = _from_measured(samples, reflectances, power, irradiance, grid, curves)
+    elif _method(method, prior, samples) == "prior":
+        found = prior_calibration(samples, reflectances, power, irradiance, grid, prior=prior, places=places)
+        fit, scale, predicted = found.sensitivity, scale_of_photo(found, 0), found.photos[0].predicted
+        said = sentences(found, grid)
     else:
-        unscaled = _chart_signals(grid, curves, power, reflectances, irradiance)
-        scale = scale_from_signals(samples.mean, unscaled, CHART_ERROR, "chart photo")
-        fit, held_out = _measured_curves(grid, curves, scale.residuals), scale.residuals
+        fit, scale = fit_sensitivities(samples, reflectances, power, irradiance, grid, coefficients,
+                                       method=_method(method, prior, samples))
+        predicted = scale.value * _chart_signals(grid, fit.curves, power, reflectances, irradiance)
+    held_out = fit.residuals if fit.held_out_residuals is None else fit.held_out_residuals
     assert held_out is not None
-    predicted = scale.value * _chart_signals(grid, fit.curves, power, reflectances, irradiance)
     covariance = relative_prediction_covariance(held_out, samples)
-    return Calibration(fit, light, scale if scaled else None, covariance, _checks(fit, covariance, scale)), predicted
+    checks = (*_checks(fit, covariance, scale), *unseen, *said)
+    calibration = Calibration(fit, light, scale if scaled else None, covariance, checks)
+    return ChartCalibration(calibration, scale, predicted, samples.mean * (1 - held_out), found)
+
+
+def prior_calibration(samples: PatchSamples, reflectances: np.ndarray, power: np.ndarray, irradiance: np.ndarray,
+                      grid: WavelengthGrid, *, prior: CameraPrior | None = None,
+                      places: np.ndarray | None = None) -> PriorFit:
+    """The joint estimate from one chart photo, refused where no camera explains the photo.
+
+    Raises
+    ------
+    CheckError
+        If the patches disagree with the reference under any camera; it says which other reading would agree.
+    """
+    prior = shipped_prior() if prior is None else prior
+    photo = chart_photo(samples, reflectances, power, irradiance, grid, places=places)
+    found = fit_with_prior([photo], prior, grid)
+    if found.disagrees:
+        refuse_disagreement(found.model_error, found.chi_square, other_readings(photo, prior, grid))
+    return found
 
 
 def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spectrum,
@@ -49,6 +128,19 @@ def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spe
     covariance = np.eye(len(curves)) * relative_error**2
     note = f"sensitivities taken as given; predicted signals assumed right within {relative_error:.1%} a band"
     return Calibration(_measured_curves(grid, curves, None), light, None, covariance, (note,))
+
+
+def _method(method: str | None, prior: CameraPrior | None, samples: PatchSamples) -> str:
+    """The method asked for, else the best one for a camera of so many bands."""
+    bands = prior.bands if prior is not None else 3
+    return method or ("prior" if samples.mean.shape[1] == bands else "smooth")
+
+
+def _from_measured(samples: PatchSamples, reflectances: np.ndarray, power: np.ndarray, irradiance: np.ndarray,
+                   grid: WavelengthGrid, curves: np.ndarray) -> tuple[SensitivityFit, LightScale, np.ndarray]:
+    unscaled = _chart_signals(grid, curves, power, reflectances, irradiance)
+    scale = scale_from_signals(samples.mean, unscaled, CHART_ERROR, "chart photo")
+    return _measured_curves(grid, curves, scale.residuals), scale, scale.value * unscaled
 
 
 def _chart_signals(grid: WavelengthGrid, curves: np.ndarray, power: np.ndarray, reflectances: np.ndarray,

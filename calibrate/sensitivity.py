@@ -1,27 +1,95 @@
-"""Camera sensitivities from the 24 patches of a chart photo (paper Eqs. 18-20), kept non-negative.
+"""Camera sensitivities from the patches of chart photos: one interface for every method.
 
-The paper solves for 10 spline coefficients a band with zero ends and no sign constraint; under a light of 1 % noise
-that answer swings below zero. Here the same splines with zero ends are fitted with non-negative coefficients, and with
-weights: every patch to 1 % of its signal, for the chart itself is not known better than that.
+``prior`` joins the photo with a prior learnt from measured cameras (prior_fit.py); ``paper``, ``nonnegative`` and
+``smooth`` know nothing of other cameras (spline_fit.py).
 """
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.optimize import nnls
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from radiometry.bspline import basis_matrix
-from radiometry.errors import CalibrationError
+from calibrate.camera_prior import CameraPrior, shipped_prior
+from calibrate.chart_photo import ChartPhoto, chart_photo
+from calibrate.curve_posterior import PhotoState, curve_moments, curve_variance, photo_states, prior_share
+from calibrate.photo_checks import WORST_CHI_SQUARE, WORST_MODEL_ERROR, require_apart, require_patches
+from calibrate.prior_fit import MODEL_ERRORS, CurvePosterior, held_out_signals, posterior_of_curves
+from calibrate.spline_fit import SPLINE_METHODS, BandFits, fit_bands
+from radiometry.errors import CalibrationError, InputError
 from radiometry.records import LightScale, Outcome, PatchSamples, SensitivityFit, WavelengthGrid
+from radiometry.shaped import Record
 
+METHODS = ("prior", *SPLINE_METHODS)
 CHART_ERROR = 0.01           # relative: one chart against the published average
 FLOOR = 0.005                # of the brightest patch: stray light and black level
 DIM_PATCH = 0.03             # of the brightest patch: darker ones say nothing of relative errors
 ILL_POSED_CONDITION = 100.0
+SPLINE_COEFFICIENTS = 10     # for the condition number of every method
+
+
+@dataclass(frozen=True, eq=False)
+class PriorFit(Record):
+    """Everything the joint estimate says. ``photos`` and ``held_out`` in the order of the photos given."""
+
+    sensitivity: SensitivityFit
+    posterior: CurvePosterior
+    photos: tuple[PhotoState, ...]
+    held_out: tuple[np.ndarray, ...]                # (I, K) signals predicted from all other patches
+    prior_share: Annotated[np.ndarray, "K P"]       # standard deviation left by the photos over that of the prior
+    families: tuple[tuple[str, float], ...]         # members of each family and its probability, likeliest first
+    model_error: float                              # relative disagreement of patches and model that was found
+    chi_square: float                               # per datum, about 1 where everything agrees
+
+    @property
+    def disagrees(self) -> bool:
+        """Whether no camera explains the photos."""
+        return self.model_error > WORST_MODEL_ERROR or self.chi_square > WORST_CHI_SQUARE
+
+
+def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior, grid: WavelengthGrid, *,
+                   model_errors: tuple[float, ...] = MODEL_ERRORS) -> PriorFit:
+    """Curves, exposure, field and glare from any number of chart photos of one camera, with calibrated errors.
+
+    Raises
+    ------
+    CalibrationError
+        If the photos hold too few patches, or two bands read alike.
+    InputError
+        If the prior holds another number of bands than the photos.
+    """
+    for photo in photos:
+        if photo.signal.shape[1] != prior.bands:
+            raise InputError(f"the prior is for cameras of {prior.bands} bands, the photo has {photo.signal.shape[1]}; "
+                             "use method \"smooth\", or a prior made from such cameras")
+        require_patches(photo.signal)
+        require_apart(photo.signal)
+    with threadpool_limits(1, "blas"):  # matrices of 200 rows: more threads wait for each other, ten times as long
+        posterior = posterior_of_curves(photos, prior, grid, model_errors=model_errors)
+        held_out, chi_square = held_out_signals(photos, prior, grid, posterior)
+    moments = curve_moments(posterior, prior.bands)
+    states = photo_states(posterior, photos, moments)
+    curves = moments.coefficients @ posterior.basis.T
+    error = np.sqrt(curve_variance(posterior.basis, moments.covariance, prior.bands))
+    first = photos[0].signal
+    of_chart = len(first) == 24
+    condition = _condition_number(photos[0], grid)
+    fit = SensitivityFit(grid, curves, posterior.basis, moments.coefficients, moments.covariance,
+                         error, 1 - states[0].predicted / first if of_chart else None,
+                         1 - held_out[0] / first if of_chart else None, condition,
+                         f"Gaussian mixture prior of measured cameras ({prior.source})", Outcome.CONVERGED)
+    order = np.argsort(-posterior.families)
+    families = tuple((prior.members[index], float(posterior.families[index])) for index in order)
+    return PriorFit(fit, posterior, tuple(states), tuple(held_out), prior_share(posterior, prior, moments), families,
+                    posterior.model_error, chi_square)
 
 
 def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np.ndarray, irradiance: np.ndarray,
-                      grid: WavelengthGrid, coefficients: int = 10) -> tuple[SensitivityFit, LightScale]:
+                      grid: WavelengthGrid, coefficients: int = SPLINE_COEFFICIENTS, *, method: str = "prior",
+                      prior: CameraPrior | None = None,
+                      places: np.ndarray | None = None) -> tuple[SensitivityFit, LightScale]:
     """Sensitivities with their largest value 1, and the factor that was divided out.
 
     Parameters
@@ -35,7 +103,13 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
         Irradiance on each patch for a light spectrum of 1; constant where unknown.
     grid : WavelengthGrid
     coefficients : int
-        Spline coefficients a band, with the two zero ends.
+        Spline coefficients a band, with the two zero ends; of ``paper`` and ``nonnegative`` only.
+    method : str
+        One of ``METHODS``.
+    prior : CameraPrior or None
+        None takes the one that comes with the project.
+    places : (24, 2) array or None
+        Of the patches on the chart, where the illumination is not known: ``prior`` then finds a smooth field.
 
     Returns
     -------
@@ -47,32 +121,28 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
     Raises
     ------
     CalibrationError
-        If the light leaves fewer independent directions than coefficients, or a band does not respond.
+        If the light leaves fewer independent directions than coefficients, a band does not respond, or two are alike.
+    InputError
+        If the method is not known.
     """
-    basis = basis_matrix(grid.nm, coefficients)[:, 1:-1]  # b_400 c = b_700 c = 0
-    design = (reflectances * (light * grid.weights_nm) * (irradiance / np.pi)[:, None]) @ basis
-    condition = np.linalg.cond(design)
-    if not np.isfinite(condition) or condition > 1e8:
-        raise CalibrationError(f"the chart under this light cannot determine {coefficients} coefficients "
-                               f"(condition number {condition:.1e}); check that the light covers 400-700 nm")
-    sigma = _patch_sigma(patches)
-    solved = [_solve_band(design, patches.mean[:, band], sigma[:, band]) for band in range(patches.mean.shape[1])]
-    raw = np.array([solution for solution, _ in solved])
-    peak = (basis @ raw.T).max()
-    if np.any(raw.max(axis=1) <= 0):
-        dead = np.flatnonzero(raw.max(axis=1) <= 0)
-        raise CalibrationError(f"band {dead[0]} does not respond to the chart; "
-                               "check that photo and light belong together")
-    covariance = block_diag(*(block for _, block in solved)) / peak**2
-    curves, padded = (basis @ raw.T).T / peak, np.pad(raw / peak, ((0, 0), (1, 1)))
-    error = np.array([np.sqrt(np.einsum("pn,nm,pm->p", basis, block / peak**2, basis)) for _, block in solved])
-    residuals = 1 - design @ raw.T / patches.mean
-    held_out = _held_out_residuals(design, patches.mean, sigma)
-    outcome = Outcome.ILL_POSED if condition > ILL_POSED_CONDITION else Outcome.CONVERGED
-    fit = SensitivityFit(grid, curves, basis_matrix(grid.nm, coefficients), padded,
-                         _pad_covariance(covariance, raw.shape), error, residuals, held_out, float(condition),
-                         "non-negative splines with zero ends", outcome)
-    return fit, _light_scale(peak, residuals, held_out, patches)
+    if method not in METHODS:
+        raise InputError(f"method {method!r} is not known; known are {', '.join(METHODS)}")
+    if method == "prior":
+        photo = chart_photo(patches, reflectances, light, irradiance, grid, places=places)
+        found = fit_with_prior([photo], shipped_prior() if prior is None else prior, grid)
+        return found.sensitivity, scale_of_photo(found, 0)
+    require_patches(patches.mean)
+    require_apart(patches.mean)
+    rows = reflectances * (light * grid.weights_nm) * (irradiance / np.pi)[:, None]
+    bands = fit_bands(method, rows, patches.mean, _patch_sigma(patches), grid, coefficients)
+    return _normalised(bands, patches, grid, method)
+
+
+def scale_of_photo(found: PriorFit, index: int) -> LightScale:
+    """Light scale of one photo of a joint estimate; its residuals are those of the fit."""
+    state = found.photos[index]
+    residuals = found.sensitivity.residuals if index == 0 else None
+    return LightScale(state.scale, state.scale_error, residuals, "chart photo")
 
 
 def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamples) -> np.ndarray:
@@ -86,45 +156,37 @@ def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamp
     return used.T @ used / len(used)
 
 
+def _normalised(bands: BandFits, patches: PatchSamples, grid: WavelengthGrid,
+                method: str) -> tuple[SensitivityFit, LightScale]:
+    """Scale fitted bands to a largest value of 1."""
+    curves = bands.coefficients @ bands.basis.T
+    peak = float(curves.max())
+    dead = np.flatnonzero(curves.max(axis=1) <= 1e-9 * max(peak, 0))
+    if dead.size:
+        raise CalibrationError(f"band {dead[0] + 1} does not respond to the chart; "
+                               "check that photo and light belong together")
+    error = np.sqrt(np.clip(np.einsum("pn,knm,pm->kp", bands.basis, bands.covariance, bands.basis), 0, None)) / peak
+    residuals = 1 - bands.design @ bands.coefficients.T / patches.mean
+    held_out = 1 - bands.predicted_without / patches.mean
+    outcome = Outcome.ILL_POSED if bands.condition_number > ILL_POSED_CONDITION else Outcome.CONVERGED
+    names = {"paper": "splines with zero ends, paper Eqs. 18-20", "nonnegative": "non-negative splines with zero ends",
+             "smooth": "non-negative splines, smoothness by cross-validation"}
+    fit = SensitivityFit(grid, curves / peak, bands.basis, bands.coefficients / peak,
+                         block_diag(*bands.covariance) / peak**2, error, residuals, held_out, bands.condition_number,
+                         names[method], outcome)
+    covariance = relative_prediction_covariance(held_out, patches)
+    relative = np.sqrt(covariance.mean() / len(held_out))  # that of the mean relative residual of held-out patches
+    return fit, LightScale(peak, float(peak * relative), residuals, "chart photo")
+
+
 def _patch_sigma(patches: PatchSamples) -> np.ndarray:
     noise = np.einsum("ikk->ik", patches.covariance_of_mean)
     brightest = patches.mean.max(axis=0)
     return np.sqrt(noise + (CHART_ERROR * patches.mean) ** 2 + (FLOOR * brightest) ** 2)
 
 
-def _solve_band(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Non-negative coefficients (N,) and their covariance over those that are not held at zero."""
-    weighted = design / sigma[:, None]
-    solution, norm = nnls(weighted, signal / sigma)
-    free = solution > 0
-    covariance = np.zeros((solution.size,) * 2)
-    freedom = max(signal.size - np.count_nonzero(free), 1)
-    misfit = max(norm**2 / freedom, 1.0)  # never surer than the stated patch errors
-    covariance[np.ix_(free, free)] = misfit * np.linalg.pinv(weighted[:, free].T @ weighted[:, free])
-    return solution, covariance
-
-
-def _held_out_residuals(design: np.ndarray, mean: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-    residuals = np.empty_like(mean)
-    for patch in range(len(mean)):
-        rest = np.arange(len(mean)) != patch
-        for band in range(mean.shape[1]):
-            solution, _ = nnls(design[rest] / sigma[rest, band, None], mean[rest, band] / sigma[rest, band])
-            residuals[patch, band] = 1 - design[patch] @ solution / mean[patch, band]
-    return residuals
-
-
-def _light_scale(peak: float, residuals: np.ndarray, held_out: np.ndarray, patches: PatchSamples) -> LightScale:
-    """The scale's standard error is that of the mean relative residual of held-out patches, one a patch."""
-    covariance = relative_prediction_covariance(held_out, patches)
-    relative = np.sqrt(covariance.mean() / len(held_out))
-    return LightScale(float(peak), float(peak * relative), residuals, "chart photo")
-
-
-def _pad_covariance(covariance: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Add the zero rows and columns of the two fixed ends of each band."""
-    bands, free = shape
-    inner = (np.arange(bands)[:, None] * (free + 2) + np.arange(1, free + 1)).ravel()
-    padded = np.zeros((bands * (free + 2),) * 2)
-    padded[np.ix_(inner, inner)] = covariance
-    return padded
+def _condition_number(photo: ChartPhoto, grid: WavelengthGrid) -> float:
+    """Of the paper's fit with 10 coefficients: how much chart and light alone determine, whatever the method."""
+    from radiometry.bspline import basis_matrix
+    design = (photo.reflectances * photo.power) @ basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
+    return float(np.linalg.cond(design))

@@ -1,7 +1,8 @@
 """Find a ColorChecker Classic in a photo and say how well it agrees with one (OpenCV's ``mcc`` module).
 
 OpenCV proposes where the patches lie; the proposal is fitted to the patches' outlines and accepted only if the 24
-signals agree with those of a chart, up to the gain of each band, contrast, and light that changes across it.
+signals agree with those of a chart (capture/chart_agreement.py), each patch for itself, and the patches stand as far
+apart as on the card.
 """
 from __future__ import annotations
 
@@ -10,11 +11,20 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from capture.chart_agreement import ACCEPTED_RESIDUAL, CENTRES_MM, PATCH_MM, chart_agreement
+from capture.chart_agreement import (
+    ACCEPTED_RESIDUAL,
+    CENTRES_MM,
+    PATCH_MM,
+    PITCH_MM,
+    WORST_ENCODED_PATCH,
+    WORST_PATCH,
+    Agreement,
+    chart_agreement,
+)
 from capture.patches import image_from_sensor, sensor_from_image
 from capture.preview import preview_rgb8
 from radiometry.errors import ChartNotFoundError, CheckError, InputError
-from radiometry.records import ChartDetection, LinearImage
+from radiometry.records import ChartDetection, LinearImage, PhotoKind
 
 QUAD_SHARE = 0.6                         # of a patch's side that is sampled
 PICTURE_SIDES = (1600, 1000, 2400)       # px, long side of the picture to search, in the order tried
@@ -24,6 +34,12 @@ ACCEPTED_CONTRAST = (0.6, 1.9)           # power of the light; an sRGB-encoded f
 CONFIDENCE_SCALE = 0.25                  # confidence = exp(-residual / 0.25)
 RECTIFIED_PX_PER_MM, RECTIFIED_BORDER_MM = 2.0, 20.0
 SAME_PATCH_CODES = 10                    # sRGB code values, for what belongs to one patch
+# Distance between patches / distance of their centres: 0.08 on the large card, 0.2 on the small ones; cards of other
+# makers with the same colours have 0.02.
+LEAST_GAP = 0.05
+GAP_PX_PER_MM, GAP_STRIP_MM = 3.0, 12.0  # sampling of the strip that joins two patches
+LEAST_GAP_DEPTH = 15                     # sRGB code values by which a gap must be darker than both patches
+FEWEST_GAPS = 6                          # of 38
 OVERLAY_SIDE = 1600                      # px
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -59,14 +75,24 @@ def locate_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarr
         raise InputError(f"photo {image.source} has {image.signal.shape[2]} bands and the chart reference is "
                          f"{reference.shape}; one reference signal per patch and band is needed")
     best = np.inf
-    for quads_px, how_found in _proposals(image, corners_px):
+    refusal: CheckError | None = None
+    picture = preview_rgb8(image)
+    for quads_px, how_found in _proposals(image, picture, corners_px):
         agreement = chart_agreement(image, quads_px, reference)
         best = min(best, agreement.residual)
         if agreement.residual <= ACCEPTED_RESIDUAL:
-            _require_linear(image, agreement.contrast)
             ordered = quads_px[agreement.order]
+            try:
+                _require_linear(image, agreement.contrast)
+                _require_every_patch(image, agreement)
+                _require_gaps(image, picture, ordered)
+            except CheckError as error:  # the patches may be better placed in the next proposal
+                refusal = refusal or error
+                continue
             return ChartDetection(corners_px=ordered, confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),
                                   mirrored=_is_mirrored(ordered), how_found=how_found)
+    if refusal is not None:
+        raise refusal
     raise ChartNotFoundError(_not_found(image, best, by_hand=corners_px is not None))
 
 
@@ -89,12 +115,12 @@ def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:
 
 # ---- proposals -----------------------------------------------------------------------------------------------------
 
-def _proposals(image: LinearImage, corners_px: np.ndarray | None) -> Iterator[tuple[np.ndarray, str]]:
+def _proposals(image: LinearImage, picture: np.ndarray,
+               corners_px: np.ndarray | None) -> Iterator[tuple[np.ndarray, str]]:
     """Quadrilaterals (24, 4, 2) in sensor pixels with a word on where they come from, the likeliest first."""
     if corners_px is not None:
         yield _printed_quads(_homography(GRID_CORNERS_MM, np.asarray(corners_px, float))), "corners given by hand"
         return
-    picture = preview_rgb8(image)
     for window, side, how_found in _windows(*picture.shape[:2]):
         part, scale = _resized(picture[window], side)
         for quads in _mcc_quads(part):
@@ -126,7 +152,11 @@ def _mcc_quads(rgb8: np.ndarray) -> list[np.ndarray]:
     detector = cv2.mcc.CCheckerDetector.create()
     detector.setColorChartType(cv2.mcc.MCC24)  # OpenCV 5.0.0 leaves it uninitialised, and then finds nothing
     detector.setUseDnnModel(False)
-    if not detector.process(np.ascontiguousarray(rgb8[..., ::-1]), 1):
+    try:
+        found = detector.process(np.ascontiguousarray(rgb8[..., ::-1]), 1)
+    except cv2.error:  # OpenCV 5.0.0 fails an assertion of its own on some pictures; others of the series may do
+        return []
+    if not found:
         return []
     return [np.array(chart.getColorCharts(), float).reshape(24, 4, 2) for chart in detector.getListColorChecker()]
 
@@ -198,11 +228,68 @@ def _require_linear(image: LinearImage, contrast: float) -> None:
                          "light; give the camera raw, or a file without tone curve or sRGB encoding")
 
 
+def _require_every_patch(image: LinearImage, agreement: Agreement) -> None:
+    """Refuse a chart of which some patches read unlike themselves, though the rest agree."""
+    limit = WORST_PATCH if image.kind is PhotoKind.RAW else WORST_ENCODED_PATCH
+    unlike = np.flatnonzero(agreement.misfit > limit)
+    if unlike.size:
+        worst = unlike[np.argsort(-agreement.misfit[unlike])]
+        raise CheckError(f"photo {image.source}: patch {', '.join(str(patch + 1) for patch in worst[:6])} of the chart "
+                         f"read{'s' if worst.size == 1 else ''} unlike a ColorChecker Classic (relative misfit "
+                         f"{agreement.misfit[worst[0]]:.2f}, at most {limit} is accepted); uncover and clean the "
+                         f"chart, "
+                         "keep reflections off it, and use a Classic: 24 patches of this very order")
+
+
+def _require_gaps(image: LinearImage, picture: np.ndarray, quads_px: np.ndarray) -> None:
+    """Refuse a card whose patches stand closer than on any ColorChecker Classic."""
+    gap = patch_gap(picture, image_from_sensor(quads_px, image.sensor_step))
+    if gap is None or gap < LEAST_GAP:
+        raise CheckError(f"photo {image.source} shows a card with the colours of a ColorChecker Classic, but its "
+                         f"patches "
+                         f"stand {'at no visible distance' if gap is None else f'only {gap:.1%} of their pitch'} "
+                         f"apart, "
+                         "8 % or more on a Classic: it is another maker's card, of other reflectances, or out of "
+                         "focus; "
+                         "photograph a ColorChecker Classic in focus")
+
+
+def patch_gap(rgb8: np.ndarray, quads: np.ndarray) -> float | None:
+    """Median width of the dark gaps between neighbouring patches / distance of their centres, at half depth.
+
+    None where fewer than 6 of the 38 gaps can be seen. Blur can only widen a gap or hide it.
+    """
+    scale = GAP_PX_PER_MM
+    matrix = np.diag([scale, scale, 1.0]) @ _homography(quads.mean(axis=1), CENTRES_MM)
+    width, height = (int(scale * (side + PATCH_MM / 2)) for side in CENTRES_MM[-1])
+    grey = cv2.warpPerspective(rgb8, matrix, (width, height), flags=cv2.INTER_LINEAR).mean(axis=2)
+    widths = []
+    for patch, (x, y) in enumerate(np.rint(CENTRES_MM * scale).astype(int)):
+        reach, half = int(PITCH_MM * scale), int(GAP_STRIP_MM * scale / 2)
+        strips = ([grey[y - half:y + half, x:x + reach].mean(axis=0)] if patch % 6 < 5 else []) + \
+                 ([grey[y:y + reach, x - half:x + half].mean(axis=1)] if patch < 18 else [])
+        widths += [gap for strip in strips if (gap := _gap_width(strip)) is not None]
+    return float(np.median(widths)) if len(widths) >= FEWEST_GAPS else None
+
+
+def _gap_width(profile: np.ndarray) -> float | None:
+    """Share of a profile from patch centre to patch centre that lies below half the depth of its gap."""
+    inner = slice(profile.size * 3 // 10, profile.size * 7 // 10)
+    ends = min(float(np.median(part)) for part in (profile[:profile.size // 5], profile[-(profile.size // 5):]))
+    lowest = float(profile[inner].min())
+    if ends - lowest < LEAST_GAP_DEPTH:
+        return None
+    return float(np.mean(profile < (lowest + ends) / 2))
+
+
 def _not_found(image: LinearImage, residual: float, by_hand: bool) -> str:
     if by_hand:
         found = f"disagree with a chart by {residual:.2f}" if np.isfinite(residual) else "are nothing like a chart"
-        return (f"photo {image.source}: the patches at the given corners {found} (rms of log signal, at most "
+        return (f"photo {image.source}: the patches at the given corners {found} (relative rms, at most "
                 f"{ACCEPTED_RESIDUAL} is accepted); give corners_px as the outer corners of the patch grid at "
                 "dark skin, bluish green, black and white")
-    return (f"no ColorChecker was found in photo {image.source}; let the chart fill at least a quarter of the frame "
+    nearest = "" if not np.isfinite(residual) else (f" (the likeliest place disagrees by {residual:.2f}, at most "
+                                                    f"{ACCEPTED_RESIDUAL} is accepted)")
+    return (f"no ColorChecker was found in photo {image.source}{nearest}; let the chart fill at least a quarter of "
+            f"the frame "
             "in even light without glare, or give its corners as corners_px in session.toml")

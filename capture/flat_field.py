@@ -16,6 +16,7 @@ ORDER = 4                    # of the polynomial in x and y together: 15 terms
 BLOCKS = 24                  # block means along each side, at most
 CLIPPED_LIMIT = 0.01         # of a block: a few hot pixels do not spoil it
 LEAST_SIGNAL = 0.02          # of full scale: below it black-level errors exceed 1 % of the card
+MOST_ROUGH = 0.05            # of a block against the smooth card: holes, shadows, writing
 LEAST_USABLE_BLOCKS = 0.75   # a polynomial must not be trusted over more of the picture than this leaves out
 
 
@@ -27,7 +28,7 @@ def divide_by_flat(image: LinearImage, flat: LinearImage) -> LinearImage:
     InputError
         If the two photos differ in size or camera.
     CheckError
-        If the card is saturated or dark over too much of its photo.
+        If the card is saturated or dark over too much of its photo, or has holes.
     """
     if flat.signal.shape != image.signal.shape or flat.sensor_step != image.sensor_step:
         raise InputError(f"flat field {flat.source} is {_size(flat)} and photo {image.source} is {_size(image)}; "
@@ -59,10 +60,23 @@ def smooth_flat(flat: LinearImage) -> np.ndarray:
     down = np.stack([_coordinate(np.arange(height), height) ** power for power in range(ORDER + 1)])
     for band in range(bands):
         coefficients = np.zeros((ORDER + 1, ORDER + 1))
-        coefficients[_powers()] = np.linalg.lstsq(terms, np.log(means[usable, band]), rcond=None)[0]
+        logs = np.log(means[usable, band])
+        coefficients[_powers()] = np.linalg.lstsq(terms, logs, rcond=None)[0]
+        _require_smooth(flat, logs - terms @ coefficients[_powers()])
         log_shading = (down.T @ coefficients @ across).astype(np.float32)
         shading[..., band] = np.exp(log_shading - log_shading.max())
     return shading
+
+
+def _require_smooth(flat: LinearImage, log_residuals: np.ndarray) -> None:
+    """Refuse a card with holes, shadows or writing: the polynomial would spread them over the picture."""
+    rough = np.abs(np.expm1(log_residuals))
+    if rough.max() > MOST_ROUGH:
+        raise CheckError(f"flat field {flat.source}: {np.count_nonzero(rough > MOST_ROUGH)} of {rough.size} parts "
+                         f"differ "
+                         f"from a smooth card, by up to {rough.max():.0%} ({MOST_ROUGH:.0%} is the most); "
+                         f"photograph a clean "
+                         "white card without holes, shadows or edges that fills the frame")
 
 
 def _block_means(flat: LinearImage) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -21,6 +21,7 @@ LINEAR_FORMATS = ("openexr", "tiff")
 FULL_SCALE = {"uint8": 255, "uint16": 65535}  # of integer files; others hold the signal itself
 CLIP_FRACTION = 0.98
 NOT_BANDS = ("A", "ALPHA", "Z", "DEPTH")
+VARIANCE, SATURATED = "variance.", "saturated."  # channels of a developed photo beside its bands
 
 
 def is_image_file(path: Path) -> bool:
@@ -48,6 +49,8 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
     """
     path = Path(path)
     pixels, spec, file_format = _read(path)
+    if any(name.startswith(VARIANCE) for name in spec.channelnames):
+        return _developed(path, spec)
     kind = str(spec.format)
     tagged_encoded = "srgb" in spec.get_string_attribute("oiio:ColorSpace").lower() and kind in FULL_SCALE
     if file_format not in LINEAR_FORMATS or kind == "uint8" or tagged_encoded:
@@ -77,6 +80,70 @@ def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
     encoded = np.clip(pixels / np.float32(full_scale), 0, 1)
     decoded = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)
     return _linear_image(path, decoded, spec, clip=CLIP_FRACTION, quantum=1 / full_scale / 12.92)
+
+
+def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, str]:
+    """Values (H, W) as stored in a file of one band, such as the mosaic of an industrial camera; exposure, camera.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, has several bands, or holds anything but 8 or 16-bit integers.
+    """
+    path = Path(path)
+    stored, spec, _ = _stored(path)
+    if stored.shape[2] != 1 or str(spec.format) not in FULL_SCALE:
+        raise InputError(f"{path.name} has {stored.shape[2]} bands of {spec.format} values; a mosaic is one band of "
+                         f"8 or "
+                         "16-bit integers: save the raw frame without demosaicing")
+    make, model = (spec.get_string_attribute(name) for name in ("Make", "Model"))
+    return np.ascontiguousarray(stored[..., 0]), _positive(spec, "ExposureTime"), f"{make} {model}".strip()
+
+
+def write_linear_exr(path: str | os.PathLike[str], image: LinearImage) -> None:
+    """Write a linear image with its variance and saturation as float EXR; ``read_linear_file`` gives it back whole.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    bands = image.signal.shape[2]
+    names = ["R", "G", "B"] if bands == 3 else [f"band{number:03d}" for number in range(1, bands + 1)]
+    pixels = np.concatenate([image.signal, image.variance, image.saturated.astype(np.float32)], axis=2)
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
+    spec.channelnames = (*names, *(VARIANCE + name for name in names), *(SATURATED + name for name in names))
+    spec.attribute("compression", "zip")
+    for name, value in (("ExposureTime", image.exposure_s), ("Exif:PhotographicSensitivity", image.iso),
+                        ("FNumber", image.f_number), ("spectrabox:sensor_step", image.sensor_step)):
+        if value is not None:
+            spec.attribute(name, float(value))
+    for name, text in (("spectrabox:kind", image.kind.name), ("spectrabox:camera", image.camera),
+                       ("spectrabox:source", image.source)):
+        spec.attribute(name, text)
+    _write(Path(path), np.ascontiguousarray(pixels, dtype=np.float32), spec)
+
+
+def _developed(path: Path, spec: oiio.ImageSpec) -> LinearImage:
+    """A photo that ``write_linear_exr`` wrote, its variance and saturation as stated there."""
+    stored, _, _ = _stored(path)
+    names = list(spec.channelnames)
+    bands = [name for name in names if not name.startswith((VARIANCE, SATURATED))]
+    bands = [band for band in "RGB" if band in bands] + [band for band in bands if band not in ("R", "G", "B")]
+    missing = [prefix + band for prefix in (VARIANCE, SATURATED) for band in bands if prefix + band not in names]
+    if missing:
+        raise InputError(f"developed photo {path.name} lacks the channels {', '.join(missing)}; develop it again")
+    signal, variance, saturated = (np.ascontiguousarray(stored[..., [names.index(prefix + band) for band in bands]],
+                                                        dtype=np.float32) for prefix in ("", VARIANCE, SATURATED))
+    _require_finite(path, signal)
+    kind = spec.get_string_attribute("spectrabox:kind")
+    return LinearImage(
+        signal=signal, variance=variance, saturated=saturated > 0.5,
+        sensor_step=spec.get_float_attribute("spectrabox:sensor_step", 1.0),
+        exposure_s=_positive(spec, "ExposureTime"), iso=_positive(spec, "Exif:PhotographicSensitivity"),
+        f_number=_positive(spec, "FNumber"), kind=PhotoKind.RAW if kind == "RAW" else PhotoKind.LINEAR_FILE,
+        camera=spec.get_string_attribute("spectrabox:camera"),
+        source=spec.get_string_attribute("spectrabox:source") or path.name, sha256=file_sha256(path))
 
 
 def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Sequence[str],
@@ -112,6 +179,16 @@ def write_png(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
 
 def _read(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
     """All bands (H, W, K) float32 as stored, in the order to use them; integers are not scaled."""
+    stored, spec, file_format = _stored(path)
+    pixels = stored[..., _band_order(spec.channelnames)].astype(np.float32)
+    if pixels.shape[2] < 3:
+        raise InputError(f"photo {path.name} has {pixels.shape[2]} band(s) ({', '.join(spec.channelnames)}); "
+                         "at least 3 are needed")
+    return pixels, spec, file_format
+
+
+def _stored(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
+    """All channels (H, W, C) in the type and order of the file."""
     if not path.is_file():
         raise InputError(f"photo {path} does not exist; check its name in session.toml")
     file = oiio.ImageInput.open(os.fspath(path))
@@ -124,11 +201,7 @@ def _read(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
     file.close()
     if stored is None or trouble:
         raise InputError(f"photo {path.name} cannot be read to its end ({_line(trouble)}); copy or export it again")
-    pixels = stored[..., _band_order(spec.channelnames)].astype(np.float32)
-    if pixels.shape[2] < 3:
-        raise InputError(f"photo {path.name} has {pixels.shape[2]} band(s) ({', '.join(spec.channelnames)}); "
-                         "at least 3 are needed")
-    return pixels, spec, file.format_name()
+    return stored, spec, file.format_name()
 
 
 def _band_order(names: Sequence[str]) -> list[int]:
@@ -141,12 +214,9 @@ def _band_order(names: Sequence[str]) -> list[int]:
 
 
 def _linear_image(path: Path, signal: np.ndarray, spec: oiio.ImageSpec, clip: float, quantum: float) -> LinearImage:
-    bad = np.count_nonzero(~np.isfinite(signal))
-    if bad:
-        raise InputError(f"photo {path.name} has {bad} of {signal.size} values that are NaN or infinite; export it "
-                         "again without them, nothing is guessed in their place")
+    _require_finite(path, signal)
     saturated = signal >= clip
-    variance = photon_transfer(signal, saturated, quantum).variance(signal)
+    variance = photon_transfer(signal, saturated, quantum, path.name).variance(signal)
     for array in (signal, saturated, variance):
         array.flags.writeable = False  # the record then keeps them without a copy
     make, model = (spec.get_string_attribute(name) for name in ("Make", "Model"))
@@ -156,6 +226,13 @@ def _linear_image(path: Path, signal: np.ndarray, spec: oiio.ImageSpec, clip: fl
         iso=_positive(spec, "Exif:PhotographicSensitivity") or _positive(spec, "Exif:ISOSpeedRatings"),
         f_number=_positive(spec, "FNumber"), kind=PhotoKind.LINEAR_FILE, camera=f"{make} {model}".strip(),
         source=path.name, sha256=file_sha256(path))
+
+
+def _require_finite(path: Path, signal: np.ndarray) -> None:
+    bad = np.count_nonzero(~np.isfinite(signal))
+    if bad:
+        raise InputError(f"photo {path.name} has {bad} of {signal.size} values that are NaN or infinite; export it "
+                         "again without them, nothing is guessed in their place")
 
 
 def _positive(spec: oiio.ImageSpec, name: str) -> float | None:

@@ -24,7 +24,11 @@ SERIAL_TAGS = ("EXIF BodySerialNumber", "Image Tag 0xC62F")  # 0xC62F: CameraSer
 EXPOSURE_TAGS = ("EXIF ExposureTime", "Image ExposureTime")
 F_NUMBER_TAGS = ("EXIF FNumber", "Image FNumber")
 ISO_TAGS = ("EXIF ISOSpeedRatings", "EXIF PhotographicSensitivity", "Image ISOSpeedRatings")
-BLACK_TAG = "BlackLevel"  # tag 0xC61A of DNG files, in whichever directory holds the mosaic
+# Tags of DNG files, in whichever directory holds the mosaic.
+BLACK_TAG, BLACK_REPEAT_TAG, ACTIVE_AREA_TAG, MASKED_AREAS_TAG = "BlackLevel", "0xC619", "0xC68D", "0xC68E"
+DNG_VERSION_TAG = "Image Tag 0xC612"
+RAW_PHOTOMETRY = (32803, 34892)  # colour filter array, full-colour pixels
+UNCOMPRESSED = 1
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,11 @@ class PhotoMetadata:
     model: str
     serial: str
     black_level: tuple[Fraction, ...] | None  # DN, as the DNG tag lists them
+    black_repeat: tuple[int, int] = (1, 1)    # rows and columns of that list, from the first active pixel
+    active_origin: tuple[int, int] = (0, 0)   # row and column of that pixel in the whole mosaic
+    masked_areas: tuple[tuple[int, ...], ...] = ()  # top, left, bottom, right in the whole mosaic
+    is_dng: bool = False
+    stated_bytes: tuple[int, int] | None = None  # of an uncompressed mosaic: as its size says, as its strips say
 
     @property
     def camera(self) -> str:
@@ -65,19 +74,39 @@ def photo_metadata(path: Path) -> PhotoMetadata:
                          "copy it from the camera card again") from error
     finally:
         logger.setLevel(level)
-    black: Any = next((tag.values for name, tag in tags.items() if name.endswith(BLACK_TAG)), [])
     iso = _number(tags, ISO_TAGS)
+    repeat, area, masked = (tuple(int(value) for value in _fractions(_values(tags, name)))
+                            for name in (BLACK_REPEAT_TAG, ACTIVE_AREA_TAG, MASKED_AREAS_TAG))
     return PhotoMetadata(
         exposure_s=_number(tags, EXPOSURE_TAGS), f_number=_number(tags, F_NUMBER_TAGS),
         iso=None if iso is None else float(iso),
         make=_text(tags, MAKE_TAGS), model=_text(tags, MODEL_TAGS), serial=_text(tags, SERIAL_TAGS),
-        black_level=tuple(_fractions(black)) or None)
+        black_level=tuple(_fractions(_values(tags, BLACK_TAG))) or None,
+        black_repeat=(repeat[0], repeat[1]) if len(repeat) == 2 and min(repeat) > 0 else (1, 1),
+        active_origin=(area[0], area[1]) if len(area) == 4 else (0, 0),
+        masked_areas=tuple(masked[index:index + 4] for index in range(0, len(masked) - 3, 4)),
+        is_dng=DNG_VERSION_TAG in tags, stated_bytes=_stated_bytes(tags))
 
 
 def file_sha256(path: Path) -> str:
     """SHA-256 of the file's content, in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _values(tags: dict[str, Any], ending: str) -> Any:
+    return next((tag.values for name, tag in tags.items() if name.endswith(ending)), [])
+
+
+def _stated_bytes(tags: dict[str, Any]) -> tuple[int, int] | None:
+    """Bytes of an uncompressed mosaic in the first directory, from its size and from its strips."""
+    names = ("PhotometricInterpretation", "Compression", "ImageWidth", "ImageLength", "BitsPerSample",
+             "StripByteCounts")
+    listed = [_fractions(tags[f"Image {name}"].values) if f"Image {name}" in tags else [] for name in names]
+    if not all(listed) or listed[0][0] not in RAW_PHOTOMETRY or listed[1][0] != UNCOMPRESSED:
+        return None
+    width, height = int(listed[2][0]), int(listed[3][0])
+    return height * -(-width * int(sum(listed[4])) // 8), int(sum(listed[5]))
 
 
 def _text(tags: dict[str, Any], names: tuple[str, ...]) -> str:

@@ -27,10 +27,16 @@ def sample_patches(image: LinearImage, detection: ChartDetection) -> PatchSample
     CheckError
         If a patch leaves the photo or holds fewer than 16 pixels.
     """
+    return patches_and_excluded(image, detection)[0]
+
+
+def patches_and_excluded(image: LinearImage, detection: ChartDetection) -> tuple[PatchSamples, np.ndarray]:
+    """As ``sample_patches``, and the share (24,) of the samples of each patch that were left out as dust or glints."""
     patches = [_one_patch(image, quad, number) for number, quad in enumerate(detection.corners_px, start=1)]
-    mean, covariance, pixels, saturated, gradient = (np.array(column) for column in zip(*patches, strict=True))
+    mean, covariance, pixels, saturated, gradient, excluded = (np.array(column)
+                                                               for column in zip(*patches, strict=True))
     return PatchSamples(mean=mean, covariance_of_mean=covariance, pixels=pixels, saturated_fraction=saturated,
-                        gradient=gradient)
+                        gradient=gradient), excluded
 
 
 def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: str) -> None:
@@ -51,8 +57,10 @@ def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: s
 def pixels_inside(quad_px: np.ndarray, sensor_step: float, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns of the image pixels whose centre lies in a convex quadrilateral (4, 2) of sensor pixels."""
     corners = image_from_sensor(quad_px, sensor_step)
-    (left, top), (right, bottom) = np.ceil(corners.min(axis=0)), np.floor(corners.max(axis=0))
-    y, x = np.mgrid[max(int(top), 0):min(int(bottom), height - 1) + 1, max(int(left), 0):min(int(right), width - 1) + 1]
+    last = np.array([width - 1, height - 1])
+    left, top = np.clip(np.ceil(corners.min(axis=0)), 0, last + 1).astype(int)  # a quadrilateral may lie outside
+    right, bottom = np.clip(np.floor(corners.max(axis=0)), -1, last).astype(int)
+    y, x = np.mgrid[top:max(bottom + 1, top), left:max(right + 1, left)]
     edges = np.roll(corners, -1, axis=0) - corners
     sides = [edge[0] * (y - corner[1]) - edge[1] * (x - corner[0])
              for corner, edge in zip(corners, edges, strict=True)]
@@ -89,8 +97,10 @@ def _one_patch(image: LinearImage, quad_px: np.ndarray, number: int) -> tuple[np
     scatter = residuals.T @ residuals / (residuals.shape[0] - terms.shape[1]) / VARIANCE_LEFT_BY_CLIPPING
     covariance = scatter / residuals.shape[0]
     # A dark patch may average near 0: relative to less than its own noise a gradient has no meaning.
-    gradient = np.ptp(terms @ plane, axis=0) / np.maximum(np.abs(mean), np.sqrt(np.diag(covariance)))
-    return mean, covariance, np.array(residuals.shape[0]), image.saturated[y, x].mean(axis=0), gradient
+    least = np.maximum(np.sqrt(np.diag(covariance)), np.finfo(np.float32).tiny)
+    gradient = np.ptp(terms @ plane, axis=0) / np.maximum(np.abs(mean), least)
+    excluded = np.array(1 - residuals.shape[0] / samples.shape[0])
+    return mean, covariance, np.array(residuals.shape[0]), image.saturated[y, x].mean(axis=0), gradient, excluded
 
 
 def _near_plane(samples: np.ndarray, variance: np.ndarray, terms: np.ndarray) -> np.ndarray:

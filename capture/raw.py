@@ -9,48 +9,83 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rawpy
 
+from capture.black_level import tile_of
 from capture.metadata import PhotoMetadata, file_sha256, photo_metadata
 from radiometry.errors import InputError
 from radiometry.records import RawFrame
 
-COLOUR_INDEX = {"R": 0, "G": 1, "B": 2}
+MOST_BLACK_SPREAD = 0.02  # of the white level: places of one tile differ by less than 0.1 % of it in cameras
 TROUBLE = ("unexpected end of file", "data corrupted", "corrupt")  # what LibRaw prints where it goes on regardless
 
 
+@dataclass(frozen=True, eq=False)
+class FullColourFrame:
+    """Pixels of a linear DNG: every colour at every pixel, as a converter or a phone wrote them."""
+
+    pixels: np.ndarray       # (H, W, 3) uint16 DN
+    black_level: np.ndarray  # (3,) DN
+    white_level: float       # DN
+    exposure_s: float | None
+    iso: float | None
+    f_number: float | None
+    camera: str
+    file: str
+    sha256: str
+
+
 def read_raw(path: str | os.PathLike[str]) -> RawFrame:
-    """Decode the visible mosaic of a Bayer raw file, in sensor orientation.
+    """Decode the visible mosaic of a Bayer, X-Trans or monochrome raw file, in sensor orientation.
 
     Raises
     ------
     InputError
-        If the file is missing, empty, cut short or no camera raw, or if its sensor has no 2 x 2 Bayer pattern.
+        If the file is missing, empty, cut short, contradicts itself or is no camera raw, or if it holds full-colour
+        pixels or another colour filter pattern.
     """
+    frame = decode(path)
+    if isinstance(frame, FullColourFrame):
+        raise InputError(f"raw photo {frame.file} holds full-colour pixels (a linear DNG) and no mosaic; "
+                         "give the camera's own raw file")
+    return frame
+
+
+def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
+    """As ``read_raw``, but full-colour pixels of a linear DNG are returned as such."""
     path = Path(path)
     if not path.is_file():
         raise InputError(f"photo {path} does not exist; check its name in session.toml")
     if path.stat().st_size == 0:
         raise InputError(f"raw photo {path.name} is empty (0 bytes); copy it from the camera card again")
+    metadata = photo_metadata(path)
+    _require_consistent(metadata, path)
     with _open(path) as raw:
-        _require_bayer(raw, path)
-        visible = np.ascontiguousarray(raw.raw_image_visible).copy()
-        metadata = photo_metadata(path)
-        cfa, black_level = _tile(raw, metadata)
-        exposure_s = metadata.exposure_s or raw.other.shutter_speed
-        iso, f_number = metadata.iso or raw.other.iso_speed, metadata.f_number or raw.other.aperture
+        _require_known_sensor(raw, metadata, path)
+        exposure: dict[str, Any] = {
+            "exposure_s": _known(metadata.exposure_s or raw.other.shutter_speed),
+            "iso": _known(metadata.iso or raw.other.iso_speed),
+            "f_number": _known(metadata.f_number or raw.other.aperture),
+            "camera": metadata.camera, "file": path.name, "sha256": file_sha256(path)}
         white_level = float(raw.white_level)
-    if not white_level > black_level.max():
-        raise InputError(f"raw photo {path.name} states a white level of {white_level:g} DN, not above its black level "
-                         f"of {black_level.max():g} DN; convert it with the camera maker's software or Adobe DNG")
+        if raw.raw_type == rawpy.RawType.Stack:
+            black_level = np.asarray(raw.black_level_per_channel, dtype=float)[:3]
+            _require_range(black_level, white_level, path)
+            pixels = np.ascontiguousarray(raw.raw_image_visible[..., :3]).copy()
+            return FullColourFrame(pixels, black_level, white_level, **exposure)
+        cfa, black_level = tile_of(raw, metadata)
+        _require_plausible_tile(cfa, black_level, white_level, path)
+        _require_range(black_level, white_level, path)
+        visible = np.ascontiguousarray(raw.raw_image_visible)
+        visible = visible.copy() if np.shares_memory(visible, raw.raw_image) else visible
     visible.flags.writeable = False
-    return RawFrame(mosaic=visible, cfa=cfa, black_level=black_level, white_level=white_level,
-                    exposure_s=_known(exposure_s), iso=_known(iso), f_number=_known(f_number),
-                    camera=metadata.camera, file=path.name, sha256=file_sha256(path))
+    return RawFrame(mosaic=visible, cfa=cfa, black_level=black_level, white_level=white_level, **exposure)
 
 
 @contextmanager
@@ -89,42 +124,53 @@ def _captured_stderr() -> Iterator[list[str]]:
             lines += sink.read().decode(errors="replace").splitlines()
 
 
-def _require_bayer(raw: rawpy.RawPy, path: Path) -> None:
+def _require_consistent(metadata: PhotoMetadata, path: Path) -> None:
+    """Refuse an uncompressed mosaic whose stated size is not that of its strips: LibRaw would shear the picture."""
+    if metadata.stated_bytes is not None and metadata.stated_bytes[0] != metadata.stated_bytes[1]:
+        raise InputError(f"raw photo {path.name} states a size of {metadata.stated_bytes[0]} bytes and holds "
+                         f"{metadata.stated_bytes[1]}; it is damaged: copy it from the camera card again")
+
+
+def _require_known_sensor(raw: rawpy.RawPy, metadata: PhotoMetadata, path: Path) -> None:
     colours = raw.color_desc.decode(errors="replace")
     try:
         tile = raw.raw_pattern if raw.raw_type == rawpy.RawType.Flat else None
     except NotImplementedError as error:  # a filter code that rawpy does not know
-        raise InputError(f"raw photo {path.name} has an unknown colour filter pattern ({error}); a 2 x 2 Bayer pattern "
-                         "is needed: develop it elsewhere to a linear EXR or TIFF and give that") from error
-    if tile is not None and tile.shape == (2, 2) and raw.num_colors == 3 and set(colours[:3]) == set("RGB"):
+        raise InputError(f"raw photo {path.name} has an unknown colour filter pattern ({error}); Bayer, X-Trans and "
+                         "monochrome are known: develop it elsewhere to a linear EXR or TIFF and give that") from error
+    if raw.raw_type == rawpy.RawType.Flat:
+        if raw.num_colors == 1:
+            return
+        if raw.num_colors == 3 and set(colours[:3]) == set("RGB") and tile is not None and tile.shape in ((2, 2),
+                                                                                                         (6, 6)):
+            return
+        found = "no colour filter pattern" if tile is None else \
+            f"a {tile.shape[0]} x {tile.shape[1]} pattern of {raw.num_colors} colours ({colours})"
+    elif metadata.is_dng and raw.num_colors == 3:
         return
-    if raw.raw_type != rawpy.RawType.Flat:
-        found = "full-colour pixels (Foveon, linear DNG or a reduced raw size)"
-    elif tile is None or raw.num_colors == 1:
-        found = "no colour filter pattern (a monochrome sensor)"
     else:
-        found = f"a {tile.shape[0]} x {tile.shape[1]} pattern of {raw.num_colors} colours ({colours})"
-    raise InputError(f"raw photo {path.name} has {found}; a 2 x 2 Bayer pattern of red, green and blue is needed: "
-                     "develop it elsewhere to a linear EXR or TIFF and give that")
+        found = "full-colour pixels (Foveon, or a reduced raw size)"
+    raise InputError(f"raw photo {path.name} has {found}; Bayer, X-Trans and monochrome sensors and linear DNG are "
+                     "known: develop it elsewhere to a linear EXR or TIFF and give that")
 
 
-def _tile(raw: rawpy.RawPy, metadata: PhotoMetadata) -> tuple[np.ndarray, np.ndarray]:
-    """Colour and black level (2, 2) of the tile that starts at the first visible pixel.
+def _require_plausible_tile(cfa: np.ndarray, black_level: np.ndarray, white_level: float, path: Path) -> None:
+    """Refuse what only damage makes: a colour with too many or too few places, black levels far apart."""
+    counts = np.bincount(cfa.ravel(), minlength=3) / cfa.size
+    bayer, x_trans = (0.25, 0.5, 0.25), (8 / 36, 20 / 36, 8 / 36)
+    if cfa.max() > 0 and not any(np.allclose(counts, known) for known in (bayer, x_trans)):
+        raise InputError(f"raw photo {path.name} states the colour filters {cfa.tolist()} (0 red, 1 green, 2 blue), "
+                         "neither Bayer nor X-Trans; it is damaged: copy it from the camera card again")
+    if np.ptp(black_level) > MOST_BLACK_SPREAD * white_level:
+        raise InputError(f"raw photo {path.name} states black levels from {black_level.min():g} to "
+                         f"{black_level.max():g} DN, too far apart for one sensor; it is damaged: copy it from the "
+                         "camera card again")
 
-    LibRaw lists black levels by colour (R, G1, B, G2) and drops their fractions. The DNG tag lists them by position;
-    it is taken where it agrees with LibRaw up to the fraction.
-    """
-    sizes = raw.sizes
-    colour = np.array([[raw.raw_color(sizes.top_margin + y, sizes.left_margin + x) for x in (0, 1)] for y in (0, 1)])
-    letters = raw.color_desc.decode()
-    cfa = np.vectorize(lambda index: COLOUR_INDEX[letters[index]])(colour)
-    black_level = np.asarray(raw.black_level_per_channel, dtype=float)[colour]
-    stated = metadata.black_level
-    if stated is not None and len(stated) in (1, 4):
-        by_position = np.broadcast_to(np.array([float(level) for level in stated]), 4).reshape(2, 2)
-        if np.all(np.abs(by_position - black_level) < 1):
-            black_level = by_position
-    return cfa, black_level
+
+def _require_range(black_level: np.ndarray, white_level: float, path: Path) -> None:
+    if not white_level > black_level.max():
+        raise InputError(f"raw photo {path.name} states a white level of {white_level:g} DN, not above its black level "
+                         f"of {black_level.max():g} DN; convert it with the camera maker's software or Adobe DNG")
 
 
 def _known(value: float | Fraction | None) -> float | None:

@@ -3,10 +3,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from radiometry.errors import InputError
+from radiometry.errors import CalibrationError, InputError
 from radiometry.records import LightScale, LinearImage
 
 SAME_SETTING = 1e-6
+LARGEST_LIGHT_CONDITION = 1e8
 
 
 def exposure_product(photo: LinearImage, name: str) -> float:
@@ -54,3 +55,54 @@ def scale_from_signals(measured: np.ndarray, predicted: np.ndarray, relative_err
     residuals = 1 - value * predicted / measured
     misfit = max(np.sum(weight * (measured - value * predicted) ** 2) / max(measured.size - 1, 1), 1.0)
     return LightScale(float(value), float(np.sqrt(misfit / curvature)), residuals, source)
+
+
+def scales_from_signals(measured: np.ndarray, predicted: np.ndarray,
+                        relative_error: float) -> tuple[np.ndarray, np.ndarray]:
+    """Scales (L,) of several lights that shine together, and their covariance (L, L).
+
+    Parameters
+    ----------
+    measured : (R, K) array
+        Signals, all known to ``relative_error``.
+    predicted : (L, R, K) array
+        Signals that each light alone would give at a scale of 1.
+
+    Raises
+    ------
+    CalibrationError
+        If the regions cannot tell the lights apart.
+    """
+    rows = (predicted / (relative_error * measured)).reshape(len(predicted), -1).T
+    target = np.full(measured.size, 1 / relative_error)
+    normal = rows.T @ rows
+    spread = np.sqrt(np.diag(normal))
+    if np.linalg.cond(normal / np.outer(spread, spread)) > LARGEST_LIGHT_CONDITION:
+        raise CalibrationError(f"these {measured.shape[0]} regions cannot tell the {len(predicted)} lights apart; "
+                               "photograph the chart under one light at a time")
+    covariance = np.linalg.inv(normal)
+    values = covariance @ rows.T @ target
+    misfit = np.sum((target - rows @ values) ** 2) / max(measured.size - len(predicted), 1)
+    return values, covariance * max(misfit, 1.0)
+
+
+def light_drift(before: np.ndarray, after: np.ndarray, relative_error: float) -> tuple[np.ndarray, np.ndarray]:
+    """Change of the light between two photos of the same neutral reference.
+
+    Parameters
+    ----------
+    before, after : (R, K) arrays
+        Signals of the same R neutral regions, divided by their exposures (see ``exposure_product``).
+    relative_error : float
+        Of each signal.
+
+    Returns
+    -------
+    ratio : (K,) after / before in each band; all alike is a change of level, else of colour
+    standard_error : (K,)
+        From the scatter over the regions, and never below what ``relative_error`` says.
+    """
+    logs = np.log(after / before)
+    ratio = np.exp(logs.mean(axis=0))
+    scatter = logs.std(axis=0, ddof=1) if len(logs) > 1 else np.zeros(logs.shape[1])
+    return ratio, ratio * np.maximum(scatter, np.sqrt(2) * relative_error) / np.sqrt(len(logs))

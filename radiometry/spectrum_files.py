@@ -1,21 +1,12 @@
-"""Spectra in and out of text files.
+"""Spectra in and out of files: any format that spectral_formats/ knows, told apart by content and not by name.
 
-The canonical file states what it holds, in comment lines before the header row::
-
-    # quantity: reflectance
-    # unit: 1
-    # source: ASD FieldSpec 4, sphere, 2026-01-02
-    wavelength_nm,value,standard_error
-
-Loose files (instrument exports, spreadsheets) are read too: comma, semicolon or tab; several columns, one of which the
-caller names. What such a file holds is then what its role in the session says, never a guess.
+A file that states its quantity and unit is held to them. One that does not is what its role in the session says;
+nothing is guessed from the values.
 """
 from __future__ import annotations
 
-import csv
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,55 +15,92 @@ from scipy.interpolate import PchipInterpolator
 from radiometry.errors import InputError
 from radiometry.grid import grid_from_nm
 from radiometry.records import Quantity, Spectrum, WavelengthGrid
+from radiometry.spectral_formats.asd import is_asd, read_asd
+from radiometry.spectral_formats.cgats import is_cgats, read_cgats
+from radiometry.spectral_formats.delimited import read_delimited, table_text
+from radiometry.spectral_formats.envi import envi_header_of, is_envi_header, read_envi
+from radiometry.spectral_formats.field_text import is_sed, is_svc, read_sed, read_svc
+from radiometry.spectral_formats.rawtoaces import is_rawtoaces, read_rawtoaces
+from radiometry.spectral_formats.spectral_exr import MAGIC, read_spectral_exr
+from radiometry.spectral_formats.table import SpectralTable, checked_table, text_of
+from radiometry.spectral_formats.tm27 import is_tm27, read_tm27
+
+__all__ = ["SpectralTable", "column_index", "format_of", "on_grid", "read_curves", "read_spectrum", "read_table",
+           "spectrum_of", "spectrum_on_grid", "table_text"]
 
 FINE_STEP_NM = 2.5          # up to here linear interpolation is within measurement error; above, shape-preserving cubic
+LARGEST_FILE_BYTES = 1_000_000_000
+MOST_NAMED = 24             # columns in one error sentence: as many as a chart has patches
 SI_FACTORS = {"uw cm-2 sr-1 nm-1": 0.01, "µw cm-2 sr-1 nm-1": 0.01, "μw cm-2 sr-1 nm-1": 0.01,
               "uw cm-2 nm-1": 0.01, "mw m-2 nm-1": 1e-3, "mw m-2 sr-1 nm-1": 1e-3, "percent": 0.01, "%": 0.01}
-
-
-@dataclass(frozen=True)
-class SpectralTable:
-    """Columns of one text file: wavelengths (P,) in nm and values (C, P), with names and the stated facts."""
-
-    nm: np.ndarray
-    names: tuple[str, ...]
-    values: np.ndarray
-    facts: dict[str, str]
-    file: str
+READERS: dict[str, Callable[[bytes, Path], SpectralTable]] = {
+    "ASD": read_asd, "CGATS": read_cgats, "TM-27": read_tm27, "ENVI": read_envi, "SVC": read_svc,
+    "Spectral Evolution": read_sed, "rawtoaces": read_rawtoaces, "spectral EXR": read_spectral_exr}
+SUFFIXES = {".asd": "ASD", ".sp": "CGATS", ".ti3": "CGATS", ".ccss": "CGATS", ".spdx": "TM-27", ".sli": "ENVI",
+            ".hdr": "ENVI", ".sig": "SVC", ".sed": "Spectral Evolution", ".exr": "spectral EXR", ".csv": "CSV"}
+FOREIGN = {
+    b"PK\x03\x04": "a spreadsheet or zip archive: export the sheet as CSV",
+    b"\xd0\xcf\x11\xe0": "an Excel workbook: export the sheet as CSV",
+    b"%PDF": "a PDF: ask for the numbers as CSV",
+    b"\x89PNG": "a picture", b"\xff\xd8\xff": "a picture", b"II*\x00": "a TIFF picture", b"MM\x00*": "a TIFF picture",
+    b"\x89HDF": "an HDF5 or MATLAB file: export the spectrum as CSV",
+    b"MATLAB": "a MATLAB file: export the spectrum as CSV",
+    b"\x1f\x8b": "a gzip archive: unpack it first"}
 
 
 def read_table(path: Path, wavelength_column: int = 1) -> SpectralTable:
-    """All columns of a text file of spectra.
+    """All columns of a file of spectra, whatever its format.
 
     Parameters
     ----------
     path : Path
-        Comma, semicolon or tab separated text with one row per wavelength.
     wavelength_column : int
-        Number of the column that holds the wavelengths, from 1.
+        Number of the column that holds the wavelengths, from 1, in a delimited text.
 
     Raises
     ------
     InputError
-        If the file is missing, is not such a text, or its wavelengths are not ascending.
+        If the file is missing, is of no known format, is damaged, or its wavelengths are not ascending in nm.
     """
-    facts, rows = _split_rows(path)
-    header, numbers = _header_and_numbers(rows, wavelength_column - 1, path)
-    nm = np.array([row[wavelength_column - 1] for row in numbers])
-    others = [index for index in range(len(header)) if index != wavelength_column - 1]
-    values = np.array([[row[index] if index < len(row) else np.nan for row in numbers] for index in others])
-    values = values.reshape(len(others), nm.size)
-    if np.any(np.diff(nm) <= 0):
-        place = nm[1:][np.diff(nm) <= 0][0]
-        raise InputError(f"{path.name}: wavelengths must ascend; they turn back at {place:g} nm")
-    if nm[0] < 100 or nm[-1] > 10000:
-        raise InputError(f"{path.name}: wavelengths from {nm[0]:g} to {nm[-1]:g} cannot be in nm; give them in nm")
-    return SpectralTable(nm, tuple(header[index].strip() for index in others), values, facts, path.name)
+    content = _content(path)
+    kind = format_of(content, path)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what overflows is noted as a gap
+        table = read_delimited(content, path, wavelength_column) if kind == "CSV" else READERS[kind](content, path)
+    expected = SUFFIXES.get(path.suffix.lower())
+    notes = (f"{path.name} is a {kind} file in spite of its name, and was read as one", *table.notes) \
+        if expected not in (None, kind) else table.notes
+    return checked_table(SpectralTable(table.nm, table.names, table.values, {"format": kind, **table.facts}, table.file,
+                                       table.main, table.column_facts, notes))
+
+
+def format_of(content: bytes, path: Path) -> str:
+    """Name of the format, from what the file begins with; the name counts only for a binary that says nothing itself.
+
+    Raises
+    ------
+    InputError
+        If it is a format that holds no spectra.
+    """
+    if is_asd(content):
+        return "ASD"
+    if content.startswith(MAGIC):
+        return "spectral EXR"
+    foreign = next((what for start, what in FOREIGN.items() if content.startswith(start)), None)
+    if foreign:
+        raise InputError(f"{path.name} is {foreign}; a file of spectra is needed")
+    if is_envi_header(content):
+        return "ENVI"
+    if path.suffix.lower() in (".sli", ".slb") or (b"\x00" in content and envi_header_of(path) is not None):
+        return "ENVI"
+    text = text_of(content, path.name)
+    tests = (("CGATS", is_cgats), ("TM-27", is_tm27), ("SVC", is_svc), ("Spectral Evolution", is_sed),
+             ("rawtoaces", is_rawtoaces))
+    return next((kind for kind, test in tests if test(text)), "CSV")
 
 
 def read_spectrum(path: Path, *, role: Quantity, column: str | int | None = None,
                   wavelength_column: int = 1) -> Spectrum:
-    """One spectrum of a text file, in SI units.
+    """One spectrum of a file of any known format, in SI units.
 
     Parameters
     ----------
@@ -80,7 +108,7 @@ def read_spectrum(path: Path, *, role: Quantity, column: str | int | None = None
     role : Quantity
         What the caller needs. A file that states another quantity is refused; RELATIVE accepts any light.
     column : str or int, optional
-        Name or number (from 1) of the column; needed where the file holds several.
+        Name or number (from 1) of the column; needed where the file holds several and means none of them.
     wavelength_column : int
         Number of the column of wavelengths, from 1.
 
@@ -89,19 +117,25 @@ def read_spectrum(path: Path, *, role: Quantity, column: str | int | None = None
     InputError
         If the file, the column, the stated quantity or a value cannot be right.
     """
-    table = read_table(path, wavelength_column)
-    index = _column_index(table, column, wavelength_column)
+    return spectrum_of(read_table(path, wavelength_column), role=role, column=column,
+                       wavelength_column=wavelength_column)
+
+
+def spectrum_of(table: SpectralTable, *, role: Quantity, column: str | int | None = None,
+                wavelength_column: int = 1) -> Spectrum:
+    """One column of a table as a spectrum in SI units; see ``read_spectrum``."""
+    index = column_index(table, column, wavelength_column)
     values = table.values[index]
     valid = np.isfinite(values)
     if valid.sum() < 2:
-        raise InputError(f"{path.name}: column {table.names[index]!r} holds no numbers")
-    quantity = _quantity(table, role)
-    factor = _unit_factor(table)
+        raise InputError(f"{table.file}: column {table.names[index]!r} holds no numbers")
+    quantity = _quantity(table, index, role)
+    factor = _unit_factor(table, index)
     if quantity is Quantity.REFLECTANCE:
-        _check_reflectance(values[valid] * factor, table.nm[valid], path.name)
+        _check_reflectance(values[valid] * factor, table.nm[valid], table.file)
     error = next((table.values[i] for i, name in enumerate(table.names) if name == "standard_error"), None)
     return Spectrum(grid_from_nm(table.nm[valid]), values[valid] * factor, quantity,
-                    table.facts.get("source", f"{path.name}, column {table.names[index]}"),
+                    table.facts.get("source", f"{table.file}, column {table.names[index]}"),
                     None if error is None else error[valid] * factor)
 
 
@@ -112,7 +146,7 @@ def read_curves(path: Path, columns: Sequence[str | int] | None = None,
     if columns is None:
         chosen = [i for i, name in enumerate(table.names) if not name.startswith("standard_error")]
     else:
-        chosen = [_column_index(table, column, wavelength_column) for column in columns]
+        chosen = [column_index(table, column, wavelength_column) for column in columns]
     values = table.values[chosen]
     if not np.all(np.isfinite(values)):
         raise InputError(f"{path.name}: some cells of the curves are empty or not numbers")
@@ -142,70 +176,32 @@ def spectrum_on_grid(spectrum: Spectrum, grid: WavelengthGrid) -> np.ndarray:
     return on_grid(spectrum.grid.nm, spectrum.values, grid, spectrum.source)
 
 
-def table_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity, source: str) -> str:
-    """Canonical text of several columns (P,) on one grid; values keep nine significant digits."""
-    lines = [f"# quantity: {quantity.name.lower()}", f"# unit: {quantity.value}", f"# source: {source}",
-             ",".join(["wavelength_nm", *columns])]
-    lines += [",".join([f"{wavelength:g}", *(f"{values[i]:.9g}" for values in columns.values())])
-              for i, wavelength in enumerate(nm)]
-    return "\n".join(lines) + "\n"
-
-
-def _split_rows(path: Path) -> tuple[dict[str, str], list[list[str]]]:
+def _content(path: Path) -> bytes:
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        if path.is_file() and path.stat().st_size > LARGEST_FILE_BYTES:
+            raise InputError(f"{path.name} is larger than {LARGEST_FILE_BYTES // 1_000_000} MB; give a file of spectra")
+        return path.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path} is missing: give the file or correct its name in session.toml") from None
     except IsADirectoryError:
-        raise InputError(f"{path} is a folder; a text file of spectra is needed") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path.name} is not a text file of spectra; export it as CSV") from None
-    facts: dict[str, str] = {}
-    body = []
-    for line in text.splitlines():
-        if line.lstrip().startswith("#"):
-            key, colon, value = line.lstrip("# ").partition(":")
-            if colon:
-                facts[key.strip().lower()] = value.strip()
-        elif line.strip():
-            body.append(line)
-    if not body:
-        raise InputError(f"{path.name} is empty; a text file of spectra is needed")
-    delimiter = max(";\t,", key=lambda mark: sum(mark in line for line in body) * (2 if mark != "," else 1))
-    if delimiter == ";":
-        body = [line.replace(",", ".") for line in body]
-    return facts, list(csv.reader(body, delimiter=delimiter))
+        raise InputError(f"{path} is a folder; a file of spectra is needed") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
 
 
-def _header_and_numbers(rows: list[list[str]], wavelength: int, path: Path) -> tuple[list[str], list[list[float]]]:
-    numbers: list[list[float]] = []
-    header: list[str] | None = None
-    for row in rows:
-        cells = [_number(cell) for cell in row]
-        if wavelength < len(cells) and np.isfinite(cells[wavelength]):
-            numbers.append(cells)
-        elif not numbers:
-            header = row
-        elif any(cell.strip() for cell in row):
-            raise InputError(f"{path.name}: {row[wavelength] if wavelength < len(row) else ''!r} stands where a "
-                             "wavelength is needed")
-    if len(numbers) < 2:
-        raise InputError(f"{path.name} holds no table of wavelengths and values; a CSV with a column of nm is needed")
-    width = max(len(row) for row in numbers)
-    names = (header or []) + [f"column {index + 1}" for index in range(len(header or []), width)]
-    return names[:width], numbers
+def column_index(table: SpectralTable, column: str | int | None, wavelength_column: int = 1) -> int:
+    """Place of a column given by name or number (from 1), else of the one that is meant.
 
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")
-
-
-def _column_index(table: SpectralTable, column: str | int | None, wavelength_column: int) -> int:
+    Raises
+    ------
+    InputError
+        Naming the columns that there are.
+    """
     candidates = [i for i, name in enumerate(table.names) if name and not name.startswith("standard_error")]
-    names = ", ".join(repr(table.names[i]) for i in candidates)
+    names = ", ".join(repr(table.names[i]) for i in candidates[:MOST_NAMED])
+    names += f" and {len(candidates) - MOST_NAMED} more" if len(candidates) > MOST_NAMED else ""
+    if column is None and table.main is not None:
+        return table.names.index(table.main)
     if column is None:
         if len(candidates) == 1:
             return candidates[0]
@@ -223,8 +219,8 @@ def _column_index(table: SpectralTable, column: str | int | None, wavelength_col
     return matches[0]
 
 
-def _quantity(table: SpectralTable, role: Quantity) -> Quantity:
-    stated = table.facts.get("quantity")
+def _quantity(table: SpectralTable, index: int, role: Quantity) -> Quantity:
+    stated = table.fact("quantity", index)
     if stated is None:
         return role
     try:
@@ -238,8 +234,8 @@ def _quantity(table: SpectralTable, role: Quantity) -> Quantity:
     return quantity
 
 
-def _unit_factor(table: SpectralTable) -> float:
-    unit = table.facts.get("unit")
+def _unit_factor(table: SpectralTable, index: int) -> float:
+    unit = table.fact("unit", index)
     if unit is None or unit in {member.value for member in Quantity}:
         return 1.0
     factor = SI_FACTORS.get(re.sub(r"\s+", " ", unit.lower()))

@@ -35,12 +35,12 @@ def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measur
     Returns
     -------
     SurfaceAgreement
-        Of the surfaces that have usable pixels, in the given order.
+        Of the surfaces that have usable pixels, in the given order; one that the rendering leaves dark has no ratio.
     """
     rows = []
     for index, (name, material) in enumerate(zip(names, materials, strict=True)):
         mask = used & (surface == index)
-        if mask.any():
+        if mask.any() and np.all(rendered[mask].sum(axis=0) > DARKEST_SIGNAL * measured[mask].sum(axis=0)):
             ratio = measured[mask].sum(axis=0) / rendered[mask].sum(axis=0)
             rows.append((f"{material} / {name}", material, int(mask.sum()), ratio,
                          _block_spread(measured, rendered, mask)))
@@ -122,3 +122,43 @@ def _block_spread(measured: np.ndarray, rendered: np.ndarray, mask: np.ndarray) 
     sums = [_sums(image, blocks)[full] for image in (measured, rendered)]
     ratio = np.log(np.maximum(sums[0], 1e-12) / np.maximum(sums[1], 1e-12))
     return ratio.std(axis=0, ddof=1)
+
+
+def misalignment(measured: np.ndarray, rendered: np.ndarray) -> tuple[float, float]:
+    """Shift (x, y) in pixels that the photo shows against the rendering, by the correlation of their edges.
+
+    Both (H, W, K). The peak of the correlation is refined by a parabola; a rendering of another scene gives a number
+    without meaning, so look at it only where the agreement is poor.
+    """
+    a, b = (_edges(image) for image in (measured, rendered))
+    correlation = np.fft.ifft2(np.fft.fft2(a) * np.conj(np.fft.fft2(b))).real
+    peak = np.unravel_index(np.argmax(correlation), correlation.shape)
+    shifts = []
+    for axis in (1, 0):
+        line = np.take(correlation, peak[1 - axis], axis=1 - axis)
+        size, place = line.size, int(peak[axis])
+        left, middle, right = line[place - 1], line[place], line[(place + 1) % size]
+        bend = left - 2 * middle + right
+        fine = 0.5 * (left - right) / bend if bend else 0.0
+        shifts.append(float((place + fine + size / 2) % size - size / 2))
+    return shifts[0], shifts[1]
+
+
+def misfit_sentences(agreement: SurfaceAgreement, tolerance: float) -> tuple[str, ...]:
+    """One sentence for each surface and band whose photo differs from the rendering by more than ``tolerance``.
+
+    Worst first: the surface at the top is the one whose geometry, light or material to check.
+    """
+    surface, band = np.nonzero(np.abs(np.log(agreement.ratio)) > np.log1p(tolerance))
+    order = np.argsort(-np.abs(np.log(agreement.ratio[surface, band])), kind="stable")
+    return tuple(f"{agreement.names[surface[i]]}: the photo is {abs(agreement.ratio[surface[i], band[i]] - 1):.0%} "
+                 f"{'brighter' if agreement.ratio[surface[i], band[i]] > 1 else 'darker'} than the rendering in band "
+                 f"{band[i] + 1} (scatter within it {agreement.spread[surface[i], band[i]]:.0%})" for i in order)
+
+
+def _edges(image: np.ndarray) -> np.ndarray:
+    """Strength (H, W) of the edges of a picture, relative to its brightness there, without the frame's."""
+    grey = np.log(np.maximum(image.mean(axis=2), 1e-3 * np.percentile(image, 95)))
+    edges = np.zeros(grey.shape)
+    edges[1:-1, 1:-1] = np.hypot(grey[2:, 1:-1] - grey[:-2, 1:-1], grey[1:-1, 2:] - grey[1:-1, :-2])
+    return edges - edges.mean()

@@ -71,7 +71,7 @@ def fit_by_gradient(scene: Any, bsdf_ids: tuple[str, ...], basis: np.ndarray, me
     losses, coefficients, scales = [], [], []
     current = 1.0 if scale is None else scale
     for step in range(steps):
-        optimizer.set_learning_rate(LEARNING_RATE * _cosine(step / steps))
+        optimizer.set_learning_rate(LEARNING_RATE * cosine_rate(step / steps))
         for key in keys:
             parameters[key] = dr.block_sum(flat_basis * dr.gather(mi.Float, optimizer[key], column), count)
         parameters.update()
@@ -87,27 +87,29 @@ def fit_by_gradient(scene: Any, bsdf_ids: tuple[str, ...], basis: np.ndarray, me
             optimizer[key] = dr.clip(dr.detach(optimizer[key]), 0.0, 1.0)
         losses.append(float(np.array(loss).item()))
         scales.append(current)
-        if step >= (1 - TAIL) * steps:
+        if step >= min((1 - TAIL) * steps, steps - 1):
             coefficients.append(np.array([np.array(optimizer[key]) for key in keys], dtype=np.float64))
         progress((step + 1) / steps, f"step {step + 1} of {steps}")
     tail = np.array(coefficients)
     history = np.array(losses)
     return GradientFit(tail.mean(axis=0), tail, float(np.mean(scales[-len(tail):])), np.array(scales[-len(tail):]),
-                       history, _outcome(history))
+                       history, outcome_of(history))
 
 
 def _reflectance_key(parameters: Any, bsdf: str) -> str:
-    matches = [key for key in parameters.keys() if key.startswith(f"{bsdf}.") and key.endswith("reflectance.values")]  # noqa: SIM118 - not a dict
+    matches = [key for key in parameters.keys()  # noqa: SIM118 - not a dict
+               if key.startswith(f"{bsdf}.") and key.endswith(("reflectance.values", "base_color.values"))]
     if len(matches) != 1:
         raise ValueError(f"the scene has {len(matches)} reflectances under the BSDF {bsdf!r}; one is needed")
     return matches[0]
 
 
-def _cosine(fraction: float) -> float:
+def cosine_rate(fraction: float) -> float:
+    """Learning rate, of the first, after this fraction of the steps."""
     return LAST_RATE + (1 - LAST_RATE) * 0.5 * (1 + np.cos(np.pi * fraction))
 
 
-def _outcome(losses: np.ndarray) -> Outcome:
+def outcome_of(losses: np.ndarray) -> Outcome:
     """Whether the loss still fell over the tail, by the means of its two halves."""
     tail = losses[-max(int(TAIL * losses.size), 4):]
     first, second = tail[:tail.size // 2].mean(), tail[tail.size // 2:].mean()

@@ -18,6 +18,8 @@ from radiometry.errors import InputError
 EMITTED = {"area": "radiance", "constant": "radiance", "point": "intensity", "spot": "intensity",
            "directional": "irradiance", "projector": "irradiance", "directionalarea": "radiance"}
 SPECTRUM_TAGS = ("spectrum", "rgb", "texture")
+SPECTRAL_FACTOR = {"plastic": "diffuse_reflectance", "roughplastic": "diffuse_reflectance",
+                   "principled": "base_color"}  # BSDFs kept as they are, and the spectrum of each that is looked for
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,14 @@ def check_materials(scene: SceneFile, bsdf_of_material: Mapping[str, str]) -> li
     return problems
 
 
-def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray], light: np.ndarray,
+def not_plain_products(scene: SceneFile) -> tuple[str, ...]:
+    """BSDF ids, worn by surfaces, whose reflected light is not proportional to their reflectance spectrum."""
+    worn = set(scene.surfaces.values())
+    return tuple(node.get("id", "") for node in scene.root.findall("bsdf")
+                 if node.get("id") in worn and _inner(node).get("type") in SPECTRAL_FACTOR)
+
+
+def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray], light: np.ndarray | Mapping[str, np.ndarray],
               bands: Mapping[str, np.ndarray], range_nm: tuple[float, float], size: tuple[int, int],
               integrator: str = "prb") -> str:
     """The scene as XML text with the session's spectra in place of its own.
@@ -100,22 +109,27 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray], light
     ----------
     reflectances : mapping of BSDF id to (P,)
         Reflectance at uniform wavelengths over ``range_nm``.
-    light : (P,) array
-        Spectrum of every emitter.
+    light : (P,) array, or mapping of light id to (P,)
+        Spectrum of every emitter, or of each.
     bands : mapping of band name to (P,)
         Camera sensitivities; the film's channels, in this order.
     size : (width, height)
         Of the film in pixels.
+
+    Raises
+    ------
+    InputError
+        If a BSDF has no reflectance spectrum to be found, or a light no spectrum.
     """
     root = copy.deepcopy(scene.root)
     for node in root.findall("bsdf"):
         if (values := reflectances.get(node.get("id", ""))) is not None:
-            _make_diffuse(node, values, range_nm)
+            _set_reflectance(node, values, range_nm, scene.path.name)
     for node in root.iter("emitter"):
         name = EMITTED[node.get("type", "")]
         for child in [child for child in node if child.tag in SPECTRUM_TAGS and child.get("name") == name]:
             node.remove(child)
-        node.append(_regular(name, light, range_nm))
+        node.append(_regular(name, _light_of(root, node, light, scene.path.name), range_nm))
     sensor = root.find("sensor")
     assert sensor is not None
     for child in [child for child in sensor if child.tag in ("film", "sampler")]:
@@ -209,14 +223,38 @@ def _regular(name: str, values: np.ndarray, range_nm: tuple[float, float]) -> ET
     return node
 
 
-def _make_diffuse(node: ET.Element, values: np.ndarray, range_nm: tuple[float, float]) -> None:
-    two_sided = node.get("type") == "twosided"
-    for child in list(node):
-        node.remove(child)
-    if two_sided:
-        node = ET.SubElement(node, "bsdf")
-    node.set("type", "diffuse")
-    node.append(_regular("reflectance", values, range_nm))
+def _inner(node: ET.Element) -> ET.Element:
+    """The BSDF itself, out of a <bsdf type="twosided"> around it."""
+    inside = node.find("bsdf") if node.get("type") == "twosided" else None
+    return node if inside is None else inside
+
+
+def _set_reflectance(node: ET.Element, values: np.ndarray, range_nm: tuple[float, float], file: str) -> None:
+    """Put a spectrum into a BSDF; anything with a plain reflectance becomes diffuse, whatever its plugin is called."""
+    inner = _inner(node)
+    kind, names = inner.get("type", ""), [child.get("name") for child in inner if child.tag in SPECTRUM_TAGS]
+    if kind in SPECTRAL_FACTOR:
+        for child in [child for child in inner if child.get("name") == SPECTRAL_FACTOR[kind]]:
+            inner.remove(child)
+        inner.append(_regular(SPECTRAL_FACTOR[kind], values, range_nm))
+        return
+    if kind != "diffuse" and "reflectance" not in names:
+        raise InputError(f"{file}: the BSDF {node.get('id')!r} is of type {kind!r}, which has no reflectance spectrum "
+                         f"to be found; use diffuse, {', '.join(SPECTRAL_FACTOR)}")
+    for child in list(inner):
+        inner.remove(child)
+    inner.set("type", "diffuse")
+    inner.append(_regular("reflectance", values, range_nm))
+
+
+def _light_of(root: ET.Element, node: ET.Element, light: np.ndarray | Mapping[str, np.ndarray],
+              file: str) -> np.ndarray:
+    if isinstance(light, np.ndarray):
+        return light
+    name = _light_id(root, node)
+    if name not in light:
+        raise InputError(f"{file}: the light {name!r} has no spectrum; it is given for {', '.join(light)}")
+    return light[name]
 
 
 def _film(bands: Mapping[str, np.ndarray], range_nm: tuple[float, float], size: Sequence[int]) -> ET.Element:

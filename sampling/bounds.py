@@ -46,7 +46,7 @@ def reflectance_bounds(operator: MeasurementOperator, basis: np.ndarray,
     if basis.ndim != 2 or basis.shape[1] != operator.A.shape[1]:
         raise InputError(f"the basis has shape {basis.shape}; (P, {operator.A.shape[1]}) is needed, "
                          "as A has that many coefficients")
-    directions, centre, half_width = _signal_box(operator, level)
+    directions, centre, half_width = signal_box(operator, level)
     slack = widening(operator, level)
     if slack > 0:
         half_width = half_width + slack + LP_ATOL  # the solver's tolerance again, or the set could come out empty
@@ -58,7 +58,7 @@ def reflectance_bounds(operator: MeasurementOperator, basis: np.ndarray,
 
 def widening(operator: MeasurementOperator, level: float = 0.95) -> float:
     """Least signal by which every half-plane must move out for some coefficients in [0, 1] to fit; 0 where they do."""
-    directions, centre, half_width = _signal_box(operator, level)
+    directions, centre, half_width = signal_box(operator, level)
     matrix = np.vstack([directions, -directions])
     limits = np.r_[centre + half_width, half_width - centre]
     coefficients = operator.A.shape[1]
@@ -70,7 +70,7 @@ def widening(operator: MeasurementOperator, level: float = 0.95) -> float:
     return float(found.fun) if found.fun > LP_ATOL else 0.0
 
 
-def _signal_box(operator: MeasurementOperator, level: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def signal_box(operator: MeasurementOperator, level: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows D A (K, N), their centres D y (K,) and half-widths (K,), D the eigen-directions of the noise covariance."""
     check_operator(operator)
     if not 0 < level < 1:

@@ -32,6 +32,7 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve, qr
+from scipy.optimize import lsq_linear
 
 from radiometry.errors import ConvergenceError, InputError
 from radiometry.records import MeasurementOperator, Outcome, SpectrumSamples
@@ -45,7 +46,7 @@ HOPELESS = 1e-5         # acceptance: 1000 draws would take half a minute
 Propose = Callable[[int], np.ndarray]  # number of proposals -> accepted (n, N), independent and identical in law
 
 
-def sample_spectra(operator: MeasurementOperator, draws: int, seed: int) -> SpectrumSamples:
+def sample_spectra(operator: MeasurementOperator, draws: int, seed: int, method: str = "uniform") -> SpectrumSamples:
     """Draw coefficients from the posterior of one measurement, independently and exactly.
 
     Parameters
@@ -56,6 +57,9 @@ def sample_spectra(operator: MeasurementOperator, draws: int, seed: int) -> Spec
         T, number of spectra wanted.
     seed : int
         Of the random generator; the same seed gives the same draws bit for bit.
+    method : str
+        "uniform", or "paper" for the published sampler from bounded least squares, for comparison. The learnt prior
+        needs spectra, not coefficients: `sampling.prior_draws.sample_prior`.
 
     Returns
     -------
@@ -72,11 +76,23 @@ def sample_spectra(operator: MeasurementOperator, draws: int, seed: int) -> Spec
     ConvergenceError
         If the signal is out of reach and R does not cover it, or if the acceptance is below about 1e-5.
     """
+    if method != "uniform":
+        return _published(operator, draws, seed, method)
     tilt = max_entropy_tilt(operator)
     rng = np.random.default_rng(seed)
     coefficients, acceptance = collect(tilted_proposals(operator, tilt, rng), draws)
     return SpectrumSamples(coefficients, None, METHOD, acceptance, float(draws), seed,
                            Outcome.EXACT if tilt.reachable else Outcome.UNREACHABLE)
+
+
+def _published(operator: MeasurementOperator, draws: int, seed: int, method: str) -> SpectrumSamples:
+    from sampling.per_axis_box import sample_per_axis  # which uses this file's `collect`
+
+    if method != "paper":
+        raise InputError(f"the method {method!r} is not known here; known are uniform and paper, and sample_prior for "
+                         "the learnt prior")
+    start = lsq_linear(operator.A, operator.y, bounds=(0, 1), tol=1e-12).x
+    return sample_per_axis(operator, start, draws, seed)
 
 
 def tilted_proposals(operator: MeasurementOperator, tilt: Tilt, rng: np.random.Generator) -> Propose:

@@ -16,6 +16,7 @@ from session.pipeline import (
     array_of,
     calibration_of,
     chart_of,
+    notes_of,
     photo_of,
     reconstruction_of,
     results_folder,
@@ -41,7 +42,8 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
         bands=band_names(config, photo.signal.shape[2]), inputs=_inputs(config, run), chart=_chart(config, run),
         calibration=calibration, sensitivity_truth=_sensitivity_truth(config), light_scale=reconstruction.light_scale,
         photo=photo, photo_preview=results_folder(config) / "photo" / "preview.png", reconstruction=reconstruction,
-        materials=materials, provenance=provenance, warnings=_warnings(config, calibration, reconstruction),
+        materials=materials, provenance=provenance,
+        warnings=notes_of(stored) + _warnings(config, calibration, reconstruction),
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name, stage in stored.items()])
 
 
@@ -73,7 +75,7 @@ def _material(config: SessionConfig, calibration: Calibration, reconstruction: R
     samples, summary = samples_of(stored, name)
     errors = relative_errors(calibration, reconstruction, index)
     scores = None if truth is None else score(spectrum_on_grid(truth, reconstruction.grid),
-                                              reconstruction.spectra[index], summary, samples, reconstruction.basis)
+                                              reconstruction.spectra[index], summary, samples)
     return MaterialResult(name, summary, samples, errors, truth, scores)
 
 
@@ -99,10 +101,11 @@ def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] |
 
 def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
     """Every input file once, with its role, hash, size and what is known of it."""
-    roles: dict[str, str] = {config.photos.object: "object photo", config.light.spectrum.file: "light spectrum",
-                             config.scene.file: "scene"}
-    for name, role in ((config.photos.chart, "chart photo"), (config.photos.flat, "flat-field photo"),
-                       (config.chart.scene, "chart scene")):
+    roles: dict[str, str] = dict.fromkeys(config.photos.object_files, "object photo")
+    roles |= {config.light.spectrum.file: "light spectrum", config.scene.file: "scene"}
+    for name, role in (*((name, "chart photo") for name in config.photos.chart_files),
+                       *((name, "dark frame") for name in config.photos.dark_files),
+                       (config.photos.flat, "flat-field photo"), (config.chart.scene, "chart scene")):
         if name is not None:
             roles.setdefault(name, role)
     if not config.sensitivity.from_chart:
@@ -111,9 +114,9 @@ def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
         if section.known is not None:
             roles.setdefault(section.known.file, f"known spectrum of {material}")
     hashes = {name: digest for stage in run.stored.values() for name, digest in stage.key.get("files", {}).items()}
-    facts = {config.photos.object: photo_of(run.stored)}
+    facts = {config.photos.object_files[0]: photo_of(run.stored)}
     if (chart := chart_of(run.stored)) is not None:
-        facts[str(config.photos.chart)] = chart[2]
+        facts[config.photos.chart_files[0]] = chart[2]
     return [{"role": role, "file": name, "sha256": hashes[name], "bytes": config.path(name).stat().st_size}
             | ({} if (image := facts.get(name)) is None else
                {"exposure_s": image.exposure_s, "iso": image.iso, "f_number": image.f_number, "camera": image.camera,

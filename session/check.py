@@ -68,18 +68,19 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
         attempt(read_reflectance, config, reference)
     if not config.sensitivity.from_chart:
         attempt(read_sensitivities, config)
-    photo = attempt(read_photo, config, config.photos.object)
-    if photo is not None:
-        attempt(require_exposed, photo, config.photos.object)
+    developed = attempt(read_photo, config, config.photos.object_files)
+    if developed is not None:
+        name = config.photos.object_files[0]
+        attempt(require_exposed, developed[0], name)
         if scene is not None:
-            attempt(check_aspect, photo, scene, config.photos.object)
+            attempt(check_aspect, developed[0], scene, name)
     if needs_chart(config):
         attempt(read_chart_scene, config)
         reference_chart = attempt(read_chart_reference, config)
-        chart = attempt(read_photo, config, str(config.photos.chart))
+        chart = attempt(read_photo, config, config.photos.chart_files)
         if chart is not None and light is not None and reference_chart is not None:
             signals = typical_camera_signals(reference_chart, GRID, spectrum_on_grid(light, GRID))
-            attempt(_check_chart, config, chart, signals)
+            attempt(_check_chart, config, chart[0], signals)
     return problems
 
 
@@ -91,4 +92,4 @@ def _reflectances(config: SessionConfig) -> list[SpectrumRef]:
 def _check_chart(config: SessionConfig, chart: LinearImage, signals: np.ndarray) -> None:
     corners = None if config.chart.corners_px is None else np.array(config.chart.corners_px)
     require_unclipped(sample_patches(chart, find_chart(chart, signals, corners)), PATCH_NAMES,
-                      str(config.photos.chart))
+                      config.photos.chart_files[0])

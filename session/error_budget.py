@@ -3,17 +3,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from radiometry.records import Calibration, MeasurementOperator, Reconstruction
-from radiometry.response import relative_operator, response_matrix
+from radiometry.records import Calibration, Reconstruction
+from radiometry.response import response_matrix, white_signal
 from radiometry.spectrum_files import spectrum_on_grid
+from sampling.spectral_samples import SpectralMeasurement
 
 
-def measurement_of(calibration: Calibration, reconstruction: Reconstruction, index: int) -> MeasurementOperator:
+def measurement_of(calibration: Calibration, reconstruction: Reconstruction, index: int) -> SpectralMeasurement:
     """What the camera said of one material, relative to white, with every error that is known."""
     response = response_matrix(reconstruction.grid, calibration.sensitivity.curves, _light(calibration, reconstruction))
     covariance = np.sum(list(signal_covariances(calibration, reconstruction, index).values()), axis=0)
-    return MeasurementOperator(relative_operator(response, reconstruction.basis), reconstruction.signal[index],
-                               covariance)
+    return SpectralMeasurement(reconstruction.grid, response / white_signal(response)[:, None],
+                               reconstruction.signal[index], covariance)
 
 
 def signal_covariances(calibration: Calibration, reconstruction: Reconstruction, index: int) -> dict[str, np.ndarray]:

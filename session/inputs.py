@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from capture.flat_field import divide_by_flat
-from capture.linear import open_photo
+from capture.developed import develop_photos
 from radiometry.chart import REFERENCES, chart_reflectances
 from radiometry.errors import ClippedPhotoError, InputError
 from radiometry.grid import visible_grid
@@ -74,12 +73,14 @@ def read_chart_scene(config: SessionConfig) -> SceneFile | None:
     return read_scene(config.path(config.chart.scene), None if config.allow_outside else config.folder)
 
 
-def read_photo(config: SessionConfig, name: str) -> LinearImage:
-    """A photo as linear signal, flat-fielded where the session has a flat."""
-    photo = open_photo(config.path(name))
-    if config.photos.flat is None or name == config.photos.flat:
-        return photo
-    return divide_by_flat(photo, open_photo(config.path(config.photos.flat)))
+def read_photo(config: SessionConfig, files: tuple[str, ...]) -> tuple[LinearImage, tuple[str, ...]]:
+    """A photo or bracket as linear signal, without dark signal and flat-fielded where the session has the frames.
+
+    Notes say what was found on the way: hot pixels, measured exposure ratios, a file that is not linear.
+    """
+    flat, darks = config.photos.flat, config.photos.dark_files
+    return develop_photos([config.path(name) for name in files], [config.path(name) for name in darks],
+                          None if flat is None else config.path(flat), config.photos.not_linear)
 
 
 def require_exposed(photo: LinearImage, name: str) -> None:

@@ -16,9 +16,9 @@ from radiometry.records import (
     LinearImage,
     PatchSamples,
     Reconstruction,
-    SpectrumSamples,
     SpectrumSummary,
 )
+from sampling.spectral_samples import SpectralSamples
 from session.files import sha256_of
 from session.inputs import read_chart_scene, read_session_scene
 from session.provenance import DECISIVE, code_digest, versions
@@ -85,12 +85,15 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
         return {"versions": installed, "code": {package: digests[package] for package in CODE_OF[stage]}}
 
     keys: dict[str, Key] = {}
+    correcting = (config.photos.flat, *config.photos.dark_files)
     if needs_chart(config):
-        keys["chart"] = {"files": files(config.photos.chart, config.photos.flat, reference, config.light.spectrum.file),
+        keys["chart"] = {"files": files(*config.photos.chart_files, *correcting, reference, config.light.spectrum.file),
                          "settings": {"reference": config.chart.reference, "corners_px": config.chart.corners_px,
+                                      "not_linear": config.photos.not_linear,
                                       "light": _plain(config.light.spectrum)}} | made_by("chart")
-    keys["photo"] = {"files": files(config.photos.object, config.photos.flat, config.scene.file),
-                     "settings": {"width": config.reconstruct.width}} | made_by("photo")
+    keys["photo"] = {"files": files(*config.photos.object_files, *correcting, config.scene.file),
+                     "settings": {"width": config.reconstruct.width,
+                                  "not_linear": config.photos.not_linear}} | made_by("photo")
     keys["calibrate"] = {
         "files": files(config.light.spectrum.file, config.chart.scene, curves, reference) | _scene_files(chart_scene),
         "settings": {"light": _plain(config.light.spectrum), "sensitivity": _plain(config.sensitivity.source),
@@ -214,10 +217,16 @@ def chart_of(stored: dict[str, StoredStage]) -> tuple[ChartDetection, PatchSampl
             stage.record(LinearImage, "thumbnail"))
 
 
-def samples_of(stored: dict[str, StoredStage], material: str) -> tuple[SpectrumSamples, SpectrumSummary]:
+def samples_of(stored: dict[str, StoredStage], material: str) -> tuple[SpectralSamples, SpectrumSummary]:
     """Draws and summary of one unknown material."""
     stage = stored["sample"]
-    return stage.record(SpectrumSamples, f"samples {material}"), stage.record(SpectrumSummary, f"summary {material}")
+    return stage.record(SpectralSamples, f"samples {material}"), stage.record(SpectrumSummary, f"summary {material}")
+
+
+def notes_of(stored: dict[str, StoredStage]) -> list[str]:
+    """What the decoding of the photos found worth saying."""
+    return [note for name in ("chart", "photo") if name in stored
+            for note in stored[name].record(tuple[str, ...], "notes")]
 
 
 def array_of(stage: StoredStage, name: str) -> np.ndarray | None:

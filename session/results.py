@@ -15,9 +15,9 @@ from radiometry.records import (
     PatchSamples,
     Reconstruction,
     Spectrum,
-    SpectrumSamples,
     SpectrumSummary,
 )
+from sampling.spectral_samples import SpectralSamples
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class MaterialResult:
 
     name: str
     summary: SpectrumSummary | None   # None where the spectrum was given
-    samples: SpectrumSamples | None
+    samples: SpectralSamples | None
     error_budget: dict[str, np.ndarray]  # cause -> (K,) relative standard error of this material's signal
     truth: Spectrum | None
     scores: Scores | None

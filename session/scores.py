@@ -4,12 +4,13 @@ from __future__ import annotations
 import numpy as np
 
 from radiometry.appearance import delta_e00
-from radiometry.records import SpectrumSamples, SpectrumSummary
+from radiometry.records import SpectrumSummary
+from sampling.spectral_samples import SpectralSamples
 from session.results import Scores
 
 
-def score(truth: np.ndarray, inverse_rendering: np.ndarray, summary: SpectrumSummary, samples: SpectrumSamples,
-          basis: np.ndarray) -> Scores:
+def score(truth: np.ndarray, inverse_rendering: np.ndarray, summary: SpectrumSummary,
+          samples: SpectralSamples) -> Scores:
     """Scores of one material over the summary's grid.
 
     Parameters
@@ -17,10 +18,9 @@ def score(truth: np.ndarray, inverse_rendering: np.ndarray, summary: SpectrumSum
     truth : (P,) reflectance
     inverse_rendering : (P,) reflectance
         The one spectrum of inverse rendering.
-    basis : (P, N) array
-        Of the samples' coefficients.
     """
-    lower, upper = np.quantile(samples.coefficients @ basis.T, [0.025, 0.975], axis=0)
+    lower, upper = (np.interp(summary.grid.nm, samples.grid.nm, ends)
+                    for ends in np.quantile(samples.spectra, [0.025, 0.975], axis=0))
     return Scores(
         rmse_mean=_rmse(summary.mean, truth), rmse_inverse_rendering=_rmse(inverse_rendering, truth),
         coverage=_share_inside(truth, summary.lower, summary.upper), coverage_95=_share_inside(truth, lower, upper),

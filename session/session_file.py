@@ -15,6 +15,10 @@ from radiometry.errors import InputError
 FILE_NAME = "session.toml"
 
 
+def _as_files(written: str | tuple[str, ...] | None) -> tuple[str, ...]:
+    return () if written is None else (written,) if isinstance(written, str) else written
+
+
 @dataclass(frozen=True)
 class SpectrumRef:
     """A spectrum in a text file; written as a string, or as a table where the file holds several columns."""
@@ -43,9 +47,25 @@ class SessionSection:
 
 @dataclass(frozen=True)
 class PhotosSection:
-    object: str
-    chart: str | None = None
+    """Files of each photo; several files of one photo are an exposure bracket."""
+
+    object: str | tuple[str, ...]
+    chart: str | tuple[str, ...] | None = None
     flat: str | None = None
+    dark: str | tuple[str, ...] | None = None
+    not_linear: bool = False
+
+    @property
+    def object_files(self) -> tuple[str, ...]:
+        return _as_files(self.object)
+
+    @property
+    def chart_files(self) -> tuple[str, ...]:
+        return _as_files(self.chart)
+
+    @property
+    def dark_files(self) -> tuple[str, ...]:
+        return _as_files(self.dark)
 
 
 @dataclass(frozen=True)
@@ -91,6 +111,7 @@ class MaterialSection:
 
 @dataclass(frozen=True)
 class ReconstructSection:
+    engine: str = "transport"
     coefficients: int = 11
     width: int = 96
     steps: int = 160
@@ -99,6 +120,8 @@ class ReconstructSection:
 
 @dataclass(frozen=True)
 class SamplingSection:
+    method: str = "prior"
+    coefficients: int = 11
     draws: int = 4000
     level: float = 0.95
 
@@ -135,13 +158,15 @@ class SessionConfig:
         return path
 
 
+ENGINES = ("transport", "gradient", "per-wavelength", "single-bounce")
+SAMPLERS = ("prior", "uniform", "paper")
 WRITTEN_AS = {"source": "from"}  # "from" is a word of Python
 SECTIONS = {f.name: f for f in dataclasses.fields(SessionConfig) if f.name not in ("folder", "allow_outside")}
 LIMITS: dict[tuple[str, str], tuple[float, float]] = {
     ("session", "seed"): (0, 2**31 - 1), ("sensitivity", "coefficients"): (5, 24),
     ("sensitivity", "relative_error"): (1e-4, 1.0), ("reconstruct", "coefficients"): (5, 40),
     ("reconstruct", "width"): (16, 1024), ("reconstruct", "steps"): (20, 5000), ("reconstruct", "spp"): (1, 4096),
-    ("sampling", "draws"): (1000, 1000000), ("sampling", "level"): (0.5, 0.999)}
+    ("sampling", "coefficients"): (5, 40), ("sampling", "draws"): (1000, 1000000), ("sampling", "level"): (0.5, 0.999)}
 
 
 def read_session(folder: Path, allow_outside: bool = False) -> SessionConfig:
@@ -249,6 +274,12 @@ def _consistency(values: dict[str, Any]) -> list[str]:
     problems = []
     if config.scale.source not in ("chart", "material"):
         problems.append(f"{FILE_NAME}: scale.from is {config.scale.source!r}; \"chart\" or \"material\" is possible")
+    if config.reconstruct.engine not in ENGINES:
+        problems.append(f"{FILE_NAME}: reconstruct.engine is {config.reconstruct.engine!r}; "
+                        f"{', '.join(ENGINES)} are possible")
+    if config.sampling.method not in SAMPLERS:
+        problems.append(f"{FILE_NAME}: sampling.method is {config.sampling.method!r}; "
+                        f"{', '.join(SAMPLERS)} are possible")
     needs_chart = config.sensitivity.from_chart or config.scale.source == "chart"
     if needs_chart and config.photos.chart is None:
         problems.append(f"{FILE_NAME}: photos.chart is missing, but sensitivities or scale are to come from it; "

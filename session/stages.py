@@ -1,6 +1,7 @@
 """The stages of a session: what each reads (its key) and what it makes. Only ``pipeline.py`` knows their order."""
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 from calibrate.calibration import calibration_from_chart, calibration_from_curves
 from capture.binning import bin_image, render_size
 from capture.chart_detection import chart_overlay, find_chart
+from capture.chart_quality import judge_chart
 from capture.image_files import write_png
 from capture.patches import require_unclipped, sample_patches
 from capture.preview import preview_rgb8
@@ -21,13 +23,15 @@ from radiometry.records import (
     LinearImage,
     PatchSamples,
     Reconstruction,
+    SpectrumSummary,
+    WavelengthGrid,
 )
 from radiometry.spectrum_files import spectrum_on_grid
 from reconstruct.inverse_rendering import InversionSettings, reconstruct
 from reconstruct.irradiance import patch_irradiance
 from reconstruct.renderer import start_mitsuba
-from sampling.summary import summarise
-from sampling.tilted_rejection import sample_spectra
+from sampling.methods import draw_spectra
+from sampling.spectral_samples import summarise_spectra
 from session.error_budget import measurement_of
 from session.inputs import (
     GRID,
@@ -61,9 +65,9 @@ def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
 
 def find_and_sample_chart(config: SessionConfig, folder: Path, progress: Progress) -> dict[str, Any]:
     """Chart photo to patch statistics."""
-    name = str(config.photos.chart)
+    name = config.photos.chart_files[0]
     progress(0.1, f"decoding {name}")
-    photo = read_photo(config, name)
+    photo, notes = read_photo(config, config.photos.chart_files)
     progress(0.5, "finding the chart")
     light = spectrum_on_grid(read_light(config), GRID)
     reference = typical_camera_signals(read_chart_reference(config), GRID, light)
@@ -71,21 +75,26 @@ def find_and_sample_chart(config: SessionConfig, folder: Path, progress: Progres
     detection = find_chart(photo, reference, corners)
     samples = sample_patches(photo, detection)
     require_unclipped(samples, PATCH_NAMES, name)
+    verdict = judge_chart(photo, detection, reference, PATCH_NAMES)
+    notes = (*notes, *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))
     write_png(folder / "overlay.png", chart_overlay(photo, detection))
     height, width = photo.signal.shape[:2]
     thumbnail = bin_image(photo, THUMBNAIL_WIDTH, max(round(THUMBNAIL_WIDTH * height / width), 1))
-    return {"detection": detection, "samples": samples, "thumbnail": thumbnail}
+    return {"detection": detection, "samples": samples, "thumbnail": thumbnail,
+            "notes": notes}
 
 
 def bin_object_photo(config: SessionConfig, folder: Path, progress: Progress) -> dict[str, Any]:
     """Object photo to linear signal at the render's size."""
-    progress(0.1, f"decoding {config.photos.object}")
-    photo = read_photo(config, config.photos.object)
-    require_exposed(photo, config.photos.object)
-    check_aspect(photo, read_session_scene(config), config.photos.object)
+    name = config.photos.object_files[0]
+    progress(0.1, f"decoding {name}")
+    photo, notes = read_photo(config, config.photos.object_files)
+    require_exposed(photo, name)
+    check_aspect(photo, read_session_scene(config), name)
     write_png(folder / "preview.png", preview_rgb8(photo))
     height, width = photo.signal.shape[:2]
-    return {"photo": bin_image(photo, *render_size(width, height, config.reconstruct.width))}
+    return {"photo": bin_image(photo, *render_size(width, height, config.reconstruct.width)),
+            "notes": notes}
 
 
 def calibrate_camera(config: SessionConfig, device: str, samples: PatchSamples | None,
@@ -120,8 +129,9 @@ def invert_photo(config: SessionConfig, device: str, photo: LinearImage, calibra
         assert calibration.light_scale is not None and chart_photo is not None
         scale = scale_for_photo(calibration.light_scale, chart_photo, photo)
     start_mitsuba(device)
-    settings = InversionSettings(config.reconstruct.coefficients, config.reconstruct.steps, config.reconstruct.spp,
-                                 config.session.seed)
+    chosen = config.reconstruct
+    settings = InversionSettings(coefficients=chosen.coefficients, steps=chosen.steps, spp=chosen.spp,
+                                 seed=config.session.seed, engine=chosen.engine)
     return reconstruct(scene, photo, calibration, scale, materials, band_names(config, photo.signal.shape[2]),
                        settings, progress)
 
@@ -134,9 +144,17 @@ def sample_materials(config: SessionConfig, calibration: Calibration, reconstruc
         if reconstruction.known[index]:
             continue
         progress(index / len(reconstruction.materials), name)
-        operator = measurement_of(calibration, reconstruction, index)
-        draws = sample_spectra(operator, config.sampling.draws, config.session.seed + index)
+        measurement = measurement_of(calibration, reconstruction, index)
+        draws = draw_spectra(measurement, config.sampling.method, config.sampling.draws, config.session.seed + index,
+                             config.sampling.coefficients)
         records[f"samples {name}"] = draws
-        records[f"summary {name}"] = summarise(draws, operator, reconstruction.grid, reconstruction.basis,
-                                               level=config.sampling.level)
+        records[f"summary {name}"] = on_finer_grid(summarise_spectra(draws, measurement, config.sampling.level),
+                                                   reconstruction.grid)
     return records
+
+
+def on_finer_grid(summary: SpectrumSummary, grid: WavelengthGrid) -> SpectrumSummary:
+    """The same summary on another grid, by straight lines between its wavelengths."""
+    curves = ("mean", "standard_deviation", "lower", "upper", "bound_lower", "bound_upper")
+    return dataclasses.replace(summary, grid=grid, **{
+        name: np.interp(grid.nm, summary.grid.nm, getattr(summary, name)) for name in curves})

@@ -14,6 +14,7 @@ seed = 1                            # same seed, same results
 object = "photos/object.dng"        # the scene: camera raw, or linear EXR / TIFF
 chart = "photos/chart.dng"          # a ColorChecker Classic under the same light, same camera
 # flat = "photos/flat.dng"          # evenly lit white card: corrects vignetting
+# dark = ["photos/dark.dng"]        # lens covered, same exposures; a list in place of one photo is a bracket
 
 [chart]
 reference = "BabelColor Average"    # or "ISO 17321-1", "ColorChecker N Ohta", or a CSV of 24 measured columns
@@ -40,12 +41,14 @@ bsdf = "wall"                       # its id in the scene
 # truth = "spectra/wall.csv"        # measured, only compared with
 
 [reconstruct]
+engine = "transport"                # light traced once; "gradient" for materials that are not diffuse
 coefficients = 11                   # B-spline coefficients of each spectrum
 width = 96                          # pixels of the rendered view
-steps = 160
-spp = 16                            # samples per pixel and step
+steps = 160                         # of the gradient engine, with spp samples per pixel each
+spp = 16
 
 [sampling]
+method = "prior"                    # learnt from measured reflectances; or "uniform", "paper"
 draws = 4000
 level = 0.95
 '''

@@ -20,10 +20,10 @@ from radiometry.records import (
     Reconstruction,
     SensitivityFit,
     Spectrum,
-    SpectrumSamples,
     SpectrumSummary,
     SurfaceAgreement,
 )
+from sampling.spectral_samples import SpectralSamples
 from session.results import ChartResult, MaterialResult, Scores, SessionResults
 
 GRID = visible_grid(5.0)
@@ -137,7 +137,7 @@ def _material(rng: np.random.Generator, made: Reconstruction, m: int, truth: boo
     summary = SpectrumSummary(GRID, draws.mean(axis=0), draws.std(axis=0), lower, upper,
                               np.clip(lower - 0.12, 0, 1), np.clip(upper + 0.12, 0, 1), 0.95,
                               "12 cubic B-splines between 0 and 1, the stated noise, uniform prior", 423.0)
-    samples = SpectrumSamples(coefficients, None, "hit-and-run", 1.0, 180.0, 7, Outcome.CONVERGED)
+    samples = SpectralSamples(GRID, draws, coefficients, "hit-and-run", 180.0, 7, Outcome.EXACT.value)
     bands = made.signal.shape[1]
     budget = {cause: rng.uniform(0.2, 1) * size * rng.uniform(0.7, 1.3, bands)
               for cause, size in {"photo noise": 2e-3, "Monte Carlo noise": 3e-3, "sensitivities": 8e-3,

@@ -10,7 +10,8 @@ PACKAGES = ("radiometry", *STAGES, "session", "fixtures")
 MAY_IMPORT = {"radiometry": {"radiometry"}, **{stage: {"radiometry", stage} for stage in STAGES},
               "session": {*PACKAGES}, "fixtures": {"fixtures", "radiometry"}}
 EXCEPTIONS = {("fixtures/box_render.py", "reconstruct.llvm"): "drjit aborts on a wrong LLVM, whoever imports it"}
-OWNERS = {"rawpy": ("capture/raw.py",), "cv2": ("capture/chart_detection.py",), "exifread": ("capture/metadata.py",),
+OWNERS = {"serial": ("capture/serial_line.py",), "rawpy": ("capture/raw.py",), "exifread": ("capture/metadata.py",),
+          "cv2": ("capture/chart_detection.py", "calibrate/geometry.py"),  # pixels of a chart; a lens and its pose
           "OpenImageIO": ("capture/image_files.py",), "colour": ("radiometry/",),
           "mitsuba": ("reconstruct/", "fixtures/"), "drjit": ("reconstruct/", "fixtures/"),
           "typer": ("session/cli.py", "session/command_line.py", "session/commands/")}
@@ -71,7 +72,8 @@ def test_the_command_line_imports_nothing_heavy_before_a_command_runs():
     assert not top & {"numpy", "scipy", "mitsuba", "cv2", "rawpy", "matplotlib", "colour"}
 
 
-@pytest.mark.parametrize("package", [*PACKAGES, "session/report", "session/commands"])
+@pytest.mark.parametrize("package", [*PACKAGES, "session/report", "session/commands", "capture/instruments",
+                                     "radiometry/spectral_formats"])
 def test_a_package_file_holds_a_docstring_only(package):
     tree = ast.parse((ROOT / package / "__init__.py").read_text(encoding="utf-8"))
     assert len(tree.body) == 1 and ast.get_docstring(tree), f"{package}/__init__.py must hold its docstring only"

@@ -172,6 +172,14 @@ def test_files_that_are_not_linear_are_refused(tmp_path, name, kind, attributes,
         open_photo(tmp_path / name)
 
 
+@pytest.mark.parametrize("name", ["photo.dng", "photo.nef", "photo"])
+def test_a_jpeg_handed_in_as_raw_is_known_by_its_content(tmp_path, name):
+    write(tmp_path / "photo.jpg", noisy(), ("R", "G", "B"), oiio.UINT8)
+    (tmp_path / "photo.jpg").rename(tmp_path / name)
+    with pytest.raises(InputError, match=f"{name} is a JPEG of uint8 values.*, which are not linear in the light"):
+        open_photo(tmp_path / name)
+
+
 def test_pixels_that_are_no_numbers_are_counted_and_refused(tmp_path):
     pixels = noisy()
     pixels[3, 4, :2] = np.nan, np.inf
@@ -206,12 +214,12 @@ def test_an_exr_cut_short_is_refused(tmp_path):
 
 
 def test_the_preview_comes_back_from_png_as_encoded(tmp_path):
-    image = flat_image(noisy())
+    image = flat_image(noisy((80, 120, 3)))
     write_png(tmp_path / "preview.png", preview_rgb8(image))
     decoded = read_encoded_file(tmp_path / "preview.png").signal
     shown = np.clip(image.signal / np.percentile(image.signal, 99.5, axis=(0, 1)), 0, 1)
-    # Half a code value of 8 bits, where the sRGB curve is steepest (2.4 / 1.055).
-    np.testing.assert_allclose(decoded, shown, atol=0.5 / 255 * 2.4 / 1.055)
+    # Half a code value of 8 bits and 0.03 of the table, where the sRGB curve is steepest (2.4 / 1.055).
+    np.testing.assert_allclose(decoded, shown, atol=0.53 / 255 * 2.4 / 1.055)
 
 
 # ---- flat field ----------------------------------------------------------------------------------------------------
@@ -228,6 +236,13 @@ def test_a_shaded_scene_is_evened_out():
     ratio = divide_by_flat(shaded, card).signal / (scene * vignette().max(axis=(0, 1)))
     # 15 terms fitted to 10800 pixels of 0.5 % to 3 % noise: 0.1 % on average, a few times that in the corners.
     np.testing.assert_allclose(ratio, 1, atol=0.01)
+
+
+def test_a_flat_with_holes_is_refused():
+    card = vignette()
+    card[30:45, 40:60] *= 0.5
+    with pytest.raises(CheckError, match=r"\d+ of 576 parts differ from a smooth card, by up to \d+%"):
+        divide_by_flat(flat_image(vignette()), flat_image(card))
 
 
 def test_the_relative_error_is_unchanged_by_the_flat():

@@ -106,7 +106,7 @@ def test_an_interrupted_stage_leaves_what_was_there(finished, stage):
 
 
 def test_control_c_ends_a_run_with_130_and_the_run_can_go_on(captured):
-    edit(captured, "steps = 80", "steps = 4000")
+    edit(captured, "steps = 80", "steps = 4000\nengine = \"gradient\"")
     process = subprocess.Popen([sys.executable, "-m", "session.cli", "run", str(captured), "--device", "cpu"], cwd=ROOT,
                                stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     for line in process.stderr:
@@ -141,7 +141,7 @@ def test_the_recovered_signals_are_those_of_the_truth(finished):
     for index, name in enumerate(made.materials):
         truth = spectrum_on_grid(read_reflectance(config, config.materials[name].truth), made.grid)
         operator = measurement_of(calibration, made, index)
-        error = response @ truth / response.sum(axis=1) - operator.y
+        error = response @ truth / response.sum(axis=1) - operator.signal
         chi_square = error @ np.linalg.solve(operator.noise_covariance, error)
         # Three bands: 21.1 is exceeded once in ten thousand if the stated covariance is right.
         assert chi_square < 21.1, (name, error, np.sqrt(np.diag(operator.noise_covariance)))
@@ -153,8 +153,8 @@ def test_draws_reproduce_the_signal_within_its_stated_noise(finished):
     for index, name in enumerate(made.materials):
         samples, summary = samples_of(stored, name)
         operator = measurement_of(calibration, made, index)
-        assert samples.coefficients.min() >= 0 and samples.coefficients.max() <= 1
-        residual = samples.coefficients @ operator.A.T - operator.y
+        assert samples.spectra.min() >= 0 and samples.spectra.max() <= 1
+        residual = samples.spectra @ operator.response_on(samples.grid).T - operator.signal
         chi_square = np.einsum("tk,kl,tl->t", residual, np.linalg.inv(operator.noise_covariance), residual)
         # The prior only narrows the noise: its mean chi-square stays near 3 bands; 6 would be a wrong covariance.
         assert chi_square.mean() < 6

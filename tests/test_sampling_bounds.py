@@ -3,34 +3,16 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from sampling_cameras import camera, grey, measurement
 from scipy.stats import chi2
 
 from radiometry.bspline import basis_matrix
 from radiometry.errors import InputError
-from radiometry.grid import visible_grid
-from radiometry.records import MeasurementOperator
-from radiometry.response import relative_operator, response_matrix
 from sampling.bounds import reflectance_bounds, widening
 from sampling.tilted_rejection import sample_spectra
 
 NM = np.linspace(400, 700, 13)
 SOLVER = 1e-6  # HiGHS keeps every constraint to 1e-7; small pivots of these cameras enlarge that less than ten times
-
-
-def camera(coefficients):
-    grid = visible_grid(5)
-    sensitivities = np.exp(-0.5 * ((grid.nm - np.array([[450], [530], [610]])) / 35)**2)
-    return relative_operator(response_matrix(grid, sensitivities, np.ones(grid.nm.size)),
-                             basis_matrix(grid.nm, coefficients))
-
-
-def measurement(A, y, error=0.0):
-    return MeasurementOperator(A, y, error**2 * np.eye(len(y)))
-
-
-def grey(coefficients, error=0.0):
-    A = camera(coefficients)
-    return measurement(A, A @ np.random.default_rng(8).uniform(0.05, 0.95, coefficients), error)
 
 
 @pytest.mark.parametrize("total", [0.3, 1.0, 2.5])

@@ -3,13 +3,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import sampling_cameras
 from scipy import stats
 
 from radiometry.bspline import basis_matrix
 from radiometry.errors import ConvergenceError, InputError
 from radiometry.grid import visible_grid
 from radiometry.records import MeasurementOperator, Outcome, SpectrumSamples
-from radiometry.response import relative_operator, response_matrix
 from sampling.bounds import reflectance_bounds
 from sampling.summary import next_measurement_nm, summarise
 from sampling.tilted_rejection import sample_spectra
@@ -18,15 +18,8 @@ GRID = visible_grid(1)
 BASIS = basis_matrix(GRID.nm, 7)
 
 
-def camera():
-    coarse = visible_grid(5)
-    sensitivities = np.exp(-0.5 * ((coarse.nm - np.array([[450], [530], [610]])) / 35)**2)
-    return relative_operator(response_matrix(coarse, sensitivities, np.ones(coarse.nm.size)),
-                             basis_matrix(coarse.nm, 7))
-
-
 def grey(error=0.01):
-    A = camera()
+    A = sampling_cameras.camera(7)
     return MeasurementOperator(A, A @ np.random.default_rng(8).uniform(0.1, 0.9, 7), error**2 * np.eye(3))
 
 
@@ -130,7 +123,7 @@ def test_the_conditions_are_named(samples):
 
 
 def test_a_signal_out_of_reach_is_named():
-    operator = MeasurementOperator(camera(), np.array([0.1, 1.2, 0.1]), 1e-4 * np.eye(3))
+    operator = MeasurementOperator(sampling_cameras.camera(7), np.array([0.1, 1.2, 0.1]), 1e-4 * np.eye(3))
     summary = summarise(sample_spectra(operator, 1_000, seed=1), operator, GRID, BASIS)
     assert Outcome.UNREACHABLE.value in summary.conditional_on
     assert "No spectrum fits within the noise: the bounds allow" in summary.conditional_on

@@ -1,26 +1,12 @@
 """The maximum-entropy tilt: its moments against quadrature, its optimality, and signals at and beyond the edge."""
 import numpy as np
 import pytest
+from sampling_cameras import camera, measurement
 from scipy.integrate import quad
 
-from radiometry.bspline import basis_matrix
 from radiometry.errors import CalibrationError, ConvergenceError, InputError
-from radiometry.grid import visible_grid
 from radiometry.records import MeasurementOperator
-from radiometry.response import relative_operator, response_matrix
 from sampling.tilt import GRADIENT_ATOL, SERIES_BELOW, max_entropy_tilt, tilt_moments
-
-
-def camera(coefficients, bands=3):
-    grid = visible_grid(5)
-    centres = np.linspace(450, 610, bands)[:, None]
-    sensitivities = np.exp(-0.5 * ((grid.nm - centres) / (105 / bands))**2)
-    light = 1 + 0.3 * np.sin(grid.nm / 40)
-    return relative_operator(response_matrix(grid, sensitivities, light), basis_matrix(grid.nm, coefficients))
-
-
-def measurement(A, y, error=0.0):
-    return MeasurementOperator(A, y, error**2 * np.eye(len(y)))
 
 
 @pytest.mark.parametrize("h", [-300.0, -8.0, -0.3, -0.011, -0.009, 0.0, 1e-5, 0.009, 0.011, 2.0, 40.0])

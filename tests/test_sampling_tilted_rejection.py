@@ -4,14 +4,13 @@ Statistical tests have a significance of 1e-4 over each test (Bonferroni), at fi
 """
 import numpy as np
 import pytest
+from sampling_cameras import camera, grey, measurement
 from scipy import stats
 from scipy.optimize import linprog, lsq_linear
 
 from radiometry.bspline import basis_matrix
 from radiometry.errors import CalibrationError, ConvergenceError, InputError
-from radiometry.grid import visible_grid
 from radiometry.records import MeasurementOperator, Outcome
-from radiometry.response import relative_operator, response_matrix
 from sampling.nullspace import null_space
 from sampling.per_axis_box import axis_intervals, sample_per_axis
 from sampling.tilt import Tilt, max_entropy_tilt
@@ -19,23 +18,6 @@ from sampling.tilted_rejection import METHOD, collect, draw_tilted, sample_spect
 
 SIGNIFICANCE = 1e-4
 NM = np.linspace(400, 700, 31)
-
-
-def camera(coefficients, bands=3):
-    grid = visible_grid(5)
-    centres = np.linspace(450, 610, bands)[:, None]
-    sensitivities = np.exp(-0.5 * ((grid.nm - centres) / (105 / bands))**2)
-    light = 1 + 0.3 * np.sin(grid.nm / 40)
-    return relative_operator(response_matrix(grid, sensitivities, light), basis_matrix(grid.nm, coefficients))
-
-
-def measurement(A, y, error=0.0):
-    return MeasurementOperator(A, y, error**2 * np.eye(len(y)))
-
-
-def grey(coefficients, error=0.0, bands=3, seed=8):
-    A = camera(coefficients, bands)
-    return measurement(A, A @ np.random.default_rng(seed).uniform(0.05, 0.95, coefficients), error)
 
 
 def assert_same_law(first, second):

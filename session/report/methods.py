@@ -70,7 +70,7 @@ def _sampling(results: SessionResults) -> str:
     if not drawn:
         return "No spectra were drawn: every material was given."
     methods = listed(sorted({m.samples.method for m in drawn if m.samples}))
-    counts = sorted({len(m.samples.coefficients) for m in drawn if m.samples})
+    counts = sorted({len(m.samples.spectra) for m in drawn if m.samples})
     draws = str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     seeds = ", ".join(str(seed) for seed in sorted({m.samples.seed for m in drawn if m.samples}))
     effective = min(m.samples.effective_samples for m in drawn if m.samples)

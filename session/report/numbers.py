@@ -46,7 +46,7 @@ def _material(material: MaterialResult, results: SessionResults) -> dict[str, An
         "model_covariance": made.model_covariance[m], "error_budget": material.error_budget,
         "summary": _fields(material.summary, "mean", "standard_deviation", "lower", "upper", "bound_lower",
                            "bound_upper", "level", "conditional_on", "next_measurement_nm"),
-        "samples": _fields(material.samples, "method", "acceptance", "effective_samples", "seed", "outcome"),
+        "samples": _fields(material.samples, "method", "effective_samples", "seed", "outcome"),
         "truth": _fields(material.truth, "values", "standard_error", "source"),
         "scores": None if material.scores is None else vars(material.scores),
     }

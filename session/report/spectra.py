@@ -6,14 +6,13 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
-from radiometry.bspline import basis_matrix
-from radiometry.records import Quantity, Reconstruction, SensitivityFit, Spectrum, SpectrumSamples
+from radiometry.records import Quantity, Reconstruction, SensitivityFit, Spectrum
+from sampling.spectral_samples import SpectralSamples
 from session.report.svg import INK, QUIET, Readout, band_colours, figure, inline_svg, plain_line
 from session.report.words import percent
 from session.results import MaterialResult
 
 DRAWS_SHOWN = 30
-CURVE_POINTS = 80  # of a faint draw
 MEAN, RENDERED, TRUTH = "#1f4e8c", "#d0661a", "#1a1a1a"
 QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradiance (W m⁻² nm⁻¹)",
               Quantity.RADIANCE: "Radiance (W m⁻² sr⁻¹ nm⁻¹)", Quantity.RELATIVE: "Relative spectral power"}
@@ -70,7 +69,7 @@ def _draw_uncertainty(axes: Axes, material: MaterialResult, made: Reconstruction
     summary = material.summary
     assert summary is not None
     if material.samples is not None:
-        draw_nm, draws = drawn_spectra(material.samples, made)
+        draw_nm, draws = drawn_spectra(material.samples)
         axes.plot(draw_nm, draws.T, color=QUIET, lw=0.5, alpha=0.3)
         axes.plot([], [], color=QUIET, lw=0.7, alpha=0.6, label=f"{len(draws)} draws")
     axes.fill_between(nm, summary.lower, summary.upper, color=MEAN, alpha=0.18, lw=0,
@@ -82,17 +81,11 @@ def _draw_uncertainty(axes: Axes, material: MaterialResult, made: Reconstruction
     axes.axvline(summary.next_measurement_nm, color=INK, lw=0.6, ls=":", label="measure here next")
 
 
-def drawn_spectra(samples: SpectrumSamples, made: Reconstruction) -> tuple[np.ndarray, np.ndarray]:
-    """Wavelengths (P,) and up to 30 draws (30, P), chosen by weight at a fixed seed, thinned for drawing."""
-    step = max(1, len(made.grid.nm) // CURVE_POINTS)
-    nm = made.grid.nm[::step]
-    coefficients = samples.coefficients
-    basis = made.basis[::step] if made.basis.shape[1] == coefficients.shape[1] else \
-        basis_matrix(nm, coefficients.shape[1])
-    weights = None if samples.weights is None else samples.weights / samples.weights.sum()
-    available = len(coefficients) if weights is None else int(np.count_nonzero(weights))
-    chosen = np.random.default_rng(0).choice(len(coefficients), min(DRAWS_SHOWN, available), replace=False, p=weights)
-    return nm, coefficients[chosen] @ basis.T
+def drawn_spectra(samples: SpectralSamples) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (P,) and up to 30 draws (30, P), chosen at a fixed seed."""
+    count = len(samples.spectra)
+    chosen = np.random.default_rng(0).choice(count, min(DRAWS_SHOWN, count), replace=False)
+    return samples.grid.nm, samples.spectra[chosen]
 
 
 def error_budget_figure(name: str, material: MaterialResult, bands: tuple[str, ...]) -> Markup | None:

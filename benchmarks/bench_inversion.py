@@ -1,0 +1,204 @@
+"""Inversion of a Cornell box: one traced light transport against gradient descent and against the brute force.
+
+Three unknown materials, 7 coefficients each, 64 x 64 pixels, 6 bounces, all in one run. The photo is made of the true
+spectra with 2048 paths per pixel that no engine sees; the image error is that of the same paths with the found spectra,
+root mean square over the surfaces, relative to the mean. So the photo's own Monte Carlo noise counts for no engine
+(bench_transport.py holds such an image against Mitsuba's spectral film). ``--large``: 5 materials, 8 bounces,
+256 x 256 pixels.
+
+The per-wavelength engine gets one path per pixel, wavelength and step, which favours it: 16 times fewer per image than
+the others. One step in 20 is run, the time multiplied by 20; the error is that of the steps that ran.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import colour
+import numpy as np
+
+from fixtures.cornell_box import BLOCKS, MATERIALS, cornell_box_xml
+from radiometry.chart import PATCH_NAMES, chart_reflectances
+from radiometry.grid import visible_grid
+from radiometry.interreflection import signal
+from radiometry.records import (
+    Calibration,
+    LightScale,
+    LinearImage,
+    Outcome,
+    PhotoKind,
+    Quantity,
+    SensitivityFit,
+    Spectrum,
+    WavelengthGrid,
+)
+from reconstruct.gradient import fit_by_gradient
+from reconstruct.inverse_problem import InverseProblem, InversionSettings, MaterialSpec, inverse_problem
+from reconstruct.per_wavelength import descend, monochrome_job
+from reconstruct.regions import block_regions
+from reconstruct.renderer import start_mitsuba
+from reconstruct.scene_file import read_scene
+from reconstruct.transport import TracedTransport, trace_transport
+from reconstruct.transport_engine import fit_problem, unit_scene
+from reconstruct.transport_fit import FitPriors
+
+COEFFICIENTS, STEPS, GRADIENT_SPP, TRACE_SPP, PHOTO_SPP = 7, 200, 16, 64, 2048
+SHORTER = 20            # the per-wavelength engine runs this share of the steps
+RUNS = 7                # of the transport engine, each with another seed; medians are printed
+PATCHES = {"white": "white 9.5", "green": "green", "red": "red", "small": "blue", "large": "orange yellow"}
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An inversion with the truth and the paths that made its photo."""
+
+    problem: InverseProblem
+    truth: np.ndarray               # (M, P)
+    judge: TracedTransport          # of the pixels that one surface fills
+
+
+def cornell_problem(width: int, bounces: int, blocks: bool, photo_spp: int) -> Judged:
+    """The inversion of a box with chart colours on its walls, under a constant light."""
+    names = (*MATERIALS, *(BLOCKS if blocks else ()))
+    grid = visible_grid()
+    chart = chart_reflectances("BabelColor Average", grid)
+    truth = np.array([chart[PATCH_NAMES.index(PATCHES[name])] for name in names])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "cornell.xml"
+        path.write_text(cornell_box_xml(width, bounces + 1, blocks), encoding="utf-8")
+        scene_file = read_scene(path)
+    shape = (width, width, 3)
+    blank = LinearImage(np.ones(shape), np.full(shape, 1e-12), np.zeros(shape, bool), 1.0, None, None, None,
+                        PhotoKind.LINEAR_FILE, "", "rendered", "")
+    given = (measured_camera(grid), LightScale(1.0, None, None, "given"), tuple(MaterialSpec(n, n) for n in names),
+             ("R", "G", "B"), COEFFICIENTS)
+    problem = inverse_problem(scene_file, blank, *given)
+    one_surface = problem.surface >= 0
+    region = np.where(one_surface, np.cumsum(one_surface.ravel()).reshape(width, width) - 1, -1)
+    judge = traced(problem, region, photo_spp, 77, passes=1)
+    photo = np.zeros(shape, dtype=np.float32)
+    photo[one_surface] = signal(judge.coefficients, judge.exponents, truth, problem.response)
+    return Judged(inverse_problem(scene_file, replace(blank, signal=photo), *given), truth, judge)
+
+
+def measured_camera(grid: WavelengthGrid) -> Calibration:
+    """A measured camera under a constant light, without error."""
+    camera = colour.MSDS_CAMERA_SENSITIVITIES["Nikon 5100 (NPL)"]
+    curves = np.array([np.interp(grid.nm, camera.wavelengths, curve) for curve in camera.values.T])
+    light = Spectrum(grid, np.ones(grid.nm.size), Quantity.RADIANCE, "constant")
+    fit = SensitivityFit(grid, curves / curves.max(), None, None, None, None, None, None, None, "measured",
+                         Outcome.CONVERGED)
+    return Calibration(fit, light, None, np.zeros((3, 3)), ())
+
+
+def traced(problem: InverseProblem, region: np.ndarray, spp: int, seed: int, passes: int = 4) -> TracedTransport:
+    """Transport of the regions with the scene's own number of bounces."""
+    return trace_transport(unit_scene(problem), {material.bsdf: material.name for material in problem.materials},
+                           problem.size, region, bounces=problem.scene_file.max_depth - 1, spp=spp, seed=seed,
+                           passes=passes)
+
+
+def by_transport(problem: InverseProblem, seed: int = 5) -> tuple[np.ndarray, float, float]:
+    """Coefficients, seconds of tracing and seconds of fitting; the scene is loaded within the time."""
+    start = time.perf_counter()
+    region, group = block_regions(problem.surface, problem.used)
+    transport = traced(problem, region, TRACE_SPP, seed)
+    between = time.perf_counter()
+    fit = fit_problem(problem, transport, region, group, FitPriors(scale=1.0))
+    return fit.coefficients, between - start, time.perf_counter() - between
+
+
+def by_gradient(problem: InverseProblem, steps: int) -> tuple[np.ndarray, float]:
+    """Coefficients and seconds of the paper's method: Adam through differentiable rendering."""
+    start = time.perf_counter()
+    fit = fit_by_gradient(problem.scene(), tuple(material.bsdf for material in problem.unknown), problem.basis,
+                          problem.measured, problem.used[..., None] / problem.variance, scale=1.0, known_surface=None,
+                          steps=steps, spp=GRADIENT_SPP, seed=3, progress=lambda done, what: None)
+    return fit.coefficients, time.perf_counter() - start
+
+
+def by_wavelengths(problem: InverseProblem, steps: int) -> tuple[np.ndarray, float]:
+    """Coefficients and seconds of one monochrome rendering per wavelength and step; its process starts in the time."""
+    start = time.perf_counter()
+    fit = descend(monochrome_job(problem, InversionSettings(COEFFICIENTS, steps, 1, 3)), lambda done, what: None)
+    return fit.coefficients, time.perf_counter() - start
+
+
+def errors(judged: Judged, coefficients: np.ndarray) -> dict[str, Any]:
+    """Relative image error on the surfaces (lamp left out), and each spectrum's RMSE."""
+    spectra, judge = judged.problem.spectra(coefficients), judged.judge
+    reflected = judge.coefficients * (judge.exponents.sum(axis=1) > 0)
+    true, found = (signal(reflected, judge.exponents, rows, judged.problem.response)
+                   for rows in (judged.truth, spectra))
+    rmse = np.sqrt(np.mean((spectra - judged.truth) ** 2, axis=1))
+    return {"image_error": float(np.sqrt(np.mean((found - true) ** 2)) / true.mean()), "rmse": rmse.tolist()}
+
+
+def small(steps: int) -> dict[str, Any]:
+    """The three engines on the box of three materials."""
+    judged = cornell_problem(64, 6, False, PHOTO_SPP)
+    problem = judged.problem
+    _, cold_trace, cold_fit = by_transport(problem)
+    runs = [by_transport(problem, seed) for seed in range(RUNS)]
+    scored = [errors(judged, run[0]) for run in runs]
+    ours = {"trace_s": float(np.median([run[1] for run in runs])), "fit_s": float(np.median([run[2] for run in runs])),
+            "first_call_s": cold_trace + cold_fit,
+            "image_error": float(np.median([score["image_error"] for score in scored])),
+            "image_errors": [score["image_error"] for score in scored],
+            "rmse": np.median([score["rmse"] for score in scored], axis=0).tolist()}
+    ours["seconds"] = float(np.median([run[1] + run[2] for run in runs]))
+    by_gradient(problem, 4)  # compiles its kernels, which are not counted
+    coefficients, seconds = by_gradient(problem, steps)
+    gradient = {"seconds": seconds, **errors(judged, coefficients)}
+    few = max(steps // SHORTER, 1)
+    coefficients, seconds = by_wavelengths(problem, few)
+    brute = {"seconds": seconds * steps / few, "steps_run": few, **errors(judged, coefficients)}
+    return {"transport": ours, "gradient": gradient, "per_wavelength": brute,
+            "ratio_gradient": gradient["seconds"] / ours["seconds"],
+            "ratio_per_wavelength": brute["seconds"] / ours["seconds"],
+            "error_ratio_gradient": gradient["image_error"] / ours["image_error"],
+            "error_ratio_per_wavelength": brute["image_error"] / ours["image_error"]}
+
+
+def large() -> dict[str, Any]:
+    """Trace and fit of five materials, eight bounces, 256 x 256 pixels."""
+    judged = cornell_problem(256, 8, True, 64)
+    coefficients, trace_s, fit_s = by_transport(judged.problem)
+    rmse = np.sqrt(np.mean((judged.problem.spectra(coefficients) - judged.truth) ** 2, axis=1))
+    return {"trace_s": trace_s, "fit_s": fit_s, "seconds": trace_s + fit_s, "rmse": rmse.tolist(),
+            "process_peak_gib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--steps", type=int, default=STEPS, help="of the two descents")
+    parser.add_argument("--large", action="store_true", help="only the larger box: 5 materials, 8 bounces, 256 x 256")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
+    arguments = parser.parse_args()
+    start_mitsuba("cpu")
+    result = large() if arguments.large else small(arguments.steps)
+    if arguments.json:
+        print(json.dumps(result))
+        return
+    if arguments.large:
+        print(f"5 materials, 8 bounces, 256 x 256: trace {result['trace_s']:.1f} s, fit {result['fit_s']:.1f} s, "
+              f"peak of the whole process {result['process_peak_gib']:.2f} GiB")
+        return
+    print(f"{'engine':<16} {'seconds':>8} {'ratio':>7} {'image error':>12}   spectra RMSE")
+    for name, key in (("transport", None), ("gradient", "ratio_gradient"), ("per_wavelength", "ratio_per_wavelength")):
+        row = result[name]
+        print(f"{name:<16} {row['seconds']:8.2f} {result[key] if key else 1:7.0f} {row['image_error']:12.2%}   "
+              + " ".join(f"{value:.3f}" for value in row["rmse"]))
+    ours = result["transport"]
+    print(f"transport: trace {ours['trace_s']:.3f} s, fit {ours['fit_s']:.3f} s, first call in a process "
+          f"{ours['first_call_s']:.2f} s")
+
+
+if __name__ == "__main__":
+    main()

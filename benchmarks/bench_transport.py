@@ -1,0 +1,123 @@
+"""The traced transport against Mitsuba's own renderings: bias and Z-test, by ``specfilm`` and by 31 monochrome images.
+
+A Cornell box of three chart colours, 4 x 4 blocks of a 32 x 32 image, three bands. Every renderer runs several times
+with other seeds; the scatter of the runs gives the standard errors. The threshold of the largest |Z| is the 1 % level
+of Student's law, Sidak-corrected for the number of blocks and bands.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import time
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+import numpy as np
+from bench_inversion import cornell_problem, traced
+from scipy.stats import t as student
+
+from radiometry.grid import grid_from_nm
+from radiometry.interreflection import signal
+from radiometry.response import response_matrix
+from reconstruct.inverse_problem import InverseProblem
+from reconstruct.llvm import ensure_llvm
+from reconstruct.per_wavelength import VARIANT, WAVELENGTHS, monochrome_xml
+from reconstruct.renderer import load_scene, render, start_mitsuba
+
+WIDTH, BLOCK, BOUNCES, LEVEL = 32, 8, 6, 0.01
+
+
+def blocks(image: np.ndarray) -> np.ndarray:
+    """Means (n, n, K) over blocks of an image (H, W, K)."""
+    count = WIDTH // BLOCK
+    return image.reshape(count, BLOCK, count, BLOCK, -1).mean(axis=(1, 3))
+
+
+def by_transport(problem: InverseProblem, spectra: np.ndarray, response: np.ndarray, runs: int, spp: int) -> np.ndarray:
+    """Block means (runs, n, n, K) of the traced transport, for any response (K, P) and spectra (M, P)."""
+    pixels = np.arange(WIDTH * WIDTH).reshape(WIDTH, WIDTH)
+    found = (traced(problem, pixels, spp, 500 + run, passes=1) for run in range(runs))
+    return np.array([blocks(signal(one.coefficients, one.exponents, spectra, response).reshape(WIDTH, WIDTH, -1))
+                     for one in found])
+
+
+def by_film(problem: InverseProblem, spectra: np.ndarray, runs: int, spp: int) -> np.ndarray:
+    """The same of Mitsuba's path integrator with its spectral film."""
+    names = [material.bsdf for material in problem.materials]
+    scene = load_scene(problem.xml(dict(zip(names, spectra, strict=True)), integrator="path"))
+    return np.array([blocks(render(scene, spp, 900 + run)[0]) for run in range(runs)])
+
+
+def by_wavelengths(job: tuple[str, tuple[str, ...], np.ndarray, np.ndarray, int, int]) -> np.ndarray:
+    """The same of one monochrome rendering per wavelength; runs in a process of its own."""
+    xml, bsdfs, spectra, response, runs, spp = job
+    ensure_llvm()
+    import mitsuba as mi
+
+    mi.set_variant(VARIANT)
+    scene = mi.load_string(xml.replace('type="prb"', 'type="path"'), optimize=False)
+    parameters = mi.traverse(scene)
+    keys = [f"{bsdf}.reflectance.value" for bsdf in bsdfs]
+    images = np.zeros((runs, WIDTH, WIDTH, len(response)))
+    for wavelength in range(spectra.shape[1]):
+        for key, values in zip(keys, spectra, strict=True):
+            parameters[key] = mi.Float(float(values[wavelength]))
+        parameters.update()
+        for run in range(runs):
+            plane = np.array(mi.render(scene, spp=spp, seed=run * WAVELENGTHS + wavelength))[:, :, :1]
+            images[run] += plane * response[:, wavelength]
+    return np.array([blocks(image) for image in images])
+
+
+def compared(ours: np.ndarray, theirs: np.ndarray) -> dict[str, Any]:
+    """Bias of the whole image per band with its standard error, and the largest |Z| with its threshold."""
+    error = np.sqrt(ours.var(axis=0, ddof=1) / len(ours) + theirs.var(axis=0, ddof=1) / len(theirs))
+    z = np.abs(ours.mean(axis=0) - theirs.mean(axis=0)) / error
+    whole = [image.mean(axis=(1, 2)) for image in (ours, theirs)]
+    mean = whole[1].mean(axis=0)
+    bias = whole[0].mean(axis=0) / mean - 1
+    bias_error = np.sqrt(sum(part.var(axis=0, ddof=1) / len(part) for part in whole)) / mean
+    level = 1 - (1 - LEVEL) ** (1 / z.size)
+    threshold = student.isf(level / 2, len(ours) + len(theirs) - 2)
+    return {"bias": bias.tolist(), "bias_standard_error": bias_error.tolist(), "largest_z": float(z.max()),
+            "threshold_z": float(threshold), "agrees": bool(z.max() < threshold)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=16, help="of each renderer")
+    parser.add_argument("--spp", type=int, default=1024, help="paths per pixel and run")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
+    arguments = parser.parse_args()
+    start_mitsuba("cpu")
+    judged = cornell_problem(WIDTH, BOUNCES, False, 1024)
+    problem, truth = judged.problem, judged.truth
+    start = time.perf_counter()
+    ours = by_transport(problem, truth, problem.response, arguments.runs, arguments.spp)
+    seconds = time.perf_counter() - start
+    film = compared(ours, by_film(problem, truth, arguments.runs, arguments.spp))
+    grid = grid_from_nm(np.linspace(400, 700, WAVELENGTHS))
+    coarse = np.array([np.interp(grid.nm, problem.grid.nm, row) for row in truth])
+    curves = np.array([np.interp(grid.nm, problem.grid.nm, row) for row in problem.sensitivities])
+    response = response_matrix(grid, curves, np.ones(grid.nm.size))
+    bsdfs = tuple(material.bsdf for material in problem.materials)
+    job = (monochrome_xml(problem), bsdfs, coarse, response, arguments.runs, max(arguments.spp // 16, 1))
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        mono = pool.submit(by_wavelengths, job).result()
+    same = by_transport(problem, coarse, response, arguments.runs, arguments.spp)
+    result = {"specfilm": film, "monochrome": compared(same, mono), "transport_seconds": seconds,
+              "runs": arguments.runs, "spp": arguments.spp}
+    if arguments.json:
+        print(json.dumps(result))
+        return
+    print(f"{'against':<12} {'bias R, G, B (standard error) %':<48} {'largest |Z|':>11} {'1 % level':>10}")
+    for name in ("specfilm", "monochrome"):
+        row = result[name]
+        bias = "  ".join(f"{100 * b:+.3f} ({100 * e:.3f})"
+                         for b, e in zip(row["bias"], row["bias_standard_error"], strict=True))
+        print(f"{name:<12} {bias:<48} {row['largest_z']:11.2f} {row['threshold_z']:10.2f}")
+
+
+if __name__ == "__main__":
+    main()

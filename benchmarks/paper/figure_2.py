@@ -1,0 +1,47 @@
+"""Figure 2: how well B-splines of N = 5 to 21 coefficients in [0, 1] fit measured spectra, library by library."""
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+
+from radiometry.bspline import basis_matrix
+from radiometry.named_spectra import test_reflectances
+from sampling.logit_mixture import GRID
+from sampling.reflectance_libraries import read_library
+from sampling.scores import rmse
+from sampling.spectral_samples import nearest_splines
+
+SIZES = (5, 7, 9, 11, 13, 15, 21)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, help="folder with reflectance/; without it the shipped sets alone")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
+    arguments = parser.parse_args()
+    sets = dict(test_reflectances(GRID))
+    if arguments.data is not None:
+        folders = sorted(path for path in (arguments.data / "reflectance").iterdir() if path.is_dir())
+        sets = {folder.name: read_library(folder).reflectances for folder in folders} | sets
+    table = []
+    for name, curves in sets.items():
+        errors = {count: rmse(nearest_splines(curves, basis) @ basis.T, curves)
+                  for count in SIZES for basis in [basis_matrix(GRID.nm, count)]}
+        table.append({"library": name, "curves": len(curves),
+                      **{f"N={count}": [float(np.median(values)), float(np.quantile(values, 0.95))]
+                         for count, values in errors.items()}})
+    if arguments.json:
+        print(json.dumps({"rows": table}))
+        return
+    print("Paper: more coefficients fit better; paints need fewer than natural spectra. RMSE, median / 95 % quantile:")
+    print(f"{'library':<24} {'n':>5} " + " ".join(f"{'N=' + str(count):>15}" for count in SIZES))
+    for row in table:
+        print(f"{row['library']:<24} {row['curves']:5d} "
+              + " ".join(f"{row[f'N={count}'][0]:7.4f}/{row[f'N={count}'][1]:.4f} " for count in SIZES))
+
+
+if __name__ == "__main__":
+    main()

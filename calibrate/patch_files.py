@@ -1,0 +1,71 @@
+"""Patch signals from a text file: one row per patch, one column per band, standard errors if known."""
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from radiometry.errors import InputError
+from radiometry.records import PatchSamples
+
+PATCHES = 24
+ERROR_PREFIX = "standard_error"
+
+
+def read_patches(path: Path) -> tuple[PatchSamples, tuple[str, ...]]:
+    """Signals of the 24 patches, dark skin first, and the names of the bands.
+
+    The first row may name the columns; columns named ``standard_error ...`` hold the standard errors of the bands in
+    the same order. Without names, every column is a band. A first column of words (patch names) is left out.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, does not hold 24 rows, or a cell is not a number.
+    """
+    rows = _rows(path)
+    header = rows.pop(0) if not any(_is_number(cell) for cell in rows[0]) else None
+    if rows and not _is_number(rows[0][0]):
+        rows = [row[1:] for row in rows]
+        header = header[1:] if header is not None else None
+    if len(rows) != PATCHES:
+        raise InputError(f"{path.name} holds {len(rows)} rows of signals; {PATCHES} are needed, one per patch, dark "
+                         "skin first, black last")
+    if len({len(row) for row in rows}) != 1 or not all(_is_number(cell) for row in rows for cell in row):
+        raise InputError(f"{path.name}: some rows are shorter than others or hold words; give a number in every cell")
+    values = np.array(rows, dtype=float)
+    names = [name.strip() for name in header or (f"band {column + 1}" for column in range(values.shape[1]))]
+    bands = [index for index, name in enumerate(names) if not name.startswith(ERROR_PREFIX)]
+    errors = [index for index, name in enumerate(names) if name.startswith(ERROR_PREFIX)]
+    if errors and len(errors) != len(bands):
+        raise InputError(f"{path.name} holds {len(bands)} bands and {len(errors)} standard errors; give one for each "
+                         "band, or none")
+    error = values[:, errors] if errors else np.zeros((PATCHES, len(bands)))
+    return _samples(values[:, bands], error), tuple(names[index] for index in bands)
+
+
+def _samples(signal: np.ndarray, error: np.ndarray) -> PatchSamples:
+    covariance = np.einsum("ik,kl->ikl", error**2, np.eye(signal.shape[1]))
+    return PatchSamples(signal, covariance, np.ones(PATCHES), np.zeros(signal.shape), np.zeros(signal.shape))
+
+
+def _rows(path: Path) -> list[list[str]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; give a CSV of 24 rows of signals") from None
+    except (UnicodeDecodeError, IsADirectoryError):
+        raise InputError(f"{path.name} is not a text file; give a CSV of 24 rows of signals") from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
+    if not rows:
+        raise InputError(f"{path.name} is empty; give a CSV of 24 rows of signals")
+    return rows
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return bool(np.isfinite(float(cell)))
+    except ValueError:
+        return False

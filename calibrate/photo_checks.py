@@ -1,0 +1,96 @@
+"""Whether patches, light and reference can belong together at all, before and after a fit."""
+from __future__ import annotations
+
+from typing import NoReturn
+
+import numpy as np
+
+from radiometry.errors import CalibrationError, CheckError, InputError
+from radiometry.records import Quantity, Spectrum, WavelengthGrid
+from radiometry.spectrum_files import spectrum_on_grid
+
+FEWEST_PATCHES = 8
+ALIKE = 1e-3                 # relative spread of the ratio of two bands over the patches
+DARK_LIGHT = 1e-3            # of the light's largest value
+LARGEST_IRRADIANCE = 50.0    # W m-2 nm-1; the sun gives 1.5
+WORST_MODEL_ERROR = 0.05     # patches that disagree by more than this were not explained by any camera
+WORST_CHI_SQUARE = 3.0
+
+
+def require_patches(signal: np.ndarray) -> None:
+    """Refuse signals (I, K) that are too few or not positive.
+
+    Raises
+    ------
+    CalibrationError
+    """
+    if len(signal) < FEWEST_PATCHES:
+        raise CalibrationError(f"{len(signal)} patches are too few to find sensitivities; {FEWEST_PATCHES} are needed")
+    bad = np.flatnonzero(~(np.isfinite(signal).all(axis=1) & (signal > 0).all(axis=1)))
+    if bad.size:
+        raise CalibrationError(f"patch {bad[0] + 1} has no positive signal in every band; check the black level of the "
+                               "photo, or leave the patch out")
+
+
+def require_apart(signal: np.ndarray) -> None:
+    """Refuse bands that read the same of every patch (I, K), as in a grey picture.
+
+    Raises
+    ------
+    CalibrationError
+    """
+    balanced = signal / signal.mean(axis=0)
+    for first in range(signal.shape[1]):
+        for second in range(first):
+            if np.std(balanced[:, first] / balanced[:, second]) < ALIKE:
+                raise CalibrationError(f"bands {second + 1} and {first + 1} read alike on every patch; the photo is "
+                                       "grey or a band was written twice: give a colour photo")
+
+
+def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tuple[str, ...]]:
+    """The light (P,) on the working grid, and what it cannot show.
+
+    Raises
+    ------
+    InputError
+        If the light does not cover the grid, is negative, or cannot be in the unit it states.
+    """
+    power = spectrum_on_grid(light, grid)
+    if power.max() <= 0 or power.min() < -0.01 * power.max():
+        raise InputError(f"{light.source}: a light spectrum must be positive; it runs from {power.min():.3g} to "
+                         f"{power.max():.3g} over {grid.nm[0]:g}-{grid.nm[-1]:g} nm")
+    if light.quantity is Quantity.IRRADIANCE and power.max() > LARGEST_IRRADIANCE:
+        raise InputError(f"{light.source}: {power.max():.3g} W m-2 nm-1 is more than any lamp gives; "
+                         "state the unit, for example '# unit: uW cm-2 nm-1'")
+    power = np.maximum(power, 0.0)
+    return power, tuple(f"the light has no power (below {DARK_LIGHT:.1%} of its largest) over {low:g}-{high:g} nm: "
+                        "the photo says nothing of the curves there" for low, high in dark_ranges(power, grid))
+
+
+def dark_ranges(power: np.ndarray, grid: WavelengthGrid) -> list[tuple[float, float]]:
+    """Wavelength ranges (nm) in which the light (P,) has practically no power."""
+    dark = np.concatenate([[False], power < DARK_LIGHT * power.max(), [False]])
+    edges = np.flatnonzero(np.diff(dark.astype(int)))
+    return [(float(grid.nm[start]), float(grid.nm[stop - 1])) for start, stop in edges.reshape(-1, 2)]
+
+
+def refuse_disagreement(model_error: float, chi_square: float, other_orders: dict[str, float]) -> NoReturn:
+    """Say that no camera explains the patches of a photo, and what may be the cause.
+
+    Parameters
+    ----------
+    model_error, chi_square : float
+        Of the fit, see ``PriorFit``.
+    other_orders : dict
+        Gain of log evidence if the patches or signals are read in another way, by its name.
+
+    Raises
+    ------
+    CheckError
+        Saying which other reading would explain the photo, where one does.
+    """
+    better = max(other_orders, key=lambda name: other_orders[name], default=None)
+    hint = (f"read as {better} the patches would agree: correct that" if better and other_orders[better] > 20 else
+            "check the chart reference, the light spectrum, glare, and that the photo is linear (not a JPEG)")
+    raise CheckError(f"no camera explains the chart photo: its patches disagree with the reference by "
+                     f"{model_error:.0%} (chi-square {chi_square:.1f} per signal); {hint}")

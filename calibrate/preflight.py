@@ -1,0 +1,81 @@
+"""Before shooting: how well this chart under this light will determine a camera, and what second light would help."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from calibrate.camera_prior import CameraPrior
+from calibrate.chart_photo import ChartPhoto, field_terms, unlit_design
+from calibrate.curve_posterior import curve_variance
+from calibrate.photo_checks import dark_ranges
+from calibrate.prior_fit import expected_covariance, hat_basis
+from radiometry.bspline import basis_matrix
+from radiometry.records import WavelengthGrid
+from radiometry.shaped import Record
+
+SPLINE_COEFFICIENTS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Preflight(Record):
+    """Expected result of a chart photo that has not been taken."""
+
+    expected_error: Annotated[np.ndarray, "K"]      # relative RMSE of each curve
+    half_width: Annotated[np.ndarray, "K P"]        # of the expected 90 % band, curves of largest value 1
+    condition_number: float
+    unlit_nm: tuple[tuple[float, float], ...]
+    second_lights: tuple[tuple[str, float], ...]    # expected mean error with that light added, best first
+
+
+def preflight(prior: CameraPrior, reflectances: np.ndarray, power: np.ndarray, grid: WavelengthGrid, *,
+              relative_error: float = 0.01, places: np.ndarray | None = None,
+              second: dict[str, np.ndarray] | None = None) -> Preflight:
+    """What to expect of a photo of a chart under a light, averaged over the families of the prior.
+
+    Parameters
+    ----------
+    reflectances : (I, P) array
+    power : (P,) array
+        Spectrum of the light.
+    relative_error : float
+        Of each patch: noise, chart against reference, field.
+    places : (I, 2) array or None
+        Of the patches, where the illumination of the chart will not be known.
+    second : dict or None
+        Spectra (P,) of lights by name, each tried as a second photo.
+    """
+    variance, relative = _expected(prior, reflectances, [power], grid, relative_error, places)
+    tried = {name: float(_expected(prior, reflectances, [power, other], grid, relative_error, places)[1].mean())
+             for name, other in (second or {}).items()}
+    design = (reflectances * power * grid.weights_nm) @ basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
+    return Preflight(relative, 1.645 * np.sqrt(variance), float(np.linalg.cond(design)),
+                     tuple(dark_ranges(power, grid)), tuple(sorted(tried.items(), key=lambda item: item[1])))
+
+
+def _expected(prior: CameraPrior, reflectances: np.ndarray, powers: list[np.ndarray], grid: WavelengthGrid,
+              relative_error: float, places: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Variance (K, P) of the curves and relative error (K,) of each, means over the families."""
+    basis = hat_basis(prior.nm, grid.nm)
+    variance, relative = np.zeros((prior.bands, grid.nm.size)), np.zeros(prior.bands)
+    for family, weight in enumerate(prior.weights):
+        coefficients = prior.means[family].reshape(prior.bands, -1)
+        photos = [_imagined(reflectances, power, coefficients, basis, grid, places) for power in powers]
+        covariance = expected_covariance(photos, prior, family, relative_error, grid)
+        curves = coefficients @ basis.T
+        expected = curve_variance(basis, covariance, prior.bands) / curves.max() ** 2
+        variance += weight * expected
+        relative += weight * expected.mean(axis=1) / np.mean((curves / curves.max()) ** 2, axis=1)
+    return variance, np.sqrt(relative)
+
+
+def _imagined(reflectances: np.ndarray, power: np.ndarray, coefficients: np.ndarray, basis: np.ndarray,
+              grid: WavelengthGrid, places: np.ndarray | None) -> ChartPhoto:
+    """The photo that a camera of these coefficients (K, N) would take."""
+    patches, bands = len(reflectances), len(coefficients)
+    terms = np.zeros((patches, 0)) if places is None else field_terms(places)
+    blank = ChartPhoto(np.ones((patches, bands)), np.zeros((patches, bands, bands)), reflectances,
+                       power / power.max() * grid.weights_nm, np.full(patches, np.pi), terms, glare=places is not None)
+    signal = unlit_design(blank, basis) @ coefficients.T
+    return ChartPhoto(signal, blank.covariance, reflectances, blank.power, blank.irradiance, terms, blank.glare)

@@ -1,0 +1,1 @@
+"""Spectroradiometers on the serial line: one file per device, one interface in interface.py."""

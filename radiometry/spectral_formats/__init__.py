@@ -1,0 +1,1 @@
+"""Spectral files of other programs and instruments: one file per format; spectrum_files.py chooses by content."""

@@ -1,0 +1,36 @@
+"""The paper's inversion: differentiable rendering and Adam, for any BSDF (paper Sec. 3.2 and 4.2)."""
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from radiometry.response import relative_operator
+from reconstruct.gradient import GradientFit, fit_by_gradient
+from reconstruct.inverse_problem import EngineAnswer, InverseProblem, InversionSettings
+from reconstruct.renderer import render
+
+FINAL_SPP, FINAL_PASSES = 256, 4
+
+
+def invert_by_gradient(problem: InverseProblem, settings: InversionSettings,
+                       progress: Callable[[float, str], None]) -> EngineAnswer:
+    """Coefficients by gradient descent through Mitsuba's ``prb`` integrator and its spectral film."""
+    scale = problem.light_scale
+    fit = fit_by_gradient(
+        problem.scene(), tuple(material.bsdf for material in problem.unknown), problem.basis, problem.measured,
+        problem.used[..., None] / problem.variance, scale=None if scale is None else scale.value,
+        known_surface=problem.known_surface, steps=settings.steps, spp=settings.spp, seed=settings.seed,
+        progress=progress)
+    return answer_of_descent(problem, settings, fit, "gradient descent (Mitsuba prb, specfilm)")
+
+
+def answer_of_descent(problem: InverseProblem, settings: InversionSettings, fit: GradientFit,
+                      engine: str) -> EngineAnswer:
+    """The answer of an engine that descends: its last steps scatter as its signals' error does."""
+    rendered, _ = render(problem.scene(fit.coefficients), FINAL_SPP, settings.seed + 7919, FINAL_PASSES)
+    operator = relative_operator(problem.response, problem.basis)
+    tail = fit.tail @ operator.T
+    covariance = np.array([np.cov(tail[:, place], rowvar=False) for place in range(tail.shape[1])])
+    return EngineAnswer(fit.coefficients, fit.coefficients @ operator.T, covariance, rendered, fit.loss_history, engine,
+                        settings.spp, fit.outcome)

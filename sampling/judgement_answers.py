@@ -1,0 +1,107 @@
+"""What plan, certify, prior train and uplift answer: names and folders in, numbers and text out."""
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radiometry.errors import InputError
+from radiometry.grid import visible_grid
+from radiometry.named_spectra import relative_response
+from sampling.answers import measurement_of_signal, numbers
+from sampling.certificate import LEVELS, certificate_page, certify
+from sampling.logit_mixture import GRID, LogitMixture, load_prior
+from sampling.planner import photo_candidate, plan, wavelength_candidates
+from sampling.prior_draws import sample_prior
+from sampling.prior_training import LeftOut, train
+from sampling.reflectance_libraries import read_library
+from sampling.spectral_samples import linear_between
+from sampling.uplift import build_table, outside, uplift_directly, uplift_pixels
+
+PLAN_DRAWS = 2000
+
+
+def response_of(sensitivity: str, light: str) -> np.ndarray:
+    """Response (K, 61), integrated at 1 nm."""
+    fine = visible_grid(1)
+    return relative_response(sensitivity, light, fine) @ linear_between(GRID, fine)
+
+
+def plan_answer(sensitivity: str, light: str, signal: str, noise: str | None, white: str | None, steps: int,
+                lights: tuple[str, ...], reading_minutes: float, photo_minutes: float,
+                seed: int) -> tuple[dict[str, Any], str]:
+    """JSON object and text of ``spectrabox plan``."""
+    if reading_minutes <= 0 or photo_minutes <= 0:
+        raise InputError("the minutes of a measurement must be positive")
+    response = relative_response(sensitivity, light, visible_grid(1))
+    measurement = measurement_of_signal(response, numbers(signal, len(response), "signal"), white, noise)
+    draws = sample_prior(measurement, PLAN_DRAWS, seed)
+    candidates = wavelength_candidates(GRID, minutes=reading_minutes)
+    candidates += [photo_candidate(f"photo under {other}", response_of(sensitivity, other), photo_minutes)
+                   for other in lights]
+    chosen = plan(draws.spectra, candidates, steps)
+    facts = {"steps": [{"measurement": step.name, "width_before": step.width_before, "width_after": step.width_after,
+                        "minutes": step.minutes, "fall_per_minute": step.fall_per_minute} for step in chosen],
+             "outcome": draws.outcome}
+    lines = [f"{step.name}: mean width of the 95 % band {step.width_before:.3f} -> {step.width_after:.3f} "
+             f"in {step.minutes:g} min" for step in chosen]
+    return facts, "\n".join([*lines, draws.outcome])
+
+
+def certify_answer(folders: list[Path], sensitivity: str, light: str, noise: float,
+                   prior_file: Path | None) -> tuple[dict[str, Any], str]:
+    """JSON object and page of ``spectrabox certify``."""
+    if not 0 <= noise < 0.5:
+        raise InputError(f"a relative noise of {noise:g} was given; 0 to 0.5 is needed")
+    prior, response = load_prior(prior_file), response_of(sensitivity, light)
+    found = [certify(prior, read_library(folder), response, noise) for folder in folders]
+    facts = [{"name": one.name, "curves": one.curves, "left_out": one.left_out, "rmse": one.rmse,
+              "spectral_angle": one.spectral_angle, "coverage": {f"{level:g}": one.coverage[level] for level in LEVELS},
+              "coverage_standard_error": one.coverage_error, "curve_coverage": one.curve_coverage, "width": one.width,
+              "winkler": one.winkler, "unfamiliar": one.unfamiliar, "verdict": one.verdict} for one in found]
+    return {"libraries": facts, "prior": prior.source, "noise": noise}, \
+        certificate_page(found, prior, f"{sensitivity} under {light}")
+
+
+def train_answer(folders: list[Path], sensitivity: str, light: str, components: int,
+                 seed: int) -> tuple[dict[str, Any], str, LogitMixture]:
+    """JSON object, text and prior of ``spectrabox prior train``."""
+    if not 1 <= components <= 64:
+        raise InputError(f"{components} components were asked for; 1 to 64 are possible")
+    libraries = [read_library(folder) for folder in folders]
+    prior, judged = train(libraries, response_of(sensitivity, light), components, seed)
+    rows = [left_out_facts(prior, one) for one in judged]
+    lines = [f"{'left out':<20} {'curves':>6} {'RMSE':>7} {'95 % band holds':>16} {'width':>6} {'whole curves':>13}"]
+    lines += [f"{row['name']:<20} {row['curves']:6d} {row['rmse']:7.4f} {row['coverage']:16.3f} {row['width']:6.3f} "
+              f"{row['curve_coverage']:13.3f}" for row in rows]
+    lines += [f"{library.name}: left out {count} curves, {reason}" for library in libraries
+              for reason, count in library.left_out.items()]
+    facts = {"left_out_in_turn": rows, "band_factors": dict(zip(map(str, prior.levels.tolist()),
+                                                                prior.band_factors.tolist(), strict=True)),
+             "curve_factor": prior.curve_factor, "source": prior.source}
+    return facts, "\n".join(lines), prior
+
+
+def left_out_facts(prior: LogitMixture, one: LeftOut) -> dict[str, Any]:
+    """What a library left out of training says of the calibrated 95 % band."""
+    place = int(np.argmin(np.abs(prior.levels - 0.95)))
+    factor = prior.band_factors[place]
+    return {"name": one.name, "curves": one.curves, "rmse": one.rmse,
+            "coverage": float(np.mean(one.scores[place] <= factor)), "width": float(one.width[place] * factor),
+            "curve_coverage": float(np.mean(one.scores[place].max(axis=1) <= prior.curve_factor))}
+
+
+def uplift_answer(signals: np.ndarray, sensitivity: str, light: str, noise: float,
+                  side: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """Mean and standard deviation (H, W, 61) of an image's signals (H, W, K) and the share outside 0 to 1."""
+    response = response_of(sensitivity, light)
+    if signals.shape[2] != len(response):
+        raise InputError(f"the image has {signals.shape[2]} bands and the sensitivities {len(response)}")
+    flat = np.nan_to_num(signals.reshape(-1, len(response)).astype(float))
+    prior = load_prior()
+    small = len(flat) < side**3 or len(response) != 3
+    mean, spread = (uplift_directly(prior, response, np.clip(flat, 0, 1), noise) if small
+                    else uplift_pixels(build_table(prior, response, noise, side), flat))
+    shape = (*signals.shape[:2], GRID.nm.size)
+    return mean.reshape(shape), spread.reshape(shape), float(outside(flat).mean())

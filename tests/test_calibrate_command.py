@@ -1,0 +1,110 @@
+"""The camera commands: the contract of their JSON, the same numbers as from Python, and exit codes."""
+import json
+
+import numpy as np
+import pytest
+from calibrate_cameras import GRID, cameras, led, on_grid
+from typer.testing import CliRunner
+
+from calibrate.camera_prior import load_prior
+from calibrate.chart_answers import answer_chart
+from calibrate.patch_files import read_patches
+from radiometry.chart import chart_reflectances
+from radiometry.records import Quantity
+from radiometry.spectrum_files import read_curves, read_spectrum
+from session.cli import app
+
+runner = CliRunner()
+CONTRACT = ("wavelengths_nm", "sensitivities", "lower", "upper", "condition_number", "chart_delta_e00",
+            "held_out_delta_e00", "outcome")
+
+
+@pytest.fixture(scope="module")
+def chart(tmp_path_factory):
+    """Patch signals of a simulated camera under an LED, and that light's spectrum, as files."""
+    folder = tmp_path_factory.mktemp("chart")
+    surfaces = chart_reflectances("BabelColor Average", GRID)
+    signal = surfaces @ (on_grid(cameras(1, 90)[0]) * led() * GRID.weights_nm).T
+    signal *= 0.5 / signal.max() * (1 + 0.005 * np.random.default_rng(5).standard_normal(signal.shape))
+    rows = "\n".join(",".join(f"{value:.9g}" for value in row) for row in signal)
+    (folder / "patches.csv").write_text(f"R,G,B\n{rows}\n", encoding="utf-8")
+    lines = "\n".join(f"{nm:g},{value:.9g}" for nm, value in zip(GRID.nm, led(), strict=True))
+    (folder / "light.csv").write_text(f"wavelength_nm,value\n{lines}\n", encoding="utf-8")
+    return folder
+
+
+def run(*words):
+    return runner.invoke(app, [str(word) for word in words])
+
+
+@pytest.mark.parametrize("method", ["prior", "smooth", "nonnegative", "paper"])
+def test_the_command_gives_what_python_gives(chart, method, tmp_path):
+    result = run("camera", "fit", "--patches", chart / "patches.csv", "--light", chart / "light.csv",
+                 "--method", method, "--out", tmp_path / "curves.csv", "--json")
+    assert result.exit_code == 0, result.output
+    facts = json.loads(result.stdout)
+    assert not set(CONTRACT) - set(facts)
+    samples, _ = read_patches(chart / "patches.csv")
+    light = read_spectrum(chart / "light.csv", role=Quantity.RELATIVE)
+    expected = answer_chart(samples, chart_reflectances("BabelColor Average", GRID), light, GRID, method=method)
+    # The same code on the same numbers; JSON keeps every digit.
+    np.testing.assert_array_equal(facts["sensitivities"], expected.curves)
+    np.testing.assert_array_equal(facts["lower"], expected.lower)
+    _, names, curves = read_curves(tmp_path / "curves.csv")
+    assert names == ("R", "G", "B")
+    np.testing.assert_allclose(curves, expected.curves, atol=1e-8)  # nine digits
+
+
+def test_draws_can_be_kept(chart, tmp_path):
+    result = run("camera", "fit", "--patches", chart / "patches.csv", "--light", chart / "light.csv",
+                 "--samples", tmp_path / "draws.npz")
+    assert result.exit_code == 0, result.output
+    with np.load(tmp_path / "draws.npz") as stored:
+        assert stored["curves"].shape == (1000, 3, 301)
+
+
+def test_measured_curves_are_checked_against_the_chart(chart, tmp_path):
+    rows = "\n".join(f"{nm:g}," + ",".join(f"{value:.9g}" for value in column)
+                     for nm, column in zip(GRID.nm, on_grid(cameras(1, 90)[0]).T, strict=True))
+    (tmp_path / "curves.csv").write_text(f"nm,R,G,B\n{rows}\n", encoding="utf-8")
+    result = run("camera", "fit", "--patches", chart / "patches.csv", "--light", chart / "light.csv",
+                 "--method", "file", "--curves", tmp_path / "curves.csv", "--json")
+    assert result.exit_code == 0, result.output
+    # 0.5 % noise in the signals is about 0.3 CIEDE2000.
+    assert json.loads(result.stdout)["chart_delta_e00"] < 1
+
+
+def test_a_prior_is_built_from_a_folder(tmp_path):
+    for index, curves in enumerate(cameras(14, 91)):
+        rows = "\n".join(f"{nm:g}," + ",".join(f"{value:.9g}" for value in column)
+                         for nm, column in zip(np.arange(400, 701, 5), curves.T, strict=True))
+        (tmp_path / f"camera{index}.csv").write_text(f"nm,R,G,B\n{rows}\n", encoding="utf-8")
+    (tmp_path / "broken.json").write_text("{", encoding="utf-8")
+    result = run("camera", "prior", tmp_path, "--out", tmp_path / "mine.npz", "--licence", "CC0", "--json")
+    assert result.exit_code == 0, result.output
+    facts = json.loads(result.stdout)
+    assert len(facts["cameras"]) == 14 and len(facts["skipped"]) == 1
+    assert load_prior(tmp_path / "mine.npz").licence == "CC0"
+
+
+def test_preflight_answers_before_shooting():
+    result = run("camera", "preflight", "--light", "LED-B3", "--json")
+    assert result.exit_code == 0, result.output
+    facts = json.loads(result.stdout)
+    assert 0.01 < np.mean(facts["expected_error"]) < 0.15
+    assert np.shape(facts["half_width"]) == (3, 301)
+    errors = [entry["expected_error"] for entry in facts["second_lights"]]
+    assert errors == sorted(errors) and errors[0] < np.mean(facts["expected_error"])
+
+
+@pytest.mark.parametrize("words, code, said", [
+    (("--light", "D65"), 2, "give either --chart PHOTO or --patches CSV"),
+    (("--light", "D65", "--patches", "none.csv"), 3, "none.csv is missing"),
+    (("--light", "D65", "--patches", "none.csv", "--method", "magic"), 2, "--method magic is not known"),
+    (("--light", "none.csv", "--patches", "none.csv"), 3, "none.csv is missing"),
+    (("--light", "D65", "--patches", "none.csv", "--method", "file"), 2, "both --method file and --curves"),
+])
+def test_what_is_missing_is_said_with_its_exit_code(words, code, said):
+    result = run("camera", "fit", *words)
+    assert result.exit_code == code
+    assert said in result.stderr

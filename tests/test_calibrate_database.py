@@ -1,0 +1,87 @@
+"""Folders of measured cameras: three formats, and broken files that are named and skipped."""
+import json
+
+import numpy as np
+import pytest
+from calibrate_cameras import NODES, cameras
+
+from calibrate.camera_database import read_camera_database
+from calibrate.patch_files import read_patches
+from radiometry.errors import InputError
+
+
+def write_rawtoaces(path, curves, model, nm=NODES):
+    rows = {f"{wavelength:g}": list(values) for wavelength, values in zip(nm, curves.T, strict=True)}
+    path.write_text(json.dumps({"header": {"manufacturer": "Maker", "model": model},
+                                "spectral_data": {"data": {"main": rows}}}), encoding="utf-8")
+
+
+def test_three_formats_give_the_same_curves(tmp_path):
+    curves = cameras(1, 3)[0]
+    write_rawtoaces(tmp_path / "a.json", curves, "A")
+    lines = ["wavelength_nm,R,G,B", *(f"{nm:g},{r:.9g},{g:.9g},{b:.9g}"
+                                      for nm, (r, g, b) in zip(NODES, curves.T, strict=True))]
+    (tmp_path / "b.csv").write_text("\n".join(lines), encoding="utf-8")
+    wide = np.pad(curves[:, ::2], ((0, 0), (0, 2)))
+    (tmp_path / "c.txt").write_text("Maker C\n" + "\n".join(" ".join(f"{v:.9g}" for v in row) for row in wide),
+                                    encoding="utf-8")
+    found = read_camera_database(tmp_path)
+    assert set(found.names) == {"Maker A", "b", "Maker C"} and not found.skipped
+    by_name = dict(zip(found.names, found.curves, strict=True))
+    np.testing.assert_allclose(by_name["Maker A"], curves, rtol=1e-12)
+    np.testing.assert_allclose(by_name["b"], curves, rtol=1e-8)  # nine digits in the file
+    # 10 nm samples of bumps at least 20 nm wide, interpolated by a monotone cubic: within 2 % of the largest value.
+    np.testing.assert_allclose(by_name["Maker C"], curves, atol=0.02)
+
+
+def test_broken_files_are_named_and_skipped(tmp_path):
+    write_rawtoaces(tmp_path / "good.json", cameras(1, 3)[0], "Good")
+    (tmp_path / "broken.json").write_text("{", encoding="utf-8")
+    (tmp_path / "other.json").write_text('{"a": 1}', encoding="utf-8")
+    write_rawtoaces(tmp_path / "short.json", cameras(1, 3)[0][:, 8:], "Short", NODES[8:])
+    write_rawtoaces(tmp_path / "negative.json", -cameras(1, 3)[0], "Negative")
+    (tmp_path / "words.txt").write_text("not a camera", encoding="utf-8")
+    found = read_camera_database(tmp_path)
+    assert found.names == ("Maker Good",)
+    said = " ".join(found.skipped)
+    for name in ("broken.json", "other.json", "short.json", "negative.json", "words.txt"):
+        assert name in said
+    assert len(found.skipped) == 5 and "covers 440-700 nm" in said
+
+
+def test_a_folder_without_cameras_is_refused(tmp_path):
+    with pytest.raises(InputError, match="holds no camera that can be read"):
+        read_camera_database(tmp_path)
+    with pytest.raises(InputError, match="is not a folder"):
+        read_camera_database(tmp_path / "missing")
+
+
+def test_a_camera_can_be_left_out(tmp_path):
+    for index, curves in enumerate(cameras(3, 4)):
+        write_rawtoaces(tmp_path / f"{index}.json", curves, str(index))
+    assert read_camera_database(tmp_path, leave_out=("Maker 1",)).names == ("Maker 0", "Maker 2")
+
+
+@pytest.mark.parametrize("header", ["", "R,G,B\n", "patch,R,G,B\n"])
+def test_patches_are_read_with_and_without_names(tmp_path, header):
+    first = "p," if header.startswith("patch") else ""
+    (tmp_path / "p.csv").write_text(header + "\n".join(f"{first}{i + 1},2,3" for i in range(24)), encoding="utf-8")
+    found, names = read_patches(tmp_path / "p.csv")
+    assert found.mean.shape == (24, 3) and found.mean[23, 0] == 24 and len(names) == 3
+
+
+def test_standard_errors_become_the_covariance(tmp_path):
+    rows = ["R,G,B,standard_error R,standard_error G,standard_error B", *(["1,2,3,0.1,0.2,0.3"] * 24)]
+    (tmp_path / "p.csv").write_text("\n".join(rows), encoding="utf-8")
+    found, _ = read_patches(tmp_path / "p.csv")
+    np.testing.assert_allclose(found.covariance_of_mean[5], np.diag([0.01, 0.04, 0.09]), rtol=1e-12)
+
+
+@pytest.mark.parametrize("text, message", [
+    ("1,2,3\n" * 18, "holds 18 rows of signals; 24 are needed"), ("", "p.csv is empty"),
+    ("1,2,3\n" * 23 + "1,x,3\n", "in every cell"),
+    ("R,G,B,standard_error R\n" + "1,2,3,4\n" * 24, "3 bands and 1 standard errors")])
+def test_a_bad_table_of_patches_is_refused(tmp_path, text, message):
+    (tmp_path / "p.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        read_patches(tmp_path / "p.csv")

@@ -1,0 +1,79 @@
+"""The light: its scale in closed form, several lights, drift, and spectra that cannot be right."""
+import numpy as np
+import pytest
+from calibrate_cameras import GRID, daylight
+
+from calibrate.photo_checks import dark_ranges, light_power
+from radiometry.errors import CalibrationError, InputError
+from radiometry.grid import grid_from_nm
+from radiometry.light_scale import light_drift, scale_from_signals, scales_from_signals
+from radiometry.records import Quantity, Spectrum
+
+PREDICTED = np.random.default_rng(1).uniform(0.1, 1, (24, 3))
+
+
+def test_the_light_scale_is_linear_in_the_light():
+    found = scale_from_signals(2.5 * PREDICTED, PREDICTED, 0.01, "chart")
+    # One quotient of sums: a few eps.
+    assert found.value == pytest.approx(2.5, rel=1e-13)
+    assert scale_from_signals(5.0 * PREDICTED, PREDICTED, 0.01, "chart").value == pytest.approx(5.0, rel=1e-13)
+
+
+def test_the_scales_standard_error_is_the_scatter_of_repeated_photos():
+    rng = np.random.default_rng(2)
+    fits = [scale_from_signals(2.5 * PREDICTED * (1 + 0.02 * rng.standard_normal(PREDICTED.shape)), PREDICTED, 0.02,
+                               "chart") for _ in range(400)]
+    scatter = np.std([fit.value for fit in fits])
+    # The standard deviation of 400 draws is known to 3.5 %; the misfit factor only widens: 3 sigma below, 15 % above.
+    assert 0.89 < np.mean([fit.standard_error for fit in fits]) / scatter < 1.2
+
+
+def test_the_closed_form_is_the_minimum_that_a_gradient_method_finds():
+    from scipy.optimize import minimize_scalar
+    measured = 1.7 * PREDICTED * (1 + 0.05 * np.random.default_rng(3).standard_normal(PREDICTED.shape))
+    loss = minimize_scalar(lambda scale: np.sum(((measured - scale * PREDICTED) / measured) ** 2), (1, 2),
+                           options={"xtol": 1e-10})
+    # The minimum of a parabola is found to the square root of eps.
+    assert scale_from_signals(measured, PREDICTED, 0.01, "chart").value == pytest.approx(loss.x, rel=1e-7)
+
+
+def test_two_lights_are_told_apart():
+    parts = np.random.default_rng(4).uniform(0.1, 1, (2, 24, 3))
+    values, covariance = scales_from_signals(0.7 * parts[0] + 1.9 * parts[1], parts, 0.01)
+    # Exact data: round-off times the condition number of the 2 x 2 system.
+    np.testing.assert_allclose(values, [0.7, 1.9], rtol=1e-10)
+    assert np.all(np.diag(covariance) > 0)
+
+
+def test_two_lights_of_one_pattern_cannot_be_told_apart():
+    with pytest.raises(CalibrationError, match="cannot tell the 2 lights apart"):
+        scales_from_signals(PREDICTED, np.array([PREDICTED, 2 * PREDICTED]), 0.01)
+
+
+def test_drift_of_level_and_colour_is_found():
+    neutrals = np.outer([0.9, 0.6, 0.36, 0.2], [1.0, 1.2, 0.8])
+    ratio, error = light_drift(neutrals, neutrals * [1.02, 1.02, 1.05], 0.002)
+    np.testing.assert_allclose(ratio, [1.02, 1.02, 1.05], rtol=1e-12)
+    # sqrt(2) x 0.2 % over the square root of 4 regions.
+    np.testing.assert_allclose(error / ratio, 0.002 * np.sqrt(2) / 2, rtol=1e-9)
+
+
+def test_a_truncated_light_is_refused_with_what_is_missing():
+    short = grid_from_nm(np.arange(420.0, 781.0))
+    with pytest.raises(InputError, match="covers 420-780 nm; 400-700 nm is needed"):
+        light_power(Spectrum(short, np.ones(361), Quantity.RELATIVE, "lamp.csv"), GRID)
+
+
+def test_a_light_in_the_wrong_unit_is_refused():
+    with pytest.raises(InputError, match="more than any lamp gives; state the unit"):
+        light_power(Spectrum(GRID, 1e4 * daylight(), Quantity.IRRADIANCE, "lamp.csv"), GRID)
+
+
+def test_a_negative_light_is_refused():
+    with pytest.raises(InputError, match="a light spectrum must be positive"):
+        light_power(Spectrum(GRID, daylight() - 1, Quantity.RELATIVE, "lamp.csv"), GRID)
+
+
+def test_dark_ranges_are_found_at_both_ends():
+    power = np.where((GRID.nm < 410) | (GRID.nm > 690), 0.0, 1.0)
+    assert dark_ranges(power, GRID) == [(400.0, 409.0), (691.0, 700.0)]

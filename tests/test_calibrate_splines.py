@@ -1,0 +1,123 @@
+"""Laws of the spline fits: exact recovery, invariance to exposure and patch order, honest standard errors."""
+import numpy as np
+import pytest
+from calibrate_cameras import GRID, daylight, led, reflectances, samples, signals
+from scipy.stats import chi2
+
+from calibrate.sensitivity import fit_sensitivities
+from calibrate.spline_fit import SPLINE_METHODS
+from radiometry.bspline import basis_matrix
+from radiometry.errors import CalibrationError, InputError
+
+EVEN = np.full(24, np.pi)
+BASIS = basis_matrix(GRID.nm, 10)
+
+
+def spline_camera(seed=2):
+    coefficients = np.zeros((3, 10))
+    rng = np.random.default_rng(seed)
+    coefficients[:, 1:-1] = np.array([[0.1, 0.1, 0.1, 0.1, 0.3, 0.9, 0.6, 0.2],
+                                      [0.1, 0.2, 0.4, 1.0, 0.7, 0.3, 0.1, 0.1],
+                                      [0.3, 0.9, 0.8, 0.3, 0.1, 0.1, 0.1, 0.1]]) + rng.uniform(0, 0.05, (3, 8))
+    return coefficients / (coefficients @ BASIS.T).max()
+
+
+def fit(method, signal, light=None, surfaces=None, error=0.0):
+    return fit_sensitivities(samples(signal, error), reflectances() if surfaces is None else surfaces,
+                             daylight() if light is None else light, EVEN, GRID, method=method)
+
+
+@pytest.mark.parametrize("light", [daylight, led])
+@pytest.mark.parametrize("method", ["paper", "nonnegative"])
+def test_a_camera_of_the_spline_class_is_recovered_exactly(method, light):
+    truth = spline_camera()
+    signal = 0.3 * signals(truth @ BASIS.T, light(), reflectances())
+    found, scale = fit(method, signal, light())
+    # Round-off is about condition number x eps = 1e3 x 2e-16; 1e-8 is what is promised.
+    np.testing.assert_allclose(found.coefficients, truth, atol=1e-8)
+    assert scale.value == pytest.approx(0.3, rel=1e-8)
+    np.testing.assert_allclose(found.residuals, 0, atol=1e-8)
+
+
+@pytest.mark.parametrize("method", SPLINE_METHODS)
+def test_exposure_changes_the_scale_and_nothing_else(method):
+    rng = np.random.default_rng(3)
+    signal = signals(spline_camera() @ BASIS.T, daylight(), reflectances())
+    signal = signal * (1 + 0.01 * rng.standard_normal(signal.shape))
+    first, scale = fit(method, signal)
+    second, other = fit(method, 4.0 * signal)
+    # A power of two scales every number exactly; only the active set's tolerance could differ.
+    np.testing.assert_allclose(second.curves, first.curves, atol=1e-9)
+    assert other.value == pytest.approx(4.0 * scale.value, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", SPLINE_METHODS)
+def test_patch_order_does_not_matter(method):
+    rng = np.random.default_rng(4)
+    signal = signals(spline_camera() @ BASIS.T, daylight(), reflectances())
+    signal = signal * (1 + 0.01 * rng.standard_normal(signal.shape))
+    order = rng.permutation(24)
+    given, _ = fit(method, signal)
+    shuffled, _ = fit(method, signal[order], surfaces=reflectances()[order])
+    # Sums in another order: round-off times the condition number of about 1e3, squared in the normal equations.
+    np.testing.assert_allclose(shuffled.curves, given.curves, atol=1e-7)
+    np.testing.assert_allclose(shuffled.held_out_residuals, given.held_out_residuals[order], atol=1e-6)
+
+
+def test_the_papers_standard_errors_are_those_of_repeated_photos():
+    truth = spline_camera() @ BASIS.T
+    clean = signals(truth, daylight(), reflectances())
+    sigma = 0.005 * clean.mean()
+    rng = np.random.default_rng(6)
+    fits = [fit("paper", clean + sigma * rng.standard_normal(clean.shape)) for _ in range(60)]
+    # Compared before normalisation, where the estimate is linear: scale x curve at one wavelength of the green band.
+    place = 130
+    values = np.array([scale.value * found.curves[1, place] for found, scale in fits])
+    stated = np.mean([(scale.value * found.standard_error[1, place]) ** 2 for found, scale in fits])
+    statistic = np.sum((values - values.mean()) ** 2) / stated
+    # Two-sided at 1e-3: one false alarm in a thousand seeds; the seed is fixed.
+    assert chi2.ppf(5e-4, 59) < statistic < chi2.ppf(1 - 5e-4, 59)
+
+
+def test_non_negative_curves_stay_non_negative_under_noise():
+    rng = np.random.default_rng(7)
+    signal = signals(spline_camera() @ BASIS.T, led(), reflectances())
+    signal = signal * (1 + 0.02 * rng.standard_normal(signal.shape))
+    for method in ("nonnegative", "smooth"):
+        assert fit(method, signal, led())[0].curves.min() >= 0
+    assert fit("paper", signal, led())[0].curves.min() < 0
+
+
+def test_a_smooth_fit_beats_the_papers_under_an_led():
+    rng = np.random.default_rng(8)
+    truth = spline_camera() @ BASIS.T
+    signal = signals(truth, led(), reflectances())
+    signal = signal * (1 + 0.02 * rng.standard_normal(signal.shape))
+    error = {method: np.linalg.norm(fit(method, signal, led())[0].curves - truth) for method in ("paper", "smooth")}
+    assert error["smooth"] < error["paper"]
+
+
+def test_a_light_that_is_dark_over_a_third_of_the_range_is_refused():
+    light = np.where(GRID.nm < 600, 1.0, 0.0)
+    signal = signals(spline_camera() @ BASIS.T, light, reflectances())
+    with pytest.raises(CalibrationError, match=r"cannot determine 10 coefficients.*400-700 nm"):
+        fit("paper", signal, light)
+
+
+def test_bands_that_read_alike_are_refused():
+    signal = signals(spline_camera() @ BASIS.T, daylight(), reflectances())
+    signal[:, 2] = 0.5 * signal[:, 1]
+    with pytest.raises(CalibrationError, match="bands 2 and 3 read alike"):
+        fit("nonnegative", signal)
+
+
+def test_a_patch_without_signal_is_named():
+    signal = signals(spline_camera() @ BASIS.T, daylight(), reflectances())
+    signal[23, 2] = -0.001
+    with pytest.raises(CalibrationError, match="patch 24 has no positive signal"):
+        fit("nonnegative", signal)
+
+
+def test_an_unknown_method_lists_the_known_ones():
+    with pytest.raises(InputError, match="'spline' is not known; known are prior, paper, nonnegative, smooth"):
+        fit("spline", np.ones((24, 3)))

@@ -1,0 +1,130 @@
+"""The meter commands end to end: a killed series goes on, an interrupted instrument is given back."""
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from capture.transcript import read_transcript
+from capture.transcript_player import TranscriptPlayer
+from fixtures.meter_transcripts import FOLDER, clean_meters
+from session.cli import app
+
+ROOT = Path(__file__).resolve().parent.parent
+CR250 = next(meter for meter in clean_meters() if meter.name == "cr250")
+PACE = {"SPECTRABOX_METER_PACE": "0.01"}
+
+
+def start(*arguments, **options):
+    return subprocess.Popen([sys.executable, "-m", "session.cli", "meter", *map(str, arguments)], cwd=ROOT, text=True,
+                            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            env={**os.environ, **PACE, "PYTHONPATH": str(ROOT)}, **options)
+
+
+def run(*arguments, typed=""):
+    result = CliRunner().invoke(app, ["meter", *map(str, arguments)], input=typed, env=PACE)
+    return result.exit_code, result.stdout, result.stderr
+
+
+def play(time_scale=0.0):
+    return TranscriptPlayer(read_transcript(FOLDER / "cr250.transcript"), time_scale=time_scale, strict=False)
+
+
+def options(player, *more):
+    return ("--port", player.port, "--instrument", "cr250", "--averages", "2", *more)
+
+
+def wait_for(condition, seconds=30):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.01)
+
+
+def test_a_series_killed_in_the_middle_loses_nothing_and_goes_on(tmp_path):
+    readings = tmp_path / "spectra" / "readings" / "light"
+    with play(time_scale=0.02) as player:
+        process = start("measure", tmp_path, *options(player, "--repeat", "5"))
+        wait_for(lambda: len(list(readings.glob("0*.json"))) >= 2)
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+        kept = {path.name: path.read_bytes() for path in readings.glob("0*.json")}
+        assert 2 <= len(kept) < 5
+        code, out, err = run("measure", tmp_path, *options(player, "--repeat", "5", "--json"))
+    assert code == 0, err
+    facts = json.loads(out)
+    assert facts["taken"] == 5 - len(kept) and facts["series"][0]["readings"] == 5
+    assert all((readings / name).read_bytes() == data for name, data in kept.items())
+    with (tmp_path / "spectra" / "light.csv").open() as stream:
+        rows = list(csv.reader(line for line in stream if not line.startswith("#")))[1:]
+    np.testing.assert_allclose([float(row[1]) for row in rows], CR250.values, rtol=5e-9)  # nine digits are written
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_measurement_gives_the_instrument_back(tmp_path, number):
+    with play(time_scale=0.25) as player:  # M takes 1 s
+        process = start("measure", tmp_path, *options(player))
+        wait_for(lambda: b"SM ExposureX 2\r" in player.heard and player.heard.endswith(b"M\r"))
+        process.send_signal(number)
+        _, err = process.communicate(timeout=30)
+        wait_for(lambda: player.heard.endswith(b"SM ExposureX 1\r"))
+    assert process.returncode == 130 and "interrupted" in err
+
+
+def test_a_chart_is_walked_through_and_goes_on_with_the_patch_that_is_next(tmp_path):
+    with play() as player:
+        code, _, err = run("measure", tmp_path, *options(player, "--as", "white"))
+        assert code == 0, err
+        code, _, err = run("measure", tmp_path, *options(player, "--as", "chart"), typed="\n\nq\n")
+        assert code == 4 and "chart-01-dark-skin" in err and "2 of 24 patches are measured and kept" in err
+        code, out, err = run("measure", tmp_path,
+                             *options(player, "--as", "chart", "--no-wait", "--json", "--white-reflectance", "0.5"))
+    assert code == 0, err
+    assert json.loads(out)["taken"] == 22
+    with (tmp_path / "spectra" / "chart.csv").open() as stream:
+        lines = stream.readlines()
+    assert lines[0] == "# quantity: reflectance\n"
+    rows = list(csv.reader(line for line in lines if not line.startswith("#")))
+    assert len(rows[0]) == 25 and rows[0][1] == "01-dark-skin"
+    # Patch and white are the same recording here: a ratio of 1 times 0.5.
+    assert {cell for row in rows[1:] for cell in row[1:]} == {"0.5"}
+
+
+def test_a_dark_reading_ends_with_the_instruments_reason_and_no_file(tmp_path):
+    dark = read_transcript(FOLDER / "cr250-too-dark.transcript")
+    with TranscriptPlayer(dark, time_scale=0.0, strict=False) as player:
+        code, out, _ = run("measure", tmp_path, *options(player, "--json"))
+    assert code == 4 and "the light is too weak" in json.loads(out)["error"]
+    assert not (tmp_path / "spectra" / "light.csv").exists()
+    assert (tmp_path / "spectra" / "readings" / "light" / "001.json").exists()
+
+
+def test_identify_says_who_answers():
+    with play() as player:
+        code, out, _ = run("identify", "--port", player.port, "--instrument", "CR-250", "--json")
+    assert code == 0
+    assert json.loads(out) | {"port": ""} == {"instrument": "CR-250", "serial_number": "A00102", "firmware": "1.36",
+                                              "port": ""}
+
+
+def test_a_missing_port_ends_with_the_instruments_exit_code(tmp_path):
+    code, out, _ = run("identify", "--port", "/dev/ttyNONE", "--instrument", "cr250", "--json")
+    assert code == 6 and "there is no port /dev/ttyNONE" in json.loads(out)["error"]
+
+
+def test_replay_shows_a_recording_and_that_it_is_synthetic(tmp_path):
+    code, out, _ = run("replay", FOLDER / "cs2000.transcript", "--plot", "--png", tmp_path / "a.png")
+    assert code == 0 and "synthetic" in out and "█" in out and (tmp_path / "a.png").exists()
+
+
+def test_wrong_options_are_usage_errors(tmp_path):
+    for arguments in (("--as", "moon"), ("--as", "paint")):
+        code, _, err = run("measure", tmp_path, "--port", "x", "--instrument", "cr250", *arguments)
+        assert (code == 2 and arguments[0] in err) or "--name" in err

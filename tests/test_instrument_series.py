@@ -1,0 +1,155 @@
+"""Repeats: mean, spread, drift; reflectance from two series; nothing measured is lost."""
+import numpy as np
+import pytest
+
+from capture.measurement_files import (
+    read_reading,
+    readings_folder,
+    set_aside,
+    store_reading,
+    stored_readings,
+    write_whole,
+)
+from capture.measurement_plot import png_plot, text_plot
+from capture.measurement_series import reflectance_from, series_of, series_spectrum
+from radiometry.errors import CheckError, EnvironmentProblem, InputError
+from radiometry.grid import grid_from_nm
+from radiometry.readings import ReadingOutcome, SpectralReading
+from radiometry.records import Quantity, Spectrum
+
+NM = np.arange(380.0, 781.0, 4)
+
+
+def reading(values, outcome=ReadingOutcome.MEASURED, nm=NM, quantity=Quantity.RADIANCE):
+    spectrum = None if values is None else Spectrum(grid_from_nm(nm), values, quantity, "test")
+    return SpectralReading(spectrum, outcome, None if values is None else quantity, "PR-655", "1", "3.09", 100.0, 5.0,
+                           "2026-01-02T00:00:00+00:00", "t", ())
+
+
+def test_a_reading_comes_back_from_disk_bit_for_bit(tmp_path):
+    values = np.random.default_rng(3).lognormal(size=NM.size)
+    path = store_reading(tmp_path / "light", reading(values))
+    back = read_reading(path)
+    np.testing.assert_array_equal(back.spectrum.values, values)
+    np.testing.assert_array_equal(back.spectrum.grid.nm, NM)
+    assert (back.instrument, back.integration_ms, back.outcome) == ("PR-655", 100.0, ReadingOutcome.MEASURED)
+
+
+def test_a_reading_without_a_spectrum_is_kept_as_that(tmp_path):
+    back = read_reading(store_reading(tmp_path, reading(None, ReadingOutcome.TOO_DARK)))
+    assert back.spectrum is None and back.outcome is ReadingOutcome.TOO_DARK
+
+
+def test_a_broken_write_leaves_no_half_file_behind(tmp_path):
+    (tmp_path / ".001.json.abc").write_text("{half")  # what a killed process leaves
+    store_reading(tmp_path, reading(np.ones(NM.size)))
+    assert len(stored_readings(tmp_path)) == 1
+
+
+def test_a_damaged_reading_is_named(tmp_path):
+    (tmp_path / "001.json").write_text('{"quantity": "radiance"}')
+    with pytest.raises(InputError, match=r"001\.json is no reading"):
+        stored_readings(tmp_path)
+
+
+def test_setting_aside_deletes_nothing(tmp_path):
+    for _ in range(2):
+        store_reading(tmp_path / "light", reading(np.ones(NM.size)))
+        aside = set_aside(tmp_path / "light")
+        assert len(stored_readings(aside)) == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["light.before-1", "light.before-2"]
+
+
+def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(EnvironmentProblem, match="cannot be written"):
+        write_whole(tmp_path / "file" / "x.json", "")
+
+
+def test_a_name_that_leaves_the_folder_is_refused(tmp_path):
+    with pytest.raises(InputError, match="must start with a letter"):
+        readings_folder(tmp_path, "../x")
+
+
+def test_mean_spread_and_drift_are_those_of_the_readings():
+    rng = np.random.default_rng(1)
+    readings = [reading(np.full(NM.size, 2.0) + rng.normal(0, 0.01, NM.size)) for _ in range(20)]
+    series = series_of(readings, "light")
+    values = np.array([one.spectrum.values for one in readings])
+    # Sums of 20 numbers near 2: round-off of a few eps.
+    np.testing.assert_allclose(series.mean, values.mean(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(series.spread, values.std(axis=0, ddof=1), rtol=1e-10)
+    assert series.readings == 20 and not series.flags
+
+
+def test_a_warming_lamp_is_flagged_and_a_steady_one_rarely():
+    rng = np.random.default_rng(2)
+
+    def series(drift):
+        return series_of([reading(np.full(NM.size, 1.0) * (1 + drift * i / 9 + rng.normal(0, 0.002)))
+                          for i in range(10)],
+                         "lamp")
+    warm = series(0.05)
+    # The slope of ten readings with noise 0.002 has a standard error of 0.002 * 9 / sqrt(82.5) = 0.002: five of them.
+    assert warm.relative_drift == pytest.approx(0.05 / 1.025, abs=0.01)
+    assert any("drifts by +4" in flag or "drifts by +5" in flag for flag in warm.flags)
+    false_alarms = sum(bool(series(0.0).flags) for _ in range(200))
+    # Student t with 8 degrees of freedom beyond 3: 1.7 %, of which the 0.5 % floor keeps most; 12 of 200 is p < 1e-3.
+    assert false_alarms <= 12
+
+
+def test_one_reading_states_no_spread():
+    series = series_of([reading(np.ones(NM.size))], "light")
+    assert np.isnan(series.spread).all() and np.isnan(series.relative_drift)
+    assert series_spectrum(series, "x").standard_error is None
+
+
+def test_readings_without_a_spectrum_are_not_averaged_in():
+    series = series_of([reading(np.ones(NM.size)), reading(None, ReadingOutcome.TOO_DARK)], "light")
+    assert series.readings == 1 and series.mean.max() == 1 and "1 of 2 readings gave no spectrum" in series.flags[0]
+    with pytest.raises(CheckError, match="light: No reading: the light is too weak"):
+        series_of([reading(None, ReadingOutcome.TOO_DARK)], "light")
+    with pytest.raises(CheckError, match="nothing was measured yet"):
+        series_of([], "light")
+
+
+def test_different_quantities_are_not_averaged():
+    with pytest.raises(InputError, match="start a new series with --again"):
+        series_of([reading(np.ones(NM.size)), reading(np.ones(NM.size), quantity=Quantity.IRRADIANCE)], "x")
+
+
+def spectrum(values, error=None, nm=NM):
+    return Spectrum(grid_from_nm(nm), values, Quantity.RADIANCE, "test", error)
+
+
+def test_reflectance_is_the_ratio_to_the_white_and_does_not_see_the_light():
+    truth = 0.2 + 0.5 * (NM > 550)
+    for light in (np.ones(NM.size), 1 + np.sin(NM / 30) / 2):
+        found = reflectance_from(spectrum(0.99 * truth / 0.99 * light), spectrum(light), 0.99, "x")
+        np.testing.assert_allclose(found.values, 0.99 * truth, rtol=1e-14)  # a ratio and a product: round-off
+        assert found.quantity is Quantity.REFLECTANCE
+
+
+def test_the_reflectances_standard_error_is_that_of_simulated_ratios():
+    rng = np.random.default_rng(5)
+    target, white = np.full(NM.size, 0.3), np.full(NM.size, 2.0)
+    found = reflectance_from(spectrum(target, 0.003 + 0 * NM), spectrum(white, 0.01 + 0 * NM), 1.0, "x")
+    ratios = rng.normal(0.3, 0.003, 200_000) / rng.normal(2.0, 0.01, 200_000)
+    # 200 000 draws give the spread to 0.16 %; first-order propagation leaves out terms of (0.5 %) squared: 1 %.
+    np.testing.assert_allclose(found.standard_error, ratios.std(), rtol=0.01)
+
+
+def test_a_light_without_blue_cannot_give_a_reflectance_there():
+    light = np.where(NM < 450, 1e-4, 1.0)
+    with pytest.raises(CheckError, match="almost no light at 400 nm"):
+        reflectance_from(spectrum(light), spectrum(light), 1.0, "x")
+    beyond = np.where(NM > 720, 1e-4, 1.0)
+    assert reflectance_from(spectrum(beyond), spectrum(beyond), 1.0, "x").grid.nm[-1] == 720
+
+
+def test_plots_show_range_and_quantity(tmp_path):
+    drawn = text_plot(spectrum(np.linspace(0, 1, NM.size)))
+    assert "380" in drawn and "780 nm" in drawn and "radiance" in drawn and "█" in drawn
+    assert "█" not in text_plot(spectrum(-np.ones(NM.size)))
+    png_plot(spectrum(np.ones(NM.size), np.full(NM.size, 0.1)), tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,169 @@
+"""The traced transport against Mitsuba's own renderings, by Z-tests, and against itself."""
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from fixtures.cornell_box import MATERIALS
+from radiometry.errors import InputError
+from radiometry.interreflection import band_products, exponents_up_to, signal
+from reconstruct import transport
+from reconstruct.inverse_problem import InversionSettings, inverse_problem
+from reconstruct.inverse_rendering import reconstruct
+from reconstruct.renderer import load_scene, render, start_mitsuba
+from reconstruct.transport import joined, light_transport, require_memory, shaded_image, trace_transport
+from reconstruct.transport_engine import unit_scene
+from tests.cornell_problem import BANDS, GRID, SCALE_ONE, TRUTH, WIDTH, camera, photo_of, scene, specs
+
+SIZE = (WIDTH, WIDTH)
+ALL = np.arange(WIDTH * WIDTH).reshape(WIDTH, WIDTH)
+NAMES = {name: name for name in MATERIALS}
+SPECTRA = np.array([TRUTH[name] for name in MATERIALS])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def mitsuba():
+    return start_mitsuba("cpu")
+
+
+@pytest.fixture(scope="module")
+def problem(tmp_path_factory):
+    photo = photo_of(np.ones((WIDTH, WIDTH, 3)))
+    return inverse_problem(scene(tmp_path_factory.mktemp("box"), max_depth=5), photo, camera(), SCALE_ONE, specs(),
+                           BANDS, 7)
+
+
+def traced(problem, region=ALL, spp=64, seed=1, bounces=4, **options):
+    return trace_transport(unit_scene(problem), NAMES, SIZE, region, bounces=bounces, spp=spp, seed=seed, **options)
+
+
+def blocks(image, side=4):
+    return image.reshape(WIDTH // side, side, WIDTH // side, side, -1).mean(axis=(1, 3))
+
+
+def test_the_transport_shows_the_picture_of_mitsuba_s_spectral_film(problem):
+    """Z-test of 64 blocks and three bands at the 1 % level, Sidak-corrected, with the scatter of 12 runs of each."""
+    xml = problem.xml(dict(zip(MATERIALS, SPECTRA, strict=True)), integrator="path")
+    film = load_scene(xml)
+    theirs = np.array([blocks(render(film, 64, 100 + run)[0]) for run in range(12)])
+    runs = [traced(problem, seed=run, passes=1) for run in range(12)]
+    ours = np.array([blocks(signal(run.coefficients, run.exponents, SPECTRA, problem.response).reshape(*SIZE, 3))
+                     for run in runs])
+    difference = ours.mean(axis=0) - theirs.mean(axis=0)
+    z = difference / np.sqrt((ours.var(axis=0, ddof=1) + theirs.var(axis=0, ddof=1)) / 12)
+    # t of about 22 degrees of freedom has wider tails than the normal law: its quantile here is 4.9, the normal's 4.1.
+    level = 1 - (1 - 0.01) ** (1 / z.size)
+    assert np.abs(z).max() < norm.isf(level / 2) * 1.2
+
+
+def test_a_region_receives_the_mean_of_its_pixels(problem):
+    region = np.repeat(np.repeat(np.arange(4).reshape(2, 2), WIDTH // 2, axis=0), WIDTH // 2, axis=1)
+    pixels, regions = traced(problem, passes=1), traced(problem, region, passes=1)
+    means = pixels.coefficients.reshape(2, WIDTH // 2, 2, WIDTH // 2, -1).mean(axis=(1, 3)).reshape(4, -1)
+    # The same paths; float32 sums of 16384 terms in another order.
+    np.testing.assert_allclose(regions.coefficients, means, rtol=1e-3, atol=1e-6 * means.max())
+
+
+def test_the_same_seed_gives_the_same_paths(problem):
+    first, again, other = (traced(problem, seed=seed, spp=8).coefficients for seed in (3, 3, 4))
+    # Atomic float32 sums may round in another order; other paths differ by far more.
+    np.testing.assert_allclose(first, again, rtol=1e-4, atol=1e-6 * first.max())
+    assert np.abs(first - other).max() > 0.1 * first.max()
+
+
+def test_one_bounce_is_linear_and_more_bounces_only_add_light(problem):
+    one, four = traced(problem, bounces=1, seed=2), traced(problem, bounces=4, seed=2)
+    assert one.exponents.sum(axis=1).max() == 1 and len(four.exponents) == len(exponents_up_to(3, 4))
+    direct = four.coefficients[:, four.exponents.sum(axis=1) == 1]
+    lit = one.coefficients[:, 1:].sum()
+    # Direct light by the same estimator with other random numbers: 0.3 % of noise in each sum over the picture.
+    assert direct.sum() == pytest.approx(lit, rel=0.02)
+    assert (four.passes >= 0).all() and four.coefficients.sum() > 1.2 * lit
+
+
+def test_the_shaded_image_is_the_transport_with_signals_put_in(problem):
+    exponents = exponents_up_to(3, 4)
+    signals = band_products(exponents, SPECTRA, problem.response)
+    image = shaded_image(unit_scene(problem), NAMES, SIZE, exponents, signals, bounces=4, spp=256, seed=5)
+    found = traced(problem, spp=256, seed=6)
+    other = signal(found.coefficients, found.exponents, SPECTRA, problem.response).reshape(image.shape)
+    # Two renderings of 260 000 paths, each mean good to 0.4 %: five standard deviations of their difference.
+    np.testing.assert_allclose(image.mean(axis=(0, 1)), other.mean(axis=(0, 1)), rtol=0.03)
+
+
+def test_lights_are_told_apart_and_add_up(tmp_path):
+    text = scene_with_two_lamps()
+    two = inverse_problem(scene(tmp_path, text), photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), SCALE_ONE, specs(),
+                          BANDS, 7)
+    apart = traced(two, lights=(("lamp",), ("bulb",)), seed=9)
+    together = traced(two, seed=9)
+    both = apart.coefficients.reshape(ALL.size, 2, -1)
+    assert (both.sum(axis=(0, 2)) > 0).all()
+    # The same paths, counted into two columns or one.
+    np.testing.assert_allclose(both.sum(axis=1), together.coefficients, rtol=1e-3,
+                               atol=1e-5 * together.coefficients.max())
+
+
+def scene_with_two_lamps():
+    from fixtures.cornell_box import cornell_box_xml
+    bulb = ('<emitter type="point" id="bulb"><point name="position" value="0.3, 0, 0.8"/>'
+            '<spectrum name="intensity" value="0.5"/></emitter></scene>')
+    return cornell_box_xml(WIDTH, 4).replace("</scene>", bulb)
+
+
+def test_two_traces_join_to_one_of_more_paths(problem):
+    first, second = traced(problem, spp=16, seed=1), traced(problem, spp=48, seed=2)
+    whole = joined(first, second)
+    assert whole.spp == 64
+    # float32 weights of a quarter and three quarters.
+    np.testing.assert_allclose(whole.coefficients, (first.coefficients + 3 * second.coefficients) / 4, rtol=1e-5,
+                               atol=1e-7)
+
+
+def test_the_record_holds_the_monte_carlo_covariance(problem):
+    region = np.where(ALL % 2, 0, 1)
+    record = light_transport(traced(problem, region, spp=16))
+    assert record.coefficients.shape == (2, len(exponents_up_to(3, 4)))
+    values = np.linalg.eigvalsh(record.covariance[0])
+    # Four passes tell three directions; the others are zero up to round-off.
+    assert np.count_nonzero(values > 1e-9 * values.max()) <= 3 and values.min() > -1e-9 * values.max()
+
+
+def test_many_products_are_pruned_within_the_stated_bound(problem, monkeypatch):
+    monkeypatch.setattr(transport, "PRUNE_ABOVE", 10)
+    found = traced(problem, spp=16)
+    assert len(found.exponents) < len(exponents_up_to(3, 4)) or found.dropped == 0
+    assert 0 <= found.dropped <= transport.DROPPED
+
+
+def test_a_transport_that_does_not_fit_into_memory_is_refused_beforehand():
+    with pytest.raises(InputError, match=r"of 1000000 regions and 1287 products .* needs 4\.8 GiB, more than the 1"):
+        require_memory(1_000_000, 1287, 5, 8)
+
+
+def test_a_surface_without_a_material_is_refused(problem):
+    with pytest.raises(InputError, match="the scene's BSDF 'red' has no material"):
+        trace_transport(unit_scene(problem), {"white": "white", "green": "green"}, SIZE, ALL, bounces=2, spp=4, seed=1)
+
+
+def test_a_coated_surface_is_sent_to_the_gradient_engine(tmp_path):
+    from fixtures.cornell_box import cornell_box_xml
+    text = cornell_box_xml(WIDTH).replace('<bsdf type="diffuse" id="red"><spectrum name="reflectance" value="0.5"/>',
+                                          '<bsdf type="roughplastic" id="red">')
+    photo = photo_of(np.ones((WIDTH, WIDTH, 3)))
+    with pytest.raises(InputError, match=r"red of box\.xml is coated or glossy.*engine = \"gradient\""):
+        reconstruct(scene(tmp_path, text), photo, camera(), SCALE_ONE, specs(), BANDS, InversionSettings(7),
+                    lambda done, what: None)
+
+
+def test_a_transport_of_a_black_wall_equals_a_scene_with_a_black_wall(problem):
+    """A reflectance of zero drops every product with that material, as if the wall swallowed the light."""
+    spectra = SPECTRA.copy()
+    spectra[2] = 0
+    found = traced(problem, spp=16)
+    image = signal(found.coefficients, found.exponents, spectra, problem.response)
+    without = found.exponents[:, 2] == 0
+    reduced = found.coefficients[:, without] @ band_products(found.exponents, spectra, problem.response)[without]
+    np.testing.assert_allclose(image, reduced, rtol=1e-12)  # round-off
+    assert GRID.nm.size == spectra.shape[1]

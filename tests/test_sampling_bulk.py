@@ -1,0 +1,118 @@
+"""Circuit hit-and-run, its diagnostics, and the compiled bounds: against independent draws, closed forms and HiGHS."""
+import numpy as np
+import pytest
+from sampling_cameras import camera, grey, measurement
+from scipy import stats
+
+from radiometry.bspline import basis_matrix
+from radiometry.errors import ConvergenceError, InputError
+from sampling.bounds import reflectance_bounds
+from sampling.circuit_hit_and_run import METHOD, sample_in_bulk
+from sampling.circuits import design, find_circuits, schedule
+from sampling.diagnostics import diagnose, refuse_poor
+from sampling.simplex_bounds import exact_bounds
+from sampling.tilted_rejection import sample_spectra
+
+SIGNIFICANCE = 1e-4
+NM = np.linspace(400, 700, 61)
+DRAWS = 20_000
+
+
+@pytest.mark.parametrize("bands, coefficients", [(3, 5), (3, 9), (4, 9), (3, 21)])
+def test_the_camera_cannot_see_a_circuit(bands, coefficients):
+    A = camera(coefficients, bands)
+    circuits = find_circuits(A, np.random.default_rng(0))
+    moved = np.einsum("knj,nj->nk", A[:, circuits.members], circuits.components)
+    # Components set to 1e-6 instead of less move the signal by that; the rest is round-off.
+    assert np.abs(moved).max() < 2e-6
+    np.testing.assert_allclose(np.abs(circuits.components).max(axis=1), 1)
+
+
+@pytest.mark.parametrize("coefficients", [5, 9, 13])
+def test_a_schedule_moves_every_coefficient(coefficients):
+    A, rng = camera(coefficients), np.random.default_rng(1)
+    circuits = find_circuits(A, rng)
+    order = schedule(circuits, design(circuits, A, np.zeros(coefficients), rng), 30, coefficients, rng)
+    visits = np.bincount(circuits.members[order].ravel(), minlength=coefficients)
+    assert visits.min() >= 3
+
+
+@pytest.mark.parametrize("bands, coefficients", [(3, 5), (3, 9), (3, 21), (4, 9)])
+def test_bulk_draws_follow_the_law_of_independent_ones(bands, coefficients):
+    operator, basis = grey(coefficients, bands=bands), basis_matrix(NM[::6], coefficients)
+    bulk = sample_in_bulk(operator, DRAWS, seed=1)
+    reference = sample_spectra(operator, DRAWS if bands == 3 else 4000, seed=2)
+    p = [stats.ks_2samp(a, b).pvalue for a, b in zip((bulk.coefficients @ basis.T).T,
+                                                      (reference.coefficients @ basis.T).T, strict=True)]
+    assert min(p) > SIGNIFICANCE / len(p)
+    assert bulk.method == METHOD
+
+
+@pytest.mark.parametrize("coefficients", [5, 13, 31])
+def test_bulk_draws_keep_the_signal_in_single_precision_and_never_leave_the_box(coefficients):
+    operator = grey(coefficients)
+    samples = sample_in_bulk(operator, 5000, seed=3)
+    drift = np.abs(samples.coefficients @ operator.A.T - operator.y).max() / operator.y.max()
+    assert drift < 1e-5  # float32 round-off of some hundred moves
+    assert samples.coefficients.min() >= 0 and samples.coefficients.max() <= 1
+    assert samples.effective_samples > 0.8 * 5000
+
+
+def test_bulk_draws_on_a_simplex_have_the_moments_of_dirichlet():
+    A = np.full((1, 6), 1 / 6)
+    c = sample_in_bulk(measurement(A, np.array([0.1])), 50_000, seed=4).coefficients
+    # For a sum s = 0.6 <= 1 the upper limits never bind and c / s is Dirichlet(1, ..., 1).
+    total, error = 0.6, stats.norm.isf(SIGNIFICANCE / 12)
+    sigma = total * np.sqrt((1 / 6) * (5 / 6) / 7)
+    assert np.abs(c.mean(axis=0) - 0.1).max() < error * sigma / np.sqrt(0.8 * 50_000)
+    np.testing.assert_allclose(c.std(axis=0), sigma, rtol=0.02)  # four standard errors of a standard deviation
+
+
+def test_one_core_and_two_give_the_same_draws():
+    operator = grey(9)
+    first, second = (sample_in_bulk(operator, 3000, seed=5, parallel=parallel).coefficients
+                     for parallel in (True, False))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_noise_is_refused_in_bulk():
+    with pytest.raises(InputError, match="use tilted rejection"):
+        sample_in_bulk(grey(9, error=0.01), 100, seed=0)
+
+
+def test_a_chain_that_has_not_moved_is_refused():
+    starts = np.random.default_rng(0).normal(size=(64, 3))
+    begun = np.tile(starts, (40, 1))
+    with pytest.raises(ConvergenceError, match="have not mixed"):
+        refuse_poor(diagnose(begun, begun), len(begun))
+
+
+def test_independent_draws_are_as_many_as_there_are():
+    rng = np.random.default_rng(0)
+    starts = np.tile(rng.normal(size=(256, 3)), (40, 1))
+    found = diagnose(starts, rng.normal(size=starts.shape))
+    # A correlation of 1 / sqrt(10240) by chance counts 10240 / 256 times its square: 0.4 % at one sigma.
+    assert found.effective_samples > 0.9 * len(starts)
+    assert found.r_hat < 1.001
+
+
+# ---- bounds --------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("coefficients", [5, 7, 13, 21])
+@pytest.mark.parametrize("error", [0.0, 0.01])
+def test_compiled_bounds_equal_those_of_a_general_solver(coefficients, error):
+    operator, basis = grey(coefficients, error), basis_matrix(NM, coefficients)
+    for ours, theirs in zip(exact_bounds(operator, basis), reflectance_bounds(operator, basis), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-7)  # the tolerance of HiGHS on its constraints
+
+
+@pytest.mark.parametrize("bands", [1, 2, 5, 8])
+def test_compiled_bounds_for_any_number_of_bands(bands):
+    operator, basis = grey(13, bands=bands), basis_matrix(NM, 13)
+    for ours, theirs in zip(exact_bounds(operator, basis), reflectance_bounds(operator, basis), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-6)  # eight narrow bands: a condition number of some ten
+
+
+def test_signals_out_of_reach_are_left_to_the_general_solver():
+    operator, basis = measurement(camera(7), np.array([0.1, 1.1, 0.1]), 0.01), basis_matrix(NM, 7)
+    np.testing.assert_array_equal(exact_bounds(operator, basis), reflectance_bounds(operator, basis))

@@ -1,0 +1,162 @@
+"""The commands on signals: keys of the contract, files, exit codes, and one sentence for every bad input."""
+import json
+import time
+
+import numpy as np
+import pytest
+from sampling_cameras import surface
+from typer.testing import CliRunner
+
+from radiometry.grid import visible_grid
+from radiometry.named_spectra import light, relative_response, sensitivities
+from session.cli import app
+
+CAMERA = ["--sensitivity", "Nikon 5100 (NPL)", "--light", "LED-B3"]
+KEYS = {"wavelengths_nm", "mean", "standard_deviation", "lower", "upper", "bound_lower", "bound_upper",
+        "effective_samples", "seconds", "outcome"}
+
+
+def call(*arguments, code=0):
+    found = CliRunner().invoke(app, [str(part) for part in arguments])
+    assert found.exit_code == code, found.output
+    return found
+
+
+def sample(*arguments, code=0):
+    return json.loads(call("sample", *CAMERA, "--json", *arguments, code=code).stdout)
+
+
+@pytest.mark.parametrize("method", ["prior", "uniform", "paper"])
+def test_sample_keeps_its_contract(method, tmp_path):
+    out = tmp_path / "draws.npz"
+    grid = visible_grid(1)
+    response = relative_response("Nikon 5100 (NPL)", "LED-B3", grid)
+    signal = response @ surface(grid.nm, 3)
+    facts = sample("--signal", ",".join(map(str, signal)), "--coefficients", 9, "--method", method, "--samples", 1000,
+                   "--seed", 1, "--out", out)
+    assert set(facts) >= KEYS
+    arrays = [np.array(facts[key]) for key in ("wavelengths_nm", "mean", "standard_deviation", "lower", "upper")]
+    assert len({array.shape for array in arrays}) == 1
+    with np.load(out) as stored:
+        assert stored["spectra"].shape == (1000, len(arrays[0]))
+        assert stored["coefficients"].shape == (1000, 9)
+        np.testing.assert_allclose(stored["spectra"].mean(axis=0), facts["mean"], atol=1e-12)
+        # Draws are at 5 nm and the camera was integrated at 1 nm: straight lines miss a spline by 1e-3 at most.
+        seen = np.array([np.interp(grid.nm, stored["wavelengths_nm"], row) for row in stored["spectra"]]) @ response.T
+        np.testing.assert_allclose(seen, np.tile(signal, (1000, 1)), atol=1e-3 if method != "prior" else 1e-9)
+
+
+def test_a_seed_gives_the_same_answer():
+    first, same = (sample("--signal", "0.2,0.3,0.15", "--samples", 1000, "--seed", 4) for _ in range(2))
+    assert {**first, "seconds": 0} == {**same, "seconds": 0}
+
+
+def test_signals_of_a_file_give_one_result_each(tmp_path):
+    path = tmp_path / "signals.csv"
+    path.write_text("R,G,B\n0.2,0.3,0.15\n0.5,0.5,0.5\n")
+    facts = sample("--signals", path, "--samples", 1000, "--method", "uniform", "--coefficients", 7)
+    assert len(facts["results"]) == 2
+    assert set(facts["results"][0]) >= KEYS
+
+
+def test_white_and_noise_are_in_the_signals_unit():
+    plain = sample("--signal", "0.2,0.3,0.15", "--noise", "0.002,0.003,0.0015", "--samples", 1000)
+    scaled = sample("--signal", "20,60,7.5", "--white", "100,200,50", "--noise", "0.2,0.6,0.075", "--samples", 1000)
+    np.testing.assert_allclose(plain["mean"], scaled["mean"], atol=1e-9)  # round-off of a division
+
+
+def test_errors_of_light_and_curves_are_in_the_budget():
+    signal = ["--signal", "0.2,0.3,0.15", "--samples", 1000, "--noise", "0.001,0.001,0.001"]
+    plain, more = sample(*signal), sample(*signal, "--light-error", 0.05, "--sensitivity-error", 0.03)
+    assert more["error_budget"]["light"] > 0.01 and more["error_budget"]["sensitivities"] > 0.01
+    assert sum(more["error_budget"].values()) == pytest.approx(1)
+    assert plain["error_budget"]["light"] == 0 < more["error_budget"]["light"]
+    assert "0 to 0.5 is needed" in sample(*signal, "--light-error", 2, code=3)["error"]
+
+
+def test_a_reading_is_obeyed():
+    facts = sample("--signal", "0.2,0.3,0.15", "--reading", "700:0.35:0.002", "--samples", 1000)
+    assert abs(facts["mean"][-1] - 0.35) < 0.01
+
+
+def test_files_of_curves_and_lights_are_taken_as_names_are(tmp_path):
+    nm = np.arange(380, 781, 5)
+    curves = sensitivities("Nikon 5100 (NPL)", visible_grid(5))
+    power = light("LED-B3", visible_grid(5))
+    grid = visible_grid(5).nm
+    (tmp_path / "c.csv").write_text("nm,R,G,B\n" + "\n".join(
+        f"{w}," + ",".join(f"{v:.9g}" for v in column) for w, column in zip(grid, curves.T, strict=True)))
+    (tmp_path / "l.csv").write_text("nm,power\n" + "\n".join(f"{w},{v:.9g}" for w, v in zip(grid, power, strict=True)))
+    assert nm.size
+    facts = json.loads(call("sample", "--sensitivity", tmp_path / "c.csv", "--light", tmp_path / "l.csv", "--signal",
+                            "0.2,0.3,0.15", "--samples", 1000, "--json").stdout)
+    # Five-nanometre files are interpolated; the names come with the same curves at 5 nm or finer.
+    np.testing.assert_allclose(facts["mean"], sample("--signal", "0.2,0.3,0.15", "--samples", 1000)["mean"], atol=0.02)
+
+
+@pytest.mark.parametrize("arguments, code, message", [
+    (["--signal", "0.2,0.3"], 3, "--signal has 2 values; the sensitivities have 3 bands"),
+    (["--signal", "a,b,c"], 3, "is not a list of numbers"),
+    (["--signal", "0.2,0.3,nan"], 3, "holds a value that is not finite"),
+    (["--signal", "20,30,15"], 3, "give what white reads with --white"),
+    (["--signal", "0.2,0.3,0.1", "--white", "1,0,1"], 3, "is not positive in every band"),
+    (["--signal", "0.2,0.3,0.1", "--noise=-1,0,0"], 3, "is negative; give standard errors"),
+    (["--signal", "0.2,0.3,0.1", "--method", "magic"], 3, "known are paper, uniform, prior"),
+    (["--signal", "0.2,0.3,0.1", "--samples", "0"], 3, "0 samples were asked for"),
+    (["--signal", "0.2,0.3,0.1", "--samples", "200"], 5, "needs 1000 effective draws"),
+    (["--signal", "0.2,0.3,0.1", "--method", "uniform", "--coefficients", "2"], 3, "at least 4 coefficients"),
+    (["--signal", "0.2,0.3,0.1", "--prior", "none.npz"], 3, "is missing"),
+    (["--signal", "0.2,0.3,0.1", "--reading", "seven"], 3, "write NM:REFLECTANCE"),
+    (["--signal", "0.2,0.3,0.1", "--start", "x"], 3, "known are bounded and unbounded"),
+    (["--signals", "none.csv"], 3, "cannot be read"),
+    ([], 3, "give either --signal v1,v2,v3 or --signals FILE.csv"),
+])
+def test_bad_input_gives_one_sentence(arguments, code, message):
+    assert message in sample(*arguments, code=code)["error"]
+
+
+@pytest.mark.parametrize("camera, lamp, message", [
+    ("Nikon 5101", "D65", "nearest are Nikon 5100 (NPL)"), ("Nikon 5100 (NPL)", "D66", "nearest are"),
+    ("none.csv", "D65", "none.csv is missing")])
+def test_unknown_names_are_answered_with_the_nearest(camera, lamp, message):
+    found = call("sample", "--sensitivity", camera, "--light", lamp, "--signal", "0.2,0.3,0.1", "--json", code=3)
+    assert message in json.loads(found.stdout)["error"]
+
+
+def test_plan_ranks_readings_and_photos():
+    facts = json.loads(call("plan", *CAMERA, "--signal", "0.2,0.3,0.15", "--second-light", "A", "--photo-minutes", 0.1,
+                            "--steps", 2, "--json").stdout)
+    assert facts["steps"][0]["measurement"] == "photo under A"
+    assert facts["steps"][1]["width_after"] < facts["steps"][0]["width_before"]
+
+
+def write_folder(folder, seed, count):
+    folder.mkdir()
+    nm = np.arange(400, 701, 5)
+    rows = [",".join(f"{value:.5f}" for value in surface(nm, 1000 * seed + i)) for i in range(count)]
+    (folder / "curves.csv").write_text("\n".join([",".join(map(str, nm)), *rows]))
+    return folder
+
+
+def test_certify_writes_a_page(tmp_path):
+    folder = write_folder(tmp_path / "mine", 1, 12)
+    facts = json.loads(call("certify", folder, "--out", tmp_path / "page.md", "--json").stdout)
+    assert facts["libraries"][0]["curves"] == 12
+    assert 0 <= facts["libraries"][0]["coverage"]["0.95"] <= 1
+    assert "Coverage certificate" in (tmp_path / "page.md").read_text()
+    few = write_folder(tmp_path / "few", 2, 4)
+    assert "needs at least 10" in json.loads(call("certify", few, "--json", code=3).stdout)["error"]
+
+
+def test_a_prior_of_ones_own_can_be_trained_and_used(tmp_path):
+    folders = [write_folder(tmp_path / name, seed, 220) for seed, name in enumerate(("one", "two"), 1)]
+    facts = json.loads(call("prior", "train", *folders, "--out", tmp_path / "own.npz", "--components", 2,
+                            "--json").stdout)
+    assert [row["name"] for row in facts["left_out_in_turn"]] == ["one", "two"]
+    assert "outcome" in sample("--signal", "0.2,0.3,0.15", "--prior", tmp_path / "own.npz", "--samples", 1000)
+
+
+def test_help_answers_at_once():
+    start = time.perf_counter()
+    assert "sample" in call("--help").stdout
+    assert time.perf_counter() - start < 0.3

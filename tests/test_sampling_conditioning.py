@@ -1,0 +1,221 @@
+"""More measurements, plans, budgets, scores, refinement and N: laws and cases with known answers."""
+import numpy as np
+import pytest
+from sampling_cameras import camera, grey, measurement, response, seen, surface
+
+from radiometry.bspline import basis_matrix
+from radiometry.errors import ConvergenceError, InputError
+from sampling.conditioning import Reading, condition, same_material
+from sampling.error_budget import METAMERISM, error_budget, sensitivity_covariance
+from sampling.logit_mixture import GRID, load_prior
+from sampling.methods import draw_spectra, into_reach
+from sampling.mixture_posterior import posterior, with_floor
+from sampling.planner import after, mean_width, photo_candidate, plan, wavelength_candidates
+from sampling.ranking import best_by_readings, best_by_signals
+from sampling.refinement import choose_coefficients, lifting, log_evidence, residual_directions, sample_refined
+from sampling.scores import coverage, curve_coverage, rmse, spectral_angle, winkler_score
+
+TRUTH = surface(GRID.nm, 7)
+
+
+def test_every_draw_obeys_a_reading():
+    reading = Reading.at_wavelength(700, float(TRUTH[-1]), 0.0)
+    measured = condition(seen(TRUTH), [reading])
+    for method in ("prior", "uniform"):
+        spectra = draw_spectra(measured, method, 200, 1, 9).spectra
+        np.testing.assert_allclose(spectra[:, -1], TRUTH[-1], atol=1e-8)  # Newton to 1e-10, solves to 1e-12
+
+
+def test_a_reading_narrows_the_band_where_it_was_taken():
+    plain, more = (draw_spectra(one, "prior", 2000, 1, 9).spectra.std(axis=0) for one in (
+        seen(TRUTH), condition(seen(TRUTH), [Reading.at_wavelength(700, float(TRUTH[-1]), 0.005)])))
+    assert more[-1] < 0.3 * plain[-1]
+    assert more.mean() < plain.mean()
+
+
+def test_contradictory_readings_are_named():
+    first, second = Reading.at_wavelength(400, 0.1, 0.01), Reading.at_wavelength(400, 0.5, 0.01)
+    with pytest.raises(InputError, match=r"the reading at 400 nm \(0\.1\) and the reading at 400 nm \(0\.5\) contra"):
+        condition(seen(TRUTH), [first, second])
+
+
+@pytest.mark.parametrize("arguments, message", [
+    ((390.0, 0.2), "lies outside 400-700 nm"), ((500.0, 3.0), "gives a reflectance of 3"),
+    ((500.0, 0.2, -1.0), "has the standard error -1")])
+def test_readings_that_cannot_be_are_errors(arguments, message):
+    with pytest.raises(InputError, match=message):
+        Reading.at_wavelength(*arguments)
+
+
+def test_patches_of_one_material_are_averaged_by_their_errors():
+    first, second = seen(TRUTH, 0.01), seen(TRUTH + 0.02, 0.02)
+    joined = same_material([first, second])
+    # Weights 4 : 1 of independent errors.
+    np.testing.assert_allclose(joined.signal, 0.8 * first.signal + 0.2 * second.signal, atol=1e-12)
+    np.testing.assert_allclose(joined.noise_covariance, np.eye(3) / (1 / 0.01**2 + 1 / 0.02**2), atol=1e-15)
+
+
+def test_patches_that_are_not_one_material_are_an_error():
+    with pytest.raises(InputError, match=r"said to be the same material differ by 0\.3"):
+        same_material([seen(TRUTH, 0.001), seen(TRUTH + 0.3, 0.001)])
+
+
+def test_another_camera_adds_bands():
+    joined = same_material([seen(TRUTH, 0.01), seen(TRUTH, 0.01, bands=4)])
+    assert joined.response.shape == (7, 61)
+    assert joined.noise_covariance[:3, 3:].max() == 0
+
+
+# ---- plan ----------------------------------------------------------------------------------------------------------
+
+@pytest.fixture(scope="module")
+def draws():
+    return draw_spectra(seen(TRUTH), "prior", 1500, 1, 9).spectra
+
+
+def test_a_plan_never_widens_the_band_and_starts_with_the_best(draws):
+    candidates = [*wavelength_candidates(GRID), photo_candidate("photo", response(5)[1])]
+    steps = plan(draws, candidates, 3)
+    assert all(step.width_after <= step.width_before for step in steps)
+    covariance = np.cov(draws, rowvar=False)
+    falls = [(mean_width(covariance) - mean_width(after(covariance, one))) / one.minutes for one in candidates]
+    assert steps[0].fall_per_minute == pytest.approx(max(falls))
+
+
+def test_a_dear_measurement_is_not_planned(draws):
+    cheap, dear = wavelength_candidates(GRID, minutes=1.0), photo_candidate("photo", response(5)[1], minutes=1e6)
+    assert plan(draws, [*cheap, dear], 1)[0].name != "photo"
+
+
+def test_conditioning_on_what_was_planned_agrees_with_bayes(draws):
+    covariance = np.cov(draws, rowvar=False)
+    candidate = wavelength_candidates(GRID)[5]
+    precise = np.linalg.inv(np.linalg.inv(covariance + 1e-9 * np.eye(61))
+                            + candidate.rows.T @ candidate.rows / candidate.standard_error**2)
+    # Two algebraic forms; the inverse of a nearly singular covariance costs digits.
+    np.testing.assert_allclose(np.diag(after(covariance, candidate)), np.diag(precise), atol=1e-6)
+
+
+def test_nothing_to_plan_is_an_error(draws):
+    with pytest.raises(InputError, match="99 draws are too few"):
+        plan(draws[:99], wavelength_candidates(GRID))
+    with pytest.raises(InputError, match="nothing to plan"):
+        plan(draws, [])
+
+
+# ---- budget and scores ---------------------------------------------------------------------------------------------
+
+def test_the_budget_adds_up_to_the_posterior_variance():
+    prior = load_prior()
+    causes = {"photo noise": 1e-4 * np.eye(3), "light": 4e-4 * np.ones((3, 3))}
+    measured = seen(TRUTH)
+    measured = type(measured)(measured.grid, measured.response, measured.signal, sum(causes.values()))
+    budget = error_budget(prior, measured, causes)
+    found = posterior(prior, measured.response, measured.signal[None], measured.noise_covariance)
+    index = int(np.argmax(found.weights[0]))
+    p = 1 / (1 + np.exp(-found.logits[index, 0]))
+    # Joseph's form is exact; the filter stops when a logit moves by less than 1e-6.
+    np.testing.assert_allclose(sum(budget.values()), (p * (1 - p))**2 * found.variances[index, 0], rtol=1e-4)
+    assert set(budget) == {METAMERISM, "photo noise", "light", "model floor"}
+    assert with_floor(np.zeros((3, 3)))[0, 0] > 0
+
+
+def test_a_budget_that_does_not_add_up_is_an_error():
+    with pytest.raises(InputError, match="do not add up"):
+        error_budget(load_prior(), seen(TRUTH, 0.01), {"photo noise": np.eye(3)})
+
+
+def test_a_constant_error_of_a_curve_scales_the_signal():
+    nm, light = GRID.nm, np.ones(61)
+    white = GRID.weights_nm.sum()
+    # One band, error proportional to a flat curve: the signal moves by its own size times the relative error.
+    curve_covariance = 0.01**2 * np.ones((61, 61)) / white**2
+    found = sensitivity_covariance(light, GRID.weights_nm, np.full(61, 0.4), curve_covariance)
+    np.testing.assert_allclose(found, (0.01 * 0.4)**2, rtol=1e-12)
+    assert nm.size == 61
+
+
+def test_scores_of_known_cases():
+    truth = np.full((2, 4), 0.5)
+    lower, upper = truth - 0.1, truth + np.array([[0.1, 0.1, 0.1, -0.05], [0.1] * 4])
+    assert coverage(lower, upper, truth) == 7 / 8
+    assert curve_coverage(lower, upper, truth) == 0.5
+    np.testing.assert_allclose(winkler_score(lower, upper, truth), (7 * 0.2 + 0.05 + 40 * 0.05) / 8)
+    np.testing.assert_allclose(rmse(truth + 0.1, truth), 0.1)
+    np.testing.assert_allclose(spectral_angle(3 * truth, truth), 0, atol=1e-7)  # the root of eps
+    np.testing.assert_allclose(spectral_angle(np.array([[1.0, 0]]), np.array([[0, 1.0]])), np.pi / 2)
+
+
+# ---- ranking, refinement, N ----------------------------------------------------------------------------------------
+
+def test_ranking_keeps_the_nearest(draws):
+    kept = best_by_readings(draws, np.array([0, 60]), TRUTH[[0, 60]], 10)
+    loss = np.sum((draws[:, [0, 60]] - TRUTH[[0, 60]])**2, axis=1)
+    assert loss[kept].max() <= np.sort(loss)[9]
+    np.testing.assert_array_equal(best_by_signals(draws[:, [0, 60]], TRUTH[[0, 60]], 10), kept)
+    with pytest.raises(InputError, match="the best 0 of"):
+        best_by_readings(draws, np.array([0]), np.array([0.1]), 0)
+
+
+@pytest.mark.parametrize("coarse, fine", [(5, 9), (7, 11), (7, 15)])
+def test_lifting_nested_knots_changes_nothing(coarse, fine):
+    T = lifting(coarse, fine)
+    nm = np.linspace(400, 700, 77)
+    # Knot insertion is exact; least squares over 301 wavelengths loses a few digits.
+    np.testing.assert_allclose(basis_matrix(nm, fine) @ T, basis_matrix(nm, coarse), atol=1e-12)
+    assert T.min() > -1e-12
+    np.testing.assert_allclose(T.sum(axis=1), 1, atol=1e-12)
+
+
+def test_knots_that_do_not_nest_are_an_error():
+    with pytest.raises(InputError, match="7 coefficients cannot be refined to 9: the knots do not nest; take 11"):
+        lifting(7, 9)
+
+
+def test_residual_directions_are_unseen_and_new():
+    grid, matrix = response(3)
+    T = lifting(5, 13)
+    directions = residual_directions(matrix @ basis_matrix(grid.nm, 13), T)
+    assert directions.shape == (13, 13 - 5 - 3)
+    # Null space by singular values: a few eps.
+    np.testing.assert_allclose(matrix @ basis_matrix(grid.nm, 13) @ directions, 0, atol=1e-12)
+
+
+def test_refined_draws_keep_the_signal_and_the_box():
+    grid, matrix = response(3)
+    operator = measurement(matrix @ basis_matrix(grid.nm, 7), matrix @ surface(grid.nm, 2))
+    samples = sample_refined(matrix, grid.nm, operator, 15, 300, seed=1)
+    np.testing.assert_allclose(samples.coefficients @ (matrix @ basis_matrix(grid.nm, 15)).T,
+                               np.tile(operator.y, (300, 1)), atol=1e-9)  # lifting to 1e-12, twenty moves
+    assert samples.coefficients.min() >= 0 and samples.coefficients.max() <= 1
+
+
+def test_the_evidence_of_a_uniform_sum_is_its_density():
+    # Of four coefficients seen through their mean, the density is that of Bates: 4 x Irwin-Hall at 2, 4 x 2/3.
+    found = log_evidence(measurement(np.full((1, 4), 0.25), np.array([0.5])))
+    # The saddle point is an approximation: 4 % for four terms.
+    np.testing.assert_allclose(found, np.log(4 * 2 / 3), atol=0.05)
+    assert log_evidence(measurement(camera(7), np.array([0.1, 1.3, 0.1]))) == -np.inf
+
+
+def test_n_is_chosen_among_those_that_can_reach_every_colour():
+    grid, matrix = response(3)
+    signals = np.array([matrix @ surface(grid.nm, seed) for seed in range(6)])
+    best, scores = choose_coefficients(matrix, grid.nm, signals, np.zeros((3, 3)))
+    assert scores[best] == max(scores.values())
+    with pytest.raises(ConvergenceError, match="out of reach at every number"):
+        choose_coefficients(matrix, grid.nm, np.array([[0.1, 1.3, 0.1]]), np.zeros((3, 3)), (5, 7))
+
+
+def test_an_unreachable_signal_is_moved_by_what_is_said():
+    operator, moved = into_reach(measurement(camera(7), np.array([0.1, 0.9, 1.05])))
+    assert moved == pytest.approx(np.abs(operator.y - [0.1, 0.9, 1.05]).max())
+    assert into_reach(grey(7))[1] == 0
+    samples = draw_spectra(type(seen(TRUTH))(GRID, response(3)[1], np.array([0.05, 0.95, 0.05]), np.zeros((3, 3))),
+                           "uniform", 100, 0, 7)
+    assert "it was moved by up to" in samples.outcome
+
+
+def test_an_unknown_method_is_an_error():
+    with pytest.raises(InputError, match="the method 'magic' is not known; known are paper, uniform, prior"):
+        draw_spectra(seen(TRUTH), "magic", 10, 0, 7)

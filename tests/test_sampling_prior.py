@@ -1,0 +1,251 @@
+"""The learnt prior: its file, its posterior against quadrature-free laws, its draws, its calibration, its refusals.
+
+Statistical tests have a significance of 1e-4 over each test (Bonferroni), at fixed seeds.
+"""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sampling_cameras import seen, surface
+from scipy import stats
+
+from radiometry.errors import InputError
+from sampling.logit_mixture import GRID, SHIPPED, LogitMixture, load_prior, logit, reflectance, save_prior
+from sampling.mixture_posterior import central_band, conformal_scores, mean_and_spread, mixture_quantile, posterior
+from sampling.prior_draws import FAMILIAR, OUT_OF_REACH, UNFAMILIAR, sample_prior
+from sampling.prior_training import enriched, fit_mixture, judge, train
+from sampling.reflectance_libraries import ReflectanceLibrary
+from sampling.smoothness_prior import smoothness_prior
+from sampling.spectral_samples import SpectralMeasurement, linear_between, nearest_splines, summarise_spectra
+
+SIGNIFICANCE = 1e-4
+
+
+@pytest.fixture(scope="module")
+def prior():
+    return load_prior()
+
+
+def library(name, seed, count=260):
+    return ReflectanceLibrary(name, np.array([surface(GRID.nm, 1000 * seed + i) for i in range(count)]), {})
+
+
+def test_logit_and_reflectance_undo_each_other():
+    values = np.linspace(0.004, 0.996, 50)
+    np.testing.assert_allclose(reflectance(logit(values)), values, atol=1e-15)  # a few eps of numbers of order 1
+
+
+def test_the_shipped_prior_is_small_and_well_formed(prior):
+    assert SHIPPED.stat().st_size < 1_000_000
+    assert prior.nm.shape == (61,)
+    for name in ("kremer", "ntu", "rawtoaces", "usgs", "cassava"):
+        assert name in prior.source
+    assert np.all(np.diff(prior.band_factors) > 0)
+
+
+def test_a_prior_survives_its_file(prior, tmp_path):
+    save_prior(tmp_path / "other.npz", prior)
+    again = load_prior(tmp_path / "other.npz")
+    np.testing.assert_array_equal(again.covariances, prior.covariances)  # already rounded to single precision
+    assert again.source == prior.source
+
+
+def test_bad_prior_files_are_errors(prior, tmp_path):
+    path = tmp_path / "bad.npz"
+    with pytest.raises(InputError, match="is missing"):
+        load_prior(path)
+    path.write_bytes(b"not an archive")
+    with pytest.raises(InputError, match=r"bad\.npz is damaged"):
+        load_prior(path)
+    whole = SHIPPED.read_bytes()
+    path.write_bytes(whole[:len(whole) // 2])
+    with pytest.raises(InputError, match="is damaged"):
+        load_prior(path)
+    np.savez(path, spectra=np.zeros(3))
+    with pytest.raises(InputError, match="is not a prior of this program"):
+        load_prior(path)
+    save_prior(path, replace(prior, nm=np.asarray(prior.nm) + 5))
+    with pytest.raises(InputError, match="for 61 wavelengths from 405 to 705 nm"):
+        load_prior(path)
+    save_prior(path, replace(prior, covariances=-np.asarray(prior.covariances)))
+    with pytest.raises(InputError, match="not symmetric and positive"):
+        load_prior(path)
+    save_prior(path, replace(prior, weights=2 * np.asarray(prior.weights)))
+    with pytest.raises(InputError, match="not positive with sum 1"):
+        load_prior(path)
+
+
+def test_a_component_far_from_zero_and_one_gives_the_linear_answer():
+    # Where the spread is tiny the logit is linear and the posterior is that of linear Gaussian regression.
+    covariance = 1e-8 * (0.5 + 0.5 * np.exp(-np.abs(GRID.nm[:, None] - GRID.nm) / 50))
+    narrow = LogitMixture(GRID.nm, np.ones(1), np.zeros((1, 61)), covariance[None], np.array([0.5, 0.99]), np.ones(2),
+                          1.0, np.inf, "test")
+    measured = seen(np.full(61, 0.5), 0.002)
+    signal = measured.signal + np.array([1e-5, -2e-5, 1e-5])
+    found = posterior(narrow, measured.response, signal[None], measured.noise_covariance)
+    slope = measured.response / 4
+    Q = slope @ covariance @ slope.T + (0.002**2 + 0.001**2) * np.eye(3)
+    expected = covariance @ slope.T @ np.linalg.solve(Q, signal - 0.5)
+    # The curvature of the logit enters with the square of a spread of 1e-4.
+    np.testing.assert_allclose(found.logits[0, 0], expected, atol=1e-9)
+
+
+def test_quantiles_of_the_mixture_have_their_probability(prior):
+    measured = seen(surface(GRID.nm, 3))
+    found = posterior(prior, measured.response, measured.signal[None], measured.noise_covariance)
+    at = mixture_quantile(found, 0.9)
+    below = np.einsum("tc,ctp->tp", found.weights,
+                      stats.norm.cdf((at - found.logits) / np.sqrt(found.variances)))
+    np.testing.assert_allclose(below, 0.9, atol=1e-6)  # 30 bisections of a span of order 1
+
+
+def test_draws_reproduce_the_signal_and_stay_between_zero_and_one(prior):
+    for seed in range(5):
+        measured = seen(surface(GRID.nm, seed))
+        samples = sample_prior(measured, 500, seed, prior)
+        # Newton stops at 1e-10 of white.
+        np.testing.assert_allclose(samples.spectra @ measured.response.T, np.tile(measured.signal, (500, 1)), atol=1e-9)
+        assert samples.spectra.min() > 0
+        assert samples.spectra.max() < 1
+        assert samples.outcome == FAMILIAR
+
+
+def test_noisy_signals_are_met_within_their_noise(prior):
+    error = 0.01
+    measured = seen(surface(GRID.nm, 4), error)
+    samples = sample_prior(measured, 4000, 1, prior)
+    z = (samples.spectra @ measured.response.T - measured.signal) / error
+    # The posterior of the noise is narrower than the noise itself, and it does not vanish.
+    assert np.all(z.std(axis=0) < 1.1)
+    assert np.all(z.std(axis=0) > 0.05)
+
+
+def test_a_seed_gives_the_same_draws_and_another_gives_others(prior):
+    measured = seen(surface(GRID.nm, 1))
+    first, same, other = (sample_prior(measured, 3000, seed, prior).spectra for seed in (5, 5, 6))
+    np.testing.assert_array_equal(first, same)
+    assert not np.any(np.all(first == other, axis=1))
+
+
+def test_draws_are_as_wide_as_the_calibrated_band(prior):
+    measured = seen(surface(GRID.nm, 2))
+    spectra = sample_prior(measured, 20_000, 1, prior).spectra
+    found = posterior(prior, measured.response, measured.signal[None], measured.noise_covariance)
+    mean, _ = mean_and_spread(found)
+    lower, upper = central_band(found, 0.95)
+    width = np.diff(np.quantile(spectra, [0.025, 0.975], axis=0), axis=0)[0]
+    # Two constructions of one band: projection on the signal and the factor's place (logit or reflectance) differ by
+    # some percent where the band is skewed.
+    np.testing.assert_allclose(width.mean(), prior.band_factor(0.95) * (upper - lower).mean(), rtol=0.1)
+    np.testing.assert_allclose(spectra.mean(axis=0), mean[0], atol=0.02)
+
+
+def test_bands_hold_truths_drawn_from_the_prior_itself(prior):
+    rng = np.random.default_rng(11)
+    plain = replace(prior, band_factors=np.ones(prior.levels.size))
+    component = rng.choice(prior.weights.size, 400, p=prior.weights)
+    truth = reflectance(np.array([rng.multivariate_normal(prior.means[c], prior.covariances[c]) for c in component]))
+    held = np.mean(judge(plain, "own", seen(truth[0]).response, truth).scores[3] <= 1, axis=1)
+    error = held.std() / np.sqrt(held.size)
+    # Two-sided at 1e-4, curves being independent, plus 0.02 for Laplace's approximation, measured on 4000 curves.
+    assert abs(held.mean() - 0.95) < stats.norm.isf(SIGNIFICANCE / 2) * error + 0.02
+
+
+def test_strange_signals_are_said_to_be_strange(prior):
+    stripes = np.where(np.arange(61) // 8 % 2, 0.95, 0.03)
+    comb = seen(stripes)
+    odd = SpectralMeasurement(comb.grid, comb.response, np.array([0.6, 0.15, 0.6]), comb.noise_covariance)
+    samples = sample_prior(odd, 200, 0, prior)
+    assert samples.outcome == UNFAMILIAR
+    assert samples.method == "smoothness prior"
+    beyond = SpectralMeasurement(comb.grid, comb.response, np.array([0.1, 1.3, 0.1]), comb.noise_covariance)
+    assert sample_prior(beyond, 200, 0, prior).outcome == OUT_OF_REACH
+
+
+def test_the_smoothness_prior_is_wider_than_the_learnt_one(prior):
+    measured = seen(surface(GRID.nm, 5))
+    learnt, smooth = (sample_prior(measured, 2000, 0, one).spectra for one in (prior, smoothness_prior()))
+    assert np.ptp(smooth, axis=0).mean() > np.ptp(learnt, axis=0).mean()
+
+
+@pytest.mark.parametrize("change, message", [
+    ({"signal": np.array([0.1, np.nan, 0.2])}, "signal of the measurement holds numbers that are not finite"),
+    ({"noise_covariance": -np.eye(3)}, "not symmetric positive semi-definite"),
+    ({"response": np.vstack([seen(np.ones(61)).response[[0, 1, 1]]])}, "two bands respond alike"),
+])
+def test_bad_measurements_are_errors(prior, change, message):
+    with pytest.raises(InputError, match=message):
+        sample_prior(replace(seen(np.full(61, 0.4)), **change), 10, 0, prior)
+
+
+def test_no_draws_are_an_error(prior):
+    with pytest.raises(InputError, match="0 draws were asked for"):
+        sample_prior(seen(np.full(61, 0.4)), 0, 0, prior)
+
+
+def test_splines_fitted_to_draws_are_optimal():
+    from scipy.optimize import lsq_linear
+
+    from radiometry.bspline import basis_matrix
+    basis = basis_matrix(GRID.nm, 13)
+    spectra = np.clip(np.array([surface(GRID.nm, i) for i in range(5)]) * 2 - 0.2, 0, 1)
+    ours = nearest_splines(spectra, basis)
+    for c, spectrum in zip(ours, spectra, strict=True):
+        best = lsq_linear(basis, spectrum, bounds=(0, 1), tol=1e-14).x
+        # Both are optima of one convex problem: the costs agree to the stopping rule squared.
+        assert np.sum((basis @ c - spectrum)**2) <= np.sum((basis @ best - spectrum)**2) + 1e-8
+
+
+def test_integration_at_1_nm_of_lines_at_5_nm_is_kept():
+    measured = seen(np.ones(301), step_nm=1)
+    coarse = surface(GRID.nm, 1)
+    fine = linear_between(GRID, measured.grid) @ coarse
+    np.testing.assert_allclose(measured.response_on(GRID) @ coarse, measured.response @ fine, atol=1e-14)
+
+
+def test_a_summary_says_what_it_is_conditional_on(prior):
+    measured = seen(surface(GRID.nm, 1))
+    summary = summarise_spectra(sample_prior(measured, 1000, 0, prior), measured)
+    assert "learnt prior" in summary.conditional_on
+    assert np.all(summary.lower <= summary.mean) and np.all(summary.mean <= summary.upper)
+
+
+# ---- training ------------------------------------------------------------------------------------------------------
+
+def test_training_calibrates_on_what_was_left_out():
+    libraries = [library("one", 1), library("two", 2), library("three", 3)]
+    response = seen(np.ones(61)).response
+    prior, judged = train(libraries, response, components=2)
+    assert [one.name for one in judged] == ["one", "two", "three"]
+    place = list(prior.levels).index(0.95)
+    for one in judged:
+        # The factor is the largest of the libraries' 94 % quantiles, so none is below 94 % but by interpolation.
+        assert np.mean(one.scores[place] <= prior.band_factors[place]) >= 0.9399
+    assert "one (260)" in prior.source
+
+
+def test_training_twice_gives_the_same_prior():
+    curves = library("one", 1).reflectances
+    first, second = (fit_mixture(enriched(curves, 3), 2, seed=4) for _ in range(2))
+    np.testing.assert_array_equal(first.means, second.means)
+
+
+def test_enriched_spectra_stay_reflectances():
+    made = enriched(library("one", 1, 50).reflectances)
+    assert len(made) == 50 + 3 * (100 // 3)
+    assert made.min() >= 0 and made.max() <= 1
+
+
+def test_too_little_to_learn_from_is_an_error():
+    with pytest.raises(InputError, match="give at least two folders"):
+        train([library("one", 1)], seen(np.ones(61)).response)
+    with pytest.raises(InputError, match="20 reflectances are too few"):
+        fit_mixture(library("one", 1, 20).reflectances)
+    with pytest.raises(InputError, match=r"\(n, 61\) is needed"):
+        fit_mixture(np.zeros((300, 31)))
+
+
+def test_conformal_scores_are_the_factor_that_was_needed():
+    mean, lower, upper = np.full((1, 3), 0.5), np.full((1, 3), 0.4), np.full((1, 3), 0.7)
+    truth = np.array([[0.3, 0.6, 0.9]])
+    np.testing.assert_allclose(conformal_scores(mean, lower, upper, truth), [[2.0, 0.5, 2.0]], atol=1e-12)

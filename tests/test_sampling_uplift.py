@@ -1,0 +1,88 @@
+"""Spectra behind every pixel, and the other methods to compare with."""
+import numpy as np
+import pytest
+from sampling_cameras import grey, response, seen, surface
+from scipy import stats
+
+from radiometry.bspline import basis_matrix
+from radiometry.colour_upsampling import METHODS, observer_response, upsampled
+from radiometry.errors import InputError
+from radiometry.named_spectra import test_reflectances as shipped_reflectances
+from sampling.baselines import baseline_spectra, greedy_draws, to_tristimulus
+from sampling.logit_mixture import GRID, load_prior
+from sampling.tilted_rejection import sample_spectra
+from sampling.uplift import build_table, outside, table_error, uplift_directly, uplift_pixels
+
+FAST = tuple(method for method in METHODS if method != "Meng 2015")
+
+
+@pytest.fixture(scope="module")
+def table():
+    return build_table(load_prior(), response(3)[1], side=7)
+
+
+def test_the_table_is_exact_at_its_points(table):
+    axis = np.linspace(0, 1, 7)**3
+    signals = axis[np.array([[3, 3, 2], [4, 4, 4], [2, 3, 3]])]
+    mean, spread = uplift_pixels(table, signals)
+    direct_mean, direct_spread = uplift_directly(load_prior(), table.response, signals)
+    # Single precision of the table and of the cube root, times slopes of the table of order 6.
+    np.testing.assert_allclose(mean, direct_mean, atol=1e-4)
+    np.testing.assert_allclose(spread, direct_spread, atol=1e-4)
+
+
+def test_between_its_points_the_table_says_how_far_off_it_is(table):
+    signals = np.array([table.response @ surface(GRID.nm, seed) for seed in range(10)])
+    errors = table_error(table, load_prior(), signals)
+    assert 0 < errors["mean"] < 0.1
+
+
+def test_pixels_that_no_reflectance_gives_are_counted(table):
+    assert outside(np.array([[0.1, 0.2, 1.2], [0.5, 0.5, 0.5], [-0.1, 0, 0]])).tolist() == [True, False, True]
+    mean, _ = uplift_pixels(table, np.array([[-0.5, 0.0, 2.0]]))
+    assert np.all(np.isfinite(mean))
+
+
+def test_a_table_is_for_three_bands():
+    with pytest.raises(InputError, match="there are 4: use `uplift_directly`"):
+        build_table(load_prior(), response(4)[1])
+
+
+@pytest.mark.parametrize("method", FAST)
+def test_a_grey_is_recovered_grey(method):
+    spectrum = upsampled(np.full(3, 0.4), GRID, method)
+    # Otsu's greys are those of its data; the others are flat to some percent.
+    assert abs(spectrum.mean() - 0.4) < 0.05
+    np.testing.assert_allclose(observer_response(GRID) @ spectrum, 0.4, atol=0.02)
+
+
+def test_baselines_of_the_observer_itself_lose_nothing():
+    matrix = observer_response(GRID)
+    signals = np.array([[0.2, 0.3, 0.1], [1.0, 1.0, 1.0]])
+    np.testing.assert_allclose(to_tristimulus(matrix, signals), signals, atol=1e-10)  # a regression of exact data
+    with pytest.raises(InputError, match="2 bands give no colour"):
+        to_tristimulus(matrix[:2], signals[:, :2])
+
+
+def test_every_baseline_gives_a_spectrum():
+    found = baseline_spectra(seen(surface(GRID.nm, 2)), FAST)
+    assert set(found) == set(FAST)
+    assert all(np.all(np.isfinite(spectrum)) for spectrum in found.values())
+    with pytest.raises(InputError, match="is no method that is known"):
+        upsampled(np.full(3, 0.4), GRID, "magic")
+
+
+def test_greedy_draws_keep_the_signal_and_are_not_uniform():
+    operator, basis = grey(9), basis_matrix(GRID.nm[::6], 9)
+    draws, share = greedy_draws(operator, 5000, seed=1)
+    np.testing.assert_allclose(draws @ operator.A.T, np.tile(operator.y, (len(draws), 1)), atol=1e-9)
+    assert 0 < share < 1
+    exact = sample_spectra(operator, 5000, 2).coefficients @ basis.T
+    p = [stats.ks_2samp(a, b).pvalue for a, b in zip((draws @ basis.T).T, exact.T, strict=True)]
+    assert min(p) < 1e-10  # a difference that no chance explains
+
+
+def test_the_shipped_sets_are_reflectances():
+    for name, values in shipped_reflectances(GRID).items():
+        assert values.shape[1] == 61, name
+        assert values.min() > -0.01 and values.max() < 1.2, name
