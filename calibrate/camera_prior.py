@@ -7,8 +7,8 @@ last, broad Gaussian about the mean of all cameras takes those without relatives
 camera shows widen it, for makers that the database does not know. Each covariance is kept as its leading directions and
 a small smooth remainder. Only means and these directions are stored, no camera's own curves.
 
-The constants below were chosen by leave-one-out error and coverage over the 40 cameras of the benchmark, so its figures
-are slightly kind to them.
+The constants below were chosen by leave-one-out and brand-out error and coverage over the 40 cameras of the benchmark,
+so its figures are optimistic by an amount that has not been measured.
 """
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from session.commands import camera, capture, meter, sampling, session, spectrum
 app = typer.Typer(name="spectrabox", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]},
                   help="Ordinary camera captures to calibrated reflectance spectra, with honest uncertainty.")
-for subject in (camera, capture, session, sampling, meter, spectrum):
+for subject in (session, capture, camera, sampling, meter, spectrum):
     subject.register(app)
 
 

@@ -95,8 +95,10 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
                      "settings": {"width": config.reconstruct.width,
                                   "not_linear": config.photos.not_linear}} | made_by("photo")
     keys["calibrate"] = {
-        "files": files(config.light.spectrum.file, config.chart.scene, curves, reference) | _scene_files(chart_scene),
+        "files": files(config.light.spectrum.file, config.chart.scene, curves, reference,
+                       config.sensitivity.prior) | _scene_files(chart_scene),
         "settings": {"light": _plain(config.light.spectrum), "sensitivity": _plain(config.sensitivity.source),
+                     "method": config.sensitivity.method,
                      "coefficients": config.sensitivity.coefficients, "seed": config.session.seed,
                      "relative_error": config.sensitivity.relative_error, "reference": config.chart.reference},
         "stages": {"chart": fingerprint(keys["chart"])} if "chart" in keys else {}} | made_by("calibrate")

@@ -83,6 +83,8 @@ class LightSection:
 @dataclass(frozen=True)
 class SensitivitySection:
     source: CurvesRef = CurvesRef("chart")
+    method: str | None = None
+    prior: str | None = None
     coefficients: int = 10
     relative_error: float = 0.02
     truth: CurvesRef | None = None
@@ -159,6 +161,7 @@ class SessionConfig:
 
 
 ENGINES = ("transport", "gradient", "per-wavelength", "single-bounce")
+CURVE_METHODS = ("prior", "smooth", "nonnegative", "paper")
 SAMPLERS = ("prior", "uniform", "paper")
 WRITTEN_AS = {"source": "from"}  # "from" is a word of Python
 SECTIONS = {f.name: f for f in dataclasses.fields(SessionConfig) if f.name not in ("folder", "allow_outside")}
@@ -274,6 +277,9 @@ def _consistency(values: dict[str, Any]) -> list[str]:
     problems = []
     if config.scale.source not in ("chart", "material"):
         problems.append(f"{FILE_NAME}: scale.from is {config.scale.source!r}; \"chart\" or \"material\" is possible")
+    if config.sensitivity.method not in (None, *CURVE_METHODS):
+        problems.append(f"{FILE_NAME}: sensitivity.method is {config.sensitivity.method!r}; "
+                        f"{', '.join(CURVE_METHODS)} are possible")
     if config.reconstruct.engine not in ENGINES:
         problems.append(f"{FILE_NAME}: reconstruct.engine is {config.reconstruct.engine!r}; "
                         f"{', '.join(ENGINES)} are possible")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from calibrate.calibration import calibration_from_chart, calibration_from_curves
+from calibrate.camera_prior import load_prior
 from capture.binning import bin_image, render_size
 from capture.chart_detection import chart_overlay, find_chart
 from capture.chart_quality import judge_chart
@@ -115,7 +116,8 @@ def calibrate_camera(config: SessionConfig, device: str, samples: PatchSamples |
     progress(0.6, "fitting sensitivities")
     calibration, predicted = calibration_from_chart(
         samples, read_chart_reference(config), light, irradiance, GRID, coefficients=config.sensitivity.coefficients,
-        curves=curves, scaled=scene is not None)
+        curves=curves, scaled=scene is not None, method=config.sensitivity.method,
+        prior=None if config.sensitivity.prior is None else load_prior(config.path(config.sensitivity.prior)))
     return {"calibration": calibration, "irradiance": irradiance, "predicted": predicted}
 
 

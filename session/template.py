@@ -26,7 +26,7 @@ spectrum = "spectra/light.csv"      # { file = "spectra/light.csv", column = 2 }
 
 [sensitivity]
 from = "chart"                      # or a file of measured curves: "spectra/camera.csv"
-coefficients = 10
+# method = "prior"                  # learnt from measured cameras; or "smooth", "nonnegative", "paper"
 # truth = "spectra/camera.csv"      # measured curves to compare with
 
 [scale]
