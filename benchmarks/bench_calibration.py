@@ -4,7 +4,8 @@ Leave one camera out over a folder of measured cameras: the prior is built from 
 photographs 24 BabelColor patches under a CIE light with noise proportional to the signal, and every method fits that
 photo. The error of a camera is the relative RMSE of each curve, scaled to the green maximum, mean of the bands; tables
 give the median over cameras. "coverage" is the share of wavelengths and bands at which the pointwise 90 % band holds
-the true curve. The constants of the prior were chosen on these same cameras, so its figures are optimistic by an unmeasured amount.
+the true curve. The constants of the prior were chosen on these same cameras, so its figures are
+optimistic by an unmeasured amount.
 """
 from __future__ import annotations
 

@@ -260,7 +260,8 @@ def _convert(hint: Any, value: Any, place: str, problems: list[str]) -> Any:
             return float(value)
         if isinstance(option, type) and option is not types.NoneType and type(value) is option:
             return value
-    wanted = " or ".join(getattr(option, "__name__", str(option)) for option in options if option is not types.NoneType)
+    wanted = " or ".join("list" if typing.get_origin(option) is tuple else option.__name__
+                         for option in options if option is not types.NoneType)
     problems.append(f"{FILE_NAME}: {place} is {value!r}; {wanted} is needed")
     return None
 
