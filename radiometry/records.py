@@ -208,6 +208,7 @@ class Reconstruction(Record):
     spp: int
     seed: int
     outcome: Outcome
+    notes: tuple[str, ...] = ()                     # what is data and what is prior, in sentences
 
 
 # ---- sampling ------------------------------------------------------------------------------------------------------

@@ -81,4 +81,4 @@ def _record(problem: InverseProblem, answer: EngineAnswer, settings: InversionSe
                                    for material in problem.materials]),
         measured=problem.measured, rendered=answer.rendered * scale.value, used=problem.used, surface=problem.surface,
         agreement=agreement, light_scale=scale, loss_history=answer.loss_history, engine=answer.engine, spp=answer.spp,
-        seed=settings.seed, outcome=answer.outcome)
+        seed=settings.seed, outcome=answer.outcome, notes=answer.notes)

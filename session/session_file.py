@@ -114,6 +114,8 @@ class MaterialSection:
 @dataclass(frozen=True)
 class ReconstructSection:
     engine: str = "transport"
+    surface_error: float = 0.01
+    smoothness: float = 0.1
     coefficients: int = 11
     width: int = 96
     steps: int = 160
@@ -168,6 +170,7 @@ SECTIONS = {f.name: f for f in dataclasses.fields(SessionConfig) if f.name not i
 LIMITS: dict[tuple[str, str], tuple[float, float]] = {
     ("session", "seed"): (0, 2**31 - 1), ("sensitivity", "coefficients"): (5, 24),
     ("sensitivity", "relative_error"): (1e-4, 1.0), ("reconstruct", "coefficients"): (5, 40),
+    ("reconstruct", "surface_error"): (0, 1), ("reconstruct", "smoothness"): (0, 1e9),
     ("reconstruct", "width"): (16, 1024), ("reconstruct", "steps"): (20, 5000), ("reconstruct", "spp"): (1, 4096),
     ("sampling", "coefficients"): (5, 40), ("sampling", "draws"): (1000, 1000000), ("sampling", "level"): (0.5, 0.999)}
 

@@ -133,7 +133,8 @@ def invert_photo(config: SessionConfig, device: str, photo: LinearImage, calibra
     start_mitsuba(device)
     chosen = config.reconstruct
     settings = InversionSettings(coefficients=chosen.coefficients, steps=chosen.steps, spp=chosen.spp,
-                                 seed=config.session.seed, engine=chosen.engine)
+                                 seed=config.session.seed, surface_error=chosen.surface_error,
+                                 smoothness=chosen.smoothness, engine=chosen.engine)
     return reconstruct(scene, photo, calibration, scale, materials, band_names(config, photo.signal.shape[2]),
                        settings, progress)
 

@@ -50,17 +50,17 @@ def wait_for(condition, seconds=30):
 
 def test_a_series_killed_in_the_middle_loses_nothing_and_goes_on(tmp_path):
     readings = tmp_path / "spectra" / "readings" / "light"
-    with play(time_scale=0.02) as player:
-        process = start("measure", tmp_path, *options(player, "--repeat", "5"))
+    with play(time_scale=0.05) as player:
+        process = start("measure", tmp_path, *options(player, "--repeat", "12"))
         wait_for(lambda: len(list(readings.glob("0*.json"))) >= 2)
         process.send_signal(signal.SIGKILL)
         process.communicate()
         kept = {path.name: path.read_bytes() for path in readings.glob("0*.json")}
-        assert 2 <= len(kept) < 5
-        code, out, err = run("measure", tmp_path, *options(player, "--repeat", "5", "--json"))
+        assert 2 <= len(kept) < 12
+        code, out, err = run("measure", tmp_path, *options(player, "--repeat", "12", "--json"))
     assert code == 0, err
     facts = json.loads(out)
-    assert facts["taken"] == 5 - len(kept) and facts["series"][0]["readings"] == 5
+    assert facts["taken"] == 12 - len(kept) and facts["series"][0]["readings"] == 12
     assert all((readings / name).read_bytes() == data for name, data in kept.items())
     with (tmp_path / "spectra" / "light.csv").open() as stream:
         rows = list(csv.reader(line for line in stream if not line.startswith("#")))[1:]
