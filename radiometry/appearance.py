@@ -9,6 +9,8 @@ import functools
 
 import numpy as np
 
+from radiometry.colour_science import colour_science
+
 
 def reflectance_to_srgb(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
     """Encoded sRGB (3,), 0 to 1, of a surface under D65; colours outside the gamut are clipped.
@@ -18,15 +20,13 @@ def reflectance_to_srgb(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
     nm : (P,) ascending wavelengths
     reflectance : (P,) 0 to 1
     """
-    import colour
-
+    colour = colour_science()
     return np.clip(colour.XYZ_to_sRGB(tristimulus(nm, reflectance)), 0.0, 1.0)
 
 
 def delta_e00(nm: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
     """CIEDE2000 difference of two reflectances (P,) at the wavelengths ``nm`` (P,), under D65."""
-    import colour
-
+    colour = colour_science()
     white = tristimulus(nm, np.ones(len(nm)))
     white_xy = colour.XYZ_to_xy(white)
     lab = [colour.XYZ_to_Lab(tristimulus(nm, reflectance), white_xy) for reflectance in (a, b)]
@@ -42,8 +42,7 @@ def tristimulus(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
 @functools.cache
 def _d65_weights() -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (P,) from 360 to 780 nm and the weights (3, P) of X, Y, Z."""
-    import colour  # 1.3 s and more: only when a colour is asked for
-
+    colour = colour_science()
     shape = colour.SpectralShape(360, 780, 1)
     observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape)
     light = colour.SDS_ILLUMINANTS["D65"].copy().align(shape)

@@ -1,10 +1,9 @@
 """The 24 patches of a ColorChecker Classic: names, places and reflectances with their source."""
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
+from radiometry.colour_science import colour_science
 from radiometry.errors import InputError
 from radiometry.records import WavelengthGrid
 from radiometry.spectrum_files import on_grid
@@ -40,10 +39,7 @@ def chart_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
     if reference not in REFERENCES:
         raise InputError(f"chart reference {reference!r} is not known; known are {', '.join(REFERENCES)}, "
                          "or a CSV file with one column per patch")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import colour  # takes 1.3 s, so only where charts are needed
-        spectra = list(colour.SDS_COLOURCHECKERS[reference].values())
+    spectra = list(colour_science().SDS_COLOURCHECKERS[reference].values())
     return np.array([on_grid(np.asarray(sd.wavelengths), np.asarray(sd.values), grid, reference) for sd in spectra])
 
 

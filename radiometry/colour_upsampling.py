@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from radiometry.colour_science import colour_science
 from radiometry.errors import InputError
 from radiometry.named_spectra import relative_response
 from radiometry.records import WavelengthGrid
@@ -31,8 +32,7 @@ def upsampled(relative_xyz: np.ndarray, grid: WavelengthGrid, method: str) -> np
         raise InputError(f"{method!r} is no method that is known; known are {', '.join(METHODS)}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        import colour  # 1.3 s
-
+        colour = colour_science()
         white = colour.xy_to_XYZ(colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D65"])
         spectrum = _recovered(colour, relative_xyz * white, method)
         shaped = spectrum.copy().align(colour.SpectralShape(380, 780, 5))

@@ -2,13 +2,13 @@
 from __future__ import annotations
 
 import difflib
-import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from radiometry.colour_science import colour_science
 from radiometry.errors import InputError
 from radiometry.grid import visible_grid
 from radiometry.records import Quantity, WavelengthGrid
@@ -30,7 +30,7 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
         nm, _, curves = read_curves(Path(name))
         curves = on_grid(nm, curves, grid, Path(name).name)
     else:
-        colour = _colour()
+        colour = colour_science()
         known = {**colour.MSDS_CMFS, **colour.MSDS_CAMERA_SENSITIVITIES}
         found = _by_name(name, known, "camera or observer", "a CSV file with one column per band")
         curves = on_grid(np.asarray(found.wavelengths), np.asarray(found.values).T, grid, name)
@@ -50,7 +50,7 @@ def light(name: str, grid: WavelengthGrid) -> np.ndarray:
     if _is_file(name):
         values = spectrum_on_grid(read_spectrum(Path(name), role=Quantity.RELATIVE), grid)
     else:
-        colour = _colour()
+        colour = colour_science()
         known = {**colour.SDS_LIGHT_SOURCES, **colour.SDS_ILLUMINANTS}
         found = _by_name(name, known, "light", "a CSV file of its spectrum")
         values = on_grid(np.asarray(found.wavelengths), np.asarray(found.values), grid, name)
@@ -61,7 +61,7 @@ def light(name: str, grid: WavelengthGrid) -> np.ndarray:
 
 def test_reflectances(grid: WavelengthGrid) -> dict[str, np.ndarray]:
     """Sets of reflectances (n, P) by name: charts, and the test colours of CIE 13.3, CIE 224 and NIST CQS."""
-    colour = _colour()
+    colour = colour_science()
     from colour.quality.cfi2017 import load_TCS_CIE2017
     from colour.quality.datasets import SDS_TCS, SDS_VS
 
@@ -101,10 +101,3 @@ def _is_file(name: str) -> bool:
 
 def _names(known: Iterable[str]) -> list[str]:
     return [str(name) for name in known]
-
-
-def _colour() -> Any:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import colour  # takes 1.3 s, so only when a name is looked up
-    return colour
