@@ -144,6 +144,16 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray], light
     return ET.tostring(root, encoding="unicode")
 
 
+def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float, float]) -> str:
+    """Diffuse BSDFs that a stock Mitsuba loads, as a scene to ``<include>``: reflectance (P,) by id, evenly spaced."""
+    root = ET.Element("scene", version="3.0.0")
+    for identity, values in reflectances.items():
+        node = ET.SubElement(root, "bsdf", type="diffuse", id=identity)
+        node.append(_regular("reflectance", values, range_nm))
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
 def _parse(path: Path) -> ET.Element:
     try:
         root = ET.fromstring(path.read_text(encoding="utf-8-sig"))

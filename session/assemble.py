@@ -1,16 +1,14 @@
-"""Stored results of a finished run to what the report shows, and to spectra an operator can take away."""
+"""Stored results of a finished run to what the report shows."""
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from radiometry.records import Calibration, Quantity, Reconstruction
-from radiometry.spectrum_files import on_grid, read_curves, spectrum_on_grid, table_text
+from radiometry.records import Calibration, Reconstruction
+from radiometry.spectrum_files import on_grid, read_curves, spectrum_on_grid
 from reconstruct.agreement import misalignment
 from session.error_budget import relative_errors
-from session.files import write_text_whole
 from session.inputs import GRID, read_reflectance
 from session.pipeline import (
     FinishedRun,
@@ -47,24 +45,6 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
         materials=materials, provenance=provenance,
         warnings=notes_of(stored) + _warnings(config, calibration, reconstruction),
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name, stage in stored.items()])
-
-
-def write_spectra(results: SessionResults) -> Path:
-    """All recovered spectra in one CSV beside the report, every 1 nm."""
-    columns: dict[str, np.ndarray] = {}
-    for index, material in enumerate(results.materials):
-        columns[f"{material.name} inverse rendering"] = results.reconstruction.spectra[index]
-        if material.summary is not None:
-            columns |= {f"{material.name} mean": material.summary.mean,
-                        f"{material.name} standard deviation": material.summary.standard_deviation,
-                        f"{material.name} lower {material.summary.level:g}": material.summary.lower,
-                        f"{material.name} upper {material.summary.level:g}": material.summary.upper,
-                        f"{material.name} bound lower": material.summary.bound_lower,
-                        f"{material.name} bound upper": material.summary.bound_upper}
-    path = results.folder / "spectra.csv"
-    write_text_whole(path, table_text(results.reconstruction.grid.nm, columns, quantity=Quantity.REFLECTANCE,
-                                      source=f"spectrabox, {results.name}".replace("\n", " ")))
-    return path
 
 
 def _material(config: SessionConfig, calibration: Calibration, reconstruction: Reconstruction, stored: dict[str, Any],

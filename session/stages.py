@@ -32,7 +32,7 @@ from reconstruct.inverse_rendering import InversionSettings, reconstruct
 from reconstruct.irradiance import patch_irradiance
 from reconstruct.renderer import start_mitsuba
 from sampling.methods import draw_spectra
-from sampling.spectral_samples import summarise_spectra
+from sampling.spectral_samples import SpectralMeasurement, SpectralSamples, summarise_spectra
 from session.error_budget import measurement_of
 from session.inputs import (
     GRID,
@@ -151,9 +151,17 @@ def sample_materials(config: SessionConfig, calibration: Calibration, reconstruc
         draws = draw_spectra(measurement, config.sampling.method, config.sampling.draws, config.session.seed + index,
                              config.sampling.coefficients)
         records[f"samples {name}"] = draws
-        records[f"summary {name}"] = on_finer_grid(summarise_spectra(draws, measurement, config.sampling.level),
-                                                   reconstruction.grid)
+        records[f"summary {name}"] = on_finer_grid(summarise_spectra(
+            draws, measurement, config.sampling.level, conditions(draws, measurement)), reconstruction.grid)
     return records
+
+
+def conditions(draws: SpectralSamples, measurement: SpectralMeasurement) -> str:
+    """What the band rests on, in words."""
+    errors = ", ".join(f"{100 * error:.2g}" for error in np.sqrt(np.diag(measurement.noise_covariance)))
+    return (f"Conditional on Gaussian errors of the signal of {errors} % of white, on the sampler and its prior "
+            f"({draws.method}), and, for the exact bounds, on splines of {draws.coefficients.shape[1]} coefficients "
+            f"between 0 and 1. {draws.outcome}")
 
 
 def on_finer_grid(summary: SpectrumSummary, grid: WavelengthGrid) -> SpectrumSummary:

@@ -175,6 +175,25 @@ def test_the_report_can_be_rebuilt_from_stored_results(finished):
     assert header[0] == "# quantity: reflectance" and "green mean" in header[3]
 
 
+def test_recovered_materials_load_in_mitsuba_and_pictures_are_numbers(finished):
+    import OpenImageIO as oiio
+
+    from reconstruct.renderer import load_scene, start_mitsuba
+    assert call("report", finished).exit_code == 0
+    mi = start_mitsuba("cpu")
+    scene_text = (finished / "materials.xml").read_text(encoding="utf-8")
+    parameters = mi.traverse(load_scene(scene_text))
+    rows = [line.split(",") for line in (finished / "spectra.csv").read_text(encoding="utf-8").splitlines()]
+    column = rows[3].index("green mean")
+    written = np.array([float(row[column]) for row in rows[4:]])
+    # Mitsuba keeps single precision.
+    np.testing.assert_allclose(np.array(parameters["green.reflectance.values"]), written, rtol=1e-6)
+    picture = oiio.ImageInput.open(str(finished / "comparison.exr"))
+    names = picture.spec().channelnames
+    picture.close()
+    assert {"photo.R", "rendering.G", "residual.B"} <= set(names)
+
+
 def test_a_report_without_results_says_what_to_run(captured):
     outcome = call("report", captured)
     assert outcome.exit_code == 3 and "run 'spectrabox run' first" in outcome.output

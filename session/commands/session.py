@@ -85,7 +85,8 @@ def status(folder: Folder, allow_outside: Outside = False, as_json: Json = False
 def report(folder: Folder, allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
     """Rebuild report.html from stored results."""
     with command(as_json, debug):
-        from session.assemble import assemble, write_spectra
+        from session.assemble import assemble
+        from session.outputs import write_outputs
         from session.pipeline import load_finished
         from session.provenance import provenance
         from session.report.page import write_report
@@ -94,7 +95,7 @@ def report(folder: Folder, allow_outside: Outside = False, as_json: Json = False
         results = assemble(config, load_finished(config),
                            provenance(["spectrabox", "report"], config.session.seed, "stored results"))
         path = write_report(results)
-        write_spectra(results)
+        write_outputs(results)
         answer(as_json, {"report": str(path)}, f"wrote {path}")
 
 
@@ -116,7 +117,8 @@ def doctor(device: Device = "auto", as_json: Json = False, debug: Debug = False)
 
 def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_outside: bool, as_json: bool) -> None:
     """Run a session and tell the operator what came of it."""
-    from session.assemble import assemble, write_spectra
+    from session.assemble import assemble
+    from session.outputs import write_outputs
     from session.pipeline import load_finished, run_stages
     from session.progress import progress_display
     from session.provenance import provenance
@@ -137,6 +139,6 @@ def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_o
         command_line = ["spectrabox", *(f"--{name}" for name, on in (("force", force),) if on)]
         results = assemble(config, finished, provenance(command_line, config.session.seed, device))
         path = write_report(results)
-        write_spectra(results)
+        write_outputs(results)
         progress("report", 1.0, str(path))
     answer(as_json, run_facts(results, path), run_text(results, path))
