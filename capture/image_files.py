@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from capture.metadata import file_sha256
 from capture.noise import photon_transfer
 from radiometry.errors import InputError
+from radiometry.files import sha256_of
 from radiometry.records import LinearImage, PhotoKind
 
 IMAGE_SUFFIXES = (".exr", ".tif", ".tiff", ".png", ".jpg", ".jpeg")
@@ -143,7 +143,7 @@ def _developed(path: Path, spec: oiio.ImageSpec) -> LinearImage:
         exposure_s=_positive(spec, "ExposureTime"), iso=_positive(spec, "Exif:PhotographicSensitivity"),
         f_number=_positive(spec, "FNumber"), kind=PhotoKind.RAW if kind == "RAW" else PhotoKind.LINEAR_FILE,
         camera=spec.get_string_attribute("spectrabox:camera"),
-        source=spec.get_string_attribute("spectrabox:source") or path.name, sha256=file_sha256(path))
+        source=spec.get_string_attribute("spectrabox:source") or path.name, sha256=sha256_of(path))
 
 
 def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Sequence[str],
@@ -225,7 +225,7 @@ def _linear_image(path: Path, signal: np.ndarray, spec: oiio.ImageSpec, clip: fl
         exposure_s=_positive(spec, "ExposureTime"),
         iso=_positive(spec, "Exif:PhotographicSensitivity") or _positive(spec, "Exif:ISOSpeedRatings"),
         f_number=_positive(spec, "FNumber"), kind=PhotoKind.LINEAR_FILE, camera=f"{make} {model}".strip(),
-        source=path.name, sha256=file_sha256(path))
+        source=path.name, sha256=sha256_of(path))
 
 
 def _require_finite(path: Path, signal: np.ndarray) -> None:

@@ -2,15 +2,14 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from radiometry.errors import EnvironmentProblem, InputError
+from radiometry.files import write_text_whole
 from radiometry.grid import grid_from_nm
 from radiometry.readings import ReadingOutcome, SpectralReading
 from radiometry.records import Quantity, Spectrum
@@ -42,7 +41,7 @@ def store_reading(folder: Path, reading: SpectralReading) -> Path:
     """Write the next reading of a folder; gives its file."""
     number = max((number for number, _ in _numbered(folder)), default=0) + 1
     path = folder / f"{number:03d}.json"
-    write_whole(path, json.dumps(reading_facts(reading), allow_nan=False, indent=1) + "\n")
+    write_text_whole(path, json.dumps(reading_facts(reading), allow_nan=False, indent=1) + "\n")
     return path
 
 
@@ -92,38 +91,6 @@ def read_reading(path: Path) -> SpectralReading:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} is no reading ({error}): move it away, or restore it") from None
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file that is on disk, whole, when this returns; a crash leaves the old one or none.
-
-    Raises
-    ------
-    EnvironmentProblem
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-        _sync_folder(path.parent)
-    except OSError as error:
-        raise EnvironmentProblem(f"{path} cannot be written ({error.strerror}): free space or change its "
-                                 f"permissions, then "
-                                 "measure again") from None
-
-
-def _sync_folder(folder: Path) -> None:
-    if os.name == "posix":
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def _numbered(folder: Path) -> list[tuple[int, Path]]:

@@ -5,7 +5,6 @@ where the exposure was left alone.
 """
 from __future__ import annotations
 
-import hashlib
 import logging
 import struct
 from dataclasses import dataclass
@@ -86,12 +85,6 @@ def photo_metadata(path: Path) -> PhotoMetadata:
         active_origin=(area[0], area[1]) if len(area) == 4 else (0, 0),
         masked_areas=tuple(masked[index:index + 4] for index in range(0, len(masked) - 3, 4)),
         is_dng=DNG_VERSION_TAG in tags, stated_bytes=_stated_bytes(tags))
-
-
-def file_sha256(path: Path) -> str:
-    """SHA-256 of the file's content, in hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _values(tags: dict[str, Any], ending: str) -> Any:

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from capture.image_files import read_plane
-from capture.metadata import file_sha256
 from radiometry.errors import InputError
+from radiometry.files import sha256_of
 from radiometry.records import RawFrame
 
 COLOURS = "RGB"
@@ -40,4 +40,4 @@ def read_mosaic(path: str | os.PathLike[str], pattern: str, *, white_level: floa
         np.array([COLOURS.index(letter) for letter in pattern]).reshape(2, 2)
     return RawFrame(mosaic=values.astype(np.uint16), cfa=cfa, black_level=np.full(cfa.shape, float(black_level)),
                     white_level=white_level, exposure_s=exposure_s or stated_exposure_s, iso=iso, f_number=f_number,
-                    camera=camera or stated_camera, file=Path(path).name, sha256=file_sha256(Path(path)))
+                    camera=camera or stated_camera, file=Path(path).name, sha256=sha256_of(Path(path)))

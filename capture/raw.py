@@ -18,8 +18,9 @@ import numpy as np
 import rawpy
 
 from capture.black_level import tile_of
-from capture.metadata import PhotoMetadata, file_sha256, photo_metadata
+from capture.metadata import PhotoMetadata, photo_metadata
 from radiometry.errors import InputError
+from radiometry.files import sha256_of
 from radiometry.records import RawFrame
 
 MOST_BLACK_SPREAD = 0.02  # of the white level: places of one tile differ by less than 0.1 % of it in cameras
@@ -72,7 +73,7 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
             "exposure_s": _known(metadata.exposure_s or raw.other.shutter_speed),
             "iso": _known(metadata.iso or raw.other.iso_speed),
             "f_number": _known(metadata.f_number or raw.other.aperture),
-            "camera": metadata.camera, "file": path.name, "sha256": file_sha256(path)}
+            "camera": metadata.camera, "file": path.name, "sha256": sha256_of(path)}
         white_level = float(raw.white_level)
         if raw.raw_type == rawpy.RawType.Stack:
             black_level = np.asarray(raw.black_level_per_channel, dtype=float)[:3]

@@ -4,10 +4,10 @@ from __future__ import annotations
 import numpy as np
 
 from capture.image_files import write_exr
+from radiometry.files import write_text_whole
 from radiometry.records import Quantity
 from radiometry.spectrum_files import table_text
 from reconstruct.scene_file import materials_xml
-from session.files import write_text_whole
 from session.results import SessionResults
 
 DARKEST = 1e-6  # signal under which a relative residual is not formed

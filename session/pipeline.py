@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from radiometry.errors import InputError
+from radiometry.files import sha256_of
 from radiometry.records import (
     Calibration,
     ChartDetection,
@@ -19,7 +20,6 @@ from radiometry.records import (
     SpectrumSummary,
 )
 from sampling.spectral_samples import SpectralSamples
-from session.files import sha256_of
 from session.inputs import read_chart_scene, read_session_scene
 from session.provenance import DECISIVE, code_digest, versions
 from session.session_file import SessionConfig

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from radiometry.errors import InputError
-from session.files import writable
+from radiometry.files import writable
 from session.record_files import load_arrays, pack, save_arrays, unpack
 
 FACTS, ARRAYS = "facts.json", "arrays.npz"

@@ -8,11 +8,11 @@ from capture.measurement_files import (
     set_aside,
     store_reading,
     stored_readings,
-    write_whole,
 )
 from capture.measurement_plot import png_plot, text_plot
 from capture.measurement_series import reflectance_from, series_of, series_spectrum
 from radiometry.errors import CheckError, EnvironmentProblem, InputError
+from radiometry.files import write_text_whole
 from radiometry.grid import grid_from_nm
 from radiometry.readings import ReadingOutcome, SpectralReading
 from radiometry.records import Quantity, Spectrum
@@ -63,7 +63,7 @@ def test_setting_aside_deletes_nothing(tmp_path):
 def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(EnvironmentProblem, match="cannot be written"):
-        write_whole(tmp_path / "file" / "x.json", "")
+        write_text_whole(tmp_path / "file" / "x.json", "")
 
 
 def test_a_name_that_leaves_the_folder_is_refused(tmp_path):

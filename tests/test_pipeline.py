@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from radiometry.errors import InputError
+from radiometry.files import sha256_of
 from session.error_budget import measurement_of
-from session.files import sha256_of
 from session.pipeline import (
     STAGES,
     calibration_of,

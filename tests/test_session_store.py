@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from radiometry.errors import EnvironmentProblem, InputError
+from radiometry.files import sha256_of, write_text_whole
 from radiometry.grid import visible_grid
 from radiometry.records import (
     Calibration,
@@ -14,7 +15,6 @@ from radiometry.records import (
     Spectrum,
     SurfaceAgreement,
 )
-from session.files import sha256_of, write_text_whole
 from session.record_files import pack, unpack
 from session.store import fingerprint, load_stage, save_stage, stage_folder, why_stale
 

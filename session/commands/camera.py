@@ -87,7 +87,7 @@ def prior(folder: Annotated[Path, typer.Argument(metavar="FOLDER", show_default=
             fail(as_json, f"{out} is no NPZ name; give --out NAME.npz", 2)
         from calibrate.camera_database import read_camera_database
         from calibrate.camera_prior import build_prior, save_prior
-        from session.files import writable
+        from radiometry.files import writable
         database = read_camera_database(folder, leave_out=tuple(leave_out or ()))
         made = build_prior(database.nm, database.curves, database.names, licence=licence,
                            source=source or f"{len(database.names)} cameras of {folder.name}")
@@ -198,9 +198,9 @@ def _prior(path: Path) -> CameraPrior:
 
 
 def _write_curves(path: Path, result: ChartAnswer, names: tuple[str, ...], grid: WavelengthGrid, light: str) -> None:
+    from radiometry.files import write_text_whole
     from radiometry.records import Quantity
     from radiometry.spectrum_files import table_text
-    from session.files import write_text_whole
     columns: dict[str, Any] = dict(zip(names, result.curves, strict=True))
     error = result.made.calibration.sensitivity.standard_error
     if error is not None:
@@ -212,7 +212,7 @@ def _write_curves(path: Path, result: ChartAnswer, names: tuple[str, ...], grid:
 def _write_draws(path: Path, result: ChartAnswer, grid: WavelengthGrid) -> None:
     import numpy as np
 
-    from session.files import writable
+    from radiometry.files import writable
     if result.draws is None:
         raise InputError("draws come with the method prior only; leave --samples out")
     with writable(path.parent), path.open("wb") as file:

@@ -179,8 +179,9 @@ def _ready(what: str) -> bool:
 
 def _write_result(spectra: Path, role: str, names: list[str], white_reflectance: float) -> tuple[Path, Spectrum | None]:
     """Write the mean, or the reflectance where a white standard was measured; gives the file and one spectrum."""
-    from capture.measurement_files import readings_folder, stored_readings, write_whole
+    from capture.measurement_files import readings_folder, stored_readings
     from capture.measurement_series import reflectance_from, series_of, series_spectrum
+    from radiometry.files import write_text_whole
     from radiometry.spectrum_files import table_text
 
     def mean(name: str) -> Spectrum:
@@ -204,7 +205,7 @@ def _write_result(spectra: Path, role: str, names: list[str], white_reflectance:
         {name.partition("-")[2]: result.values for name, result in zip(names, results, strict=True)}
     if role != "chart" and results[0].standard_error is not None:
         columns["standard_error"] = results[0].standard_error
-    write_whole(path, table_text(results[0].grid.nm, columns, quantity=results[0].quantity,
+    write_text_whole(path, table_text(results[0].grid.nm, columns, quantity=results[0].quantity,
                                  source=results[0].source))
     return path, results[0]
 

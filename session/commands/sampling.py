@@ -68,10 +68,10 @@ def uplift(image: Annotated[Path, typer.Argument(metavar="IMAGE", help="Linear E
 
         from capture.image_files import write_exr
         from capture.linear import open_photo
+        from radiometry.files import writable
         from sampling.answers import numbers
         from sampling.judgement_answers import uplift_answer
         from sampling.logit_mixture import GRID
-        from session.files import writable
         signals = np.asarray(open_photo(image).signal, dtype=float)
         if white is not None:
             signals = signals / numbers(white, signals.shape[2], "white")
@@ -108,8 +108,8 @@ def certify(folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", h
             as_json: Json = False, debug: Debug = False) -> None:
     """Do the bands hold the truth on your own spectra? A certificate page."""
     with command(as_json, debug):
+        from radiometry.files import write_text_whole
         from sampling.judgement_answers import certify_answer
-        from session.files import write_text_whole
         facts, page = certify_answer(folders, sensitivity, light, noise, prior)
         if out is not None:
             write_text_whole(out, page)
@@ -124,9 +124,9 @@ def prior_train(folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...
                 as_json: Json = False, debug: Debug = False) -> None:
     """Learn a prior from folders of measured reflectances; calibrate it on each left out in turn."""
     with command(as_json, debug):
+        from radiometry.files import writable
         from sampling.judgement_answers import train_answer
         from sampling.logit_mixture import save_prior
-        from session.files import writable
         facts, text, prior = train_answer(folders, sensitivity, light, components, seed)
         with writable(out.parent):
             save_prior(out, prior)
@@ -137,7 +137,7 @@ def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
     """An .npz under exactly the name that was asked for."""
     import numpy as np
 
-    from session.files import writable
+    from radiometry.files import writable
     with writable(path.parent):
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("wb") as file:

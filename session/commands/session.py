@@ -32,7 +32,7 @@ def demo(folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where to 
 def new(folder: Folder, as_json: Json = False, debug: Debug = False) -> None:
     """Start a session folder with a commented session.toml."""
     with command(as_json, debug):
-        from session.files import writable, write_text_whole
+        from radiometry.files import writable, write_text_whole
         from session.session_file import FILE_NAME
         from session.template import SESSION_TEMPLATE
         if (folder / FILE_NAME).exists():

@@ -132,7 +132,7 @@ def _one(table: SpectralTable, column: str | None, role: Quantity) -> Spectrum:
 def _convert(path: Path, target: Path, column: str | None, quantity: str | None, grid: str | None) -> list[str]:
     import numpy as np
 
-    from capture.measurement_files import write_whole
+    from radiometry.files import write_text_whole
     from radiometry.resampling import resampled
     from radiometry.spectral_formats.envi import envi_files
     from radiometry.spectrum_files import read_table, spectrum_of, table_text
@@ -163,10 +163,10 @@ def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
     stated = spectra[0].quantity
     if target.suffix.lower() == ".sli":
         header, binary = envi_files(nm, columns, quantity=stated, source=spectra[0].source)
-        write_whole(target.with_suffix(".hdr"), header)
+        write_text_whole(target.with_suffix(".hdr"), header)
         target.write_bytes(binary)
     else:
-        write_whole(target,
+        write_text_whole(target,
                     _text_writer(target.suffix.lower(), table_text)(nm, columns, quantity=stated,
                                                                     source=spectra[0].source))
     return notes

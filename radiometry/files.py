@@ -29,7 +29,7 @@ def sha256_of(path: Path) -> str:
 
 
 def write_text_whole(path: Path, text: str) -> None:
-    """Write a text file under a temporary name and rename it, so that a crash leaves the old one.
+    """Write a text file that is on disk, whole, when this returns; a crash leaves the old one or none.
 
     Raises
     ------
@@ -39,13 +39,26 @@ def write_text_whole(path: Path, text: str) -> None:
     with writable(path.parent):
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
-            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
                 stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
             Path(temporary).chmod(0o644)
             Path(temporary).replace(path)
+            sync_folder(path.parent)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
+
+
+def sync_folder(folder: Path) -> None:
+    """Make a rename in a folder survive a power cut, where the system can."""
+    if hasattr(os, "O_DIRECTORY"):
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 @contextlib.contextmanager
