@@ -26,6 +26,7 @@ ISO_TAGS = ("EXIF ISOSpeedRatings", "EXIF PhotographicSensitivity", "Image ISOSp
 # Tags of DNG files, in whichever directory holds the mosaic.
 BLACK_TAG, BLACK_REPEAT_TAG, ACTIVE_AREA_TAG, MASKED_AREAS_TAG = "BlackLevel", "0xC619", "0xC68D", "0xC68E"
 DNG_VERSION_TAG = "Image Tag 0xC612"
+BLACK_DELTA_TAGS = ("0xC61B", "0xC61C")  # BlackLevelDeltaH, BlackLevelDeltaV
 RAW_PHOTOMETRY = (32803, 34892)  # colour filter array, full-colour pixels
 UNCOMPRESSED = 1
 
@@ -45,6 +46,7 @@ class PhotoMetadata:
     active_origin: tuple[int, int] = (0, 0)   # row and column of that pixel in the whole mosaic
     masked_areas: tuple[tuple[int, ...], ...] = ()  # top, left, bottom, right in the whole mosaic
     is_dng: bool = False
+    varying_black: bool = False               # black level that changes from column to column or row to row
     stated_bytes: tuple[int, int] | None = None  # of an uncompressed mosaic: as its size says, as its strips say
 
     @property
@@ -84,7 +86,9 @@ def photo_metadata(path: Path) -> PhotoMetadata:
         black_repeat=(repeat[0], repeat[1]) if len(repeat) == 2 and min(repeat) > 0 else (1, 1),
         active_origin=(area[0], area[1]) if len(area) == 4 else (0, 0),
         masked_areas=tuple(masked[index:index + 4] for index in range(0, len(masked) - 3, 4)),
-        is_dng=DNG_VERSION_TAG in tags, stated_bytes=_stated_bytes(tags))
+        is_dng=DNG_VERSION_TAG in tags,
+        varying_black=any(value != 0 for name in BLACK_DELTA_TAGS for value in _fractions(_values(tags, name))),
+        stated_bytes=_stated_bytes(tags))
 
 
 def _values(tags: dict[str, Any], ending: str) -> Any:

@@ -130,6 +130,9 @@ def _require_consistent(metadata: PhotoMetadata, path: Path) -> None:
     if metadata.stated_bytes is not None and metadata.stated_bytes[0] != metadata.stated_bytes[1]:
         raise InputError(f"raw photo {path.name} states a size of {metadata.stated_bytes[0]} bytes and holds "
                          f"{metadata.stated_bytes[1]}; it is damaged: copy it from the camera card again")
+    if metadata.varying_black:
+        raise InputError(f"raw photo {path.name} states black levels that change over rows or columns "
+                         "(BlackLevelDelta), which are not read: convert it without them, or give another format")
 
 
 def _require_known_sensor(raw: rawpy.RawPy, metadata: PhotoMetadata, path: Path) -> None:

@@ -136,7 +136,8 @@ def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_o
             return
         finished = load_finished(config) if only is not None else finished
         progress("report", 0.0, "")
-        command_line = ["spectrabox", *(f"--{name}" for name, on in (("force", force),) if on)]
+        command_line = ["spectrabox", "run", folder.name, "--device", device, *(["--force"] if force else []),
+                        *(["--only", only] if only else [])]
         results = assemble(config, finished, provenance(command_line, config.session.seed, device))
         path = write_report(results)
         write_outputs(results)
