@@ -1,5 +1,6 @@
 # make demo   writes a synthetic capture session with known truth and runs it, as an operator would
 # make test   runs the tests
+# make bench  prints the measured figures (DATA=FOLDER for those that need measured data); takes the better part of an hour
 # Both set up everything they need in .venv first; a second call does no work twice.
 PYTHON ?= python3
 DEMO   ?= demo-session
@@ -39,7 +40,10 @@ lint: $(STAMP)
 	@$(PY) -m mypy
 
 bench: $(STAMP)
-	@for script in benchmarks/bench_*.py; do echo "== $$script"; $(PY) $$script || exit 1; done
+	@for script in benchmarks/bench_*.py; do echo "== $$script"; \
+	  if ! grep -q '"--data"' $$script; then $(PY) $$script || exit 1; \
+	  elif [ -n "$(DATA)" ]; then $(PY) $$script --data "$(DATA)" || exit 1; \
+	  else echo "skipped: needs measured data, make bench DATA=FOLDER"; fi; done
 
 clean:
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache
