@@ -105,10 +105,15 @@ def test_an_interrupted_stage_leaves_what_was_there(finished, stage):
     assert sorted(path.name for path in (finished / "results").iterdir()) == sorted(STAGES)
 
 
+def hear_interrupts():
+    """A shell's background job ignores SIGINT, and its children would too."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_control_c_ends_a_run_with_130_and_the_run_can_go_on(captured):
     edit(captured, "steps = 80", "steps = 4000\nengine = \"gradient\"")
     process = subprocess.Popen([sys.executable, "-m", "session.cli", "run", str(captured), "--device", "cpu"], cwd=ROOT,
-                               stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+                               stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, preexec_fn=hear_interrupts)
     for line in process.stderr:
         if line.startswith("reconstruct"):
             break
