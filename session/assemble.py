@@ -23,7 +23,7 @@ from session.pipeline import (
 )
 from session.results import ChartResult, MaterialResult, SessionResults
 from session.scores import score
-from session.session_file import SessionConfig
+from session.session_schema import SessionConfig
 from session.stages import band_names
 
 CHART_WARNING, SURFACE_WARNING = 0.03, 0.05

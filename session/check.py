@@ -15,9 +15,9 @@ from radiometry.chart import PATCH_NAMES, typical_camera_signals
 from radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from radiometry.records import LinearImage
 from radiometry.spectrum_files import spectrum_on_grid
-from reconstruct.scene_file import check_materials
 from session.inputs import (
     GRID,
+    chart_corners,
     check_aspect,
     read_chart_reference,
     read_chart_scene,
@@ -27,9 +27,10 @@ from session.inputs import (
     read_sensitivities,
     read_session_scene,
     require_exposed,
+    require_materials,
 )
-from session.session_file import SessionConfig, SpectrumRef, try_read_session
-from session.stages import needs_chart
+from session.session_file import try_read_session
+from session.session_schema import SessionConfig, Shot, SpectrumRef
 
 
 @dataclass(frozen=True)
@@ -59,28 +60,27 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
                             if sentence not in [problem.sentence for problem in problems])
             return None
 
-    light = attempt(read_light, config)
-    scene = attempt(read_session_scene, config)
-    if scene is not None:
-        bsdfs = {name: material.bsdf for name, material in config.materials.items()}
-        problems += [Problem(sentence, InputError.exit_code) for sentence in check_materials(scene, bsdfs)]
     for reference in _reflectances(config):
         attempt(read_reflectance, config, reference)
     if not config.sensitivity.from_chart:
         attempt(read_sensitivities, config)
-    developed = attempt(read_photo, config, config.photos.object_files)
-    if developed is not None:
-        name = config.photos.object_files[0]
-        attempt(require_exposed, developed[0], name)
-        if scene is not None:
-            attempt(check_aspect, developed[0], scene, name)
-    if needs_chart(config):
+    chart_signals = None
+    if config.chart_shots:
         attempt(read_chart_scene, config)
-        reference_chart = attempt(read_chart_reference, config)
-        chart = attempt(read_photo, config, config.photos.chart_files)
-        if chart is not None and light is not None and reference_chart is not None:
-            signals = typical_camera_signals(reference_chart, GRID, spectrum_on_grid(light, GRID))
-            attempt(_check_chart, config, chart[0], signals)
+        chart_signals = attempt(read_chart_reference, config)
+    bsdfs = {name: material.bsdf for name, material in config.materials.items()}
+    for shot in config.shots:
+        light, scene = attempt(read_light, config, shot.light), attempt(read_session_scene, config, shot.scene)
+        if scene is not None:
+            attempt(require_materials, scene, bsdfs)
+        if (developed := attempt(read_photo, config, shot.photo_files)) is not None:
+            attempt(require_exposed, developed[0], shot.photo_files[0])
+            if scene is not None:
+                attempt(check_aspect, developed[0], scene, shot.photo_files[0])
+        if shot.chart_files and (chart := attempt(read_photo, config, shot.chart_files)) is not None \
+                and light is not None and chart_signals is not None:
+            attempt(_check_chart, config, shot, chart[0],
+                    typical_camera_signals(chart_signals, GRID, spectrum_on_grid(light, GRID)))
     return problems
 
 
@@ -89,7 +89,6 @@ def _reflectances(config: SessionConfig) -> list[SpectrumRef]:
     return [reference for pair in both for reference in pair if reference is not None]
 
 
-def _check_chart(config: SessionConfig, chart: LinearImage, signals: np.ndarray) -> None:
-    corners = None if config.chart.corners_px is None else np.array(config.chart.corners_px)
-    require_unclipped(sample_patches(chart, find_chart(chart, signals, corners)), PATCH_NAMES,
-                      config.photos.chart_files[0])
+def _check_chart(config: SessionConfig, shot: Shot, chart: LinearImage, signals: np.ndarray) -> None:
+    detection = find_chart(chart, signals, chart_corners(config, shot))
+    require_unclipped(sample_patches(chart, detection), PATCH_NAMES, shot.chart_files[0])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fixtures.demo_session import write_demo_session
 from session.progress import progress_display
-from session.session_file import FILE_NAME
+from session.session_schema import FILE_NAME
 
 
 def make_demo(folder: Path, seed: int) -> None:

@@ -13,19 +13,21 @@ from radiometry.records import LinearImage, Quantity, Spectrum
 from radiometry.spectrum_files import on_grid, read_curves, read_spectrum, spectrum_on_grid
 from reconstruct.inverse_rendering import MaterialSpec
 from reconstruct.scene_file import SceneFile, check_materials, read_scene
-from session.session_file import SessionConfig, SpectrumRef
+from session.session_schema import SessionConfig, Shot, SpectrumRef
 
 GRID = visible_grid()            # 400-700 nm in 1 nm steps, on which everything is integrated
 MOST_CLIPPED = 0.5               # of the object photo
 LARGEST_ASPECT_ERROR = 0.01      # photo against scene film: above, the two do not show the same view
 
 
-def read_light(config: SessionConfig) -> Spectrum:
-    """Light spectrum as its file gives it; covers 400-700 nm and is nowhere negative."""
-    light = _spectrum(config, config.light.spectrum, Quantity.RELATIVE)
+def read_light(config: SessionConfig, reference: SpectrumRef | None = None) -> Spectrum:
+    """Light spectrum as its file gives it, the session's own unless another is named; covers 400-700 nm, nowhere
+    negative."""
+    reference = reference or config.light.spectrum
+    light = _spectrum(config, reference, Quantity.RELATIVE)
     values = spectrum_on_grid(light, GRID)
     if values.max() <= 0 or values.min() < -0.01 * values.max():
-        raise InputError(f"{config.light.spectrum.file}: a light spectrum must be positive; "
+        raise InputError(f"{reference.file}: a light spectrum must be positive; "
                          f"it runs from {values.min():.3g} to {values.max():.3g} over 400-700 nm")
     return light
 
@@ -61,9 +63,9 @@ def read_chart_reference(config: SessionConfig) -> np.ndarray:
     return on_grid(nm, values, GRID, name)
 
 
-def read_session_scene(config: SessionConfig) -> SceneFile:
-    """The scene of the object photo; its files lie within the session folder."""
-    return read_scene(config.path(config.scene.file), None if config.allow_outside else config.folder)
+def read_session_scene(config: SessionConfig, file: str | None = None) -> SceneFile:
+    """The scene of the object photo, or another one; its files lie within the session folder."""
+    return read_scene(config.path(file or config.scene.file), None if config.allow_outside else config.folder)
 
 
 def read_chart_scene(config: SessionConfig) -> SceneFile | None:
@@ -71,6 +73,12 @@ def read_chart_scene(config: SessionConfig) -> SceneFile | None:
     if config.chart.scene is None:
         return None
     return read_scene(config.path(config.chart.scene), None if config.allow_outside else config.folder)
+
+
+def chart_corners(config: SessionConfig, shot: Shot) -> np.ndarray | None:
+    """Outer corners (4, 2) of the chart in pixels where the operator gave them, for the first shot alone."""
+    given = config.chart.corners_px
+    return None if given is None or shot.name else np.array(given)
 
 
 def read_photo(config: SessionConfig, files: tuple[str, ...]) -> tuple[LinearImage, tuple[str, ...]]:
@@ -114,6 +122,18 @@ def check_aspect(photo: LinearImage, scene: SceneFile, name: str) -> None:
                          "or correct the film's width and height")
 
 
+def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:
+    """Refuse a scene whose BSDFs are not those of the session's materials.
+
+    Raises
+    ------
+    InputError
+        One sentence a line.
+    """
+    if problems := check_materials(scene, bsdfs):
+        raise InputError("\n".join(problems))
+
+
 def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpec, ...]:
     """Materials of the session with their known spectra on the working grid.
 
@@ -122,9 +142,7 @@ def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpe
     InputError
         If scene and session do not name the same materials.
     """
-    problems = check_materials(scene, {name: material.bsdf for name, material in config.materials.items()})
-    if problems:
-        raise InputError("\n".join(problems))
+    require_materials(scene, {name: material.bsdf for name, material in config.materials.items()})
     return tuple(MaterialSpec(name, material.bsdf, None if material.known is None else
                               spectrum_on_grid(read_reflectance(config, material.known), GRID))
                  for name, material in config.materials.items())

@@ -5,12 +5,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from radiometry.errors import InputError
-from radiometry.files import sha256_of
 from radiometry.records import (
     Calibration,
     ChartDetection,
@@ -20,24 +18,18 @@ from radiometry.records import (
     SpectrumSummary,
 )
 from sampling.spectral_samples import SpectralSamples
-from session.inputs import read_chart_scene, read_session_scene
-from session.provenance import DECISIVE, code_digest, versions
-from session.session_file import SessionConfig
+from session.session_schema import SessionConfig
+from session.stage_keys import Key, as_stored, stage_keys
 from session.stages import (
-    bin_object_photo,
+    bin_object_photos,
     calibrate_camera,
-    find_and_sample_chart,
+    find_and_sample_charts,
     invert_photo,
-    needs_chart,
     sample_materials,
 )
-from session.store import StoredStage, fingerprint, load_stage, save_stage, stage_folder, why_stale
+from session.store import StoredStage, load_stage, save_stage, stage_folder, why_stale
 
 STAGES = ("chart", "photo", "calibrate", "reconstruct", "sample")
-CODE_OF = {"chart": ("radiometry", "capture"), "photo": ("radiometry", "capture"),
-           "calibrate": ("radiometry", "calibrate", "reconstruct"), "reconstruct": ("radiometry", "reconstruct"),
-           "sample": ("radiometry", "sampling")}
-Key = dict[str, Any]
 Progress = Callable[[str, float, str], None]
 
 
@@ -59,62 +51,6 @@ class FinishedRun:
     states: dict[str, str]
 
 
-def stage_keys(config: SessionConfig) -> dict[str, Key]:
-    """What each stage of this session is made from.
-
-    Raises
-    ------
-    InputError
-        If an input file is missing.
-    """
-    hashes: dict[str, str] = {}
-
-    def files(*names: str | None) -> dict[str, str]:
-        for name in names:
-            if name is not None and name not in hashes:
-                hashes[name] = sha256_of(config.path(name))
-        return {name: hashes[name] for name in names if name is not None}
-
-    chart_scene, scene = read_chart_scene(config), read_session_scene(config)
-    reference = config.chart.reference if Path(config.chart.reference).suffix else None
-    curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
-    installed = versions(DECISIVE)
-    digests = {package: code_digest(package) for package in {package for some in CODE_OF.values() for package in some}}
-
-    def made_by(stage: str) -> Key:
-        return {"versions": installed, "code": {package: digests[package] for package in CODE_OF[stage]}}
-
-    keys: dict[str, Key] = {}
-    correcting = (config.photos.flat, *config.photos.dark_files)
-    if needs_chart(config):
-        keys["chart"] = {"files": files(*config.photos.chart_files, *correcting, reference, config.light.spectrum.file),
-                         "settings": {"reference": config.chart.reference, "corners_px": config.chart.corners_px,
-                                      "not_linear": config.photos.not_linear,
-                                      "light": _plain(config.light.spectrum)}} | made_by("chart")
-    keys["photo"] = {"files": files(*config.photos.object_files, *correcting, config.scene.file),
-                     "settings": {"width": config.reconstruct.width,
-                                  "not_linear": config.photos.not_linear}} | made_by("photo")
-    keys["calibrate"] = {
-        "files": files(config.light.spectrum.file, config.chart.scene, curves, reference,
-                       config.sensitivity.prior) | _scene_files(chart_scene),
-        "settings": {"light": _plain(config.light.spectrum), "sensitivity": _plain(config.sensitivity.source),
-                     "method": config.sensitivity.method,
-                     "coefficients": config.sensitivity.coefficients, "seed": config.session.seed,
-                     "relative_error": config.sensitivity.relative_error, "reference": config.chart.reference},
-        "stages": {"chart": fingerprint(keys["chart"])} if "chart" in keys else {}} | made_by("calibrate")
-    known = {name: material.known for name, material in config.materials.items() if material.known is not None}
-    keys["reconstruct"] = {
-        "files": files(config.scene.file, *(reference.file for reference in known.values())) | _scene_files(scene),
-        "settings": {"materials": {name: material.bsdf for name, material in config.materials.items()},
-                     "known": {name: _plain(reference) for name, reference in known.items()},
-                     "reconstruct": _plain(config.reconstruct), "scale": config.scale.source,
-                     "seed": config.session.seed},
-        "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}} | made_by("reconstruct")
-    keys["sample"] = {"settings": {"sampling": _plain(config.sampling), "seed": config.session.seed},
-                      "stages": {"reconstruct": fingerprint(keys["reconstruct"])}} | made_by("sample")
-    return keys
-
-
 def stage_states(config: SessionConfig) -> list[StageState]:
     """How far a session has come, and why any stage must be run again."""
     keys, states = stage_keys(config), []
@@ -125,7 +61,7 @@ def stage_states(config: SessionConfig) -> list[StageState]:
         elif stored is None:
             states.append(StageState(name, "missing", (), None))
         else:
-            reasons = tuple(why_stale(stored.key, _as_stored(keys[name])))
+            reasons = tuple(why_stale(stored.key, as_stored(keys[name])))
             states.append(StageState(name, "stale" if reasons else "done", reasons, stored.seconds))
     return states
 
@@ -153,7 +89,7 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
     finished = FinishedRun({}, {})
     for name, key in keys.items():
         stored = load_stage(results_folder(config), name)
-        fresh = stored is not None and stored.key == _as_stored(key)
+        fresh = stored is not None and stored.key == as_stored(key)
         if only is not None and name != only:
             if stored is not None and (fresh or STAGES.index(name) > STAGES.index(only)):
                 finished.stored[name], finished.states[name] = stored, "kept" if fresh else "stale"
@@ -179,7 +115,7 @@ def load_finished(config: SessionConfig) -> FinishedRun:
         If a stage has none.
     """
     stored = {name: load_stage(results_folder(config), name) for name in STAGES
-              if name != "chart" or needs_chart(config)}
+              if name != "chart" or config.chart_shots}
     missing = [name for name, stage in stored.items() if stage is None]
     if missing:
         raise InputError(f"no results of stage {missing[0]!r} yet: run 'spectrabox run' first")
@@ -247,9 +183,9 @@ def _run_stage(config: SessionConfig, name: str, key: Key, device: str, stored: 
 
     with stage_folder(results_folder(config), name) as folder:
         if name == "chart":
-            records = find_and_sample_chart(config, folder, report)
+            records = find_and_sample_charts(config, folder, report)
         elif name == "photo":
-            records = bin_object_photo(config, folder, report)
+            records = bin_object_photos(config, folder, report)
         elif name == "calibrate":
             chart = chart_of(stored)
             records = calibrate_camera(config, device, None if chart is None else chart[1], report)
@@ -259,26 +195,8 @@ def _run_stage(config: SessionConfig, name: str, key: Key, device: str, stored: 
                                                       None if chart is None else chart[2], report)}
         else:
             records = sample_materials(config, calibration_of(stored), reconstruction_of(stored), report)
-        save_stage(folder, _as_stored(key), records, time.perf_counter() - start, {"stage": name})
+        save_stage(folder, as_stored(key), records, time.perf_counter() - start, {"stage": name})
     finished = load_stage(results_folder(config), name)
     assert finished is not None
     progress(name, 1.0, f"{finished.seconds:.1f} s")
     return finished
-
-
-def _scene_files(scene: Any) -> dict[str, str]:
-    return {} if scene is None else {path.name: sha256_of(path) for path in scene.files}
-
-
-def _plain(section: Any) -> dict[str, Any]:
-    return dict(vars(section))
-
-
-def _as_stored(key: Key) -> Key:
-    """The key as JSON gives it back: tuples become lists."""
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {name: plain(item) for name, item in value.items()}
-        return [plain(item) for item in value] if isinstance(value, list | tuple) else value
-    stored: Key = plain(key)
-    return stored

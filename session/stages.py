@@ -36,6 +36,7 @@ from sampling.spectral_samples import SpectralMeasurement, SpectralSamples, summ
 from session.error_budget import measurement_of
 from session.inputs import (
     GRID,
+    chart_corners,
     check_aspect,
     read_chart_reference,
     read_chart_scene,
@@ -46,15 +47,10 @@ from session.inputs import (
     read_session_scene,
     require_exposed,
 )
-from session.session_file import SessionConfig
+from session.session_schema import SessionConfig, Shot
 
 Progress = Callable[[float, str], None]
 THUMBNAIL_WIDTH = 48     # pixels: the chart photo is kept only for its exposure and source
-
-
-def needs_chart(config: SessionConfig) -> bool:
-    """Whether anything is to come from the chart photo."""
-    return config.sensitivity.from_chart or config.scale.source == "chart"
 
 
 def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
@@ -64,38 +60,47 @@ def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
     return ("R", "G", "B") if bands == 3 else tuple(f"band {index + 1}" for index in range(bands))
 
 
-def find_and_sample_chart(config: SessionConfig, folder: Path, progress: Progress) -> dict[str, Any]:
-    """Chart photo to patch statistics."""
-    name = config.photos.chart_files[0]
-    progress(0.1, f"decoding {name}")
-    photo, notes = read_photo(config, config.photos.chart_files)
-    progress(0.5, "finding the chart")
-    light = spectrum_on_grid(read_light(config), GRID)
+def find_and_sample_charts(config: SessionConfig, folder: Path, progress: Progress) -> dict[str, Any]:
+    """Chart photos to patch statistics."""
+    records: dict[str, Any] = {"notes": ()}
+    for index, shot in enumerate(config.chart_shots):
+        progress((index + 0.1) / len(config.chart_shots), f"finding the chart in {shot.chart_files[0]}")
+        found = _find_and_sample_chart(config, shot, folder)
+        records["notes"] += found.pop("notes")
+        records |= {shot.record(kind): value for kind, value in found.items()}
+    return records
+
+
+def _find_and_sample_chart(config: SessionConfig, shot: Shot, folder: Path) -> dict[str, Any]:
+    name = shot.chart_files[0]
+    photo, notes = read_photo(config, shot.chart_files)
+    light = spectrum_on_grid(read_light(config, shot.light), GRID)
     reference = typical_camera_signals(read_chart_reference(config), GRID, light)
-    corners = None if config.chart.corners_px is None else np.array(config.chart.corners_px)
-    detection = find_chart(photo, reference, corners)
+    detection = find_chart(photo, reference, chart_corners(config, shot))
     samples = sample_patches(photo, detection)
     require_unclipped(samples, PATCH_NAMES, name)
     verdict = judge_chart(photo, detection, reference, PATCH_NAMES)
     notes = (*notes, *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))
-    write_png(folder / "overlay.png", chart_overlay(photo, detection))
+    write_png(folder / f"{shot.record('overlay')}.png", chart_overlay(photo, detection))
     height, width = photo.signal.shape[:2]
     thumbnail = bin_image(photo, THUMBNAIL_WIDTH, max(round(THUMBNAIL_WIDTH * height / width), 1))
-    return {"detection": detection, "samples": samples, "thumbnail": thumbnail,
-            "notes": notes}
+    return {"detection": detection, "samples": samples, "thumbnail": thumbnail, "notes": notes}
 
 
-def bin_object_photo(config: SessionConfig, folder: Path, progress: Progress) -> dict[str, Any]:
-    """Object photo to linear signal at the render's size."""
-    name = config.photos.object_files[0]
-    progress(0.1, f"decoding {name}")
-    photo, notes = read_photo(config, config.photos.object_files)
-    require_exposed(photo, name)
-    check_aspect(photo, read_session_scene(config), name)
-    write_png(folder / "preview.png", preview_rgb8(photo))
-    height, width = photo.signal.shape[:2]
-    return {"photo": bin_image(photo, *render_size(width, height, config.reconstruct.width)),
-            "notes": notes}
+def bin_object_photos(config: SessionConfig, folder: Path, progress: Progress) -> dict[str, Any]:
+    """Object photos to linear signal at the render's size."""
+    records: dict[str, Any] = {"notes": ()}
+    for index, shot in enumerate(config.shots):
+        name = shot.photo_files[0]
+        progress((index + 0.1) / len(config.shots), f"decoding {name}")
+        photo, notes = read_photo(config, shot.photo_files)
+        require_exposed(photo, name)
+        check_aspect(photo, read_session_scene(config, shot.scene), name)
+        write_png(folder / f"{shot.record('preview')}.png", preview_rgb8(photo))
+        height, width = photo.signal.shape[:2]
+        records[shot.record("photo")] = bin_image(photo, *render_size(width, height, config.reconstruct.width))
+        records["notes"] += notes
+    return records
 
 
 def calibrate_camera(config: SessionConfig, device: str, samples: PatchSamples | None,

@@ -8,7 +8,7 @@ from fixtures.spectral_files import NM, REFLECTANCE, write_examples
 from radiometry.records import Quantity
 from radiometry.spectral_formats.tm27 import spdx_text
 from session.inputs import read_light, read_reflectance
-from session.session_file import SpectrumRef
+from session.session_schema import SpectrumRef
 
 
 @pytest.mark.parametrize("name", ["CSV", "ASD", "CGATS", "TM-27", "ENVI", "SVC", "Spectral Evolution", "rawtoaces",

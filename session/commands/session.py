@@ -33,7 +33,7 @@ def new(folder: Folder, as_json: Json = False, debug: Debug = False) -> None:
     """Start a session folder with a commented session.toml."""
     with command(as_json, debug):
         from radiometry.files import writable, write_text_whole
-        from session.session_file import FILE_NAME
+        from session.session_schema import FILE_NAME
         from session.template import SESSION_TEMPLATE
         if (folder / FILE_NAME).exists():
             raise InputError(f"{folder / FILE_NAME} exists already; edit it, or choose another folder")

@@ -1,0 +1,63 @@
+"""Faults of a session.toml between keys that are each well written."""
+from __future__ import annotations
+
+import re
+
+from session.session_schema import CURVE_METHODS, ENGINES, FILE_NAME, SAMPLERS, SessionConfig
+
+
+def inconsistencies(config: SessionConfig) -> list[str]:
+    """A sentence for every pair of keys that do not go together."""
+    problems = []
+    if config.scale.source not in ("chart", "material"):
+        problems.append(f"{FILE_NAME}: scale.from is {config.scale.source!r}; \"chart\" or \"material\" is possible")
+    if config.sensitivity.method not in (None, *CURVE_METHODS):
+        problems.append(f"{FILE_NAME}: sensitivity.method is {config.sensitivity.method!r}; "
+                        f"{', '.join(CURVE_METHODS)} are possible")
+    if config.reconstruct.engine not in ENGINES:
+        problems.append(f"{FILE_NAME}: reconstruct.engine is {config.reconstruct.engine!r}; "
+                        f"{', '.join(ENGINES)} are possible")
+    if config.sampling.method not in SAMPLERS:
+        problems.append(f"{FILE_NAME}: sampling.method is {config.sampling.method!r}; "
+                        f"{', '.join(SAMPLERS)} are possible")
+    if config.needs_chart and config.photos.chart is None:
+        problems.append(f"{FILE_NAME}: photos.chart is missing, but sensitivities or scale are to come from it; "
+                        "add the photo, or give [sensitivity] from = \"curves.csv\" and [scale] from = \"material\"")
+    if config.scale.source == "chart" and config.chart.scene is None:
+        problems.append(f"{FILE_NAME}: chart.scene is missing: a scale from the chart photo needs light and chart in "
+                        "their places; add it, or use [scale] from = \"material\"")
+    if config.scale.source == "material" and not any(m.known for m in config.materials.values()):
+        problems.append(f"{FILE_NAME}: scale.from is \"material\", but no material has a known spectrum; "
+                        "add known = \"spectra/NAME.csv\" to one")
+    if all(material.known for material in config.materials.values()):
+        problems.append(f"{FILE_NAME}: every material is known, so there is nothing to find; leave out one 'known'")
+    owners: dict[str, str] = {}
+    for name, material in config.materials.items():
+        if material.bsdf in owners:
+            problems.append(f"{FILE_NAME}: materials {owners[material.bsdf]!r} and {name!r} name the same BSDF "
+                            f"{material.bsdf!r}")
+        owners[material.bsdf] = name
+    if config.chart.corners_px is not None and [len(c) for c in config.chart.corners_px] != [2] * 4:
+        problems.append(f"{FILE_NAME}: chart.corners_px needs four [x, y] pairs: the outer corners at dark skin, "
+                        "bluish green, black and white")
+    return problems + _views(config)
+
+
+def _views(config: SessionConfig) -> list[str]:
+    problems = []
+    known = any(material.known for material in config.materials.values())
+    for name, view in config.views.items():
+        if not re.fullmatch(r"[\w -]+", name):
+            problems.append(f"{FILE_NAME}: [views.\"{name}\"]: a view's name is made of letters, digits, - and _, "
+                            "since files are named after it")
+        if view.light is not None and not view.chart_files and not known:
+            problems.append(f"{FILE_NAME}: views.{name} has its own light but nothing tells how strong it is: add "
+                            "chart = \"photos/...\", the chart under this light, or give one material its known "
+                            "spectrum")
+        if view.chart_files and config.chart.scene is None:
+            problems.append(f"{FILE_NAME}: views.{name}.chart needs chart.scene: a scale from a chart photo needs "
+                            "light and chart in their places")
+    if config.views and config.reconstruct.engine != "transport":
+        problems.append(f"{FILE_NAME}: several views are fitted by reconstruct.engine = \"transport\" alone; "
+                        f"{config.reconstruct.engine!r} takes one photo")
+    return problems

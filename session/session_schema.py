@@ -1,0 +1,222 @@
+"""What session.toml may say: one frozen class per table, and the limits of its numbers."""
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from radiometry.errors import InputError
+
+FILE_NAME = "session.toml"
+
+
+def _as_files(written: str | tuple[str, ...] | None) -> tuple[str, ...]:
+    return () if written is None else (written,) if isinstance(written, str) else written
+
+
+@dataclass(frozen=True)
+class SpectrumRef:
+    """A spectrum in a text file; written as a string, or as a table where the file holds several columns."""
+
+    file: str
+    column: str | int | None = None
+    wavelength_column: int = 1
+
+
+@dataclass(frozen=True)
+class CurvesRef:
+    """Several curves in a text file, such as camera sensitivities."""
+
+    file: str
+    columns: tuple[str | int, ...] | None = None
+    wavelength_column: int = 1
+
+
+@dataclass(frozen=True)
+class SessionSection:
+    name: str = "untitled session"
+    operator: str = ""
+    notes: str = ""
+    seed: int = 1
+
+
+@dataclass(frozen=True)
+class PhotosSection:
+    """Files of each photo; several files of one photo are an exposure bracket."""
+
+    object: str | tuple[str, ...]
+    chart: str | tuple[str, ...] | None = None
+    flat: str | None = None
+    dark: str | tuple[str, ...] | None = None
+    not_linear: bool = False
+
+    @property
+    def object_files(self) -> tuple[str, ...]:
+        return _as_files(self.object)
+
+    @property
+    def chart_files(self) -> tuple[str, ...]:
+        return _as_files(self.chart)
+
+    @property
+    def dark_files(self) -> tuple[str, ...]:
+        return _as_files(self.dark)
+
+
+@dataclass(frozen=True)
+class ChartSection:
+    reference: str = "BabelColor Average"
+    scene: str | None = None
+    corners_px: tuple[tuple[float, ...], ...] | None = None
+
+
+@dataclass(frozen=True)
+class LightSection:
+    spectrum: SpectrumRef
+
+
+@dataclass(frozen=True)
+class SensitivitySection:
+    source: CurvesRef = CurvesRef("chart")
+    method: str | None = None
+    prior: str | None = None
+    coefficients: int = 10
+    relative_error: float = 0.02
+    truth: CurvesRef | None = None
+
+    @property
+    def from_chart(self) -> bool:
+        return self.source.file == "chart"
+
+
+@dataclass(frozen=True)
+class ScaleSection:
+    source: str = "chart"
+
+
+@dataclass(frozen=True)
+class SceneSection:
+    file: str
+
+
+@dataclass(frozen=True)
+class MaterialSection:
+    bsdf: str
+    known: SpectrumRef | None = None
+    truth: SpectrumRef | None = None
+
+
+@dataclass(frozen=True)
+class ViewSection:
+    """A further photo of the same materials: another light, exposure or viewpoint. None: as in the first photo."""
+
+    photo: str | tuple[str, ...]
+    light: SpectrumRef | None = None
+    scene: str | None = None
+    chart: str | tuple[str, ...] | None = None
+
+    @property
+    def photo_files(self) -> tuple[str, ...]:
+        return _as_files(self.photo)
+
+    @property
+    def chart_files(self) -> tuple[str, ...]:
+        return _as_files(self.chart)
+
+
+@dataclass(frozen=True)
+class ReconstructSection:
+    engine: str = "transport"
+    surface_error: float = 0.01
+    smoothness: float = 0.1
+    coefficients: int = 11
+    width: int = 96
+    steps: int = 160
+    spp: int = 16
+
+
+@dataclass(frozen=True)
+class SamplingSection:
+    method: str = "prior"
+    coefficients: int = 11
+    draws: int = 4000
+    level: float = 0.95
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One photo of the materials and what it was taken in; the session's first has no name, others are its views."""
+
+    name: str
+    photo_files: tuple[str, ...]
+    chart_files: tuple[str, ...]    # under the same light; none where no chart is needed
+    light: SpectrumRef
+    scene: str
+
+    def record(self, kind: str) -> str:
+        """The name under which a stage stores what it makes of this shot."""
+        return f"{kind} {self.name}".rstrip()
+
+
+@dataclass(frozen=True)
+class SessionConfig:
+    """One session as its operator described it; file names are relative to ``folder``."""
+
+    folder: Path
+    allow_outside: bool
+    photos: PhotosSection
+    light: LightSection
+    scene: SceneSection
+    materials: dict[str, MaterialSection]
+    views: dict[str, ViewSection] = field(default_factory=dict)
+    session: SessionSection = field(default_factory=SessionSection)
+    chart: ChartSection = field(default_factory=ChartSection)
+    sensitivity: SensitivitySection = field(default_factory=SensitivitySection)
+    scale: ScaleSection = field(default_factory=ScaleSection)
+    reconstruct: ReconstructSection = field(default_factory=ReconstructSection)
+    sampling: SamplingSection = field(default_factory=SamplingSection)
+
+    @property
+    def needs_chart(self) -> bool:
+        """Whether the first shot's calibration is to come from its chart photo."""
+        return self.sensitivity.from_chart or self.scale.source == "chart"
+
+    @property
+    def shots(self) -> tuple[Shot, ...]:
+        """The session's photos of the materials, the main one first."""
+        main = Shot("", self.photos.object_files, self.photos.chart_files if self.needs_chart else (),
+                    self.light.spectrum, self.scene.file)
+        return (main, *(Shot(name, view.photo_files, view.chart_files, view.light or main.light,
+                             view.scene or main.scene) for name, view in self.views.items()))
+
+    @property
+    def chart_shots(self) -> tuple[Shot, ...]:
+        """Shots that have a chart photo under their light."""
+        return tuple(shot for shot in self.shots if shot.chart_files)
+
+    def path(self, name: str) -> Path:
+        """Where a file of the session lies.
+
+        Raises
+        ------
+        InputError
+            If it would leave the session folder without having been asked to.
+        """
+        path = (self.folder / name).resolve()
+        if not self.allow_outside and not path.is_relative_to(self.folder.resolve()):
+            raise InputError(f"{name!r} lies outside the session folder; copy it in, "
+                             "or allow it with --allow-outside")
+        return path
+
+
+ENGINES = ("transport", "gradient", "per-wavelength", "single-bounce")
+CURVE_METHODS = ("prior", "smooth", "nonnegative", "paper")
+SAMPLERS = ("prior", "uniform", "paper")
+NAMED_TABLES = {"materials": MaterialSection, "views": ViewSection}
+SECTIONS = {f.name: f for f in dataclasses.fields(SessionConfig) if f.name not in ("folder", "allow_outside")}
+LIMITS: dict[tuple[str, str], tuple[float, float]] = {
+    ("session", "seed"): (0, 2**31 - 1), ("sensitivity", "coefficients"): (5, 24),
+    ("sensitivity", "relative_error"): (1e-4, 1.0), ("reconstruct", "coefficients"): (5, 40),
+    ("reconstruct", "surface_error"): (0, 1), ("reconstruct", "smoothness"): (0, 1e9),
+    ("reconstruct", "width"): (16, 1024), ("reconstruct", "steps"): (20, 5000), ("reconstruct", "spp"): (1, 4096),
+    ("sampling", "coefficients"): (5, 40), ("sampling", "draws"): (1000, 1000000), ("sampling", "level"): (0.5, 0.999)}

@@ -1,0 +1,101 @@
+"""What each stage of a session is made from: files, settings, earlier stages, and the code itself."""
+from __future__ import annotations
+
+import os
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from radiometry.files import sha256_of
+from reconstruct.scene_file import SceneFile
+from session.inputs import read_chart_scene, read_session_scene
+from session.provenance import DECISIVE, code_digest, versions
+from session.session_schema import SessionConfig
+from session.store import fingerprint
+
+CODE_OF = {"chart": ("radiometry", "capture"), "photo": ("radiometry", "capture"),
+           "calibrate": ("radiometry", "calibrate", "reconstruct"), "reconstruct": ("radiometry", "reconstruct"),
+           "sample": ("radiometry", "sampling")}
+Key = dict[str, Any]
+
+
+def stage_keys(config: SessionConfig) -> dict[str, Key]:
+    """What each stage of this session is made from.
+
+    Raises
+    ------
+    InputError
+        If an input file is missing.
+    """
+    hashes: dict[str, str] = {}
+
+    def files(*names: str | None) -> dict[str, str]:
+        for name in names:
+            if name is not None and name not in hashes:
+                hashes[name] = sha256_of(config.path(name))
+        return {name: hashes[name] for name in names if name is not None}
+
+    chart_scene = read_chart_scene(config)
+    scenes = {shot.scene: read_session_scene(config, shot.scene) for shot in config.shots}
+    reference = config.chart.reference if Path(config.chart.reference).suffix else None
+    curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
+    installed = versions(DECISIVE)
+    digests = {package: code_digest(package) for package in {package for some in CODE_OF.values() for package in some}}
+
+    def made_by(stage: str) -> Key:
+        return {"versions": installed, "code": {package: digests[package] for package in CODE_OF[stage]}}
+
+    keys: dict[str, Key] = {}
+    shots, correcting = config.shots, (config.photos.flat, *config.photos.dark_files)
+    lights = {shot.name: _plain(shot.light) for shot in shots}
+    light_files = [shot.light.file for shot in shots]
+    if config.chart_shots:
+        photos = {shot.name: shot.chart_files for shot in config.chart_shots}
+        keys["chart"] = {"files": files(*chain(*photos.values()), *correcting, reference, *light_files),
+                         "settings": {"reference": config.chart.reference, "corners_px": config.chart.corners_px,
+                                      "not_linear": config.photos.not_linear, "photos": photos,
+                                      "lights": lights}} | made_by("chart")
+    keys["photo"] = {"files": files(*chain(*(shot.photo_files for shot in shots)), *correcting, *scenes),
+                     "settings": {"width": config.reconstruct.width, "not_linear": config.photos.not_linear,
+                                  "photos": {shot.name: shot.photo_files for shot in shots}}} | made_by("photo")
+    keys["calibrate"] = {
+        "files": files(*light_files, config.chart.scene, curves, reference,
+                       config.sensitivity.prior) | _scene_files(chart_scene, config.folder),
+        "settings": {"lights": lights, "sensitivity": _plain(config.sensitivity.source),
+                     "method": config.sensitivity.method,
+                     "coefficients": config.sensitivity.coefficients, "seed": config.session.seed,
+                     "relative_error": config.sensitivity.relative_error, "reference": config.chart.reference},
+        "stages": {"chart": fingerprint(keys["chart"])} if "chart" in keys else {}} | made_by("calibrate")
+    known = {name: material.known for name, material in config.materials.items() if material.known is not None}
+    read_by_scenes = {name: digest for scene in scenes.values()
+                      for name, digest in _scene_files(scene, config.folder).items()}
+    keys["reconstruct"] = {
+        "files": files(*scenes, *(reference.file for reference in known.values())) | read_by_scenes,
+        "settings": {"materials": {name: material.bsdf for name, material in config.materials.items()},
+                     "known": {name: _plain(reference) for name, reference in known.items()},
+                     "scenes": {shot.name: shot.scene for shot in shots},
+                     "reconstruct": _plain(config.reconstruct), "scale": config.scale.source,
+                     "seed": config.session.seed},
+        "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}} | made_by("reconstruct")
+    keys["sample"] = {"settings": {"sampling": _plain(config.sampling), "seed": config.session.seed},
+                      "stages": {"reconstruct": fingerprint(keys["reconstruct"])}} | made_by("sample")
+    return keys
+
+
+def as_stored(key: Key) -> Key:
+    """The key as JSON gives it back: tuples become lists."""
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: plain(item) for name, item in value.items()}
+        return [plain(item) for item in value] if isinstance(value, list | tuple) else value
+    stored: Key = plain(key)
+    return stored
+
+
+def _scene_files(scene: SceneFile | None, folder: Path) -> dict[str, str]:
+    """Digests of the meshes and textures of a scene, by their place as seen from the session folder."""
+    return {} if scene is None else {os.path.relpath(path, folder): sha256_of(path) for path in scene.files}
+
+
+def _plain(section: Any) -> dict[str, Any]:
+    return dict(vars(section))
