@@ -18,6 +18,7 @@ Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an e
 Outside = Annotated[bool, typer.Option("--allow-outside", help="Let the session name files outside its folder.")]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda: where Mitsuba renders.")]
 INTERRUPTED = 130
+STOPPED = "interrupted: finished stages are kept, run the same command again to go on"
 
 
 @contextlib.contextmanager
@@ -28,13 +29,27 @@ def command(as_json: bool, debug: bool) -> Iterator[None]:
     except typer.Exit:
         raise
     except KeyboardInterrupt:
-        fail(as_json, "interrupted: finished stages are kept, run the same command again to go on", INTERRUPTED)
+        fail(as_json, STOPPED, INTERRUPTED)
     except SpectraboxError as error:
         if debug:
             raise
         fail(as_json, str(error), error.exit_code)
     except BrokenPipeError:
         raise typer.Exit(1) from None
+    except Exception as error:
+        if not _began_as_interrupt(error):
+            raise
+        fail(as_json, STOPPED, INTERRUPTED)
+
+
+def _began_as_interrupt(error: BaseException) -> bool:
+    """Dr.Jit wraps a Ctrl-C that falls into the tracing of a loop in an error of its own."""
+    causes: list[BaseException] = []
+    cause: BaseException | None = error
+    while cause is not None and cause not in causes:
+        causes.append(cause)
+        cause = cause.__cause__ or cause.__context__
+    return any(isinstance(cause, KeyboardInterrupt) for cause in causes)
 
 
 def fail(as_json: bool, message: str, exit_code: int) -> None:

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from fixtures.dng import write_dng
 from session.cli import app
+from session.command_line import command
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -248,3 +250,18 @@ def test_a_session_cannot_read_outside_its_folder(captured, where):
     edit(captured, '"spectra/light.csv"', f'"{where}"')
     outcome = call("run", captured)
     assert outcome.exit_code == 3 and "lies outside the session folder" in outcome.output
+
+
+def test_an_interrupt_that_another_error_wraps_is_still_an_interrupt(capsys):
+    def trace():
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as interrupt:
+            raise RuntimeError("the loop could not be traced") from interrupt
+
+    with pytest.raises(typer.Exit) as left, command(as_json=False, debug=False):
+        trace()
+    assert left.value.exit_code == 130
+    assert "interrupted: finished stages are kept" in capsys.readouterr().err
+    with pytest.raises(RuntimeError), command(as_json=False, debug=False):
+        raise RuntimeError("of its own")
