@@ -83,12 +83,15 @@ def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] |
 
 def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
     """Every input file once, with its role, hash, size and what is known of it."""
-    roles: dict[str, str] = dict.fromkeys(config.photos.object_files, "object photo")
-    roles |= {config.light.spectrum.file: "light spectrum", config.scene.file: "scene"}
-    for name, role in (*((name, "chart photo") for name in config.photos.chart_files),
-                       *((name, "dark frame") for name in config.photos.dark_files),
-                       (config.photos.flat, "flat-field photo"), (config.chart.scene, "chart scene")):
-        if name is not None:
+    roles: dict[str, str] = {}
+    for shot in config.shots:
+        for role, names in (("object photo", shot.photo_files), ("light spectrum", [shot.light.file]),
+                            ("scene", [shot.scene]), ("chart photo", shot.chart_files)):
+            for name in names:
+                roles.setdefault(name, f"{role}, {shot.name}" if shot.name else role)
+    for role, others in (("dark frame", config.photos.dark_files), ("flat-field photo", config.photos.flats.values()),
+                         ("chart scene", [name for name in [config.chart.scene] if name is not None])):
+        for name in others:
             roles.setdefault(name, role)
     if not config.sensitivity.from_chart:
         roles.setdefault(config.sensitivity.source.file, "sensitivities")
@@ -96,9 +99,9 @@ def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
         if section.known is not None:
             roles.setdefault(section.known.file, f"known spectrum of {material}")
     hashes = {name: digest for stage in run.stored.values() for name, digest in stage.key.get("files", {}).items()}
-    facts = {config.photos.object_files[0]: photo_of(run.stored)}
-    if (chart := chart_of(run.stored)) is not None:
-        facts[config.photos.chart_files[0]] = chart[2]
+    facts = {shot.photo_files[0]: photo_of(run.stored, shot) for shot in config.shots}
+    facts |= {shot.chart_files[0]: chart[2] for shot in config.chart_shots
+              if (chart := chart_of(run.stored, shot)) is not None}
     return [{"role": role, "file": name, "sha256": hashes[name], "bytes": config.path(name).stat().st_size}
             | ({} if (image := facts.get(name)) is None else
                {"exposure_s": image.exposure_s, "iso": image.iso, "f_number": image.f_number, "camera": image.camera,

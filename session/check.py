@@ -73,11 +73,11 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
         light, scene = attempt(read_light, config, shot.light), attempt(read_session_scene, config, shot.scene)
         if scene is not None:
             attempt(require_materials, scene, bsdfs)
-        if (developed := attempt(read_photo, config, shot.photo_files)) is not None:
+        if (developed := attempt(read_photo, config, shot.photo)) is not None:
             attempt(require_exposed, developed[0], shot.photo_files[0])
             if scene is not None:
                 attempt(check_aspect, developed[0], scene, shot.photo_files[0])
-        if shot.chart_files and (chart := attempt(read_photo, config, shot.chart_files)) is not None \
+        if shot.chart and (chart := attempt(read_photo, config, shot.chart)) is not None \
                 and light is not None and chart_signals is not None:
             attempt(_check_chart, config, shot, chart[0],
                     typical_camera_signals(chart_signals, GRID, spectrum_on_grid(light, GRID)))

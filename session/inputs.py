@@ -1,10 +1,12 @@
 """Every input of a session, read and checked the same way by ``check`` and ``run``."""
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 
+from capture.bands import stack_bands
 from capture.developed import develop_photos
 from radiometry.chart import REFERENCES, chart_reflectances
 from radiometry.errors import ClippedPhotoError, InputError
@@ -13,7 +15,7 @@ from radiometry.records import LinearImage, Quantity, Spectrum
 from radiometry.spectrum_files import on_grid, read_curves, read_spectrum, spectrum_on_grid
 from reconstruct.inverse_rendering import MaterialSpec
 from reconstruct.scene_file import SceneFile, check_materials, read_scene
-from session.session_schema import SessionConfig, Shot, SpectrumRef
+from session.session_schema import ONE_PHOTO, SessionConfig, Shot, SpectrumRef
 
 GRID = visible_grid()            # 400-700 nm in 1 nm steps, on which everything is integrated
 MOST_CLIPPED = 0.5               # of the object photo
@@ -81,14 +83,26 @@ def chart_corners(config: SessionConfig, shot: Shot) -> np.ndarray | None:
     return None if given is None or shot.name else np.array(given)
 
 
-def read_photo(config: SessionConfig, files: tuple[str, ...]) -> tuple[LinearImage, tuple[str, ...]]:
-    """A photo or bracket as linear signal, without dark signal and flat-fielded where the session has the frames.
+def read_photo(config: SessionConfig, photo: dict[str, tuple[str, ...]]) -> tuple[LinearImage, tuple[str, ...]]:
+    """A photo as linear signal, without dark signal and flat-fielded where the session has the frames.
 
+    One of several bands is stacked; its bands are brought to the shortest of their exposures where all state one.
     Notes say what was found on the way: hot pixels, measured exposure ratios, a file that is not linear.
     """
-    flat, darks = config.photos.flat, config.photos.dark_files
-    return develop_photos([config.path(name) for name in files], [config.path(name) for name in darks],
-                          None if flat is None else config.path(flat), config.photos.not_linear)
+    darks, flats = [config.path(name) for name in config.photos.dark_files], config.photos.flats
+    images, notes = [], []
+    for band, files in photo.items():
+        flat = flats.get(band, flats.get(ONE_PHOTO))
+        image, said = develop_photos([config.path(name) for name in files], darks,
+                                     None if flat is None else config.path(flat), config.photos.not_linear)
+        images.append(image)
+        notes += [note for note in said if note not in notes]
+    if ONE_PHOTO in photo:
+        return images[0], tuple(notes)
+    exposures = [image.exposure_s for image in images]
+    shortest = None if None in exposures else min(exposure for exposure in exposures if exposure is not None)
+    stacked = stack_bands(images, list(photo), exposures_s=None if shortest is None else [shortest] * len(images))
+    return dataclasses.replace(stacked, exposure_s=shortest), tuple(notes)
 
 
 def require_exposed(photo: LinearImage, name: str) -> None:

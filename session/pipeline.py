@@ -18,7 +18,7 @@ from radiometry.records import (
     SpectrumSummary,
 )
 from sampling.spectral_samples import SpectralSamples
-from session.session_schema import SessionConfig
+from session.session_schema import SessionConfig, Shot
 from session.stage_keys import Key, as_stored, stage_keys
 from session.stages import (
     bin_object_photos,
@@ -140,19 +140,22 @@ def reconstruction_of(stored: dict[str, StoredStage]) -> Reconstruction:
     return reconstruction
 
 
-def photo_of(stored: dict[str, StoredStage]) -> LinearImage:
-    """The object photo at the render's size."""
-    photo: LinearImage = stored["photo"].record(LinearImage, "photo")
+def photo_of(stored: dict[str, StoredStage], shot: Shot | None = None) -> LinearImage:
+    """The object photo at the render's size; of the first shot unless another is named."""
+    photo: LinearImage = stored["photo"].record(LinearImage, shot.record("photo") if shot else "photo")
     return photo
 
 
-def chart_of(stored: dict[str, StoredStage]) -> tuple[ChartDetection, PatchSamples, LinearImage] | None:
+def chart_of(stored: dict[str, StoredStage],
+             shot: Shot | None = None) -> tuple[ChartDetection, PatchSamples, LinearImage] | None:
     """Detection, patch statistics and a thumbnail of the chart photo, where one was used."""
-    if "chart" not in stored:
+    detection, samples, thumbnail = (shot.record(kind) if shot else kind
+                                     for kind in ("detection", "samples", "thumbnail"))
+    stage = stored.get("chart")
+    if stage is None or detection not in stage.facts["records"]:
         return None
-    stage = stored["chart"]
-    return (stage.record(ChartDetection, "detection"), stage.record(PatchSamples, "samples"),
-            stage.record(LinearImage, "thumbnail"))
+    return (stage.record(ChartDetection, detection), stage.record(PatchSamples, samples),
+            stage.record(LinearImage, thumbnail))
 
 
 def samples_of(stored: dict[str, StoredStage], material: str) -> tuple[SpectralSamples, SpectrumSummary]:

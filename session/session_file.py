@@ -14,6 +14,7 @@ from session.session_rules import inconsistencies
 from session.session_schema import FILE_NAME, LIMITS, NAMED_TABLES, SECTIONS, CurvesRef, SessionConfig, SpectrumRef
 
 WRITTEN_AS = {"source": "from"}  # "from" is a word of Python
+WORDS = {tuple: "list", dict: "table"}
 
 
 def read_session(folder: Path, allow_outside: bool = False) -> SessionConfig:
@@ -101,13 +102,16 @@ def _convert(hint: Any, value: Any, place: str, problems: list[str]) -> Any:
     for option in options:
         if option in (SpectrumRef, CurvesRef):
             return _build(option, {"file": value} if isinstance(value, str) else value, place, problems)
+        if typing.get_origin(option) is dict and isinstance(value, dict):
+            return {name: _convert(typing.get_args(option)[1], item, f"{place}.{name}", problems)
+                    for name, item in value.items()}
         if typing.get_origin(option) is tuple and isinstance(value, list):
             return tuple(_convert(typing.get_args(option)[0], item, place, problems) for item in value)
         if option is float and isinstance(value, int | float) and not isinstance(value, bool):
             return float(value)
         if isinstance(option, type) and option is not types.NoneType and type(value) is option:
             return value
-    wanted = " or ".join("list" if typing.get_origin(option) is tuple else option.__name__
+    wanted = " or ".join(WORDS.get(typing.get_origin(option), option.__name__)
                          for option in options if option is not types.NoneType)
     problems.append(f"{FILE_NAME}: {place} is {value!r}; {wanted} is needed")
     return None

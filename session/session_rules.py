@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import re
 
-from session.session_schema import CURVE_METHODS, ENGINES, FILE_NAME, SAMPLERS, SessionConfig
+from session.session_schema import CURVE_METHODS, ENGINES, FILE_NAME, ONE_PHOTO, SAMPLERS, SessionConfig, by_band
 
 
 def inconsistencies(config: SessionConfig) -> list[str]:
@@ -40,24 +40,39 @@ def inconsistencies(config: SessionConfig) -> list[str]:
     if config.chart.corners_px is not None and [len(c) for c in config.chart.corners_px] != [2] * 4:
         problems.append(f"{FILE_NAME}: chart.corners_px needs four [x, y] pairs: the outer corners at dark skin, "
                         "bluish green, black and white")
-    return problems + _views(config)
+    return problems + _views(config) + _bands(config)
 
 
 def _views(config: SessionConfig) -> list[str]:
     problems = []
-    known = any(material.known for material in config.materials.values())
     for name, view in config.views.items():
         if not re.fullmatch(r"[\w -]+", name):
             problems.append(f"{FILE_NAME}: [views.\"{name}\"]: a view's name is made of letters, digits, - and _, "
                             "since files are named after it")
-        if view.light is not None and not view.chart_files and not known:
-            problems.append(f"{FILE_NAME}: views.{name} has its own light but nothing tells how strong it is: add "
-                            "chart = \"photos/...\", the chart under this light, or give one material its known "
-                            "spectrum")
-        if view.chart_files and config.chart.scene is None:
+        if view.chart is not None and config.chart.scene is None:
             problems.append(f"{FILE_NAME}: views.{name}.chart needs chart.scene: a scale from a chart photo needs "
                             "light and chart in their places")
     if config.views and config.reconstruct.engine != "transport":
         problems.append(f"{FILE_NAME}: several views are fitted by reconstruct.engine = \"transport\" alone; "
                         f"{config.reconstruct.engine!r} takes one photo")
+    return problems
+
+
+def _bands(config: SessionConfig) -> list[str]:
+    """Photos taken band by band must name the same bands."""
+    problems = []
+    wanted = list(by_band(config.photos.object))
+    others = {"photos.chart": by_band(config.photos.chart)}
+    others |= {f"views.{name}.{key}": by_band(getattr(view, key)) for name, view in config.views.items()
+               for key in ("photo", "chart")}
+    if wanted == []:
+        problems.append(f"{FILE_NAME}: photos.object names no file")
+    for place, photo in others.items():
+        if photo and list(photo) != wanted:
+            said = " and ".join(", ".join(repr(name) for name in names) if any(names) else "a single photo"
+                                for names in (list(photo), wanted))
+            problems.append(f"{FILE_NAME}: {place} and photos.object must have the same bands in the same order; they "
+                            f"have {said}")
+    if unknown := [name for name in config.photos.flats if name not in (ONE_PHOTO, *wanted)]:
+        problems.append(f"{FILE_NAME}: photos.flat has {', '.join(map(repr, unknown))}, which photos.object lacks")
     return problems

@@ -10,8 +10,20 @@ from radiometry.errors import InputError
 FILE_NAME = "session.toml"
 
 
-def _as_files(written: str | tuple[str, ...] | None) -> tuple[str, ...]:
-    return () if written is None else (written,) if isinstance(written, str) else written
+Files = str | tuple[str, ...]           # one file, or several of an exposure bracket
+Photo = Files | dict[str, Files]        # or a table of these: a photo for each filter, by the name of its band
+ONE_PHOTO = ""                          # the name under which a photo that is no such table is kept
+
+
+def by_band(written: Photo | None) -> dict[str, tuple[str, ...]]:
+    """Files of a photo by band; of a colour camera's photo under one name."""
+    bands = written if isinstance(written, dict) else {} if written is None else {ONE_PHOTO: written}
+    return {band: (files,) if isinstance(files, str) else files for band, files in bands.items()}
+
+
+def all_files(photo: dict[str, tuple[str, ...]]) -> tuple[str, ...]:
+    """Every file of a photo."""
+    return tuple(name for files in photo.values() for name in files)
 
 
 @dataclass(frozen=True)
@@ -42,25 +54,22 @@ class SessionSection:
 
 @dataclass(frozen=True)
 class PhotosSection:
-    """Files of each photo; several files of one photo are an exposure bracket."""
+    """Files of each photo."""
 
-    object: str | tuple[str, ...]
-    chart: str | tuple[str, ...] | None = None
-    flat: str | None = None
-    dark: str | tuple[str, ...] | None = None
+    object: Photo
+    chart: Photo | None = None
+    flat: str | dict[str, str] | None = None
+    dark: Files | None = None
     not_linear: bool = False
 
     @property
-    def object_files(self) -> tuple[str, ...]:
-        return _as_files(self.object)
-
-    @property
-    def chart_files(self) -> tuple[str, ...]:
-        return _as_files(self.chart)
+    def flats(self) -> dict[str, str]:
+        """The flat-field photo of each band."""
+        return self.flat if isinstance(self.flat, dict) else {} if self.flat is None else {ONE_PHOTO: self.flat}
 
     @property
     def dark_files(self) -> tuple[str, ...]:
-        return _as_files(self.dark)
+        return all_files(by_band(self.dark))
 
 
 @dataclass(frozen=True)
@@ -110,18 +119,10 @@ class MaterialSection:
 class ViewSection:
     """A further photo of the same materials: another light, exposure or viewpoint. None: as in the first photo."""
 
-    photo: str | tuple[str, ...]
+    photo: Photo
     light: SpectrumRef | None = None
     scene: str | None = None
-    chart: str | tuple[str, ...] | None = None
-
-    @property
-    def photo_files(self) -> tuple[str, ...]:
-        return _as_files(self.photo)
-
-    @property
-    def chart_files(self) -> tuple[str, ...]:
-        return _as_files(self.chart)
+    chart: Photo | None = None
 
 
 @dataclass(frozen=True)
@@ -148,10 +149,18 @@ class Shot:
     """One photo of the materials and what it was taken in; the session's first has no name, others are its views."""
 
     name: str
-    photo_files: tuple[str, ...]
-    chart_files: tuple[str, ...]    # under the same light; none where no chart is needed
+    photo: dict[str, tuple[str, ...]]   # files by band
+    chart: dict[str, tuple[str, ...]]   # under the same light; empty where no chart is needed
     light: SpectrumRef
     scene: str
+
+    @property
+    def photo_files(self) -> tuple[str, ...]:
+        return all_files(self.photo)
+
+    @property
+    def chart_files(self) -> tuple[str, ...]:
+        return all_files(self.chart)
 
     def record(self, kind: str) -> str:
         """The name under which a stage stores what it makes of this shot."""
@@ -184,15 +193,15 @@ class SessionConfig:
     @property
     def shots(self) -> tuple[Shot, ...]:
         """The session's photos of the materials, the main one first."""
-        main = Shot("", self.photos.object_files, self.photos.chart_files if self.needs_chart else (),
+        main = Shot("", by_band(self.photos.object), by_band(self.photos.chart if self.needs_chart else None),
                     self.light.spectrum, self.scene.file)
-        return (main, *(Shot(name, view.photo_files, view.chart_files, view.light or main.light,
+        return (main, *(Shot(name, by_band(view.photo), by_band(view.chart), view.light or main.light,
                              view.scene or main.scene) for name, view in self.views.items()))
 
     @property
     def chart_shots(self) -> tuple[Shot, ...]:
         """Shots that have a chart photo under their light."""
-        return tuple(shot for shot in self.shots if shot.chart_files)
+        return tuple(shot for shot in self.shots if shot.chart)
 
     def path(self, name: str) -> Path:
         """Where a file of the session lies.

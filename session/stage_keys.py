@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import os
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -46,18 +45,21 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
         return {"versions": installed, "code": {package: digests[package] for package in CODE_OF[stage]}}
 
     keys: dict[str, Key] = {}
-    shots, correcting = config.shots, (config.photos.flat, *config.photos.dark_files)
+    shots, correcting = config.shots, (*config.photos.flats.values(), *config.photos.dark_files)
     lights = {shot.name: _plain(shot.light) for shot in shots}
     light_files = [shot.light.file for shot in shots]
+    developing = {"not_linear": config.photos.not_linear, "flats": config.photos.flats}
     if config.chart_shots:
-        photos = {shot.name: shot.chart_files for shot in config.chart_shots}
-        keys["chart"] = {"files": files(*chain(*photos.values()), *correcting, reference, *light_files),
+        charts = [name for shot in config.chart_shots for name in shot.chart_files]
+        keys["chart"] = {"files": files(*charts, *correcting, reference, *light_files),
                          "settings": {"reference": config.chart.reference, "corners_px": config.chart.corners_px,
-                                      "not_linear": config.photos.not_linear, "photos": photos,
-                                      "lights": lights}} | made_by("chart")
-    keys["photo"] = {"files": files(*chain(*(shot.photo_files for shot in shots)), *correcting, *scenes),
-                     "settings": {"width": config.reconstruct.width, "not_linear": config.photos.not_linear,
-                                  "photos": {shot.name: shot.photo_files for shot in shots}}} | made_by("photo")
+                                      "photos": {shot.name: shot.chart for shot in config.chart_shots},
+                                      "lights": lights} | developing} | made_by("chart")
+    photos = [name for shot in shots for name in shot.photo_files]
+    keys["photo"] = {"files": files(*photos, *correcting, *scenes),
+                     "settings": {"width": config.reconstruct.width,
+                                  "photos": {shot.name: shot.photo for shot in shots}} | developing
+                     } | made_by("photo")
     keys["calibrate"] = {
         "files": files(*light_files, config.chart.scene, curves, reference,
                        config.sensitivity.prior) | _scene_files(chart_scene, config.folder),

@@ -17,6 +17,7 @@ from capture.image_files import write_png
 from capture.patches import require_unclipped, sample_patches
 from capture.preview import preview_rgb8
 from radiometry.chart import PATCH_NAMES, patch_centres_uv, patch_size_uv, typical_camera_signals
+from radiometry.errors import InputError
 from radiometry.light_scale import scale_for_photo
 from radiometry.records import (
     Calibration,
@@ -54,10 +55,23 @@ THUMBNAIL_WIDTH = 48     # pixels: the chart photo is kept only for its exposure
 
 
 def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
-    """Names of the camera's bands."""
-    if not config.sensitivity.from_chart:
-        return read_sensitivities(config)[0]
-    return ("R", "G", "B") if bands == 3 else tuple(f"band {index + 1}" for index in range(bands))
+    """Names of the camera's bands.
+
+    Raises
+    ------
+    InputError
+        If the photo and the measured curves differ in the number of bands.
+    """
+    photographed = tuple(config.shots[0].photo)
+    names = photographed if any(photographed) else ("R", "G", "B") if bands == 3 else \
+        tuple(f"band {index + 1}" for index in range(bands))
+    if config.sensitivity.from_chart:
+        return names
+    curves = read_sensitivities(config)[0]
+    if len(curves) != bands:
+        raise InputError(f"{config.sensitivity.source.file} holds {len(curves)} curves, but the photo has {bands} "
+                         f"bands ({', '.join(names)}): give one curve for each, in this order")
+    return names if any(photographed) else curves
 
 
 def find_and_sample_charts(config: SessionConfig, folder: Path, progress: Progress) -> dict[str, Any]:
@@ -73,7 +87,7 @@ def find_and_sample_charts(config: SessionConfig, folder: Path, progress: Progre
 
 def _find_and_sample_chart(config: SessionConfig, shot: Shot, folder: Path) -> dict[str, Any]:
     name = shot.chart_files[0]
-    photo, notes = read_photo(config, shot.chart_files)
+    photo, notes = read_photo(config, shot.chart)
     light = spectrum_on_grid(read_light(config, shot.light), GRID)
     reference = typical_camera_signals(read_chart_reference(config), GRID, light)
     detection = find_chart(photo, reference, chart_corners(config, shot))
@@ -93,7 +107,7 @@ def bin_object_photos(config: SessionConfig, folder: Path, progress: Progress) -
     for index, shot in enumerate(config.shots):
         name = shot.photo_files[0]
         progress((index + 0.1) / len(config.shots), f"decoding {name}")
-        photo, notes = read_photo(config, shot.photo_files)
+        photo, notes = read_photo(config, shot.photo)
         require_exposed(photo, name)
         check_aspect(photo, read_session_scene(config, shot.scene), name)
         write_png(folder / f"{shot.record('preview')}.png", preview_rgb8(photo))

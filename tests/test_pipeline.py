@@ -181,7 +181,7 @@ def test_a_bracket_with_dark_frames_gives_the_same_signal(captured):
     from fixtures.dng import write_dng
     from session.inputs import read_photo
     frame = read_raw(captured / "photos" / "box.dng")
-    single, _ = read_photo(read_session(captured), ("photos/box.dng",))
+    single, _ = read_photo(read_session(captured), {"": ("photos/box.dng",)})
     black = frame.black_level[[0, 0, 1, 1], [0, 1, 0, 1]]
     base = Fraction(frame.exposure_s).limit_denominator(100000)
     rng, tile = np.random.default_rng(3), np.tile(frame.black_level, np.array(frame.mosaic.shape) // 2)
@@ -197,7 +197,7 @@ def test_a_bracket_with_dark_frames_gives_the_same_signal(captured):
     edit(captured, 'object = "photos/box.dng"', 'object = ["photos/short.dng", "photos/long.dng"]\n'
          'dark = ["photos/short_dark.dng", "photos/long_dark.dng"]')
     config = read_session(captured)
-    merged, notes = read_photo(config, config.photos.object_files)
+    merged, notes = read_photo(config, config.shots[0].photo)
     ratio = merged.signal.sum(axis=(0, 1)) / single.signal.sum(axis=(0, 1)) * single.exposure_s / merged.exposure_s
     # Sums over 16 000 pixels of a few per cent of noise each, and the dark frame's own black: well within 0.5 %.
     np.testing.assert_allclose(ratio, 1, atol=5e-3)

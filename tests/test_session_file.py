@@ -45,7 +45,7 @@ def test_a_spectrum_may_name_its_column(tmp_path):
 @pytest.mark.parametrize("change, sentence", [
     (("[photos]", "[foto]"), "unknown key 'foto'; did you mean 'photos'"),
     (("bsdf = ", "bsfd = "), "unknown key 'bsfd' in [materials.white]; did you mean 'bsdf'"),
-    (('object = "photos/box.dng"', "object = 3"), "photos.object is 3; str or list is needed"),
+    (('object = "photos/box.dng"', "object = 3"), "photos.object is 3; str or list or table is needed"),
     (('object = "photos/box.dng"', ""), "photos.object is missing"),
     (('chart = "photos/chart.dng"', ""), "photos.chart is missing, but sensitivities or scale are to come from it"),
     (('[chart]\nscene = "scene/chart.xml"', ""), "chart.scene is missing"),

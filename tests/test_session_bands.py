@@ -1,0 +1,53 @@
+"""Sessions whose photos are taken band by band."""
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from capture.developed import open_any, write_developed
+from radiometry.errors import InputError
+from session.inputs import read_photo
+from session.pipeline import load_finished, reconstruction_of, run_stages
+from session.session_file import read_session
+
+BANDS = {"red filter": 0, "green filter": 1, "blue filter": 2}
+EXPOSED = (1.0, 0.5, 2.0)   # of each band, times the photo's own
+
+
+def split_into_bands(folder, photos):
+    """Each photo as one linear file a band, exposed differently."""
+    text = (folder / "session.toml").read_text(encoding="utf-8")
+    for key, stem in photos.items():
+        photo = open_any(folder / "photos" / f"{stem}.dng")
+        table = []
+        for (name, band), factor in zip(BANDS.items(), EXPOSED, strict=True):
+            one = np.s_[..., band:band + 1]
+            write_developed(folder / "photos" / f"{stem}_{band}.exr", dataclasses.replace(
+                photo, signal=photo.signal[one] * factor, variance=photo.variance[one] * factor**2,
+                saturated=photo.saturated[one], exposure_s=photo.exposure_s * factor))
+            table.append(f'"{name}" = "photos/{stem}_{band}.exr"')
+        text = re.sub(rf"(?m)^{key} = .*$", f"{key} = {{ {', '.join(table)} }}", text)
+    (folder / "session.toml").write_text(text, encoding="utf-8")
+    return read_session(folder)
+
+
+def test_bands_are_stacked_at_one_exposure(captured):
+    whole, _ = read_photo(read_session(captured), {"": ("photos/box.dng",)})
+    config = split_into_bands(captured, {"object": "box", "chart": "chart", "flat": "flat"})
+    stacked, _ = read_photo(config, config.shots[0].photo)
+    assert stacked.exposure_s == pytest.approx(whole.exposure_s * min(EXPOSED))
+    np.testing.assert_allclose(stacked.signal / min(EXPOSED), whole.signal, rtol=1e-3, atol=1e-6)
+
+
+def test_a_session_of_bands_finds_what_the_colour_photo_finds(captured, finished):
+    config = split_into_bands(captured, {"object": "box", "chart": "chart", "flat": "flat"})
+    run = run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None)
+    stacked, whole = (reconstruction_of(stored) for stored in (run.stored,
+                                                               load_finished(read_session(finished)).stored))
+    np.testing.assert_allclose(stacked.signal, whole.signal, rtol=0.02)
+
+
+def test_photos_of_other_bands_are_named(captured):
+    with pytest.raises(InputError, match="photos.chart and photos.object must have the same bands.*'blue filter'"):
+        split_into_bands(captured, {"object": "box"})
