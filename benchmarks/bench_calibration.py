@@ -10,18 +10,21 @@ optimistic by an unmeasured amount.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import time
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.bench_calibration_constants import choose, makers_of
 from calibrate.camera_database import CameraDatabase, read_camera_database
-from calibrate.camera_prior import CameraPrior, build_prior
+from calibrate.camera_prior import CameraPrior
 from calibrate.chart_photo import ChartPhoto, field_terms
 from calibrate.curve_posterior import draw_curves
+from calibrate.learnt_prior import CONSTANTS, PriorConstants, build_prior
 from calibrate.sensitivity import fit_sensitivities, fit_with_prior
 from radiometry.chart import chart_reflectances, patch_centres_uv
 from radiometry.grid import visible_grid
@@ -35,6 +38,16 @@ TARGETS = (0.030, 0.050, 0.038, 0.050, 0.050)
 METHODS = ("paper", "nonnegative", "smooth", "prior")
 FLOOR = 0.02        # of the maximum: the noise that is stated never falls below that of so dark a patch
 FALL_OFF, GLARE = 0.2, 0.01
+SECOND_LIGHT = "D65"
+FIRST_HALF = ("Canon", "ARRI", "Hasselblad", "Arashi")     # 22 cameras of 40; the others: Nikon, Sony, Fujifilm
+
+
+class Shot(NamedTuple):
+    """One simulated photo: signals and variances (24, K), light (P,)."""
+
+    signal: np.ndarray
+    variance: np.ndarray
+    power: np.ndarray
 
 
 def curve_error(curves: np.ndarray, truth: np.ndarray) -> float:
@@ -55,30 +68,32 @@ def photograph(truth: np.ndarray, reflectances: np.ndarray, power: np.ndarray, n
     return signal + noise * signal * rng.standard_normal(signal.shape), variance
 
 
-def others(database: CameraDatabase, left_out: int, by_brand: bool) -> CameraPrior:
+def others(database: CameraDatabase, left_out: int, by_brand: bool,
+           constants: PriorConstants = CONSTANTS) -> CameraPrior:
     """Prior without one camera, or without every camera of its maker."""
     maker = [name.split()[0] for name in database.names]
     keep = [index for index in range(len(maker))
             if (maker[index] != maker[left_out] if by_brand else index != left_out)]
     return build_prior(database.nm, database.curves[keep], tuple(database.names[index] for index in keep),
-                       source="benchmark", licence="")
+                       source="benchmark", licence="", constants=constants)
 
 
-def fit_one(method: str, signal: np.ndarray, variance: np.ndarray, reflectances: np.ndarray, power: np.ndarray,
-            prior: CameraPrior | None, with_field: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Curves and their 90 % band, (K, P) each."""
-    covariance = np.einsum("ik,kl->ikl", variance, np.eye(signal.shape[1]))
+def fit_one(method: str, shots: list[Shot], reflectances: np.ndarray, prior: CameraPrior | None,
+            with_field: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Curves and their 90 % band, (K, P) each; methods other than ``prior`` see the first photo only."""
+    covariances = [np.einsum("ik,kl->ikl", shot.variance, np.eye(shot.signal.shape[1])) for shot in shots]
     if method == "prior":
-        assert prior is not None
         terms = field_terms(patch_centres_uv()) if with_field else np.zeros((24, 0))
-        photo = ChartPhoto(signal, covariance, reflectances, power * GRID.weights_nm, np.full(24, np.pi), terms,
-                           glare=with_field)
-        found = fit_with_prior([photo], prior, GRID)
-        draws = draw_curves(found.posterior, 3, 400, seed=0).curves
+        photos = [ChartPhoto(shot.signal, covariance, reflectances, shot.power * GRID.weights_nm, np.full(24, np.pi),
+                             terms, glare=with_field) for shot, covariance in zip(shots, covariances, strict=True)]
+        found = fit_with_prior(photos, prior, GRID)
+        draws = draw_curves(found.posterior, len(found.sensitivity.curves), 400, seed=0).curves
         lower, upper = np.quantile(draws, [0.05, 0.95], axis=0)
         return found.sensitivity.curves, lower, upper
-    samples = PatchSamples(signal, covariance, np.ones(24), np.zeros(signal.shape), np.zeros(signal.shape))
-    fit, _ = fit_sensitivities(samples, reflectances, power, np.full(24, np.pi), GRID, method=method)
+    first = shots[0]
+    zero = np.zeros(first.signal.shape)
+    fit, _ = fit_sensitivities(PatchSamples(first.signal, covariances[0], np.ones(24), zero, zero), reflectances,
+                               first.power, np.full(24, np.pi), GRID, method=method)
     assert fit.standard_error is not None
     return fit.curves, fit.curves - 1.645 * fit.standard_error, fit.curves + 1.645 * fit.standard_error
 
@@ -90,21 +105,24 @@ def transfer_error(curves: np.ndarray, truth: np.ndarray, reflectances: np.ndarr
     return float(np.sqrt(np.mean((seen - true) ** 2) / np.mean(true**2)))
 
 
-def run(database: CameraDatabase, reflectances: np.ndarray, light_name: str, noise: float, methods: tuple[str, ...], *,
-        by_brand: bool = False, stated: bool = True, with_field: bool = False, distort: bool = False,
-        surfaces: np.ndarray | None = None) -> dict[str, dict[str, float]]:
-    """Medians and coverage of every method over the cameras of the database."""
-    power, other = light(light_name, GRID), light("A", GRID)
+def run(database: CameraDatabase, reflectances: np.ndarray, lights: tuple[str, ...], noise: float,
+        methods: tuple[str, ...], *, by_brand: bool = False, stated: bool = True, with_field: bool = False,
+        distort: bool = False, surfaces: np.ndarray | None = None,
+        constants: tuple[PriorConstants, ...] | None = None) -> dict[str, dict[str, float]]:
+    """Medians and coverage of every method over the cameras of the database; ``constants`` are one for each camera."""
+    powers, other = [light(name, GRID) for name in lights], light("A", GRID)
     rng = np.random.default_rng(20)
     found: dict[str, list[tuple[float, float, float, float]]] = {method: [] for method in methods}
     for camera, curves in enumerate(database.curves):
         truth = on_grid(database.nm, curves / curves.max(), GRID, database.names[camera])
-        signal, variance = photograph(truth, reflectances, power, noise, rng, distort)
-        prior = others(database, camera, by_brand) if "prior" in methods else None
+        shots = []
+        for power in powers:
+            signal, variance = photograph(truth, reflectances, power, noise, rng, distort)
+            shots.append(Shot(signal, variance if stated else 0 * variance, power))
+        prior = others(database, camera, by_brand, constants[camera] if constants else CONSTANTS)
         for method in methods:
             start = time.perf_counter()
-            fitted, lower, upper = fit_one(method, signal, variance if stated else 0 * variance, reflectances, power,
-                                           prior, with_field)
+            fitted, lower, upper = fit_one(method, shots, reflectances, prior, with_field)
             seconds = time.perf_counter() - start
             inside = float(np.mean((truth >= lower - 1e-9) & (truth <= upper + 1e-9)))
             transfer = transfer_error(fitted, truth, surfaces, other) if surfaces is not None else 0.0
@@ -127,18 +145,45 @@ def measure(folder: Path) -> dict[str, Any]:
     """Every figure."""
     database = read_camera_database(folder / "cameras")
     reflectances = chart_reflectances("BabelColor Average", GRID)
-    cells = [{"light": name, "noise": noise, "target": target, **run(database, reflectances, name, noise, METHODS)}
+    cells = [{"light": name, "noise": noise, "target": target, **run(database, reflectances, (name,), noise, METHODS)}
              for (name, noise), target in zip(CELLS, TARGETS, strict=True)]
-    only = ("prior",)
-    transfer = run(database, reflectances, "LED-B3", 0.01, ("paper", "prior"), surfaces=read_surfaces(folder))
+    only, led = ("prior",), ("LED-B3",)
+    transfer = run(database, reflectances, led, 0.01, ("paper", "prior"), surfaces=read_surfaces(folder))
     return {"cameras": len(database.names), "cells": cells, "transfer": transfer,
-            "brand_out": run(database, reflectances, "LED-B3", 0.01, ("paper", "prior"), by_brand=True),
+            "brand_out": run(database, reflectances, led, 0.01, ("paper", "prior"), by_brand=True),
             "noise_not_stated": [{"light": name, "noise": noise,
-                                  **run(database, reflectances, name, noise, only, stated=False)}
-                                 for name, noise in (("D65", 0.005), ("LED-B3", 0.02))],
-            "flat": run(database, reflectances, "LED-B3", 0.01, only, with_field=True),
-            "fall_off_and_glare": run(database, reflectances, "LED-B3", 0.01, ("paper", "prior"), with_field=True,
-                                      distort=True)}
+                                  **run(database, reflectances, (name,), noise, only, stated=False)}
+                                 for name, noise in CELLS],
+            "flat": run(database, reflectances, led, 0.01, only, with_field=True),
+            "fall_off_and_glare": run(database, reflectances, led, 0.01, ("paper", "prior"), with_field=True,
+                                      distort=True),
+            "one_light": run(database, reflectances, led, 0.02, only),
+            "twice_one_light": run(database, reflectances, led * 2, 0.02, only),
+            "two_lights": run(database, reflectances, ("LED-B3", SECOND_LIGHT), 0.02, only)}
+
+
+def nested(folder: Path) -> dict[str, Any]:
+    """The prior's figures with constants that were chosen on cameras of other makers."""
+    database = read_camera_database(folder / "cameras")
+    reflectances = chart_reflectances("BabelColor Average", GRID)
+    first = np.isin(makers_of(database), FIRST_HALF)
+    halves = [choose(database, scored)[0] for scored in (first, ~first)]
+    constants = tuple(halves[1] if inside else halves[0] for inside in first)
+    cells = [{"light": name, "noise": noise,
+              **run(database, reflectances, (name,), noise, ("prior",), constants=constants)} for name, noise in CELLS]
+    return {"constants": [dataclasses.asdict(half) for half in halves], "cells": cells,
+            "brand_out": run(database, reflectances, ("LED-B3",), 0.01, ("prior",), by_brand=True, constants=constants)}
+
+
+def print_nested(figures: dict[str, Any]) -> None:
+    print("constants chosen on one half of the makers, cameras of the other half")
+    for cell in figures["cells"]:
+        print(f"{cell['light']} {cell['noise']:.1%}: error {cell['prior']['error']:.4f}, "
+              f"coverage {cell['prior']['coverage']:.3f}")
+    print(f"whole brand left out, LED-B3 1 %: error {figures['brand_out']['prior']['error']:.4f}, "
+          f"coverage {figures['brand_out']['prior']['coverage']:.3f}")
+    for half in figures["constants"]:
+        print({name: np.round(value, 3).tolist() for name, value in half.items()})
 
 
 def print_table(figures: dict[str, Any]) -> None:
@@ -161,20 +206,25 @@ def print_table(figures: dict[str, Any]) -> None:
     for row in figures["noise_not_stated"]:
         print(f"noise not stated, {row['light']} {row['noise']:.1%}: error {row['prior']['error']:.3f}, "
               f"coverage {row['prior']['coverage']:.3f}")
+    for title, key in (("LED-B3 2 %, one photo", "one_light"), ("two photos under LED-B3", "twice_one_light"),
+                       (f"a second photo under {SECOND_LIGHT}", "two_lights")):
+        print(f"{title:<38}prior {figures[key]['prior']['error']:.4f} (mean {figures[key]['prior']['mean_error']:.4f}, "
+              f"coverage {figures[key]['prior']['coverage']:.3f})")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, required=True, help="folder with cameras/ and reflectance/rawtoaces190/")
+    parser.add_argument("--nested", action="store_true", help="choose the prior's constants on other makers first")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the tables")
     arguments = parser.parse_args()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        figures = measure(arguments.data)
+        figures = nested(arguments.data) if arguments.nested else measure(arguments.data)
     if arguments.json:
         print(json.dumps(figures))
     else:
-        print_table(figures)
+        (print_nested if arguments.nested else print_table)(figures)
 
 
 if __name__ == "__main__":

@@ -6,25 +6,38 @@ from typing import Annotated
 
 import numpy as np
 
-from calibrate.camera_prior import CameraPrior, shipped_prior
-from calibrate.chart_photo import chart_photo
+from calibrate.camera_prior import CameraPrior
+from calibrate.chart_photo import ChartPhoto, chart_photo
 from calibrate.photo_checks import light_power, refuse_disagreement
 from calibrate.sensitivity import (
     SPLINE_COEFFICIENTS,
     PriorFit,
+    default_prior,
     fit_sensitivities,
     fit_with_prior,
     relative_prediction_covariance,
     scale_of_photo,
 )
+from calibrate.spline_fit import SPLINE_BANDS
 from calibrate.trust import other_readings, sentences
 from radiometry.chart import patch_centres_uv
+from radiometry.errors import InputError
 from radiometry.light_scale import scale_from_signals
 from radiometry.records import Calibration, LightScale, Outcome, PatchSamples, SensitivityFit, Spectrum, WavelengthGrid
 from radiometry.response import response_matrix
 from radiometry.shaped import Record
 
 CHART_ERROR = 0.01  # relative error of a patch against its published reflectance
+
+
+@dataclass(frozen=True, eq=False)
+class ChartShot(Record):
+    """One more photo of a chart by the same camera: any light, exposure and chart of I patches."""
+
+    samples: PatchSamples
+    reflectances: Annotated[np.ndarray, "I P"]
+    light: Spectrum
+    irradiance: Annotated[np.ndarray, "I"] | None = None  # None: not known, a smooth field is allowed
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +70,9 @@ def calibration_from_chart(samples: PatchSamples, reflectances: np.ndarray, ligh
     scaled : bool
         Whether the irradiance is that of the real geometry, so that a light scale follows.
     method : str or None
-        One of ``calibrate.sensitivity.METHODS``; None takes ``prior`` for cameras of as many bands as the prior and
-        ``smooth`` for others.
+        One of ``calibrate.sensitivity.METHODS``; None takes ``prior``.
     prior : CameraPrior or None
-        None takes the one that comes with the project.
+        None takes the one that comes with the project, or smoothness alone for cameras of other bands.
     patch_places : (24, 2) array or None
         Of the patches on the chart, for a smooth illumination field; None takes the printed chart's where the geometry
         is unknown and allows no field where it is known.
@@ -80,21 +92,34 @@ def calibration_from_chart(samples: PatchSamples, reflectances: np.ndarray, ligh
 def calibrate_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectrum, irradiance: np.ndarray,
                     grid: WavelengthGrid, *, coefficients: int = SPLINE_COEFFICIENTS,
                     curves: np.ndarray | None = None, scaled: bool = False, method: str | None = None,
-                    prior: CameraPrior | None = None, patch_places: np.ndarray | None = None) -> ChartCalibration:
-    """The same with the joint estimate and the light scale whether or not the geometry is known."""
+                    prior: CameraPrior | None = None, patch_places: np.ndarray | None = None,
+                    more: tuple[ChartShot, ...] = ()) -> ChartCalibration:
+    """The same with the joint estimate and the light scale whether or not the geometry is known.
+
+    ``more`` are further photos for the method ``prior``; light, scale and predicted signals stay those of the first.
+
+    Raises
+    ------
+    InputError
+        If further photos are given to a method that takes one.
+    """
+    if more and (curves is not None or method not in (None, "prior")):
+        raise InputError(f"method {method or 'file'} takes one photo; {1 + len(more)} photos need method prior")
     power, unseen = light_power(light, grid)
     places = patch_centres_uv() if patch_places is None and not scaled else patch_places
     found = None
     said: tuple[str, ...] = ()
     if curves is not None:
         fit, scale, predicted = _from_measured(samples, reflectances, power, irradiance, grid, curves)
-    elif _method(method, prior, samples) == "prior":
-        found = prior_calibration(samples, reflectances, power, irradiance, grid, prior=prior, places=places)
+    elif method in (None, "prior"):
+        first = chart_photo(samples, reflectances, power, irradiance, grid, places=places)
+        found = prior_calibration([first, *(_further(shot, grid) for shot in more)], grid, prior)
         fit, scale, predicted = found.sensitivity, scale_of_photo(found, 0), found.photos[0].predicted
         said = sentences(found, grid)
     else:
-        fit, scale = fit_sensitivities(samples, reflectances, power, irradiance, grid, coefficients,
-                                       method=_method(method, prior, samples))
+        assert method is not None
+        fit, scale = fit_sensitivities(samples, reflectances, power, irradiance, grid, coefficients, method=method)
+        said = (SPLINE_BANDS[method],)
         predicted = scale.value * _chart_signals(grid, fit.curves, power, reflectances, irradiance)
     held_out = fit.residuals if fit.held_out_residuals is None else fit.held_out_residuals
     assert held_out is not None
@@ -104,21 +129,18 @@ def calibrate_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spec
     return ChartCalibration(calibration, scale, predicted, samples.mean * (1 - held_out), found)
 
 
-def prior_calibration(samples: PatchSamples, reflectances: np.ndarray, power: np.ndarray, irradiance: np.ndarray,
-                      grid: WavelengthGrid, *, prior: CameraPrior | None = None,
-                      places: np.ndarray | None = None) -> PriorFit:
-    """The joint estimate from one chart photo, refused where no camera explains the photo.
+def prior_calibration(photos: list[ChartPhoto], grid: WavelengthGrid, prior: CameraPrior | None = None) -> PriorFit:
+    """The joint estimate from chart photos, refused where no camera explains them.
 
     Raises
     ------
     CheckError
         If the patches disagree with the reference under any camera; it says which other reading would agree.
     """
-    prior = shipped_prior() if prior is None else prior
-    photo = chart_photo(samples, reflectances, power, irradiance, grid, places=places)
-    found = fit_with_prior([photo], prior, grid)
+    found = fit_with_prior(photos, prior, grid)
     if found.disagrees:
-        refuse_disagreement(found.model_error, found.chi_square, other_readings(photo, prior, grid))
+        known = default_prior(photos, grid) if prior is None else prior
+        refuse_disagreement(found.model_error, found.chi_square, other_readings(photos[0], known, grid))
     return found
 
 
@@ -130,10 +152,13 @@ def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spe
     return Calibration(_measured_curves(grid, curves, None), light, None, covariance, (note,))
 
 
-def _method(method: str | None, prior: CameraPrior | None, samples: PatchSamples) -> str:
-    """The method asked for, else the best one for a camera of so many bands."""
-    bands = prior.bands if prior is not None else 3
-    return method or ("prior" if samples.mean.shape[1] == bands else "smooth")
+def _further(shot: ChartShot, grid: WavelengthGrid) -> ChartPhoto:
+    """One more photo as equations; a field is allowed where the illumination of a printed chart is not known."""
+    power, _ = light_power(shot.light, grid)
+    count = len(shot.samples.mean)
+    even = np.full(count, np.pi) if shot.irradiance is None else shot.irradiance
+    places = patch_centres_uv() if shot.irradiance is None and count == len(patch_centres_uv()) else None
+    return chart_photo(shot.samples, shot.reflectances, power, even, grid, places=places)
 
 
 def _from_measured(samples: PatchSamples, reflectances: np.ndarray, power: np.ndarray, irradiance: np.ndarray,

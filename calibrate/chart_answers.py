@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from calibrate.calibration import ChartCalibration, calibrate_chart
+from calibrate.calibration import ChartCalibration, ChartShot, calibrate_chart
 from calibrate.camera_prior import CameraPrior
 from calibrate.curve_posterior import draw_curves
 from calibrate.trust import chart_colour_differences
@@ -33,8 +33,8 @@ class ChartAnswer(Record):
 
 def answer_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectrum, grid: WavelengthGrid, *,
                  method: str | None = None, prior: CameraPrior | None = None, curves: np.ndarray | None = None,
-                 irradiance: np.ndarray | None = None, seed: int = 0) -> ChartAnswer:
-    """Everything that one chart photo says of a camera.
+                 irradiance: np.ndarray | None = None, more: tuple[ChartShot, ...] = (), seed: int = 0) -> ChartAnswer:
+    """Everything that one chart photo, or several, say of a camera.
 
     Parameters
     ----------
@@ -43,10 +43,12 @@ def answer_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectru
         As in ``calibration_from_chart``.
     irradiance : (24,) array or None
         On each patch for a light spectrum of 1; None: not known, a smooth field is allowed.
+    more : tuple of ChartShot
+        Further photos by the same camera; colour differences are of the first.
     """
     even = np.full(len(samples.mean), np.pi)
     made = calibrate_chart(samples, reflectances, light, even if irradiance is None else irradiance, grid,
-                           method=method, prior=prior, curves=curves, scaled=irradiance is not None)
+                           method=method, prior=prior, curves=curves, scaled=irradiance is not None, more=more)
     fit = made.calibration.sensitivity
     draws = lower = upper = None
     if made.found is not None:
@@ -75,7 +77,7 @@ def facts_of(result: ChartAnswer, grid: WavelengthGrid) -> dict[str, Any]:
         "outcome": calibration.sensitivity.outcome.value}
     if found is not None:
         facts |= {"model_error": found.model_error, "chi_square": found.chi_square,
-                  "prior_share": found.prior_share.tolist(), "field": found.photos[0].field.tolist(),
-                  "glare": found.photos[0].glare.tolist(),
+                  "prior_share": found.prior_share.tolist(), "photos": len(found.photos),
+                  "field": found.photos[0].field.tolist(), "glare": found.photos[0].glare.tolist(),
                   "nearest_cameras": [{"cameras": members, "probability": share} for members, share in found.families]}
     return facts

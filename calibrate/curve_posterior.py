@@ -5,10 +5,13 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from calibrate.camera_prior import CameraPrior
 from calibrate.chart_photo import ChartPhoto, nuisance_sd, predicted_signal, unlit_design
 from calibrate.prior_fit import CurvePosterior
+from radiometry.errors import InputError
+from radiometry.records import Calibration
 from radiometry.shaped import Record
 
 ROUND_OFF = 1e-9             # of the largest value
@@ -69,11 +72,34 @@ def draw_curves(posterior: CurvePosterior, bands: int, draws: int, seed: int) ->
     rng = np.random.default_rng(seed)
     size = bands * posterior.basis.shape[1]
     counts = rng.multinomial(draws, posterior.weights)
-    stacked = [mean[:size] + rng.standard_normal((count, size)) @ _root(covariance[:size, :size]).T
-               for count, mean, covariance in zip(counts, posterior.means, posterior.covariances, strict=True) if count]
+    with threadpool_limits(1, "blas"):  # see fit_with_prior
+        stacked = [mean[:size] + rng.standard_normal((count, size)) @ _root(covariance[:size, :size]).T
+                   for count, mean, covariance in zip(counts, posterior.means, posterior.covariances, strict=True)
+                   if count]
     coefficients = np.vstack(stacked).reshape(draws, bands, -1)
     curves = np.clip(rng.permutation(coefficients), 0, None) @ posterior.basis.T
     return CurveDraws(curves / curves.max(axis=(1, 2), keepdims=True), seed)
+
+
+def sensitivity_draws(calibration: Calibration, draws: int, seed: int) -> np.ndarray:
+    """Draws (T, K, P) of all curves together from the covariance (K N, K N) that a calibration carries.
+
+    One Gaussian in place of the mixture that ``draw_curves`` draws from; negative values are set to zero and each draw
+    has a largest value of 1, so that a later stage can average over what is not known of the camera.
+
+    Raises
+    ------
+    InputError
+        If the calibration carries no covariance: measured curves from a file.
+    """
+    fit = calibration.sensitivity
+    if fit.coefficients is None or fit.covariance is None or fit.basis is None:
+        raise InputError(f"the sensitivities ({fit.method}) carry no covariance to draw from; "
+                         "fit them to a chart photo")
+    normal = np.random.default_rng(seed).standard_normal((draws, fit.coefficients.size))
+    coefficients = (fit.coefficients.ravel() + normal @ _root(fit.covariance).T).reshape(draws, *fit.coefficients.shape)
+    curves = np.clip(coefficients @ fit.basis.T, 0, None)
+    return curves / curves.max(axis=(1, 2), keepdims=True)
 
 
 def prior_share(posterior: CurvePosterior, prior: CameraPrior, moments: CurveMoments) -> np.ndarray:
@@ -82,9 +108,8 @@ def prior_share(posterior: CurvePosterior, prior: CameraPrior, moments: CurveMom
     Both are of curves divided by their largest value, for the photo never tells exposure from sensitivity.
     """
     spread = np.sqrt(prior.weights)[:, None] * (prior.means - prior.weights @ prior.means)
-    before = spread.T @ spread
-    for family, weight in enumerate(prior.weights):
-        before += weight * prior.covariance(family)
+    of_level = np.bincount(prior.level, prior.weights, minlength=len(prior.widening)) * prior.widening**2
+    before = spread.T @ spread + np.einsum("l,lij->ij", of_level, prior.covariances())
     scaling = _scaling(moments.coefficients, posterior.basis) / moments.peak
     after, prior_variance = (curve_variance(posterior.basis, covariance, prior.bands)
                              for covariance in (moments.covariance, scaling @ before @ scaling.T))

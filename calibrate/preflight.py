@@ -22,7 +22,8 @@ SPLINE_COEFFICIENTS = 10
 class Preflight(Record):
     """Expected result of a chart photo that has not been taken."""
 
-    expected_error: Annotated[np.ndarray, "K"]      # relative RMSE of each curve
+    expected_error: Annotated[np.ndarray, "K"]      # relative RMSE of each curve, of a camera like those measured
+    unlike_error: Annotated[np.ndarray, "K"]        # the same of a camera unlike them
     half_width: Annotated[np.ndarray, "K P"]        # of the expected 90 % band, curves of largest value 1
     condition_number: float
     unlit_nm: tuple[tuple[float, float], ...]
@@ -32,7 +33,10 @@ class Preflight(Record):
 def preflight(prior: CameraPrior, reflectances: np.ndarray, power: np.ndarray, grid: WavelengthGrid, *,
               relative_error: float = 0.01, places: np.ndarray | None = None,
               second: dict[str, np.ndarray] | None = None) -> Preflight:
-    """What to expect of a photo of a chart under a light, averaged over the families of the prior.
+    """What to expect of a photo of a chart under a light, for a camera like those measured and for one unlike them.
+
+    The first is the average over the families of the prior, the second its last component. Half width and second lights
+    are of the first.
 
     Parameters
     ----------
@@ -46,23 +50,32 @@ def preflight(prior: CameraPrior, reflectances: np.ndarray, power: np.ndarray, g
     second : dict or None
         Spectra (P,) of lights by name, each tried as a second photo.
     """
-    variance, relative = _expected(prior, reflectances, [power], grid, relative_error, places)
-    tried = {name: float(_expected(prior, reflectances, [power, other], grid, relative_error, places)[1].mean())
-             for name, other in (second or {}).items()}
+    spreads = prior.covariances()
+    last = len(prior.weights) - 1
+    known = [index for index in range(last) if prior.level[index] == 0] or [last]
+
+    def expected(powers: list[np.ndarray], components: list[int]) -> tuple[np.ndarray, np.ndarray]:
+        return _expected(prior, spreads, components, reflectances, powers, grid, relative_error, places)
+
+    variance, relative = expected([power], known)
+    tried = {name: float(expected([power, other], known)[1].mean()) for name, other in (second or {}).items()}
     design = (reflectances * power * grid.weights_nm) @ basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
-    return Preflight(relative, 1.645 * np.sqrt(variance), float(np.linalg.cond(design)),
+    return Preflight(relative, expected([power], [last])[1], 1.645 * np.sqrt(variance), float(np.linalg.cond(design)),
                      tuple(dark_ranges(power, grid)), tuple(sorted(tried.items(), key=lambda item: item[1])))
 
 
-def _expected(prior: CameraPrior, reflectances: np.ndarray, powers: list[np.ndarray], grid: WavelengthGrid,
-              relative_error: float, places: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Variance (K, P) of the curves and relative error (K,) of each, means over the families."""
+def _expected(prior: CameraPrior, spreads: np.ndarray, components: list[int], reflectances: np.ndarray,
+              powers: list[np.ndarray], grid: WavelengthGrid, relative_error: float,
+              places: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Variance (K, P) of the curves and relative error (K,) of each, means over some components of the prior."""
     basis = hat_basis(prior.nm, grid.nm)
     variance, relative = np.zeros((prior.bands, grid.nm.size)), np.zeros(prior.bands)
-    for family, weight in enumerate(prior.weights):
-        coefficients = prior.means[family].reshape(prior.bands, -1)
+    weights = prior.weights[components] / prior.weights[components].sum()
+    for component, weight in zip(components, weights, strict=True):
+        coefficients = prior.means[component].reshape(prior.bands, -1)
         photos = [_imagined(reflectances, power, coefficients, basis, grid, places) for power in powers]
-        covariance = expected_covariance(photos, prior, family, relative_error, grid)
+        covariance = expected_covariance(photos, prior, component, relative_error, grid,
+                                         spread=spreads[prior.level[component]])
         curves = coefficients @ basis.T
         expected = curve_variance(basis, covariance, prior.bands) / curves.max() ** 2
         variance += weight * expected

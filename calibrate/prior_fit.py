@@ -79,16 +79,20 @@ def posterior_of_curves(photos: list[ChartPhoto], prior: CameraPrior, grid: Wave
     basis = hat_basis(prior.nm, grid.nm)
     designs = [unlit_design(photo, basis) for photo in photos]
     noises = {error: _noise(photos, error) for error in model_errors}
+    spreads = prior.covariances()
+    gains = GAINS if prior.between.size else ((0.0, 1.0),)  # a prior without cameras knows nothing of gains either
     candidates = []
-    for family, (gain_sd, share) in product(range(len(prior.weights)), GAINS):
-        covariance, start = _joint_prior(prior, family, gain_sd, photos, designs)
+    for family, (gain_sd, share) in product(range(len(prior.weights)), gains):
+        covariance, start = _joint_prior(prior, spreads[prior.level[family]], family, gain_sd, photos, designs)
         jacobian, linear = _linearise(photos, designs, start, covariance, prior.bands)
         projected = jacobian @ covariance @ jacobian.T
+        for shared in (start, covariance, jacobian, linear):
+            shared.flags.writeable = False  # else every candidate below would copy it
         log_share = float(np.log(prior.weights[family] * share))
         candidates += [Candidate(log_share + _log_evidence(projected + noise, linear - jacobian @ start), family,
                                  gain_sd, error, start, covariance, jacobian, linear)
                        for error, noise in noises.items()]
-    return _mixture(candidates, noises, basis, len(prior.weights))
+    return _mixture(candidates, noises, basis, prior)
 
 
 def held_out_signals(photos: list[ChartPhoto], prior: CameraPrior, grid: WavelengthGrid,
@@ -100,7 +104,9 @@ def held_out_signals(photos: list[ChartPhoto], prior: CameraPrior, grid: Wavelen
     is r Q^-1 r over the number of signals: 1 where photo, chart, light and prior agree within their errors.
     """
     designs = [unlit_design(photo, posterior.basis) for photo in photos]
-    covariance, start = _joint_prior(prior, posterior.best_family, posterior.best_gain_sd, photos, designs)
+    family = posterior.best_family
+    covariance, start = _joint_prior(prior, prior.covariances()[prior.level[family]], family, posterior.best_gain_sd,
+                                     photos, designs)
     jacobian, linear = _linearise(photos, designs, start, covariance, prior.bands)
     inverse = np.linalg.inv(jacobian @ covariance @ jacobian.T + _noise(photos, posterior.best_error))
     innovation = linear - jacobian @ start
@@ -117,15 +123,18 @@ def held_out_signals(photos: list[ChartPhoto], prior: CameraPrior, grid: Wavelen
 
 
 def expected_covariance(photos: list[ChartPhoto], prior: CameraPrior, family: int, relative_error: float,
-                        grid: WavelengthGrid) -> np.ndarray:
-    """Covariance (D, D) of the curves that photos like these would leave for a camera of one family."""
+                        grid: WavelengthGrid, *, spread: np.ndarray) -> np.ndarray:
+    """Covariance (D, D) of the curves that photos like these would leave for a camera of one family.
+
+    ``spread`` (D, D) is the family's covariance beforehand.
+    """
     designs = [unlit_design(photo, hat_basis(prior.nm, grid.nm)) for photo in photos]
-    covariance, start = _joint_prior(prior, family, GAINS[0][0], photos, designs)
+    covariance, start = _joint_prior(prior, spread, family, GAINS[0][0], photos, designs)
     predicted, jacobian = _equations(photos, designs, start, prior.bands)
     candidate = Candidate(0.0, family, GAINS[0][0], relative_error, start, covariance, jacobian, predicted)
     _, posterior = _condition(candidate, _noise(photos, relative_error))
     size = prior.means.shape[1]
-    return posterior[:size, :size]
+    return posterior[:size, :size] * prior.widening[prior.level[family]] ** 2
 
 
 def hat_basis(nodes_nm: np.ndarray, nm: np.ndarray) -> np.ndarray:
@@ -133,19 +142,21 @@ def hat_basis(nodes_nm: np.ndarray, nm: np.ndarray) -> np.ndarray:
     return np.array([np.interp(nm, nodes_nm, unit) for unit in np.eye(nodes_nm.size)]).T
 
 
-def _joint_prior(prior: CameraPrior, family: int, gain_sd: float, photos: list[ChartPhoto],
+def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: float, photos: list[ChartPhoto],
                  designs: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (Z, Z) and mean (Z,) of curves and nuisances beforehand; the exposure starts where it fits best.
 
-    Curves are scaled to the same whole signal of the first chart, so that exposure alone says how bright a photo is.
+    ``spread`` (D, D) is the covariance of the family's curves. Curves are scaled to the same whole signal of the first
+    chart, so that exposure alone says how bright a photo is.
     """
     whole = _whole(designs, prior)
     factor = whole @ prior.means[family]
     mean = prior.means[family] / factor
     bands = mean.reshape(prior.bands, -1)
     gains = block_diag(*(gain_sd * band[:, None] for band in bands))
-    scaling = np.eye(mean.size) - np.outer(mean, whole)
-    covariance = scaling @ (prior.covariance(family) / factor**2 + gains @ gains.T) @ scaling.T
+    covariance = spread / factor**2 + gains @ gains.T
+    covariance = covariance - np.outer(mean, whole @ covariance)    # (1 - mean whole) covariance (1 - mean whole)^T
+    covariance = covariance - np.outer(covariance @ whole, mean)
     exposures = [np.log(photo.signal.sum() / (design @ bands.T).sum())
                  for photo, design in zip(photos, designs, strict=True)]
     sds = [np.r_[photo.relative_exposure_sd or EXPOSURE_SD, nuisance_sd(photo)] for photo in photos]
@@ -225,7 +236,7 @@ def _whole(designs: list[np.ndarray], prior: CameraPrior) -> np.ndarray:
 
 
 def _mixture(candidates: list[Candidate], noises: dict[float, np.ndarray], basis: np.ndarray,
-             families: int) -> CurvePosterior:
+             prior: CameraPrior) -> CurvePosterior:
     logs = np.array([candidate.log_weight for candidate in candidates])
     if not np.isfinite(logs.max()):
         raise CalibrationError("the signals of the patches span too many orders of magnitude to be fitted; "
@@ -233,11 +244,13 @@ def _mixture(candidates: list[Candidate], noises: dict[float, np.ndarray], basis
     weights = np.exp(logs - logs.max())
     log_evidence = float(logs.max() + np.log(weights.sum()))
     weights /= weights.sum()
-    by_family = np.bincount([candidate.family for candidate in candidates], weights, minlength=families)
+    by_family = np.bincount([candidate.family for candidate in candidates], weights,
+                            minlength=len(prior.weights))
     error = float(weights @ [candidate.error for candidate in candidates])
     kept = np.flatnonzero(weights > NEGLIGIBLE)
     solved = [_condition(candidates[i], noises[candidates[i].error]) for i in kept]
+    widening = prior.widening[prior.level[[candidates[i].family for i in kept]]]
     best = candidates[int(np.argmax(weights))]
+    covariances = np.array([covariance for _, covariance in solved]) * widening[:, None, None] ** 2
     return CurvePosterior(basis, weights[kept] / weights[kept].sum(), np.array([mean for mean, _ in solved]),
-                          np.array([covariance for _, covariance in solved]), by_family, error, log_evidence,
-                          best.family, best.gain_sd, best.error)
+                          covariances, by_family, error, log_evidence, best.family, best.gain_sd, best.error)

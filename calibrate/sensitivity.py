@@ -17,6 +17,7 @@ from calibrate.chart_photo import ChartPhoto, chart_photo
 from calibrate.curve_posterior import PhotoState, curve_moments, curve_variance, photo_states, prior_share
 from calibrate.photo_checks import WORST_CHI_SQUARE, WORST_MODEL_ERROR, require_apart, require_patches
 from calibrate.prior_fit import MODEL_ERRORS, CurvePosterior, held_out_signals, posterior_of_curves
+from calibrate.smooth_prior import smooth_prior
 from calibrate.spline_fit import SPLINE_METHODS, BandFits, fit_bands
 from radiometry.errors import CalibrationError, InputError
 from radiometry.records import LightScale, Outcome, PatchSamples, SensitivityFit, WavelengthGrid
@@ -49,9 +50,23 @@ class PriorFit(Record):
         return self.model_error > WORST_MODEL_ERROR or self.chi_square > WORST_CHI_SQUARE
 
 
-def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior, grid: WavelengthGrid, *,
+def default_prior(photos: list[ChartPhoto], grid: WavelengthGrid) -> CameraPrior:
+    """The shipped prior where it has as many bands as the photos, else one that knows smoothness only."""
+    shipped = shipped_prior()
+    return shipped if photos[0].signal.shape[1] == shipped.bands else smooth_prior(photos, grid)
+
+
+def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior | None, grid: WavelengthGrid, *,
                    model_errors: tuple[float, ...] = MODEL_ERRORS) -> PriorFit:
     """Curves, exposure, field and glare from any number of chart photos of one camera, with calibrated errors.
+
+    Parameters
+    ----------
+    photos : list of ChartPhoto
+        Charts, lights and exposures may differ. Field, glare and exposure are each photo's own, unless
+        ``relative_exposure_sd`` ties an exposure to that of the first.
+    prior : CameraPrior or None
+        None: see ``default_prior``.
 
     Raises
     ------
@@ -61,16 +76,19 @@ def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior, grid: Wavelengt
         If the prior holds another number of bands than the photos.
     """
     for photo in photos:
-        if photo.signal.shape[1] != prior.bands:
-            raise InputError(f"the prior is for cameras of {prior.bands} bands, the photo has {photo.signal.shape[1]}; "
-                             "use method \"smooth\", or a prior made from such cameras")
         require_patches(photo.signal)
         require_apart(photo.signal)
+    prior = default_prior(photos, grid) if prior is None else prior
+    for photo in photos:
+        if photo.signal.shape[1] != prior.bands:
+            raise InputError(f"the prior is for cameras of {prior.bands} bands, the photo has {photo.signal.shape[1]}; "
+                             "give a prior made from such cameras, or none")
     with threadpool_limits(1, "blas"):  # matrices of 200 rows: more threads wait for each other, ten times as long
         posterior = posterior_of_curves(photos, prior, grid, model_errors=model_errors)
         held_out, chi_square = held_out_signals(photos, prior, grid, posterior)
-    moments = curve_moments(posterior, prior.bands)
-    states = photo_states(posterior, photos, moments)
+        moments = curve_moments(posterior, prior.bands)
+        states = photo_states(posterior, photos, moments)
+        shares = prior_share(posterior, prior, moments)
     curves = moments.coefficients @ posterior.basis.T
     error = np.sqrt(curve_variance(posterior.basis, moments.covariance, prior.bands))
     first = photos[0].signal
@@ -79,10 +97,10 @@ def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior, grid: Wavelengt
     fit = SensitivityFit(grid, curves, posterior.basis, moments.coefficients, moments.covariance,
                          error, 1 - states[0].predicted / first if of_chart else None,
                          1 - held_out[0] / first if of_chart else None, condition,
-                         f"Gaussian mixture prior of measured cameras ({prior.source})", Outcome.CONVERGED)
+                         f"joint estimate with a Gaussian mixture prior ({prior.source})", Outcome.CONVERGED)
     order = np.argsort(-posterior.families)
     families = tuple((prior.members[index], float(posterior.families[index])) for index in order)
-    return PriorFit(fit, posterior, tuple(states), tuple(held_out), prior_share(posterior, prior, moments), families,
+    return PriorFit(fit, posterior, tuple(states), tuple(held_out), shares, families,
                     posterior.model_error, chi_square)
 
 
@@ -129,7 +147,7 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
         raise InputError(f"method {method!r} is not known; known are {', '.join(METHODS)}")
     if method == "prior":
         photo = chart_photo(patches, reflectances, light, irradiance, grid, places=places)
-        found = fit_with_prior([photo], shipped_prior() if prior is None else prior, grid)
+        found = fit_with_prior([photo], prior, grid)
         return found.sensitivity, scale_of_photo(found, 0)
     require_patches(patches.mean)
     require_apart(patches.mean)

@@ -23,6 +23,10 @@ from radiometry.records import WavelengthGrid
 from radiometry.shaped import Record
 
 SPLINE_METHODS = ("paper", "nonnegative", "smooth")
+SPLINE_BANDS = {
+    "paper": "the band holds the noise of the patches only, not what ten splines cannot draw: it is too narrow",
+    "nonnegative": "the band holds the noise of the patches only, not what ten splines cannot draw: it is too narrow",
+    "smooth": "the band is that of smooth curves of which nothing else is known"}
 Solver = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 SMOOTH_COEFFICIENTS = 24
 PENALTIES = tuple(10.0 ** power for power in np.arange(-8, 3.1, 0.5))  # of the mean information of a coefficient
@@ -122,7 +126,8 @@ def _solve_smooth(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray, *,
     """Non-negative coefficients under a roughness penalty (N, N).
 
     The covariance is that of the penalised estimate as a Bayesian reads it, whatever is held at zero: the penalty is
-    the only thing known of the curve between the directions that the patches see.
+    the only thing known of the curve between the directions that the patches see. Its size follows the misfit that was
+    found, below the assumed patch errors too: those are for unknown charts, and held with them the band is too wide.
     """
     weighted, target = design / sigma[:, None], signal / sigma
     precision = weighted.T @ weighted + roughness
@@ -131,7 +136,7 @@ def _solve_smooth(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray, *,
     inverse = np.linalg.inv(precision)
     freedom = max(signal.size - np.trace(inverse @ weighted.T @ weighted), 1.0)
     misfit = np.sum((target - weighted @ solution) ** 2) / freedom
-    return solution, max(misfit, 1.0) * inverse
+    return solution, misfit * inverse
 
 
 def _best_roughness(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray) -> np.ndarray:

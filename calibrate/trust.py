@@ -15,6 +15,7 @@ from radiometry.chart import COLUMNS, ROWS
 from radiometry.records import WavelengthGrid
 
 FROM_PRIOR = 0.5             # share of the prior's uncertainty that is left: more, and the photo hardly spoke
+MUCH_GLARE = 0.02            # of the brightest patch
 PROBABLE = 0.05              # families below are not named
 
 
@@ -58,6 +59,10 @@ def sentences(found: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     state = found.photos[0]
     said.append(f"illumination over the chart found to run from {state.field.min() / state.field.mean():.2f} to "
                 f"{state.field.max() / state.field.mean():.2f} of its mean")
+    glare = float(np.max(np.abs(state.glare) / state.predicted.max(axis=0)))
+    if glare > MUCH_GLARE:
+        said.append(f"glare or a wrong black level of {glare:.0%} of the brightest patch was found and taken off: "
+                    "shade the lens and check the dark frame")
     return tuple(said)
 
 

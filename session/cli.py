@@ -7,12 +7,12 @@ from types import TracebackType
 import typer
 
 from session.command_line import INTERRUPTED
-from session.commands import camera, capture, meter, sampling, session, spectrum
+from session.commands import camera, capture, geometry, meter, sampling, session, spectrum
 
 app = typer.Typer(name="spectrabox", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]},
                   help="Ordinary camera captures to calibrated reflectance spectra, with honest uncertainty.")
-for subject in (session, capture, camera, sampling, meter, spectrum):
+for subject in (session, capture, geometry, camera, sampling, meter, spectrum):
     subject.register(app)
 
 

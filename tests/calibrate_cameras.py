@@ -1,8 +1,8 @@
 """Simulated cameras and chart photos for the tests of calibrate/: smooth bumps that vary as real cameras do."""
 import numpy as np
 
-from calibrate.camera_prior import build_prior
 from calibrate.chart_photo import ChartPhoto
+from calibrate.learnt_prior import build_prior
 from radiometry.grid import visible_grid
 from radiometry.records import PatchSamples
 

@@ -1,0 +1,132 @@
+"""What the camera commands read and write: lights, chart reflectances, patches, curves."""
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from radiometry.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from calibrate.calibration import ChartShot
+    from calibrate.chart_answers import ChartAnswer
+    from radiometry.records import PatchSamples, Spectrum, WavelengthGrid
+
+
+def read_shots(photos: list[Path], lights: list[str], references: list[str], corners: list[str], decode: bool,
+               grid: WavelengthGrid) -> tuple[tuple[ChartShot, ...], tuple[str, ...]]:
+    """Every photo with its light and chart, and the names of the bands.
+
+    Parameters
+    ----------
+    photos : list of Path
+        Pictures if ``decode``, tables of patch signals otherwise.
+    lights, references, corners : lists of str
+        One for every photo, or one for all; ``corners`` may be empty.
+
+    Raises
+    ------
+    InputError
+        If the photos are not of the same bands, or one of the files cannot be read.
+    """
+    from calibrate.calibration import ChartShot
+    from calibrate.patch_files import read_patches
+    shots: list[ChartShot] = []
+    names: list[tuple[str, ...]] = []
+    known_lights = {name: read_light(name, grid) for name in lights}
+    known_charts = {name: read_reflectances(name, grid) for name in references}
+    for index, photo in enumerate(photos):
+        light, reference = (given[index if len(given) > 1 else 0] for given in (lights, references))
+        places = corners[index if len(corners) > 1 else 0] if corners else None
+        measured, bands = _patches_of_picture(photo, places) if decode else read_patches(photo)
+        shots.append(ChartShot(measured, known_charts[reference], known_lights[light]))
+        names.append(bands)
+        if bands != names[0]:
+            raise InputError(f"{photo.name} has the bands {', '.join(bands)}, {photos[0].name} has "
+                             f"{', '.join(names[0])}; all photos must be of one camera, its bands in the same order")
+    return tuple(shots), names[0]
+
+
+def read_light(name: str, grid: WavelengthGrid) -> Spectrum:
+    """A light from a spectral file, or by its CIE name."""
+    from radiometry.named_spectra import light as named_light
+    from radiometry.records import Quantity, Spectrum
+    from radiometry.spectrum_files import read_spectrum
+    suffix = Path(name).suffix[1:]
+    if Path(name).exists() or (suffix and not suffix.isdigit()):    # FL3.15 is a light and no file
+        return read_spectrum(Path(name), role=Quantity.RELATIVE)
+    return Spectrum(grid, named_light(name, grid), Quantity.RELATIVE, f"CIE {name}")
+
+
+def read_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
+    """Chart reflectances (24, P) by name or from a table of 24 columns."""
+    from radiometry.chart import chart_reflectances
+    from radiometry.spectrum_files import on_grid, read_curves
+    if not Path(reference).suffix:
+        return chart_reflectances(reference, grid)
+    nm, names, values = read_curves(Path(reference))
+    if len(names) != 24:
+        raise InputError(f"{reference} holds {len(names)} columns; 24 are needed, one per patch, dark skin first")
+    return on_grid(nm, values, grid, reference)
+
+
+def _patches_of_picture(chart: Path, corners: str | None) -> tuple[PatchSamples, tuple[str, ...]]:
+    """Patch statistics and band names of a photo."""
+    import numpy as np
+
+    from capture.chart_detection import find_chart
+    from capture.chart_reference import typical_signals
+    from capture.linear import open_photo
+    from capture.patches import require_unclipped, sample_patches
+    from radiometry.chart import PATCH_NAMES
+    photo = open_photo(chart)
+    bands = photo.signal.shape[2]
+    places = None
+    if corners is not None:
+        try:
+            places = np.array([[float(number) for number in word.split(",")] for word in corners.split()])
+        except ValueError:
+            places = np.zeros(0)
+        if places.shape != (4, 2):
+            raise InputError(f"--corners {corners} are not four points; write --corners 'x,y x,y x,y x,y'")
+    measured = sample_patches(photo, find_chart(photo, typical_signals(bands), places))
+    require_unclipped(measured, PATCH_NAMES, chart.name)
+    return measured, ("R", "G", "B") if bands == 3 else tuple(f"band {index + 1}" for index in range(bands))
+
+
+def read_measured_curves(path: Path, bands: int, grid: WavelengthGrid) -> np.ndarray:
+    """Measured sensitivities (K, P) of largest value 1."""
+    from radiometry.spectrum_files import on_grid, read_curves
+    nm, names, curves = read_curves(path)
+    if len(names) != bands:
+        raise InputError(f"{path.name} holds {len(names)} curves, the photo has {bands} bands; give a column per band")
+    values = on_grid(nm, curves, grid, path.name)
+    if values.max() <= 0 or values.min() < -0.05 * values.max():
+        raise InputError(f"{path.name}: sensitivities must be positive; they run from {values.min():.3g} to "
+                         f"{values.max():.3g}")
+    return values.clip(0) / values.max()
+
+
+def write_curves(path: Path, result: ChartAnswer, names: tuple[str, ...], grid: WavelengthGrid, light: str) -> None:
+    """Curves and their standard errors as a CSV."""
+    from radiometry.files import write_text_whole
+    from radiometry.records import Quantity
+    from radiometry.spectrum_files import table_text
+    columns: dict[str, Any] = dict(zip(names, result.curves, strict=True))
+    error = result.made.calibration.sensitivity.standard_error
+    if error is not None:
+        columns |= {f"standard_error {name}": values for name, values in zip(names, error, strict=True)}
+    source = f"{result.made.calibration.sensitivity.method}, light {light}".replace("\n", " ")
+    write_text_whole(path, table_text(grid.nm, columns, quantity=Quantity.RELATIVE, source=source))
+
+
+def write_draws(path: Path, result: ChartAnswer, grid: WavelengthGrid) -> None:
+    """Draws of all curves together as an NPZ."""
+    import numpy as np
+
+    from radiometry.files import writable
+    if result.draws is None:
+        raise InputError("draws come with the method prior only; leave --samples out")
+    with writable(path.parent), path.open("wb") as file:
+        np.savez_compressed(file, wavelengths_nm=grid.nm, curves=result.draws)
