@@ -6,10 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiometry.errors import InputError
-from sampling.logit_mixture import LogitMixture
+from sampling.logit_mixture import GRID, LogitMixture
 from sampling.mixture_posterior import calibrated_band, central_band, mean_and_spread, posterior
 from sampling.reflectance_libraries import ReflectanceLibrary
-from sampling.scores import coverage, coverage_error, curve_coverage, rmse, spectral_angle, winkler_score
+from sampling.scores import (
+    LIGHTS,
+    coverage,
+    coverage_error,
+    curve_coverage,
+    delta_e00_under,
+    rmse,
+    spectral_angle,
+    winkler_score,
+)
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
 CERTIFIED = 0.93            # of wavelengths within the 95 % band
@@ -31,13 +40,19 @@ class Certificate:
     coverage_error: float
     curve_coverage: float
     width: float
+    sharpness: float            # mean width of the 50 % band, whatever the truth is
     winkler: float
+    delta_e00: dict[str, float]  # mean CIEDE2000 of mean and truth, by light
     unfamiliar: float           # share of signals that the prior would refuse
+    trained_on: bool            # the prior was learnt on a library of this name
 
     @property
     def verdict(self) -> str:
         """One sentence."""
         held = self.coverage[0.95]
+        if self.trained_on:
+            return (f"The 95 % bands held {100 * held:.1f} % of wavelengths, but the prior was learnt on this library: "
+                    "that says nothing of other spectra.")
         if held >= CERTIFIED:
             return f"The 95 % bands held {100 * held:.1f} % of wavelengths: they may be trusted on spectra like these."
         return (f"The 95 % bands held only {100 * held:.1f} % of wavelengths: they are too narrow for spectra like "
@@ -45,7 +60,7 @@ class Certificate:
 
 
 def certify(prior: LogitMixture, library: ReflectanceLibrary, response: np.ndarray, noise: float = 0.0,
-            seed: int = 0) -> Certificate:
+            seed: int = 0, lights: tuple[str, ...] = LIGHTS) -> Certificate:
     """Bands for the signals of every curve of a library, against the curve.
 
     Parameters
@@ -54,6 +69,8 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, response: np.ndarr
         Rows summing to 1.
     noise : float
         Relative standard error of the signals, also drawn into them.
+    lights : names
+        Of the colour differences.
 
     Raises
     ------
@@ -80,25 +97,32 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, response: np.ndarr
                                                                            prior.band_factor(level))
         curve[0][rows], curve[1][rows] = calibrated_band(prior, mean[rows], *raw, prior.curve_factor)
     lower, upper = bands[0.95]
+    differences = delta_e00_under(lights, GRID, mean, truth)
     return Certificate(
         library.name, len(truth), library.left_out, noise, float(rmse(mean, truth).mean()),
         float(spectral_angle(mean, truth).mean()), {level: coverage(*bands[level], truth) for level in LEVELS},
         coverage_error((truth >= lower) & (truth <= upper)), curve_coverage(*curve, truth),
-        float(np.mean(upper - lower)), winkler_score(lower, upper, truth),
-        float(np.mean(surprise > prior.familiar_surprise)))
+        float(np.mean(upper - lower)), float(np.mean(bands[0.5][1] - bands[0.5][0])),
+        winkler_score(lower, upper, truth), {light: float(values.mean()) for light, values in differences.items()},
+        float(np.mean(surprise > prior.familiar_surprise)), f"{library.name} (" in prior.source)
 
 
 def certificate_page(certificates: list[Certificate], prior: LogitMixture, camera: str) -> str:
     """The certificate as a page of Markdown."""
+    lights = list(certificates[0].delta_e00)
     head = ("# Coverage certificate\n\n"
             f"Prior learnt on: {prior.source}. Camera and light: {camera}. "
             "Signals were computed from each curve, noise added as stated, and the 95 % bands compared with the curve. "
-            "The standard error of a coverage treats curves as independent.\n\n"
-            "| library | curves | noise | RMSE | angle | coverage 50 / 80 / 90 / 95 % | error | whole curves | width | "
-            "Winkler | unfamiliar |\n|--|--|--|--|--|--|--|--|--|--|--|\n")
-    rows = [f"| {one.name} | {one.curves} | {100 * one.noise:g} % | {one.rmse:.4f} | {one.spectral_angle:.3f} | "
-            + " / ".join(f"{one.coverage[level]:.3f}" for level in LEVELS)
-            + f" | {one.coverage_error:.3f} | {one.curve_coverage:.3f} | {one.width:.3f} | {one.winkler:.3f} | "
-              f"{one.unfamiliar:.3f} |" for one in certificates]
-    verdicts = [f"- {one.name}: {one.verdict}" for one in certificates]
-    return head + "\n".join(rows) + "\n\n" + "\n".join(verdicts) + "\n"
+            "The standard error of a coverage treats curves as independent; sharpness is the mean width of the 50 % "
+            "band, angles are in radians, colour differences CIEDE2000 of the mean spectrum.\n\n")
+    columns = ["library", "curves", "noise", "RMSE", "angle", *(f"dE00 {light}" for light in lights),
+               "coverage 50 / 80 / 90 / 95 %", "error", "whole curves", "width", "sharpness", "Winkler", "unfamiliar"]
+    rows = [columns, ["--"] * len(columns)]
+    rows += [[one.name, str(one.curves), f"{100 * one.noise:g} %", f"{one.rmse:.4f}", f"{one.spectral_angle:.3f}",
+              *(f"{one.delta_e00[light]:.2f}" for light in lights),
+              " / ".join(f"{one.coverage[level]:.3f}" for level in LEVELS), f"{one.coverage_error:.3f}",
+              f"{one.curve_coverage:.3f}", f"{one.width:.3f}", f"{one.sharpness:.3f}", f"{one.winkler:.3f}",
+              f"{one.unfamiliar:.3f}"] for one in certificates]
+    table = "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
+    verdicts = "\n".join(f"- {one.name}: {one.verdict}" for one in certificates)
+    return f"{head}{table}\n\n{verdicts}\n"

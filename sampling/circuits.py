@@ -16,9 +16,9 @@ import numpy as np
 from sampling.tilt import tilt_moments
 from sampling.tilted_rejection import draw_tilted
 
-MOST_CIRCUITS, MOST_DESIGNED = 12_000, 4_000
-PSEUDO_SAMPLES = 100        # tilted points at which the lengths of moves are measured
-ITERATIONS = 40             # of the multiplicative algorithm; more changes the design by a few percent
+MOST_CIRCUITS = 500         # candidates; all 5985 of N = 21 mix no better
+PSEUDO_SAMPLES = 50         # tilted points at which the lengths of moves are measured
+ITERATIONS = 20             # of the multiplicative algorithm; more does not make the draws mix better
 TINY = 1e-6                 # a component of a circuit below this is set to it, or the division by it overflows
 FEWEST_VISITS = 3           # of every coefficient: a schedule by chance alone once left one unmoved
 
@@ -35,7 +35,7 @@ class Circuits:
 
 
 def find_circuits(A: np.ndarray, rng: np.random.Generator) -> Circuits:
-    """All circuits of A (K, N), or 12 000 chosen at random where there are more."""
+    """All circuits of A (K, N), or 500 chosen at random where there are more."""
     bands, coefficients = A.shape
     if comb(coefficients, bands + 1) <= MOST_CIRCUITS:
         members = np.array(list(itertools.combinations(range(coefficients), bands + 1)))
@@ -55,30 +55,26 @@ def find_circuits(A: np.ndarray, rng: np.random.Generator) -> Circuits:
 
 def design(circuits: Circuits, A: np.ndarray, h: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Probabilities (n,) of the circuits under the tilt h (N,); most are zero."""
-    count = len(circuits.members)
-    tried = np.arange(count) if count <= MOST_DESIGNED else rng.choice(count, MOST_DESIGNED, replace=False)
     _, _, variance = tilt_moments(h)
     covariance = np.diag(variance) - (A * variance).T @ np.linalg.solve((A * variance) @ A.T, A * variance)
     null = np.linalg.svd(A)[2][len(A):].T
     spread = null.T @ covariance @ null
     root = np.linalg.cholesky(spread + 1e-12 * np.trace(spread) * np.eye(len(spread)))
     points = draw_tilted(h, rng.random((PSEUDO_SAMPLES, h.size)))
-    length = np.sqrt(_mean_square_chord(points, circuits, tried) / 12)
-    along = np.einsum("nk,nkd->nd", circuits.components[tried], null[circuits.members[tried]])
+    length = np.sqrt(_mean_square_chord(points, circuits) / 12)
+    along = np.einsum("nk,nkd->nd", circuits.components, null[circuits.members])
     moves = np.linalg.solve(root, along.T).T * length[:, None]
-    p = np.full(tried.size, 1 / tried.size)
-    alive = np.arange(tried.size)
+    p = np.full(len(moves), 1 / len(moves))
+    alive = np.arange(len(moves))
     for iteration in range(ITERATIONS):
         inverse = np.linalg.inv((moves[alive] * p[alive, None]).T @ moves[alive])
         p[alive] *= np.sqrt(np.sum((moves[alive] @ inverse)**2, axis=1) / np.trace(inverse))
         p /= p.sum()
         if iteration % 10 == 9:
-            p[p < 1e-3 / tried.size] = 0
+            p[p < 1e-3 / len(moves)] = 0
             alive = np.flatnonzero(p)
             p /= p.sum()
-    out = np.zeros(count)
-    out[tried] = p
-    return out
+    return p
 
 
 def schedule(circuits: Circuits, probabilities: np.ndarray, steps: int, coefficients: int,
@@ -110,12 +106,8 @@ def steps_for(coefficients: int, bands: int) -> int:
     return round(float(np.interp(coefficients, *table.T)) * max(1.0, bands / 3)**2)
 
 
-def _mean_square_chord(points: np.ndarray, circuits: Circuits, which: np.ndarray) -> np.ndarray:
-    out = np.empty(which.size)
-    for start in range(0, which.size, 500):
-        part = which[start:start + 500]
-        c, d = points[:, circuits.members[part]], circuits.components[part]
-        at_zero, at_one = -c / d, (1 - c) / d
-        chord = np.maximum(at_zero, at_one).min(axis=2) - np.minimum(at_zero, at_one).max(axis=2)
-        out[start:start + 500] = np.mean(chord**2, axis=0)
-    return out
+def _mean_square_chord(points: np.ndarray, circuits: Circuits) -> np.ndarray:
+    c, d = points[:, circuits.members], circuits.components
+    at_zero, at_one = -c / d, (1 - c) / d
+    chord = np.maximum(at_zero, at_one).min(axis=2) - np.minimum(at_zero, at_one).max(axis=2)
+    return np.mean(chord**2, axis=0)

@@ -61,3 +61,25 @@ def refuse_poor(diagnosis: Diagnosis, draws: int) -> None:
             f"the draws have not mixed: R-hat {diagnosis.r_hat:.4f}, {diagnosis.effective_samples:.0f} effective of "
             f"{draws} at coordinate {diagnosis.worst_coordinate}; ask for more steps, or for fewer than 20000 draws, "
             "which are drawn independently")
+
+
+def tail_shape(weights: np.ndarray) -> float:
+    """Shape k of the generalised Pareto tail of importance weights (n,): below 0.7 their averages can be trusted.
+
+    The largest min(n / 5, 3 sqrt n) weights are fitted by the estimator of Zhang and Stephens (2009), with the prior
+    of Vehtari et al. (2024, Pareto smoothed importance sampling).
+    """
+    count = int(min(len(weights) / 5, 3 * np.sqrt(len(weights))))
+    ordered = np.sort(weights)
+    x = ordered[-count:] - ordered[-count - 1]
+    if count < 5 or x[-1] <= 1e-12 * ordered[-1]:
+        return 0.0  # all alike
+    candidates = 30 + int(np.sqrt(count))
+    quartile = x[int(count / 4 + 0.5) - 1] or x[-1] / count
+    theta = 1 / x[-1] + (1 - np.sqrt(candidates / (np.arange(1, candidates + 1) - 0.5))) / (3 * quartile)
+    shape = np.log1p(-theta[:, None] * x).mean(axis=1)
+    likelihood = count * (np.log(-theta / shape) - shape - 1)
+    belief = np.exp(likelihood - likelihood.max())
+    best = float(np.sum(theta * belief) / belief.sum())
+    found = float(np.log1p(-best * x).mean())
+    return (count * found + 5) / (count + 10)

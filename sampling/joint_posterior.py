@@ -1,49 +1,60 @@
-"""All materials of a scene at once, through its light transport: MAP and Laplace.
+"""All materials of a scene at once, through its light transport: the likelihood, its modes, Laplace.
 
 With the transport traced once (`LightTransport`), signal_rk = sum_e T_re integral response_k prod_m rho_m^n_em is a
 polynomial in the reflectances, and its likelihood costs a fraction of a millisecond. Light that has met a second
 material carries products of spectra, which tell what the direct signal of either cannot.
 
-Unknowns: z (M, P), standard normal under the prior, with logit rho_m = mean + L z_m and all P wavelengths kept, so
-that nothing of the prior is truncated. Per band the noise-weighted transport is reduced to a triangle by QR, after
-which the cost does not depend on the number of pixels.
+Unknowns: a component of the prior's mixture for every material (labels, M), and z (M P,), standard normal, with
+logit rho_m = mean of its component + root of its covariance @ z_m: all P wavelengths are kept, nothing of the prior is
+truncated. The noise-weighted transport is reduced to the few rows that rise above the noise, after which the cost does
+not depend on the number of pixels. `joint_labels.py` finds the labels.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from radiometry.errors import ConvergenceError, InputError
 from radiometry.records import LightTransport, Outcome
 from sampling.logit_mixture import LogitMixture, reflectance
 
-STEPS, STILL = 80, 1e-7     # of Levenberg-Marquardt; the relative fall of the cost that counts as standing still
-LONGEST_STEP = 2.0          # in standard deviations of the prior
+STEPS, STILL = 60, 1e-2     # of Levenberg-Marquardt; the fall of the cost, in nats, that counts as standing still
+LONGEST_STEP = 3.0          # in standard deviations of the prior
 NEGLIGIBLE = 1e-6           # of the brightest product: dropped
+BELOW_NOISE = 0.05          # a row of the transport whose signals scatter by less under the prior, in units of noise
+SCENES = 300                # drawn from the prior to find those rows
 
 
 @dataclass(frozen=True)
 class JointProblem:
-    """One scene: rows (K, E', E) and targets (K, E') in units of the noise, response (K, P), prior mean and root."""
+    """One scene: rows (F, K, E) and targets (F,) in units of the noise, response (K, P), and the prior's parts.
+
+    ``materials`` and ``exponents`` (E, M) are those of the unknown materials; ``known`` (E, P) is the product of the
+    known reflectances met. ``means`` (C + 1, P) and ``roots`` (C + 1, P, P): the last is the one Gaussian with the
+    mixture's moments.
+    """
 
     materials: tuple[str, ...]
     exponents: np.ndarray
+    known: np.ndarray
     rows: np.ndarray
     targets: np.ndarray
     response: np.ndarray
-    prior_mean: np.ndarray
-    prior_root: np.ndarray
+    log_weights: np.ndarray
+    means: np.ndarray
+    roots: np.ndarray
 
 
 @dataclass(frozen=True)
-class JointLaplace:
-    """MAP z (M P,), its covariance (M P, M P) under Laplace's approximation, the cost there, and how it ended."""
+class Modes:
+    """Most probable z (B, M P) given labels (B, M), and the log evidence (B,) of each by Laplace."""
 
+    labels: np.ndarray
     z: np.ndarray
-    covariance: np.ndarray
-    cost: float
-    iterations: int
+    evidence: np.ndarray
     outcome: Outcome
 
 
@@ -51,13 +62,18 @@ def gaussian_of(prior: LogitMixture) -> tuple[np.ndarray, np.ndarray]:
     """Mean (P,) and root L (P, P) of the one Gaussian with the mixture's mean and covariance."""
     mean = prior.weights @ prior.means
     away = prior.means - mean
-    covariance = np.einsum("c,cpq->pq", prior.weights, prior.covariances) + (away.T * prior.weights) @ away
-    values, vectors = np.linalg.eigh(covariance)
-    return mean, vectors * np.sqrt(np.maximum(values, 1e-12))
+    return mean, root_of(np.einsum("c,cpq->pq", prior.weights, prior.covariances) + (away.T * prior.weights) @ away)
+
+
+def root_of(covariance: np.ndarray) -> np.ndarray:
+    """L with L L' equal to a covariance (P, P)."""
+    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
+    return vectors * np.sqrt(np.maximum(values, 1e-12))
 
 
 def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.ndarray, standard_error: np.ndarray,
-                  prior: LogitMixture) -> JointProblem:
+                  prior: LogitMixture, common: np.ndarray | None = None,
+                  known: Mapping[str, np.ndarray] | None = None) -> JointProblem:
     """Prepare the likelihood of a scene.
 
     Parameters
@@ -67,110 +83,176 @@ def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.nd
     response : (K, P)
         Sensitivity x light x integration weight on the prior's 61 wavelengths.
     signal, standard_error : (R, K)
-        Measured, and its noise; a region with a NaN signal is left out.
+        Measured, and its independent noise; a region with a NaN signal is left out.
     prior : LogitMixture
-        Of every material; taken as one Gaussian in the logit.
+        Of every material.
+    common : (Q, R, K), optional
+        What one standard deviation of each error shared by regions or bands does to the signals: light scale,
+        sensitivities, what photo and model disagree by on a surface.
+    known : mapping, optional
+        Reflectance (P,) of materials that are not asked for, by name.
 
     Raises
     ------
     InputError
         If shapes do not belong together, or an error is not positive.
     """
-    regions, count = transport.coefficients.shape
+    regions = len(transport.coefficients)
     if signal.shape != (regions, len(response)) or standard_error.shape != signal.shape:
         raise InputError(f"signal {signal.shape} and standard error {standard_error.shape} must both be "
                          f"({regions}, {len(response)}): one row per region of the transport")
+    if common is not None and common.shape[1:] != signal.shape:
+        raise InputError(f"the common errors {common.shape} must be (Q, {regions}, {len(response)}): what one "
+                         "standard deviation of each does to every signal")
     used = np.all(np.isfinite(signal), axis=1)
-    if not used.any() or np.any(standard_error[used] <= 0):
+    if not used.any() or not np.all(standard_error[used] > 0):
         raise InputError("every region that is used needs a signal and a positive standard error")
     mean, root = gaussian_of(prior)
-    variance = standard_error[used]**2 + _monte_carlo_variance(transport, response, mean, used)
-    rows, targets = [], []
-    for band in range(len(response)):
-        weight = 1 / np.sqrt(variance[:, band])
-        weighted, values = transport.coefficients[used] * weight[:, None], signal[used, band] * weight
-        if len(values) > count:
-            orthonormal, triangle = np.linalg.qr(weighted)
-            weighted, values = triangle, orthonormal.T @ values
-        rows.append(weighted)
-        targets.append(values)
     kept = np.abs(transport.coefficients).max(axis=0) > NEGLIGIBLE * np.abs(transport.coefficients).max()
-    return JointProblem(transport.materials, transport.exponents[kept].astype(float), np.array(rows)[:, :, kept],
-                        np.array(targets), response, mean, root)
+    weight = 1 / np.sqrt(standard_error[used]**2 + _monte_carlo_variance(transport, response, mean, used))
+    shared = np.zeros((0, *signal.shape)) if common is None else common
+    rows, targets = _whitened(transport.coefficients[used][:, kept], signal[used], weight, shared[:, used])
+    exponents, given = transport.exponents[kept].astype(float), known or {}
+    unknown = [m for m, name in enumerate(transport.materials) if name not in given]
+    factor = np.prod([np.maximum(given[name], 1e-6)**exponents[:, m, None]
+                      for m, name in enumerate(transport.materials) if name in given]
+                     or [np.ones((len(exponents), mean.size))], axis=0)
+    whole = JointProblem(tuple(transport.materials[m] for m in unknown), exponents[:, unknown], factor, rows, targets,
+                         response,
+                         np.log(np.append(prior.weights, 1.0)), np.vstack([prior.means, mean]),
+                         np.concatenate([[root_of(one) for one in prior.covariances], root[None]]))
+    return _above_noise(whole)
 
 
-def find_map(problem: JointProblem) -> JointLaplace:
-    """Most probable spectra of all materials, by Levenberg-Marquardt, with Laplace's covariance.
+def climb(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes:
+    """Most probable z given labels (B, M), from z (B, M P), by Levenberg-Marquardt, with Laplace's evidence.
 
     Raises
     ------
     ConvergenceError
-        If the cost is not finite.
+        If a cost is not finite.
     """
-    z = np.zeros(len(problem.materials) * problem.prior_mean.size)
-    residual, jacobian = residual_and_jacobian(problem, z)
-    cost, damping, outcome, iteration = float(residual @ residual + z @ z), 1e-2, Outcome.STEP_LIMIT, 0
-    for iteration in range(1, STEPS + 1):  # noqa: B007  reported below
-        curvature = jacobian.T @ jacobian + np.eye(z.size)
-        slope = jacobian.T @ residual + z
-        step = -np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), slope)
-        trial = z + step * min(1.0, LONGEST_STEP / np.abs(step).max())
-        trial_residual, trial_jacobian = residual_and_jacobian(problem, trial)
-        trial_cost = float(trial_residual @ trial_residual + trial @ trial)
-        if trial_cost < cost:
-            fall = cost - trial_cost
-            z, residual, jacobian, cost, damping = trial, trial_residual, trial_jacobian, trial_cost, damping / 5
-            if fall < STILL * cost:
-                outcome = Outcome.CONVERGED
-                break
+    found = [_climb_one(problem, one, start) for one, start in zip(labels, z, strict=True)]
+    z, evidence, still = (np.array(part) for part in zip(*found, strict=True))
+    return Modes(labels, z, evidence, Outcome.CONVERGED if still.all() else Outcome.STEP_LIMIT)
+
+
+def residual_and_jacobian(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residual (F,) in units of the noise and its derivative by z (F, M P), for labels (M,)."""
+    residual, by_logit = residual_by_logit(problem, logits_of(problem, labels, z[None])[0])
+    jacobian = np.concatenate([by_logit[:, m] @ problem.roots[label] for m, label in enumerate(labels)], axis=1)
+    return residual, jacobian
+
+
+def residual_by_logit(problem: JointProblem, logits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residual (F,) and its derivative (F, M, P) by the logits (M, P)."""
+    rho, terms = products(problem, logits[None])
+    residual = np.einsum("fke,ke->f", problem.rows, problem.response @ terms[0].T) - problem.targets
+    slopes = [(problem.rows * problem.exponents[:, m]).transpose(1, 0, 2) @ terms[0]
+              for m in range(len(problem.materials))]   # each (K, F, P)
+    by_logit = np.stack([np.einsum("kfp,kp->fp", slope, problem.response) for slope in slopes], axis=1)
+    return residual, by_logit * (1 - rho[0])
+
+
+def products(problem: JointProblem, logits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Reflectances (n, M, P) of logits (n, M, P), and the products (n, E, P), known reflectances among them."""
+    terms = np.exp(problem.exponents @ -np.logaddexp(0, -logits))   # log rho stays finite
+    return reflectance(logits), terms * problem.known
+
+
+def logits_of(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Logits (n, M, P) of unknowns z (n, M P) under labels (M,)."""
+    shaped = z.reshape(len(z), len(problem.materials), -1)
+    return np.stack([problem.means[label] + shaped[:, m] @ problem.roots[label].T for m, label in enumerate(labels)],
+                    axis=1)
+
+
+def covariance_at(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Covariance (M P, M P) of z about a mode, by Laplace's approximation."""
+    jacobian = residual_and_jacobian(problem, labels, z)[1]
+    covariance = np.linalg.inv(jacobian.T @ jacobian + np.eye(z.size))
+    return (covariance + covariance.T) / 2
+
+
+def information_bits(problem: JointProblem) -> np.ndarray:
+    """Bits (M,) that the picture told about each material: -1/2 log2 det of its covariance over the prior's.
+
+    Both are those of the one Gaussian with the mixture's moments, the posterior's by Laplace.
+    """
+    materials, size = len(problem.materials), problem.means.shape[1]
+    labels = np.full(materials, len(problem.means) - 1)
+    found = climb(problem, labels[None], np.zeros((1, materials * size)))
+    covariance = covariance_at(problem, labels, found.z[0])
+    blocks = [covariance[m * size:(m + 1) * size, m * size:(m + 1) * size] for m in range(materials)]
+    return np.array([-np.linalg.slogdet(block)[1] / (2 * np.log(2)) for block in blocks])
+
+
+def _climb_one(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, float, bool]:
+    """z at the mode, log evidence, and whether it stood still. The algebra is in the space of the F rows."""
+    residual, jacobian = residual_and_jacobian(problem, labels, z)
+    cost, damping = float(residual @ residual + z @ z) / 2, 1e-3
+    values, vectors = np.linalg.eigh(jacobian @ jacobian.T)
+    still = False
+    for _ in range(STEPS):
+        # Woodbury: (J'J + a I)^-1 v = (v - J' (J J' + a I)^-1 J v) / a; a step towards a lower cost.
+        slope, a = jacobian.T @ residual + z, 1 + damping
+        step = -(slope - jacobian.T @ (vectors @ ((vectors.T @ (jacobian @ slope)) / (values + a)))) / a
+        trial = z + step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+        trial_residual, trial_jacobian = residual_and_jacobian(problem, labels, trial)
+        trial_cost = float(trial_residual @ trial_residual + trial @ trial) / 2
+        fall = cost - trial_cost
+        if fall > 0:
+            z, residual, jacobian, cost, damping = trial, trial_residual, trial_jacobian, trial_cost, damping / 10
+            values, vectors = np.linalg.eigh(jacobian @ jacobian.T)
         else:
-            damping *= 4
-            if damping > 1e12:
-                outcome = Outcome.CONVERGED
-                break
+            damping = max(10 * damping, 1e-3)
+        still = 0 <= fall < STILL or damping > 1e10
+        if still:
+            break
     if not np.isfinite(cost):
         raise ConvergenceError("the joint fit did not reach a finite cost; check the signals and their errors")
-    covariance = np.linalg.inv(jacobian.T @ jacobian + np.eye(z.size))
-    return JointLaplace(z, (covariance + covariance.T) / 2, cost, iteration, outcome)
+    evidence = float(problem.log_weights[labels].sum()) - cost - np.log1p(np.maximum(values, 0)).sum() / 2
+    return z, evidence, still
 
 
-def residual_and_jacobian(problem: JointProblem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (K E',) in units of the noise and its derivative by z (K E', M P)."""
-    materials, wavelengths = len(problem.materials), problem.prior_mean.size
-    rho = reflectance(problem.prior_mean + z.reshape(materials, wavelengths) @ problem.prior_root.T)
-    terms = np.exp(problem.exponents @ np.log(rho))
-    residual = np.einsum("kfe,ke->kf", problem.rows, problem.response @ terms.T) - problem.targets
-    jacobian = np.empty((*residual.shape, materials, wavelengths))
-    for m in range(materials):
-        slope = terms * (problem.exponents[:, m, None] * (1 - rho[m]))
-        for band, row in enumerate(problem.rows):
-            jacobian[band, :, m] = (row @ (slope * problem.response[band])) @ problem.prior_root
-    return residual.ravel(), jacobian.reshape(residual.size, -1)
+def _whitened(coefficients: np.ndarray, signal: np.ndarray, weight: np.ndarray,
+              common: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (Q', K, E) and targets (Q',) with the likelihood of all regions, up to a constant.
+
+    Per band the weighted transport and shared errors are reduced to a triangle (QR); what the regions say beyond their
+    span is the same for all spectra. Then the bands are whitened together.
+    """
+    bands, count = weight.shape[1], coefficients.shape[1]
+    triangles, reduced, errors = [], [], []
+    for band in range(bands):
+        both = np.hstack([coefficients, common[:, :, band].T]) * weight[:, band, None]
+        orthonormal, triangle = np.linalg.qr(both)
+        triangles.append(triangle[:, :count])
+        errors.append(triangle[:, count:])
+        reduced.append(orthonormal.T @ (signal[:, band] * weight[:, band]))
+    height = len(triangles[0])
+    rows = np.zeros((bands * height, bands, count))
+    for band, triangle in enumerate(triangles):
+        rows[band * height:(band + 1) * height, band] = triangle
+    error = np.concatenate(errors)
+    if not error.shape[1]:
+        return rows, np.concatenate(reduced)
+    together = np.hstack([rows.reshape(len(rows), -1), np.concatenate(reduced)[:, None]])
+    white = solve_triangular(np.linalg.cholesky(np.eye(len(rows)) + error @ error.T), together, lower=True)
+    return white[:, :-1].reshape(rows.shape), white[:, -1]
 
 
-def misfits_and_gradients(problem: JointProblem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared residual (n,) of many z (n, M P) at once, in units of the noise, and its gradients (n, M P)."""
-    logits = problem.prior_mean + z.reshape(len(z), len(problem.materials), -1) @ problem.prior_root.T
-    rho = reflectance(logits)
-    terms = np.exp(problem.exponents @ -np.logaddexp(0, -logits))     # (n, E, P); log rho stays finite
-    received = (terms @ problem.response.T).transpose(2, 0, 1)                          # (K, n, E)
-    residual = received @ problem.rows.transpose(0, 2, 1) - problem.targets[:, None]    # (K, n, E')
-    back = (2 * residual @ problem.rows).transpose(1, 2, 0)                             # (n, E, K)
-    slope = problem.exponents.T @ (terms * (back @ problem.response))                   # (n, M, P)
-    return np.sum(residual**2, axis=(0, 2)), ((slope * (1 - rho)) @ problem.prior_root).reshape(z.shape)
-
-
-def spectra_of(problem: JointProblem, z: np.ndarray) -> np.ndarray:
-    """Reflectances (n, M, P) of unknowns z (n, M P)."""
-    shaped = z.reshape(len(z), len(problem.materials), -1)
-    return reflectance(problem.prior_mean + shaped @ problem.prior_root.T)
-
-
-def information_bits(found: JointLaplace, materials: int) -> np.ndarray:
-    """Bits (M,) that the picture told about each material: -1/2 log2 det of its covariance over the prior's."""
-    size = found.z.size // materials
-    blocks = [found.covariance[m * size:(m + 1) * size, m * size:(m + 1) * size] for m in range(materials)]
-    return np.array([-np.linalg.slogdet(block)[1] / (2 * np.log(2)) for block in blocks])
+def _above_noise(problem: JointProblem) -> JointProblem:
+    """The problem with the rows along which the signals of scenes drawn from the prior rise above the noise."""
+    rng, materials = np.random.default_rng(0), len(problem.materials)
+    labels = rng.choice(len(problem.means) - 1, (SCENES, materials), p=np.exp(problem.log_weights[:-1]))
+    z = rng.standard_normal((*labels.shape, problem.means.shape[1]))
+    logits = problem.means[labels] + (problem.roots[labels] @ z[..., None])[..., 0]
+    received = (products(problem, logits)[1] @ problem.response.T).transpose(0, 2, 1).reshape(SCENES, -1)
+    seen = received @ problem.rows.reshape(len(problem.rows), -1).T
+    _, size, directions = np.linalg.svd((seen - seen.mean(axis=0)) / np.sqrt(SCENES), full_matrices=False)
+    kept = directions[size > BELOW_NOISE]
+    return replace(problem, rows=np.einsum("gf,fke->gke", kept, problem.rows), targets=kept @ problem.targets)
 
 
 def _monte_carlo_variance(transport: LightTransport, response: np.ndarray, mean: np.ndarray,

@@ -1,9 +1,15 @@
-"""Draws from the joint posterior of all materials: Hamiltonian Monte Carlo, whitened by Laplace, to convergence.
+"""Draws from the joint posterior of all materials: randomise, then optimise, then weigh.
 
-A picture of many pixels pins a few directions down to a thousandth of the prior and leaves the others free; through
-the logit and the products of reflectances the pinned directions bend. Laplace's approximation is straight and misses
-that, and random walks along it are slow. Hamiltonian trajectories (Neal 2011, Alg. 1) follow the bend: the gradient
-costs about as much as the likelihood. All chains move together; step and length are jittered so that none resonates.
+A picture of many pixels pins a few dozen directions down to a thousandth of the prior and leaves the others free;
+through the logit and the products of reflectances the pinned directions bend. Random walks along the bends are slow.
+Here every proposal is drawn from the prior along what the picture leaves free, and along the r directions that it
+informs it is the solution of the randomised optimality equations (randomise-then-optimise, Bardsley et al. 2014, in
+the form of Bardsley et al. 2020 for few informed directions). With J = U diag(s) V' at a mode and z = V a + rest,
+
+    eta(a) = (1 + s^2)^-1/2 (a + s U' f(z)),   solve eta(a) = e, e ~ N(0, I_r),
+
+proposals have the density N(eta) |det d eta / d a|, known exactly, so importance weights make the draws exact: bends,
+labels and what the reduction to r directions left out. Proposals are independent; the weights say how good they are.
 """
 from __future__ import annotations
 
@@ -14,150 +20,165 @@ import numpy as np
 
 from radiometry.errors import ConvergenceError, InputError
 from radiometry.shaped import Record
-from sampling.joint_posterior import JointLaplace, JointProblem, find_map, misfits_and_gradients, spectra_of
+from sampling.diagnostics import tail_shape
+from sampling.joint_labels import SAMPLED, find_modes
+from sampling.joint_posterior import JointProblem, Modes, logits_of, products, residual_and_jacobian
+from sampling.logit_mixture import reflectance
 
-CHAINS = 8
-WARM_UP, ROUND = 80, 150        # trajectories; rounds are added until the draws have converged
-LEARNING = 250                  # trajectories from which the spread along each axis is learnt
-PRIOR_WEIGHT = 20.0             # of a spread of 1, in draws
-LENGTH = 4.0                    # of a trajectory, in standard deviations of Laplace, which bends make too small
-LEAPS = (4, 64)                 # fewest and most steps of a trajectory
-WANTED_ACCEPTANCE = 0.8
-MOST_TRAJECTORIES = 1500
-R_HAT_LIMIT, FEWEST_EFFECTIVE = 1.01, 400.0
-WATCHED = 16                    # wavelengths per material whose mixing is watched
+ROUND, MOST_PROPOSALS = 2000, 16_000
+INFORMED = 0.1                  # a singular value of the Jacobian by which a direction counts as informed
+DEFENSIVE = 0.2                 # of the proposals go to all labels alike, whatever their evidence
+NEWTON_STEPS, SOLVED = 20, 1e-6
+BLOCK = 250
+FEWEST_EFFECTIVE, TAIL_LIMIT = 400.0, 0.7     # of the weights (tail: Vehtari et al. 2024)
 
 
 @dataclass(frozen=True, eq=False)
 class JointSamples(Record):
-    """Draws of the reflectances of all materials of a scene on the prior's wavelengths."""
+    """Draws of the reflectances of all materials of a scene on the prior's wavelengths, all equally likely."""
 
     materials: tuple[str, ...]
     spectra: Annotated[np.ndarray, "T M P"]
-    acceptance: float
-    r_hat: float                # of the worst watched coordinate
-    effective_samples: float    # of the worst watched coordinate
-    trajectories: int
+    effective_samples: float    # independent draws that the weighted proposals are worth
+    tail: float                 # shape of the weights' tail: below 0.7 the effective number can be trusted
+    proposals: int
+    unsolved: float             # share of proposals without a solution: left out
     seed: int
 
+    @property
+    def converged(self) -> bool:
+        """Whether 400 draws are effective and the weights' tail is light enough to trust that number."""
+        return self.effective_samples >= FEWEST_EFFECTIVE and self.tail < TAIL_LIMIT
 
-def sample_joint(problem: JointProblem, seed: int, found: JointLaplace | None = None,
-                 kept: int = 4000, refuse: bool = True) -> JointSamples:
-    """Draw from the joint posterior until R-hat < 1.01 and 400 effective draws in the worst coordinate.
+
+@dataclass(frozen=True)
+class _Proposer:
+    """What proposals under one choice of labels need."""
+
+    labels: np.ndarray          # (M,)
+    log_weight: float           # of the labels under the prior
+    centre: np.ndarray          # (r,) a at the mode
+    directions: np.ndarray      # V (M P, r)
+    size: np.ndarray            # s (r,)
+    by_product: np.ndarray      # s U' rows (r, K, E)
+    target: np.ndarray          # s U' targets (r,)
+    by_wavelength: np.ndarray   # (P, E, r M): how s U' f moves with log of each reflectance
+    logit_directions: np.ndarray    # (M P, r)
+
+
+def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, kept: int = 4000,
+                 refuse: bool = True) -> JointSamples:
+    """Draw from the joint posterior until 400 draws are effective.
+
+    Parameters
+    ----------
+    problem : JointProblem
+    seed : int
+    modes : Modes, optional
+        Of many labels; found if not given.
+    kept : int
+        T: resampled from the weighted proposals, so some are drawn more than once.
 
     Raises
     ------
     InputError
         If fewer than 100 draws are to be kept.
     ConvergenceError
-        If that is not reached in 1500 trajectories of 8 chains and ``refuse`` is set.
+        If 16000 proposals do not suffice and ``refuse`` is set.
     """
     if kept < 100:
         raise InputError(f"{kept} draws were asked for; ask for at least 100")
-    found = found or find_map(problem)
+    modes = modes or find_modes(problem, SAMPLED)
     rng = np.random.default_rng(seed)
-    values, vectors = np.linalg.eigh(found.covariance)
-    root = vectors * np.sqrt(np.maximum(values, 1e-12))
-    w = 0.3 * rng.standard_normal((CHAINS, found.z.size))   # nearer to the MAP than Laplace, which over-shoots bends
-    state = _State(w, *_potential(problem, found, root, w))
-    step = _settle(problem, found, root, state, 0.1, WARM_UP, rng)[0]
-    step, seen = _settle(problem, found, root, state, step, LEARNING, rng)
-    # Laplace is too narrow where the posterior bends: each of its axes gets the spread that was seen along it.
-    spread = np.sqrt((len(seen) * seen.var(axis=0) + PRIOR_WEIGHT) / (len(seen) + PRIOR_WEIGHT))
-    root, w = root * spread, state.w / spread
-    state = _State(w, *_potential(problem, found, root, w))
-    step = _settle(problem, found, root, state, step, WARM_UP, rng)[0]
-    history: list[np.ndarray] = []
-    rates: list[float] = []
-    while len(history) < MOST_TRAJECTORIES:
-        for _ in range(ROUND):
-            rates.append(_trajectory(problem, found, root, state, step, rng))
-            history.append(found.z + state.w @ root.T)
-        watched = _watched(problem, np.array(history))
-        r_hat, effective = split_r_hat(watched).max(), effective_sample_size(watched).min()
-        converged = r_hat < R_HAT_LIMIT and effective > FEWEST_EFFECTIVE
-        if converged or (len(history) >= MOST_TRAJECTORIES and not refuse):
-            every = np.concatenate(history)
-            chosen = every[np.linspace(0, len(every) - 1, min(kept, len(every))).astype(int)]
-            return JointSamples(problem.materials, spectra_of(problem, chosen), float(np.mean(rates)), float(r_hat),
-                                float(effective), len(history), seed)
-    raise ConvergenceError(f"the joint posterior has not converged after {MOST_TRAJECTORIES} trajectories: R-hat "
-                           f"{r_hat:.3f}, {effective:.0f} effective draws; state a larger noise, or use Laplace's "
-                           "approximation")
+    share = np.exp(modes.evidence - modes.evidence.max())
+    share = (1 - DEFENSIVE) * share / share.sum() + DEFENSIVE / len(share)
+    proposers = [_proposer(problem, labels, z) for labels, z in zip(modes.labels, modes.z, strict=True)]
+    logits, log_weights, proposals = [], [], 0
+    while proposals < MOST_PROPOSALS:
+        counts = rng.multinomial(ROUND, share)
+        for number in np.flatnonzero(counts):
+            for start in range(0, counts[number], BLOCK):
+                found, weight = _propose(problem, proposers[number], min(BLOCK, counts[number] - start), rng)
+                logits.append(found)
+                log_weights.append(weight - np.log(share[number]))
+        proposals += ROUND
+        every = np.concatenate(log_weights)
+        weights = np.exp(every - every.max())
+        effective, tail = float(weights.sum()**2 / (weights**2).sum()), tail_shape(weights)
+        if effective >= FEWEST_EFFECTIVE and tail < TAIL_LIMIT:
+            break
+    else:
+        if refuse:
+            raise ConvergenceError(f"the joint posterior has not converged after {MOST_PROPOSALS} proposals: "
+                                   f"{effective:.0f} effective draws, tail of the weights {tail:.2f}; state a larger "
+                                   "noise, or use each material's own signal")
+    cumulative = np.cumsum(weights) / weights.sum()
+    chosen = np.searchsorted(cumulative, (np.arange(kept) + rng.random()) / kept).clip(max=len(weights) - 1)
+    spectra = reflectance(np.concatenate(logits)[chosen])
+    return JointSamples(problem.materials, spectra, effective, tail, proposals, 1 - len(weights) / proposals, seed)
 
 
-def _settle(problem: JointProblem, found: JointLaplace, root: np.ndarray, state: _State, step: float,
-            trajectories: int, rng: np.random.Generator) -> tuple[float, np.ndarray]:
-    """A step whose acceptance is as wanted, after so many trajectories, and where the chains went (n, M P)."""
-    seen = []
-    for _ in range(trajectories):
-        rate = _trajectory(problem, found, root, state, step, rng)
-        step = float(np.clip(step * np.exp(0.25 * (rate - WANTED_ACCEPTANCE)), 0.005, 1.0))
-        seen.append(state.w)
-    return step, np.concatenate(seen)
+def _proposer(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> _Proposer:
+    jacobian = residual_and_jacobian(problem, labels, z)[1]
+    u, size, vt = np.linalg.svd(jacobian, full_matrices=False)
+    informed = size > INFORMED
+    u, size, directions = u[:, informed], size[informed], vt[informed].T
+    materials, wavelengths = len(labels), problem.means.shape[1]
+    by_product = np.einsum("r,fr,fke->rke", size, u, problem.rows)
+    weight = np.einsum("rke,kp->per", by_product, problem.response)
+    by_wavelength = (weight[..., None] * problem.exponents[None, :, None, :]).reshape(*weight.shape[:2], -1)
+    logit_directions = np.concatenate([problem.roots[label] @ directions[m * wavelengths:(m + 1) * wavelengths]
+                                       for m, label in enumerate(labels)])
+    assert materials * wavelengths == z.size
+    return _Proposer(labels, float(problem.log_weights[labels].sum()), z @ directions, directions, size, by_product,
+                     size * (u.T @ problem.targets), by_wavelength, logit_directions)
 
 
-@dataclass
-class _State:
-    """Where the chains are: w (n, M P) in Laplace's units, the potential (n,) and its gradient (n, M P)."""
-
-    w: np.ndarray
-    value: np.ndarray
-    gradient: np.ndarray
-
-
-def _trajectory(problem: JointProblem, found: JointLaplace, root: np.ndarray, state: _State, step: float,
-                rng: np.random.Generator) -> float:
-    """Move every chain by one trajectory; the mean probability of acceptance."""
-    size = step * rng.uniform(0.8, 1.2)
-    leaps = int(np.clip(rng.uniform(0.5, 1.0) * LENGTH / size, *LEAPS))
-    start = rng.standard_normal(state.w.shape)
-    w, value, gradient, momentum = state.w, state.value, state.gradient, start
-    for _ in range(leaps):
-        momentum = momentum - size / 2 * gradient
-        w = w + size * momentum
-        value, gradient = _potential(problem, found, root, w)
-        momentum = momentum - size / 2 * gradient
-    change = state.value - value + np.sum(start**2 - momentum**2, axis=1) / 2
-    change = np.where(np.isfinite(change), change, -np.inf)     # a trajectory that ran away is refused
-    accepted = -rng.standard_exponential(len(w)) <= change
-    state.w = np.where(accepted[:, None], w, state.w)
-    state.value = np.where(accepted, value, state.value)
-    state.gradient = np.where(accepted[:, None], gradient, state.gradient)
-    return float(np.exp(np.minimum(change, 0)).mean())
-
-
-def _potential(problem: JointProblem, found: JointLaplace, root: np.ndarray,
-               w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    z = found.z + w @ root.T
-    misfit, slope = misfits_and_gradients(problem, z)
-    return (misfit + np.sum(z**2, axis=1)) / 2, (slope / 2 + z) @ root
+def _propose(problem: JointProblem, one: _Proposer, count: int,
+             rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Logits (n, M, P) and log weights (n,) of proposals; those whose equations have no solution are left out."""
+    scale = 1 / np.sqrt(1 + one.size**2)
+    free = rng.standard_normal((count, len(one.directions)))
+    free -= (free @ one.directions) @ one.directions.T
+    base = logits_of(problem, one.labels, free)
+    wanted = rng.standard_normal((count, one.size.size))
+    a = one.centre + scale * wanted
+    eta, slope, logits = _equations(problem, one, base, a)
+    distance = np.linalg.norm(eta - wanted, axis=1)
+    step = np.ones(count)
+    for _ in range(NEWTON_STEPS):
+        active = np.flatnonzero(distance > SOLVED)
+        if not active.size:
+            break
+        move = np.linalg.solve(slope[active], (wanted - eta)[active][..., None])[..., 0]
+        trial = a[active] + step[active, None] * move
+        new = _equations(problem, one, base[active], trial)
+        new_distance = np.linalg.norm(new[0] - wanted[active], axis=1)
+        better = new_distance < distance[active]
+        rows = active[better]
+        a[rows], eta[rows], slope[rows], logits[rows] = trial[better], *(part[better] for part in new)
+        distance[rows] = new_distance[better]
+        step[rows], step[active[~better]] = 1.0, step[active[~better]] / 3
+    solved = distance < 1e-3
+    a, eta, slope, logits = a[solved], eta[solved], slope[solved], logits[solved]
+    received = (products(problem, logits)[1] @ problem.response.T).transpose(0, 2, 1)
+    residual = np.tensordot(received, problem.rows, axes=([1, 2], [1, 2])) - problem.targets
+    log_weight = (one.log_weight - np.sum(a**2, axis=1) / 2 - np.sum(residual**2, axis=1) / 2
+                  + np.sum(eta**2, axis=1) / 2 - np.linalg.slogdet(slope)[1])
+    return logits, log_weight
 
 
-def _watched(problem: JointProblem, history: np.ndarray) -> np.ndarray:
-    steps, chains, size = history.shape
-    spectra = spectra_of(problem, history.reshape(-1, size))
-    some = np.linspace(0, spectra.shape[2] - 1, WATCHED).astype(int)
-    return spectra[:, :, some].reshape(steps, chains, -1)
-
-
-def split_r_hat(values: np.ndarray) -> np.ndarray:
-    """R-hat (D,) of values (steps, chains, D), every chain split in halves (Gelman et al. 2013, Eq. 11.4)."""
-    half = len(values) // 2
-    parts = np.concatenate([values[:half], values[half:2 * half]], axis=1)
-    within = parts.var(axis=0, ddof=1).mean(axis=0)
-    between = parts.mean(axis=0).var(axis=0, ddof=1)
-    return np.sqrt((half - 1) / half + between / np.maximum(within, 1e-300))
-
-
-def effective_sample_size(values: np.ndarray) -> np.ndarray:
-    """Effective number of draws (D,) of values (steps, chains, D), by Geyer's initial positive sequence."""
-    steps, chains, _ = values.shape
-    centred = values - values.mean(axis=(0, 1))
-    spectrum = np.fft.rfft(centred, 2 * steps, axis=0)
-    correlation = np.fft.irfft(np.abs(spectrum)**2, axis=0)[:steps].mean(axis=1)
-    correlation /= np.maximum(correlation[0], 1e-300)
-    pairs = correlation[:steps // 2 * 2].reshape(-1, 2, values.shape[2]).sum(axis=1)
-    positive = np.cumprod(pairs > 0, axis=0)
-    time = np.maximum(2 * np.sum(pairs * positive, axis=0) - 1, 1e-3)
-    return np.minimum(steps * chains / time, steps * chains)
+def _equations(problem: JointProblem, one: _Proposer, base: np.ndarray,
+               a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """eta (n, r), d eta / d a (n, r, r) and the logits (n, M, P) at a (n, r)."""
+    count, r = a.shape
+    materials, wavelengths = base.shape[1:]
+    logits = base + (a @ one.logit_directions.T).reshape(base.shape)
+    rho, terms = products(problem, logits)
+    received = (terms @ problem.response.T).transpose(0, 2, 1)                       # (n, K, E)
+    scale = 1 / np.sqrt(1 + one.size**2)
+    eta = scale * (a + received.reshape(count, -1) @ one.by_product.reshape(r, -1).T - one.target)
+    moved = terms.transpose(2, 0, 1) @ one.by_wavelength                             # (P, n, r M)
+    moved = moved.reshape(wavelengths, count, r, materials).transpose(1, 2, 3, 0) * (1 - rho)[:, None]
+    slope = moved.reshape(count * r, -1) @ one.logit_directions
+    return eta, scale[:, None] * (np.eye(r) + slope.reshape(count, r, r)), logits

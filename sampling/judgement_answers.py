@@ -1,6 +1,7 @@
 """What plan, certify, prior train and uplift answer: names and folders in, numbers and text out."""
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +10,15 @@ import numpy as np
 from radiometry.errors import InputError
 from radiometry.grid import visible_grid
 from radiometry.named_spectra import relative_response
-from sampling.answers import measurement_of_signal, numbers
 from sampling.certificate import LEVELS, certificate_page, certify
 from sampling.logit_mixture import GRID, LogitMixture, load_prior
-from sampling.planner import photo_candidate, plan, wavelength_candidates
+from sampling.measurement_file import further_measurements
+from sampling.more_measurements import joined
+from sampling.planner import READING_ERROR, Candidate, photo_candidate, plan, wavelength_candidates
 from sampling.prior_draws import sample_prior
 from sampling.prior_training import LeftOut, train
 from sampling.reflectance_libraries import read_library
+from sampling.signal_options import measurement_of_signal, numbers
 from sampling.spectral_samples import linear_between
 from sampling.uplift import build_table, outside, uplift_directly, uplift_pixels
 
@@ -28,38 +31,77 @@ def response_of(sensitivity: str, light: str) -> np.ndarray:
     return relative_response(sensitivity, light, fine) @ linear_between(GRID, fine)
 
 
-def plan_answer(sensitivity: str, light: str, signal: str, noise: str | None, white: str | None, steps: int,
-                lights: tuple[str, ...], reading_minutes: float, photo_minutes: float,
-                seed: int) -> tuple[dict[str, Any], str]:
-    """JSON object and text of ``spectrabox plan``."""
-    if reading_minutes <= 0 or photo_minutes <= 0:
+@dataclass(frozen=True)
+class PlanRequest:
+    """The options of ``spectrabox plan`` as given."""
+
+    sensitivity: str
+    light: str
+    signal: str
+    white: str | None
+    noise: str | None
+    steps: int
+    lights: tuple[str, ...]             # of another photo by the same camera
+    cameras: tuple[str, ...]            # of another photo under the same light
+    readings: tuple[str, ...]           # taken already, as are the next three
+    photos: tuple[str, ...]
+    same: tuple[str, ...]
+    more: Path | None
+    reading_minutes: float
+    photo_minutes: float
+    spot_minutes: float | None          # of a whole spectrum by a spectrometer; None: there is none
+    seed: int
+
+
+def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
+    """JSON object and text of ``spectrabox plan``.
+
+    Raises
+    ------
+    InputError
+    """
+    minutes = (request.reading_minutes, request.photo_minutes, request.spot_minutes or 1.0)
+    if min(minutes) <= 0:
         raise InputError("the minutes of a measurement must be positive")
-    response = relative_response(sensitivity, light, visible_grid(1))
-    measurement = measurement_of_signal(response, numbers(signal, len(response), "signal"), white, noise)
-    draws = sample_prior(measurement, PLAN_DRAWS, seed)
-    candidates = wavelength_candidates(GRID, minutes=reading_minutes)
-    candidates += [photo_candidate(f"photo under {other}", response_of(sensitivity, other), photo_minutes)
-                   for other in lights]
-    chosen = plan(draws.spectra, candidates, steps)
+    response = relative_response(request.sensitivity, request.light, visible_grid(1))
+    measurement = measurement_of_signal(response, numbers(request.signal, len(response), "signal"), request.white,
+                                        request.noise)
+    taken = further_measurements(request.readings, request.photos, request.same, request.more, request.sensitivity,
+                                 response, request.white)
+    draws = sample_prior(joined(measurement, taken), PLAN_DRAWS, request.seed)
+    chosen = plan(draws.spectra, candidates_of(request), request.steps)
     facts = {"steps": [{"measurement": step.name, "width_before": step.width_before, "width_after": step.width_after,
                         "minutes": step.minutes, "fall_per_minute": step.fall_per_minute} for step in chosen],
-             "outcome": draws.outcome}
+             "taken": [one.name for one in taken], "outcome": draws.outcome}
     lines = [f"{step.name}: mean width of the 95 % band {step.width_before:.3f} -> {step.width_after:.3f} "
              f"in {step.minutes:g} min" for step in chosen]
     return facts, "\n".join([*lines, draws.outcome])
 
 
-def certify_answer(folders: list[Path], sensitivity: str, light: str, noise: float,
-                   prior_file: Path | None) -> tuple[dict[str, Any], str]:
+def candidates_of(request: PlanRequest) -> list[Candidate]:
+    """Readings every 10 nm, photos under other lights or by other cameras, and a spectrometer's whole spectrum."""
+    found = wavelength_candidates(GRID, minutes=request.reading_minutes)
+    if request.spot_minutes is not None:
+        rows = np.concatenate([one.rows for one in found])
+        found.append(Candidate("spectrometer spot, 400-700 nm", rows, READING_ERROR, request.spot_minutes))
+    photos = [(f"photo under {light}", request.sensitivity, light) for light in request.lights]
+    photos += [(f"photo by {camera}", camera, request.light) for camera in request.cameras]
+    return found + [photo_candidate(name, response_of(camera, light), request.photo_minutes)
+                    for name, camera, light in photos]
+
+
+def certify_answer(folders: list[Path], sensitivity: str, light: str, noise: float, prior_file: Path | None,
+                   lights: tuple[str, ...]) -> tuple[dict[str, Any], str]:
     """JSON object and page of ``spectrabox certify``."""
     if not 0 <= noise < 0.5:
         raise InputError(f"a relative noise of {noise:g} was given; 0 to 0.5 is needed")
     prior, response = load_prior(prior_file), response_of(sensitivity, light)
-    found = [certify(prior, read_library(folder), response, noise) for folder in folders]
+    found = [certify(prior, read_library(folder), response, noise, lights=lights) for folder in folders]
     facts = [{"name": one.name, "curves": one.curves, "left_out": one.left_out, "rmse": one.rmse,
               "spectral_angle": one.spectral_angle, "coverage": {f"{level:g}": one.coverage[level] for level in LEVELS},
               "coverage_standard_error": one.coverage_error, "curve_coverage": one.curve_coverage, "width": one.width,
-              "winkler": one.winkler, "unfamiliar": one.unfamiliar, "verdict": one.verdict} for one in found]
+              "sharpness": one.sharpness, "winkler": one.winkler, "delta_e00": one.delta_e00,
+              "unfamiliar": one.unfamiliar, "trained_on": one.trained_on, "verdict": one.verdict} for one in found]
     return {"libraries": facts, "prior": prior.source, "noise": noise}, \
         certificate_page(found, prior, f"{sensitivity} under {light}")
 

@@ -1,8 +1,10 @@
 """Training of the learnt prior on measured reflectances, and its conformal calibration on libraries left out in turn.
 
-Collections are small next to the colours that occur, so the mixture is fitted to them and to twice as many spectra
-made from them: geometric means of two (layers of two dyes), powers from 1/2 to 2 (thinner and thicker layers, as in
-the law of Beer and Lambert) and shifts by about 12 nm (related dyes). Held-out libraries decide what that is worth.
+Collections are small next to the colours that occur, so the mixture is fitted to them and to eight times as many
+spectra made from them: geometric means of two (mixtures of two dyes), powers from 1/2 to 2 (thinner and thicker layers,
+as in the law of Beer and Lambert), products of two powers (a layer over another body) and shifts by about 12 nm
+(related dyes). Every component is widened by a little of the smoothness prior. Training libraries left out in turn
+decided how much of each.
 """
 from __future__ import annotations
 
@@ -14,13 +16,15 @@ from radiometry.errors import InputError
 from sampling.logit_mixture import EDGE, GRID, LogitMixture, logit
 from sampling.mixture_posterior import central_band, conformal_scores, mean_and_spread, posterior
 from sampling.reflectance_libraries import ReflectanceLibrary, without_near_duplicates
+from sampling.smoothness_prior import smooth_covariance
 
 DIRECTIONS, COMPONENTS = 10, 8
-RIDGE, FLOOR = 3e-3, 4e-3       # variance added to the components and to every logit: what the sets do not show
+RIDGE, FLOOR = 3e-3, 1e-3       # variance added to the components and to every logit: what the sets do not show
+SMOOTH = 0.03                   # share of the smoothness prior's covariance that is added to every component
+MADE = 8                        # spectra made of the measured ones, per measured one
 FEWEST = 200
 MOST_OF_ONE = 500               # curves of one library, so that no collection outvotes the others
 LEVELS = np.array([0.5, 0.8, 0.9, 0.95, 0.99])
-SLACK = 0.2                     # of 1 - level: what the worst of the left-out libraries may miss on top
 SHIFT_NM = 12.5
 JUDGED = 400                    # curves of a left-out library that are judged
 FAMILIAR = 0.995
@@ -77,17 +81,23 @@ def balanced(reflectances: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def enriched(reflectances: np.ndarray, seed: int = 0) -> np.ndarray:
-    """The curves (n, 61) and twice as many made from them: geometric means, powers and shifts, a third each."""
+    """The curves (n, 61) and eight times as many made of them: mixtures, powers, shifts and layers, a quarter each."""
     rng = np.random.default_rng(seed)
-    share = 2 * len(reflectances) // 3
-    positive = np.maximum(reflectances, EDGE)
-    first, second, third, fourth = (positive[rng.integers(len(positive), size=share)] for _ in range(4))
-    mixed = first**(weight := rng.uniform(size=(share, 1))) * second**(1 - weight)
-    powers = third**rng.uniform(0.5, 2, (share, 1))
-    shifts = rng.normal(0, SHIFT_NM, share)
+    share = MADE * len(reflectances) // 4
+    positive = np.clip(reflectances, EDGE, 1 - EDGE)
+
+    def some() -> np.ndarray:
+        return positive[rng.integers(len(positive), size=share)]
+
+    def power(low: float, high: float) -> np.ndarray:
+        return rng.uniform(low, high, (share, 1))
+
+    weight = power(0, 1)
+    mixed = some()**weight * some()**(1 - weight)
+    layered = some()**power(0.2, 1) * some()**power(0.2, 1)
     shifted = np.array([np.interp(GRID.nm + shift, GRID.nm, curve)
-                        for shift, curve in zip(shifts, fourth, strict=True)])
-    return np.concatenate([reflectances, mixed, powers, shifted])
+                        for shift, curve in zip(rng.normal(0, SHIFT_NM, share), some(), strict=True)])
+    return np.concatenate([reflectances, mixed, some()**power(0.5, 2), shifted, layered])
 
 
 def fit_mixture(reflectances: np.ndarray, components: int = COMPONENTS, seed: int = 0,
@@ -111,7 +121,8 @@ def fit_mixture(reflectances: np.ndarray, components: int = COMPONENTS, seed: in
     centre = x.mean(axis=0)
     directions = np.linalg.svd(x - centre, full_matrices=False)[2][:DIRECTIONS].T
     scores = (x - centre) @ directions
-    rest = np.cov(x - centre - scores @ directions.T, rowvar=False) + FLOOR * np.eye(GRID.nm.size)
+    rest = (np.cov(x - centre - scores @ directions.T, rowvar=False) + FLOOR * np.eye(GRID.nm.size)
+            + SMOOTH * smooth_covariance())
     mixture = GaussianMixture(components, reg_covar=RIDGE, random_state=seed, max_iter=300).fit(scores)
     covariances = directions @ mixture.covariances_ @ directions.T + rest
     return LogitMixture(GRID.nm, mixture.weights_ / mixture.weights_.sum(), centre + mixture.means_ @ directions.T,
@@ -133,11 +144,10 @@ def judge(prior: LogitMixture, name: str, response: np.ndarray, reflectances: np
 def calibrated(prior: LogitMixture, judged: list[LeftOut]) -> LogitMixture:
     """The prior with band factors from libraries left out in turn.
 
-    The factor of a level is the least at which no left-out library misses more than 1.2 (1 - level) of its
-    wavelengths; the curve factor is the least at which 95 % of all left-out curves lie wholly within their band.
+    The factor of a level is the least at which no left-out library misses more than 1 - level of its wavelengths; the
+    curve factor is the least at which 95 % of all left-out curves lie wholly within their band.
     """
-    wanted = LEVELS - SLACK * (1 - LEVELS)
-    factors = np.max([[np.quantile(scores, level) for scores, level in zip(one.scores, wanted, strict=True)]
+    factors = np.max([[np.quantile(scores, level) for scores, level in zip(one.scores, LEVELS, strict=True)]
                       for one in judged], axis=0)
     per_curve = np.concatenate([one.scores[list(LEVELS).index(0.95)].max(axis=1) for one in judged])
     surprise = np.concatenate([one.surprise for one in judged])

@@ -23,6 +23,10 @@ from sampling.r_data import read_r_columns
 
 GRID = visible_grid(5)
 END_GAP_NM = 6.0    # a curve may end this far inside 400-700 nm; it is then continued by its end value
+FAR_ABOVE_ONE = 1.2 # of most curves, over a tenth of their wavelengths: no reflectance, whatever the file says
+# Data sets that hold absorbance log10(1 / reflectance) although they are called reflectance. Ikeogu et al. (2017): the
+# values reach 1.95 in the water band at 1930 nm, and those at 450 nm grow with the carotenoids (correlation 0.88).
+ABSORBANCES = ("ikeogu.2017.rda",)
 Curves = tuple[np.ndarray, np.ndarray]  # wavelengths (Q,) in nm, reflectances (n, Q)
 
 
@@ -39,7 +43,7 @@ def read_library(folder: Path) -> ReflectanceLibrary:
     """All usable reflectances of a folder.
 
     Left out are curves with gaps, that leave [0, 1] anywhere in 400-700 nm (fluorescent, or wrongly scaled), or that do
-    not cover it to within 6 nm.
+    not cover it to within 6 nm, and whole files whose values elsewhere show that they are no reflectances.
 
     Raises
     ------
@@ -69,6 +73,9 @@ def usable(nm: np.ndarray, curves: np.ndarray) -> tuple[np.ndarray, dict[str, in
     nm, curves = nm[order], curves[:, order]
     if nm.size < 2 or nm[0] > GRID.nm[0] + END_GAP_NM or nm[-1] < GRID.nm[-1] - END_GAP_NM:
         return np.empty((0, GRID.nm.size)), {"400-700 nm not covered": len(curves)}
+    high = np.nanpercentile(np.where(np.isfinite(curves), curves, np.nan)[np.isfinite(curves).any(axis=1)], 90, axis=1)
+    if high.size and np.median(high) > FAR_ABOVE_ONE:
+        return np.empty((0, GRID.nm.size)), {"far above 1: absorbance, or per cent": len(curves)}
     seen = (nm > GRID.nm[0] - 20) & (nm < GRID.nm[-1] + 20)
     nm, curves = nm[seen], curves[:, seen]
     whole = np.all(np.isfinite(curves), axis=1)
@@ -135,6 +142,8 @@ def _read_r(path: Path) -> list[Curves]:
     if not named:
         return []
     values = np.array([columns[name] for name in named]).T
+    if path.name in ABSORBANCES:
+        values = 10**-values
     return [(np.array(list(named.values())), values)]
 
 

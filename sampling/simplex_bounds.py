@@ -16,6 +16,7 @@ from sampling.tilt import max_entropy_tilt
 
 REDUCED_COST = 1e-10        # below this a coefficient brings no gain
 SMALL_PIVOT = 1e-11
+SMALLEST_VOLUME = 1e-9      # of what a column adds to those before it, relative to the largest
 MOST_PIVOTS = 400           # per wavelength
 REFACTOR = 40               # pivots after which the inverse of the basis is computed anew
 DONE, NO_VERTEX, STALLED = 0, 1, 2
@@ -69,29 +70,22 @@ def walk(A, y, inside, rows):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _to_vertex(A, x, place, basic):  # type: ignore[no-untyped-def]
-    """Slide along circuits until only K coefficients lie between 0 and 1; False if that fails."""
+    """Slide along circuits until only K independent coefficients lie between 0 and 1; False if that fails."""
     K, N = A.shape
-    free = N
     for j in range(N):
         if x[j] <= 0.0 or x[j] >= 1.0:
             place[j] = -1 if x[j] <= 0.0 else 1
-            free -= 1
     members = np.empty(K + 1, np.int64)
-    while free > K:
-        count = 0
-        for j in range(N):
-            if place[j] == 0 and count <= K:
-                members[count] = j
-                count += 1
-        square = _columns(A, members[:K])
-        if abs(np.linalg.det(square)) < 1e-14:
-            return False
+    while _spread_columns(A, place, members):
+        if members[K] < 0:
+            basic[:] = members[:K]
+            return True
         d = np.ones(K + 1)
-        d[:K] = np.linalg.solve(square, -A[:, members[K]])
+        d[:K] = np.linalg.solve(_columns(A, members[:K]), -A[:, members[K]])
         length, stop, end = 1e300, -1, 0
         for q in range(K + 1):
             j = members[q]
-            if abs(d[q]) > 1e-14:
+            if abs(d[q]) > SMALL_PIVOT:
                 reach = (1 - x[j]) / d[q] if d[q] > 0 else -x[j] / d[q]
                 if reach < length:
                     length, stop, end = reach, j, (1 if d[q] > 0 else -1)
@@ -99,13 +93,41 @@ def _to_vertex(A, x, place, basic):  # type: ignore[no-untyped-def]
             x[members[q]] += length * d[q]
         x[stop] = 1.0 if end == 1 else 0.0
         place[stop] = end
-        free -= 1
-    count = 0
+    return False
+
+
+@njit(cache=True)
+def _spread_columns(A, place, members):  # type: ignore[no-untyped-def]
+    """K free columns that are as far from dependent as a greedy choice finds, and one more or -1; False if none are.
+
+    Neighbouring splines look almost alike to the camera: the first K free ones would have no inverse to speak of.
+    """
+    K, N = A.shape
+    rest = A.copy()
+    largest, taken = 0.0, np.zeros(N, np.int64)
+    for k in range(K):
+        best, size = -1, 0.0
+        for j in range(N):
+            if place[j] == 0 and taken[j] == 0:
+                length = np.sum(rest[:, j]**2)
+                if length > size:
+                    best, size = j, length
+        largest = max(largest, size)
+        if best < 0 or size <= SMALLEST_VOLUME**2 * largest:
+            return False
+        members[k], taken[best] = best, 1
+        along = rest[:, best] / np.sqrt(size)
+        for j in range(N):
+            share = 0.0
+            for r in range(K):
+                share += along[r] * rest[r, j]
+            for r in range(K):
+                rest[r, j] -= share * along[r]
+    members[K] = -1
     for j in range(N):
-        if place[j] == 0 and count < K:
-            basic[count] = j
-            count += 1
-    return count == K and abs(np.linalg.det(_columns(A, basic))) > 1e-14
+        if place[j] == 0 and taken[j] == 0:
+            members[K] = j
+    return True
 
 
 @njit(cache=True)

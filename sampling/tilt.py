@@ -55,11 +55,11 @@ def max_entropy_tilt(operator: MeasurementOperator) -> Tilt:
     u, singular_values, vt = np.linalg.svd(operator.A, full_matrices=False)
     whiten = (u / singular_values).T
     theta, residual = _newton(vt, whiten @ operator.y, whiten @ operator.noise_covariance @ whiten.T)
-    reachable = is_reachable(operator)
-    h = theta @ vt
-    if residual > GRADIENT_ATOL or (np.abs(h).max() > EDGE and not operator.noise_covariance.any()):
-        raise ConvergenceError(_no_tilt(operator, reachable))
+    h, noisy = theta @ vt, bool(operator.noise_covariance.any())
+    if residual > GRADIENT_ATOL or (np.abs(h).max() > EDGE and not noisy):
+        raise ConvergenceError(_no_tilt(operator, is_reachable(operator)))
     _, mean, _ = tilt_moments(h)
+    reachable = not noisy or is_reachable(operator)     # without noise the means reproduce the signal themselves
     return Tilt(whiten.T @ theta, h, mean, residual, reachable)
 
 

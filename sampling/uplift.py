@@ -1,7 +1,8 @@
 """Mean and spread of the spectrum behind every pixel of an image: a table in signal space, looked up linearly.
 
-The posterior of three-band signals is computed once on a cubic lattice and interpolated trilinearly for every pixel.
-The points are spaced evenly in the cube root of the signal, as dark colours change fastest. `table_error` says what the
+The posterior of three-band signals is computed once on a lattice and interpolated trilinearly for every pixel. One axis
+is the middle band, evenly in its cube root, as dark colours change fastest; the others are the logarithms of the two
+ratios to it, densest at grey, where most surfaces are and the spread changes fastest. `table_error` says what the
 interpolation costs. More than three bands are computed pixel by pixel.
 """
 from __future__ import annotations
@@ -14,14 +15,16 @@ from radiometry.errors import InputError
 from sampling.logit_mixture import GRID, LogitMixture
 from sampling.mixture_posterior import mean_and_spread, posterior
 
-SIDE = 25
+SIDE = 25                   # odd, so that grey is on the lattice
+DARKEST = 0.12              # cube root of the darkest middle band; darker signals are taken for as dark
+BEND, STEEPEST = 0.3, 2.6   # log ratio at which the lattice widens, and the largest one
 BATCH = 500
 LARGEST_SIGNAL = 1.0
 
 
 @dataclass(frozen=True)
 class UpliftTable:
-    """Mean and standard deviation (SIDE, SIDE, SIDE, 61) at signals whose cube roots are spaced evenly from 0 to 1."""
+    """Mean and standard deviation (side, side, side, 61) at the signals of `lattice`."""
 
     mean: np.ndarray
     standard_deviation: np.ndarray
@@ -38,11 +41,17 @@ def build_table(prior: LogitMixture, response: np.ndarray, noise: float = 0.01, 
     """
     if len(response) != 3:
         raise InputError(f"a table is made for three bands; there are {len(response)}: use `uplift_directly`")
-    axis = np.linspace(0, 1, side)**3
-    signals = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-    mean, spread = uplift_directly(prior, response, signals, noise)
+    mean, spread = uplift_directly(prior, response, lattice(side).reshape(-1, 3), noise)
     shape = (side, side, side, GRID.nm.size)
     return UpliftTable(mean.reshape(shape).astype(np.float32), spread.reshape(shape).astype(np.float32), response)
+
+
+def lattice(side: int) -> np.ndarray:
+    """Signals (side, side, side, 3) of the table; bands brighter than white are those of white."""
+    middle = np.linspace(DARKEST, 1, side)**3
+    ratio = np.exp(BEND * np.sinh(np.linspace(-1, 1, side) * np.arcsinh(STEEPEST / BEND)))
+    level, first, third = np.meshgrid(middle, ratio, ratio, indexing="ij")
+    return np.minimum(np.stack([level * first, level, level * third], axis=-1), LARGEST_SIGNAL)
 
 
 def uplift_directly(prior: LogitMixture, response: np.ndarray, signals: np.ndarray,
@@ -65,7 +74,7 @@ def uplift_pixels(table: UpliftTable, signals: np.ndarray) -> tuple[np.ndarray, 
     from sampling.uplift_kernel import look_up  # numba
 
     stacked = np.concatenate([table.mean, table.standard_deviation], axis=3)
-    found = look_up(stacked, np.ascontiguousarray(signals, dtype=np.float32))
+    found = look_up(stacked, np.ascontiguousarray(signals, dtype=np.float32), DARKEST, BEND, STEEPEST)
     return found[:, :GRID.nm.size], found[:, GRID.nm.size:]
 
 

@@ -8,20 +8,21 @@ import numpy as np
 from radiometry.records import Calibration, Reconstruction
 from radiometry.spectrum_files import on_grid, read_curves, spectrum_on_grid
 from reconstruct.agreement import misalignment
+from reconstruct.joint_reconstruction import JointReconstruction
 from session.error_budget import relative_errors
 from session.inputs import GRID, read_reflectance
 from session.pipeline import (
     FinishedRun,
     array_of,
-    calibration_of,
+    calibrations_of,
     chart_of,
+    joint_of,
     notes_of,
     photo_of,
-    reconstruction_of,
     results_folder,
     samples_of,
 )
-from session.results import ChartResult, MaterialResult, SessionResults
+from session.results import ChartResult, MaterialResult, SessionResults, ViewResult
 from session.scores import score
 from session.session_schema import SessionConfig
 from session.stages import band_names
@@ -33,32 +34,37 @@ SHIFT_WARNING = 0.5      # pixels of the rendered view
 def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]) -> SessionResults:
     """Everything the report shows."""
     stored = run.stored
-    calibration, reconstruction = calibration_of(stored), reconstruction_of(stored)
+    calibrations, joint = calibrations_of(config, stored), joint_of(stored)
+    calibration, reconstruction = calibrations[0], joint.views[0]
     photo = photo_of(stored)
-    materials = [_material(config, calibration, reconstruction, stored, index)
-                 for index in range(len(reconstruction.materials))]
+    bands = band_names(config, photo.signal.shape[2])
+    materials = [_material(config, calibrations, joint, stored, joint.materials.index(name))
+                 for name in config.materials if name in joint.materials]
+    previews = results_folder(config) / "photo"
+    views = [ViewResult(shot.name, bands, calibrations[number], previews / f"{shot.record('preview')}.png",
+                        joint.views[number]) for number, shot in enumerate(config.shots) if shot.name]
     return SessionResults(
         folder=config.folder, name=config.session.name, operator=config.session.operator, notes=config.session.notes,
-        bands=band_names(config, photo.signal.shape[2]), inputs=_inputs(config, run), chart=_chart(config, run),
+        bands=bands, inputs=_inputs(config, run), chart=_chart(config, run),
         calibration=calibration, sensitivity_truth=_sensitivity_truth(config), light_scale=reconstruction.light_scale,
-        photo=photo, photo_preview=results_folder(config) / "photo" / "preview.png", reconstruction=reconstruction,
-        materials=materials, provenance=provenance,
+        photo=photo, photo_preview=previews / "preview.png", reconstruction=reconstruction,
+        materials=materials, views=views, signal_bands=joint.bands if views else bands, provenance=provenance,
         warnings=notes_of(stored) + _warnings(config, calibration, reconstruction),
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name, stage in stored.items()])
 
 
-def _material(config: SessionConfig, calibration: Calibration, reconstruction: Reconstruction, stored: dict[str, Any],
-              index: int) -> MaterialResult:
-    name = reconstruction.materials[index]
+def _material(config: SessionConfig, calibrations: list[Calibration], joint: JointReconstruction,
+              stored: dict[str, Any], index: int) -> MaterialResult:
+    name, spectrum = joint.materials[index], joint.spectra[index]
     section = config.materials[name]
     truth = None if section.truth is None else read_reflectance(config, section.truth)
-    if reconstruction.known[index]:
-        return MaterialResult(name, None, None, {}, truth, None)
+    known = (name, spectrum, joint.signal[index], joint.signal_covariance[index], joint.model_covariance[index])
+    if joint.known[index]:
+        return MaterialResult(*known, None, None, {}, truth, None)
     samples, summary = samples_of(stored, name)
-    errors = relative_errors(calibration, reconstruction, index)
-    scores = None if truth is None else score(spectrum_on_grid(truth, reconstruction.grid),
-                                              reconstruction.spectra[index], summary, samples)
-    return MaterialResult(name, summary, samples, errors, truth, scores)
+    errors = relative_errors(calibrations, joint, index)
+    scores = None if truth is None else score(spectrum_on_grid(truth, joint.grid), spectrum, summary, samples)
+    return MaterialResult(*known, summary, samples, errors, truth, scores)
 
 
 def _chart(config: SessionConfig, run: FinishedRun) -> ChartResult | None:
@@ -85,7 +91,8 @@ def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
     """Every input file once, with its role, hash, size and what is known of it."""
     roles: dict[str, str] = {}
     for shot in config.shots:
-        for role, names in (("object photo", shot.photo_files), ("light spectrum", [shot.light.file]),
+        for role, names in (("object photo", shot.photo_files),
+                            ("light spectrum", [light.file for light in shot.all_lights]),
                             ("scene", [shot.scene]), ("chart photo", shot.chart_files)):
             for name in names:
                 roles.setdefault(name, f"{role}, {shot.name}" if shot.name else role)

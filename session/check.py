@@ -73,6 +73,8 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
         light, scene = attempt(read_light, config, shot.light), attempt(read_session_scene, config, shot.scene)
         if scene is not None:
             attempt(require_materials, scene, bsdfs)
+        for spectrum in shot.all_lights[1:]:
+            attempt(read_light, config, spectrum)
         if (developed := attempt(read_photo, config, shot.photo)) is not None:
             attempt(require_exposed, developed[0], shot.photo_files[0])
             if scene is not None:

@@ -1,57 +1,70 @@
 """How well each material's signal is known, by cause: the likelihood of the samplers and the report's error budget."""
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
-from radiometry.records import Calibration, Reconstruction
-from radiometry.response import response_matrix, white_signal
+import numpy as np
+from scipy.linalg import block_diag
+
+from radiometry.records import Calibration
+from radiometry.response import white_signal
 from radiometry.spectrum_files import spectrum_on_grid
+from reconstruct.joint_reconstruction import JointReconstruction
 from sampling.spectral_samples import SpectralMeasurement
 
 
-def measurement_of(calibration: Calibration, reconstruction: Reconstruction, index: int) -> SpectralMeasurement:
-    """What the camera said of one material, relative to white, with every error that is known."""
-    response = response_matrix(reconstruction.grid, calibration.sensitivity.curves, _light(calibration, reconstruction))
-    covariance = np.sum(list(signal_covariances(calibration, reconstruction, index).values()), axis=0)
-    return SpectralMeasurement(reconstruction.grid, response / white_signal(response)[:, None],
-                               reconstruction.signal[index], covariance)
+def measurement_of(calibrations: Sequence[Calibration], joint: JointReconstruction, index: int) -> SpectralMeasurement:
+    """What the photos said of one material, relative to white, with every error that is known."""
+    covariance = np.sum(list(signal_covariances(calibrations, joint, index).values()), axis=0)
+    return SpectralMeasurement(joint.grid, joint.response, joint.signal[index], covariance)
 
 
-def signal_covariances(calibration: Calibration, reconstruction: Reconstruction, index: int) -> dict[str, np.ndarray]:
-    """Covariance (K, K) of one material's signal, relative to white, by cause."""
-    signal = reconstruction.signal[index]
+def signal_covariances(calibrations: Sequence[Calibration], joint: JointReconstruction,
+                       index: int) -> dict[str, np.ndarray]:
+    """Covariance (J, J) of one material's signal, relative to white, by cause.
+
+    Parameters
+    ----------
+    calibrations : of each view
+    index : int
+        Of the material.
+    """
+    signal = joint.signal[index]
     both = np.outer(signal, signal)
-    scale = reconstruction.light_scale
-    relative_scale = 0.0 if scale.standard_error is None else scale.standard_error / scale.value
-    return {"photo and rendering noise": reconstruction.signal_covariance[index],
-            "sensitivities": sensitivity_covariance(calibration, reconstruction, index),
-            "light scale": relative_scale**2 * both,
-            "photo and model disagree": reconstruction.model_covariance[index] * both}
+    relative = [0.0 if view.light_scale.standard_error is None
+                else view.light_scale.standard_error / view.light_scale.value for view in joint.views]
+    alike = joint.view_of_band[:, None] == joint.view_of_band
+    return {"photo and rendering noise": joint.signal_covariance[index],
+            "sensitivities": sensitivity_covariance(calibrations, joint, index),
+            "light scale": np.where(alike, np.square(relative)[joint.view_of_band], 0.0) * both,
+            "photo and model disagree": joint.model_covariance[index] * both}
 
 
-def relative_errors(calibration: Calibration, reconstruction: Reconstruction, index: int) -> dict[str, np.ndarray]:
-    """Relative standard error (K,) of one material's signal, by cause."""
-    return {cause: np.sqrt(np.diag(covariance)) / reconstruction.signal[index]
-            for cause, covariance in signal_covariances(calibration, reconstruction, index).items()}
+def relative_errors(calibrations: Sequence[Calibration], joint: JointReconstruction,
+                    index: int) -> dict[str, np.ndarray]:
+    """Relative standard error (J,) of one material's signal, by cause."""
+    return {cause: np.sqrt(np.diag(covariance)) / joint.signal[index]
+            for cause, covariance in signal_covariances(calibrations, joint, index).items()}
 
 
-def sensitivity_covariance(calibration: Calibration, reconstruction: Reconstruction, index: int) -> np.ndarray:
-    """Covariance (K, K) of a signal, relative to white, by the error of the camera's curves.
+def sensitivity_covariance(calibrations: Sequence[Calibration], joint: JointReconstruction, index: int) -> np.ndarray:
+    """Covariance (J, J) of a signal, relative to white, by the error of the camera's curves.
 
     With a covariance of the curves, to first order: an error dM of a band changes the signal by the integral of
-    dM x light x (reflectance - signal), divided by the white signal, since white itself is calibrated. Without one,
-    every band errs by the stated share of the brightest band: an error of a curve's tail admits light from there.
+    dM x light x (reflectance - signal), divided by the white signal, since white itself is calibrated. The same error
+    acts in the photos under every light. Without one, every band errs by the stated share of the brightest band, and
+    photos err apart: an error of a curve's tail admits light from there.
     """
-    fit, signal = calibration.sensitivity, reconstruction.signal[index]
+    signal, fit = joint.signal[index], calibrations[0].sensitivity
     if fit.covariance is None or fit.basis is None:
-        return calibration.relative_covariance * signal.max() ** 2
-    weight = _light(calibration, reconstruction) * reconstruction.grid.weights_nm
-    contrast = (reconstruction.spectra[index] - signal[:, None]) * weight / reconstruction.white_signal[:, None]
-    jacobian = contrast @ fit.basis
-    bands, coefficients = jacobian.shape
-    blocks = fit.covariance.reshape(bands, coefficients, bands, coefficients)
-    return np.einsum("kn,knlm,lm->kl", jacobian, blocks, jacobian)
-
-
-def _light(calibration: Calibration, reconstruction: Reconstruction) -> np.ndarray:
-    return spectrum_on_grid(calibration.light, reconstruction.grid)
+        return block_diag(*(calibrations[view].relative_covariance * signal[joint.view_of_band == view].max() ** 2
+                            for view in np.unique(joint.view_of_band)))
+    bands, coefficients = len(fit.curves), fit.basis.shape[1]
+    jacobian = np.zeros((signal.size, bands, coefficients))
+    for view in np.unique(joint.view_of_band):
+        mine = np.flatnonzero(joint.view_of_band == view)
+        weight = spectrum_on_grid(calibrations[view].light, joint.grid) * joint.grid.weights_nm
+        contrast = (joint.spectra[index] - signal[mine, None]) * weight / white_signal(fit.curves * weight)[:, None]
+        jacobian[mine, np.arange(bands)] = contrast @ fit.basis
+    rows = jacobian.reshape(signal.size, -1)
+    return rows @ fit.covariance @ rows.T

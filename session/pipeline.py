@@ -17,14 +17,15 @@ from radiometry.records import (
     Reconstruction,
     SpectrumSummary,
 )
+from reconstruct.joint_reconstruction import JointReconstruction
 from sampling.spectral_samples import SpectralSamples
+from session.calibrate_stage import calibrate_shots
 from session.session_schema import SessionConfig, Shot
 from session.stage_keys import Key, as_stored, stage_keys
 from session.stages import (
     bin_object_photos,
-    calibrate_camera,
     find_and_sample_charts,
-    invert_photo,
+    invert_photos,
     sample_materials,
 )
 from session.store import StoredStage, load_stage, save_stage, stage_folder, why_stale
@@ -134,10 +135,20 @@ def calibration_of(stored: dict[str, StoredStage]) -> Calibration:
     return calibration
 
 
+def calibrations_of(config: SessionConfig, stored: dict[str, StoredStage]) -> list[Calibration]:
+    """The calibration of every shot."""
+    return [stored["calibrate"].record(Calibration, shot.record("calibration")) for shot in config.shots]
+
+
+def joint_of(stored: dict[str, StoredStage]) -> JointReconstruction:
+    """The reconstruction from all photos of a finished run."""
+    joint: JointReconstruction = stored["reconstruct"].record(JointReconstruction, "joint")
+    return joint
+
+
 def reconstruction_of(stored: dict[str, StoredStage]) -> Reconstruction:
-    """The reconstruction of a finished run."""
-    reconstruction: Reconstruction = stored["reconstruct"].record(Reconstruction, "reconstruction")
-    return reconstruction
+    """What the reconstruction says of the first photo."""
+    return joint_of(stored).views[0]
 
 
 def photo_of(stored: dict[str, StoredStage], shot: Shot | None = None) -> LinearImage:
@@ -162,6 +173,13 @@ def samples_of(stored: dict[str, StoredStage], material: str) -> tuple[SpectralS
     """Draws and summary of one unknown material."""
     stage = stored["sample"]
     return stage.record(SpectralSamples, f"samples {material}"), stage.record(SpectrumSummary, f"summary {material}")
+
+
+def _chart_under_light(config: SessionConfig, stored: dict[str, StoredStage],
+                       shot: Shot) -> tuple[ChartDetection, PatchSamples, LinearImage] | None:
+    """The shot's own chart photo, else the first shot's where the light is the same."""
+    first = config.shots[0]
+    return chart_of(stored, shot) or (chart_of(stored, first) if shot.light == first.light else None)
 
 
 def notes_of(stored: dict[str, StoredStage]) -> list[str]:
@@ -190,14 +208,15 @@ def _run_stage(config: SessionConfig, name: str, key: Key, device: str, stored: 
         elif name == "photo":
             records = bin_object_photos(config, folder, report)
         elif name == "calibrate":
-            chart = chart_of(stored)
-            records = calibrate_camera(config, device, None if chart is None else chart[1], report)
+            charts = [chart_of(stored, shot) for shot in config.shots]
+            records = calibrate_shots(config, device, [chart and chart[1] for chart in charts], report)
         elif name == "reconstruct":
-            chart = chart_of(stored)
-            records = {"reconstruction": invert_photo(config, device, photo_of(stored), calibration_of(stored),
-                                                      None if chart is None else chart[2], report)}
+            charts = [_chart_under_light(config, stored, shot) for shot in config.shots]
+            records = {"joint": invert_photos(config, device, [photo_of(stored, shot) for shot in config.shots],
+                                              calibrations_of(config, stored), [chart and chart[2] for chart in charts],
+                                              report)}
         else:
-            records = sample_materials(config, calibration_of(stored), reconstruction_of(stored), report)
+            records = sample_materials(config, calibrations_of(config, stored), joint_of(stored), report)
         save_stage(folder, as_stored(key), records, time.perf_counter() - start, {"stage": name})
     finished = load_stage(results_folder(config), name)
     assert finished is not None

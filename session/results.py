@@ -38,6 +38,10 @@ class MaterialResult:
     """One material of the scene."""
 
     name: str
+    spectrum: np.ndarray              # (P,) of inverse rendering, or as given; on the reconstruction's grid
+    signal: np.ndarray                # (J,) relative to white, in the bands of all photos
+    signal_covariance: np.ndarray     # (J, J) noise
+    model_covariance: np.ndarray      # (J, J) relative: photo and model disagree
     summary: SpectrumSummary | None   # None where the spectrum was given
     samples: SpectralSamples | None
     error_budget: dict[str, np.ndarray]  # cause -> (K,) relative standard error of this material's signal
@@ -54,6 +58,17 @@ class ChartResult:
     predicted: np.ndarray             # (24, K) signal that the calibration predicts
     irradiance: np.ndarray            # (24,) relative irradiance of each patch, brightest 1
     overlay: Path                     # PNG
+
+
+@dataclass(frozen=True)
+class ViewResult:
+    """A further photo of the same materials."""
+
+    name: str
+    bands: tuple[str, ...]
+    calibration: Calibration          # with the light of this view
+    photo_preview: Path               # PNG
+    reconstruction: Reconstruction
 
 
 @dataclass(frozen=True)
@@ -74,6 +89,8 @@ class SessionResults:
     photo_preview: Path               # PNG of the whole object photo
     reconstruction: Reconstruction
     materials: list[MaterialResult]
+    signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
     stages: list[dict[str, Any]]      # name, seconds, state ("run", "kept")
     provenance: dict[str, Any]        # versions, command, seed, started, finished, machine facts without paths
     warnings: list[str] = field(default_factory=list)
+    views: list[ViewResult] = field(default_factory=list)  # photos beyond the first

@@ -82,6 +82,7 @@ class ChartSection:
 @dataclass(frozen=True)
 class LightSection:
     spectrum: SpectrumRef
+    by_id: dict[str, SpectrumRef] | None = None     # lights of the scene that have another spectrum
 
 
 @dataclass(frozen=True)
@@ -153,6 +154,7 @@ class Shot:
     chart: dict[str, tuple[str, ...]]   # under the same light; empty where no chart is needed
     light: SpectrumRef
     scene: str
+    lights_by_id: dict[str, SpectrumRef]
 
     @property
     def photo_files(self) -> tuple[str, ...]:
@@ -161,6 +163,10 @@ class Shot:
     @property
     def chart_files(self) -> tuple[str, ...]:
         return all_files(self.chart)
+
+    @property
+    def all_lights(self) -> tuple[SpectrumRef, ...]:
+        return (self.light, *self.lights_by_id.values())
 
     def record(self, kind: str) -> str:
         """The name under which a stage stores what it makes of this shot."""
@@ -194,9 +200,10 @@ class SessionConfig:
     def shots(self) -> tuple[Shot, ...]:
         """The session's photos of the materials, the main one first."""
         main = Shot("", by_band(self.photos.object), by_band(self.photos.chart if self.needs_chart else None),
-                    self.light.spectrum, self.scene.file)
+                    self.light.spectrum, self.scene.file, self.light.by_id or {})
         return (main, *(Shot(name, by_band(view.photo), by_band(view.chart), view.light or main.light,
-                             view.scene or main.scene) for name, view in self.views.items()))
+                             view.scene or main.scene, {} if view.light else main.lights_by_id)
+                        for name, view in self.views.items()))
 
     @property
     def chart_shots(self) -> tuple[Shot, ...]:

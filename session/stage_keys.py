@@ -46,8 +46,8 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
 
     keys: dict[str, Key] = {}
     shots, correcting = config.shots, (*config.photos.flats.values(), *config.photos.dark_files)
-    lights = {shot.name: _plain(shot.light) for shot in shots}
-    light_files = [shot.light.file for shot in shots]
+    lights = {shot.name: [_plain(light) for light in shot.all_lights] for shot in shots}
+    light_files = [light.file for shot in shots for light in shot.all_lights]
     developing = {"not_linear": config.photos.not_linear, "flats": config.photos.flats}
     if config.chart_shots:
         charts = [name for shot in config.chart_shots for name in shot.chart_files]
@@ -76,6 +76,7 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
         "settings": {"materials": {name: material.bsdf for name, material in config.materials.items()},
                      "known": {name: _plain(reference) for name, reference in known.items()},
                      "scenes": {shot.name: shot.scene for shot in shots},
+                     "lights by id": [list(shot.lights_by_id) for shot in shots],
                      "reconstruct": _plain(config.reconstruct), "scale": config.scale.source,
                      "seed": config.session.seed},
         "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}} | made_by("reconstruct")

@@ -1,36 +1,37 @@
-"""The stages of a session: what each reads (its key) and what it makes. Only ``pipeline.py`` knows their order."""
+"""The stages of a session and what each makes of its shots; ``pipeline.py`` alone knows their order."""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from calibrate.calibration import calibration_from_chart, calibration_from_curves
-from calibrate.camera_prior import load_prior
 from capture.binning import bin_image, render_size
 from capture.chart_detection import chart_overlay, find_chart
 from capture.chart_quality import judge_chart
 from capture.image_files import write_png
 from capture.patches import require_unclipped, sample_patches
 from capture.preview import preview_rgb8
-from radiometry.chart import PATCH_NAMES, patch_centres_uv, patch_size_uv, typical_camera_signals
+from radiometry.chart import PATCH_NAMES, typical_camera_signals
 from radiometry.errors import InputError
 from radiometry.light_scale import scale_for_photo
 from radiometry.records import (
     Calibration,
     LightScale,
     LinearImage,
-    PatchSamples,
-    Reconstruction,
     SpectrumSummary,
     WavelengthGrid,
 )
 from radiometry.spectrum_files import spectrum_on_grid
-from reconstruct.inverse_rendering import InversionSettings, reconstruct
-from reconstruct.irradiance import patch_irradiance
+from reconstruct.inverse_rendering import (
+    InversionSettings,
+    JointReconstruction,
+    MaterialSpec,
+    View,
+    reconstruct_views,
+)
 from reconstruct.renderer import start_mitsuba
 from sampling.methods import draw_spectra
 from sampling.spectral_samples import SpectralMeasurement, SpectralSamples, summarise_spectra
@@ -40,7 +41,6 @@ from session.inputs import (
     chart_corners,
     check_aspect,
     read_chart_reference,
-    read_chart_scene,
     read_light,
     read_materials,
     read_photo,
@@ -51,6 +51,7 @@ from session.inputs import (
 from session.session_schema import SessionConfig, Shot
 
 Progress = Callable[[float, str], None]
+FIRST_VIEW = "photo"
 THUMBNAIL_WIDTH = 48     # pixels: the chart photo is kept only for its exposure and source
 
 
@@ -117,61 +118,49 @@ def bin_object_photos(config: SessionConfig, folder: Path, progress: Progress) -
     return records
 
 
-def calibrate_camera(config: SessionConfig, device: str, samples: PatchSamples | None,
-                     progress: Progress) -> dict[str, Any]:
-    """Patch statistics and light to sensitivities and light scale."""
-    light = read_light(config)
-    curves = None if config.sensitivity.from_chart else read_sensitivities(config)[1]
-    if samples is None:
-        assert curves is not None
-        return {"calibration": calibration_from_curves(GRID, curves, light, config.sensitivity.relative_error),
-                "irradiance": None, "predicted": None}
-    scene = read_chart_scene(config)
-    irradiance = np.full(24, np.pi)
-    if scene is not None:
-        progress(0.2, "irradiance on the chart")
-        start_mitsuba(device)
-        irradiance = patch_irradiance(scene, patch_centres_uv(), patch_size_uv(), config.session.seed)
-    progress(0.6, "fitting sensitivities")
-    calibration, predicted = calibration_from_chart(
-        samples, read_chart_reference(config), light, irradiance, GRID, coefficients=config.sensitivity.coefficients,
-        curves=curves, scaled=scene is not None, method=config.sensitivity.method,
-        prior=None if config.sensitivity.prior is None else load_prior(config.path(config.sensitivity.prior)))
-    return {"calibration": calibration, "irradiance": irradiance, "predicted": predicted}
-
-
-def invert_photo(config: SessionConfig, device: str, photo: LinearImage, calibration: Calibration,
-                 chart_photo: LinearImage | None, progress: Progress) -> Reconstruction:
-    """Photo, scene and calibration to spectra."""
-    scene = read_session_scene(config)
-    materials = read_materials(config, scene)
-    scale: LightScale | None = None
-    if config.scale.source == "chart":
-        assert calibration.light_scale is not None and chart_photo is not None
-        scale = scale_for_photo(calibration.light_scale, chart_photo, photo)
+def invert_photos(config: SessionConfig, device: str, photos: Sequence[LinearImage],
+                  calibrations: Sequence[Calibration], charts: Sequence[LinearImage | None],
+                  progress: Progress) -> JointReconstruction:
+    """Photos, scenes and calibrations to spectra; of every shot its photo, calibration and chart under its light."""
     start_mitsuba(device)
+    bands = band_names(config, photos[0].signal.shape[2])
+    views: list[View] = []
+    materials: dict[str, MaterialSpec] = {}
+    for shot, photo, calibration, chart in zip(config.shots, photos, calibrations, charts, strict=True):
+        scene = read_session_scene(config, shot.scene)
+        materials |= {material.bsdf: material for material in read_materials(config, scene)}
+        views.append(View(shot.name or FIRST_VIEW, scene, photo, calibration, bands,
+                          _scale_of(config, photo, calibration, chart),
+                          {light: read_light(config, spectrum) for light, spectrum in shot.lights_by_id.items()}))
     chosen = config.reconstruct
     settings = InversionSettings(coefficients=chosen.coefficients, steps=chosen.steps, spp=chosen.spp,
                                  seed=config.session.seed, surface_error=chosen.surface_error,
                                  smoothness=chosen.smoothness, engine=chosen.engine)
-    return reconstruct(scene, photo, calibration, scale, materials, band_names(config, photo.signal.shape[2]),
-                       settings, progress)
+    return reconstruct_views(views, tuple(materials.values()), settings, progress)
 
 
-def sample_materials(config: SessionConfig, calibration: Calibration, reconstruction: Reconstruction,
+def _scale_of(config: SessionConfig, photo: LinearImage, calibration: Calibration,
+              chart: LinearImage | None) -> LightScale | None:
+    """Light scale of a photo from the chart under its light; None leaves it to the materials."""
+    if chart is None or calibration.light_scale is None or config.scale.source != "chart":
+        return None
+    return scale_for_photo(calibration.light_scale, chart, photo)
+
+
+def sample_materials(config: SessionConfig, calibrations: Sequence[Calibration], joint: JointReconstruction,
                      progress: Progress) -> dict[str, Any]:
     """Draws from all spectra behind each unknown material's signal, and their summary."""
     records: dict[str, Any] = {}
-    for index, name in enumerate(reconstruction.materials):
-        if reconstruction.known[index]:
+    for index, name in enumerate(joint.materials):
+        if joint.known[index]:
             continue
-        progress(index / len(reconstruction.materials), name)
-        measurement = measurement_of(calibration, reconstruction, index)
+        progress(index / len(joint.materials), name)
+        measurement = measurement_of(calibrations, joint, index)
         draws = draw_spectra(measurement, config.sampling.method, config.sampling.draws, config.session.seed + index,
                              config.sampling.coefficients)
         records[f"samples {name}"] = draws
         records[f"summary {name}"] = on_finer_grid(summarise_spectra(
-            draws, measurement, config.sampling.level, conditions(draws, measurement)), reconstruction.grid)
+            draws, measurement, config.sampling.level, conditions(draws, measurement)), joint.grid)
     return records
 
 

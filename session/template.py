@@ -35,6 +35,11 @@ from = "chart"                      # or "material": a material with a known spe
 [scene]
 file = "scene/scene.xml"            # geometry, camera pose and light in their places
 
+# [views.warm]                      # a further photo of the same materials under another light, or from elsewhere
+# photo = "photos/warm.dng"
+# light = "spectra/warm.csv"        # without it: the light above
+# chart = "photos/chart_warm.dng"   # without it: materials in common tell its strength
+
 [materials.wall]                    # one table for every BSDF that a surface wears
 bsdf = "wall"                       # its id in the scene
 # known = "spectra/wall.csv"        # measured, taken as given

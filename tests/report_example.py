@@ -54,7 +54,7 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
         calibration=Calibration(fit, light, made.light_scale, np.eye(len(bands)) * 1e-4, ("light covers 400-700 nm",)),
         sensitivity_truth=(GRID.nm, fit.curves * 0.98) if truth else None,
         light_scale=made.light_scale, photo=_photo(made), photo_preview=folder / "preview.png", reconstruction=made,
-        materials=[_material(rng, made, m, truth) for m in range(len(materials))],
+        materials=[_material(rng, made, m, truth) for m in range(len(materials))], signal_bands=bands,
         stages=[{"name": "chart", "seconds": 2.31, "state": "run"},
                 {"name": "sample", "seconds": 0.8, "state": "kept"}],
         provenance={"spectrabox": "0.1.0", "numpy": np.__version__, "command": "spectrabox run session", "seed": 7,
@@ -128,8 +128,9 @@ def _material(rng: np.random.Generator, made: Reconstruction, m: int, truth: boo
     name, estimate = made.materials[m], made.spectra[m]
     measured = Spectrum(GRID, np.clip(estimate + 0.012 * np.cos(GRID.nm / 25), 0, 1), Quantity.REFLECTANCE,
                         "spectroradiometer") if truth else None
+    known = (name, estimate, made.signal[m], made.signal_covariance[m], made.model_covariance[m])
     if made.known[m]:
-        return MaterialResult(name, None, None, {}, measured, None)
+        return MaterialResult(*known, None, None, {}, measured, None)
     centre = np.linalg.lstsq(BASIS, estimate, rcond=None)[0]
     coefficients = np.clip(centre + rng.normal(0, 0.06, (200, COEFFICIENTS)), 0, 1)
     draws = coefficients @ BASIS.T
@@ -144,4 +145,4 @@ def _material(rng: np.random.Generator, made: Reconstruction, m: int, truth: boo
                                   "light": 5e-3, "photo and model disagree": 1.2e-2}.items()}
     scores = Scores(rmse_mean=0.0112, rmse_inverse_rendering=0.0151, coverage=0.93, coverage_95=0.93,
                     coverage_bounds=1.0, band_width=float((upper - lower).mean()), delta_e00_mean=0.84)
-    return MaterialResult(name, summary, samples, budget, measured, scores if truth else None)
+    return MaterialResult(*known, summary, samples, budget, measured, scores if truth else None)

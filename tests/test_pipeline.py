@@ -14,8 +14,8 @@ from session.error_budget import measurement_of
 from session.pipeline import (
     STAGES,
     calibration_of,
+    joint_of,
     load_finished,
-    reconstruction_of,
     run_stages,
     samples_of,
     stage_states,
@@ -140,12 +140,12 @@ def test_the_recovered_signals_are_those_of_the_truth(finished):
     from session.inputs import read_reflectance
     config = read_session(finished)
     stored = load_finished(config).stored
-    calibration, made = calibration_of(stored), reconstruction_of(stored)
+    calibration, made = calibration_of(stored), joint_of(stored)
     light = spectrum_on_grid(calibration.light, made.grid)
     response = response_matrix(made.grid, calibration.sensitivity.curves, light)
     for index, name in enumerate(made.materials):
         truth = spectrum_on_grid(read_reflectance(config, config.materials[name].truth), made.grid)
-        operator = measurement_of(calibration, made, index)
+        operator = measurement_of([calibration], made, index)
         error = response @ truth / response.sum(axis=1) - operator.signal
         chi_square = error @ np.linalg.solve(operator.noise_covariance, error)
         # Three bands: 21.1 is exceeded once in ten thousand if the stated covariance is right.
@@ -154,10 +154,10 @@ def test_the_recovered_signals_are_those_of_the_truth(finished):
 
 def test_draws_reproduce_the_signal_within_its_stated_noise(finished):
     stored = load_finished(read_session(finished)).stored
-    calibration, made = calibration_of(stored), reconstruction_of(stored)
+    calibration, made = calibration_of(stored), joint_of(stored)
     for index, name in enumerate(made.materials):
         samples, summary = samples_of(stored, name)
-        operator = measurement_of(calibration, made, index)
+        operator = measurement_of([calibration], made, index)
         assert samples.spectra.min() >= 0 and samples.spectra.max() <= 1
         residual = samples.spectra @ operator.response_on(samples.grid).T - operator.signal
         chi_square = np.einsum("tk,kl,tl->t", residual, np.linalg.inv(operator.noise_covariance), residual)

@@ -1,5 +1,8 @@
 """Sessions without raw photos or chart: linear image files, scenes from elsewhere, a known paint for the scale."""
 import json
+import os
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +12,7 @@ from capture.image_files import write_exr
 from capture.linear import open_photo
 from session.cli import app
 
+YALE = Path(os.environ.get("SPECTRABOX_DATA", "/nonexistent")) / "yale_box"
 SESSION = """
 [session]
 name = "box without a chart"
@@ -90,6 +94,21 @@ def test_a_surface_that_does_not_fit_is_named(converted):
     assert "does not fit" in report
 
 
+def test_a_photo_shifted_against_its_scene_is_said_by_how_much(converted):
+    photo = open_photo(converted / "photos" / "box.exr")
+    moved = np.roll(photo.signal, 8, axis=1)
+    moved[:, :8] = moved[:, 8:9]
+    write_exr(converted / "photos" / "box.exr", moved, ("R", "G", "B"))
+    facts = json.loads(run(converted).stdout)
+    assert facts.get("warnings") is not None, facts
+    said = next((w for w in facts["warnings"] if "seems shifted" in w), str(facts["warnings"]))
+    assert "seems shifted" in said, said
+    right, down = (float(number) for number in re.findall(r"[+-]\d+\.\d", said))
+    across = int(re.search(r"of (\d+) across", said)[1])
+    # Eight of 156 pixels; the parabola through the correlation's peak is good to a third of a pixel.
+    assert right == pytest.approx(8 * across / 156, abs=0.4) and abs(down) < 0.5
+
+
 def test_an_image_with_the_bands_missing_is_refused(converted):
     write_exr(converted / "photos" / "box.exr", np.ones((104, 156, 1), np.float32), ("Y",))
     outcome = run(converted)
@@ -103,3 +122,19 @@ def test_a_scene_may_not_reach_files_outside(converted):
     scene.write_text(scene.read_text(encoding="utf-8").replace("</scene>", mesh), encoding="utf-8")
     outcome = run(converted)
     assert outcome.exit_code == 3 and "outside the session folder" in json.loads(outcome.stdout)["error"]
+
+
+@pytest.mark.skipif(not (YALE / "materials.csv").exists(), reason="SPECTRABOX_DATA names no folder with yale_box")
+def test_a_real_box_gives_its_paints_and_says_what_is_wrong_with_it():
+    from benchmarks.bench_yale import LEARNT, errors, methods, read_box
+    from reconstruct.inverse_rendering import MaterialSpec, reconstruct
+    from reconstruct.renderer import start_mitsuba
+
+    start_mitsuba("cpu")
+    view, truth = read_box(YALE, "yellow")
+    materials = tuple(MaterialSpec(name, name, paint if name == "white" else None) for name, paint in truth.items())
+    found = reconstruct(view.scene_file, view.photo, view.calibration, None, materials, view.bands,
+                        methods(1)[LEARNT], lambda done, what: None)
+    assert np.mean(list(errors(found, truth).values())) < 0.06
+    # The ceiling is 40 % brighter than its paint and the stated lamp allow.
+    assert any("white / shape_5 does not fit" in note for note in found.notes)

@@ -143,7 +143,7 @@ def test_the_per_wavelength_engine_goes_downhill(box, photo):
 def test_an_unknown_engine_is_named(box, photo):
     with pytest.raises(InputError, match="no engine 'magic'; use one of transport, gradient, per-wavelength"):
         reconstruct(box, photo, camera(), SCALE_ONE, specs(), BANDS, InversionSettings(engine="magic"), silent)
-    assert set(ENGINES) == {"transport", "gradient", "per-wavelength", "single-bounce"}
+    assert set(ENGINES) == {"transport", "gradient", "per-wavelength", "single-bounce", "auto"}
 
 
 def bad(box, photo, light=None, scale=SCALE_ONE, materials=None):

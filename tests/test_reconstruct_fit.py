@@ -11,7 +11,16 @@ from radiometry.records import Outcome
 from radiometry.response import relative_operator, response_matrix
 from reconstruct.band_system import compress, huber_weight
 from reconstruct.identifiability import band_signals, identifiability, sentences
-from reconstruct.transport_fit import FitPriors, SpectrumModel, fit_spectra, smoothness_precision
+from reconstruct.photo_terms import Nuisances, PhotoTerms
+from reconstruct.transport_fit import (
+    FitPriors,
+    SpectrumModel,
+    fit_photos,
+    fit_spectra,
+    learnt_prior,
+    smooth_prior,
+    smoothness_precision,
+)
 
 GRID = visible_grid(5)
 CURVES = np.exp(-0.5 * ((GRID.nm - np.array([[600.0], [540.0], [460.0]])) / 30) ** 2)
@@ -154,6 +163,16 @@ def test_what_the_photo_cannot_tell_is_left_to_the_prior_and_said():
     assert sentences(found)[0].startswith("wall: of 7 coefficients the photo decides")
 
 
+def test_free_gains_take_information_from_the_photo():
+    rows, measured, weight, _ = case(seed=6, noise=0.001)
+    system = compress(rows, measured, weight, GROUP)
+    sure, unsure = (identifiability(fit_spectra(system, model(), FitPriors(scale=1.0, gain_error=error)),
+                                    ("wall", "block"), OPERATOR) for error in (0.0, 0.3))
+    for before, after in zip(sure, unsure, strict=True):
+        # A colour known to 0.1 % of its signal, against one behind gains of 30 %: interreflection is left to tell.
+        assert after.ratio[0] < 0.3 * before.ratio[0] and after.by_photo <= before.by_photo
+
+
 @pytest.mark.parametrize("count", [5, 7, 13, 21])
 def test_the_smoothness_prior_lets_straight_lines_pass(count):
     nm = np.linspace(400, 700, 50)
@@ -173,3 +192,150 @@ def test_a_pixel_far_off_pulls_no_harder_than_one_at_three_sigma():
 def test_a_photo_without_any_weight_is_refused():
     with pytest.raises(ValueError, match="no pixel has any weight"):
         compress(np.ones((3, 10)), np.ones((3, 3)), np.zeros((3, 3)), np.zeros(3, dtype=int))
+
+
+def photo(rows, measured, weight, response=RESPONSE, **nuisances):
+    """One photo of a fit of several."""
+    return PhotoTerms(compress(rows, measured, weight, GROUP),
+                      SpectrumModel(EXPONENTS, np.atleast_3d(response).reshape(-1, 3, GRID.nm.size), BASIS, {}),
+                      Nuisances(**({"scale": 1.0} | nuisances)))
+
+
+LAMPS = np.array([1 + (GRID.nm - 400) / 300, 0.1 + np.exp(-((GRID.nm - 400) / 90) ** 2)
+                  + 0.6 * np.exp(-((GRID.nm - 570) / 15) ** 2)])
+
+
+def test_two_lights_together_recover_spectra_better_than_either():
+    prior, errors, traces = smooth_prior(COUNT, 0.1), [], []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        truth = np.clip(np.cumsum(rng.normal(0, 0.1, (2, COUNT)), axis=1) + rng.uniform(0.3, 0.7, (2, 1)), 0.05, 0.95)
+        photos = []
+        for lamp in LAMPS:
+            rows, response = transport(rng), response_matrix(GRID, CURVES, lamp)
+            clean = rows @ SpectrumModel(EXPONENTS, response[None], BASIS, {}).signals(truth)
+            sigma = 0.01 * clean
+            photos.append(photo(rows, clean + sigma * rng.standard_normal(clean.shape), 1 / sigma**2, response))
+        fits = [fit_photos([photos[n] for n in chosen], [(0, 1)] * len(chosen), prior) for chosen in ((0,), (1,),
+                                                                                                      (0, 1))]
+        errors.append([np.sqrt(np.mean(((fit.coefficients - truth) @ BASIS.T) ** 2)) for fit in fits])
+        traces.append([np.trace(fit.covariance) for fit in fits])
+    first, second, both = np.mean(errors, axis=0)
+    assert both < 0.9 * min(first, second)
+    assert (np.array(traces)[:, 2] < np.array(traces)[:, :2].min(axis=1)).all()
+
+
+def test_photos_that_share_some_materials_only():
+    rows, measured, weight, truth = case()
+    turned = np.column_stack([EXPONENTS[:, 1], EXPONENTS[:, 0]])  # the other photo counts the materials otherwise
+    other = PhotoTerms(compress(rows, measured, weight, GROUP), SpectrumModel(turned, RESPONSE[None], BASIS, {}),
+                       Nuisances(scale=1.0))
+    fit = fit_photos([photo(rows, measured, weight), other], [(0, 1), (1, 0)], smooth_prior(COUNT, 0.0))
+    # As for one photo without noise: a flat valley at a weight of 1e-4.
+    np.testing.assert_allclose(fit.coefficients @ OPERATOR.T, truth @ OPERATOR.T, rtol=0.01)
+
+
+def test_the_gain_of_a_light_is_found_and_leaves_the_spectra_alone():
+    rng = np.random.default_rng(2)
+    truth = rng.uniform(0.2, 0.8, (2, COUNT))
+    responses = np.array([response_matrix(GRID, CURVES, lamp) for lamp in LAMPS])
+    rows = np.hstack([transport(rng) * rng.uniform(0.2, 1, (REGIONS, 1)) for _ in LAMPS])
+    signals = SpectrumModel(EXPONENTS, responses, BASIS, {}).signals(truth)
+    signals[len(EXPONENTS):] *= 1.3
+    clean = rows @ signals
+    weight = 1 / (0.003 * clean) ** 2
+    measured = clean * (1 + 0.003 * rng.standard_normal(clean.shape))
+    plain, gained = (fit_photos([photo(rows, measured, weight, responses, light_error=error)], [(0, 1)],
+                                smooth_prior(COUNT, 0.1)) for error in (0.0, 0.3))
+    # Two hundred and forty regions of 0.3 %, and interreflection to tell light from paint.
+    np.testing.assert_allclose(gained.views[0].light_gains, [1.0, 1.3], rtol=0.03)
+    off = [np.abs(fit.coefficients @ OPERATOR.T / (truth @ OPERATOR.T) - 1).max() for fit in (plain, gained)]
+    assert off[1] < 0.3 * off[0]
+
+
+def test_a_camera_that_mixes_its_bands_is_unmixed_by_a_known_material():
+    rng = np.random.default_rng(8)
+    truth, rows = np.array([np.linspace(0.1, 0.9, COUNT), np.linspace(0.8, 0.2, COUNT)]), transport(rng)
+    clean = rows @ model().signals(truth)
+    measured, weight = clean * (1 + 0.003 * rng.standard_normal(clean.shape)), 1 / (0.003 * clean) ** 2
+    mixing = np.array([[1.1, -0.08, -0.02], [-0.05, 1.1, -0.05], [0.0, -0.1, 1.1]])
+    known = model({0: truth[0] @ BASIS.T})
+    system = compress(rows, measured @ mixing.T, weight, GROUP)
+    plain, mixed = (fit_spectra(system, known, FitPriors(scale=1.0, mixing_error=error)) for error in (0.0, 0.2))
+    wanted = truth[1] @ OPERATOR.T
+    off = [np.abs(fit.coefficients[0] @ OPERATOR.T - wanted).max() for fit in (plain, mixed)]
+    assert off[1] < 0.5 * off[0]
+    # What the known paint's colours cannot tell stays with the prior: the mixing that they see is right.
+    white = truth[0] @ OPERATOR.T * RESPONSE.sum(axis=1)
+    np.testing.assert_allclose(white @ mixed.views[0].mixing.T, white @ mixing.T, rtol=0.02)
+
+
+def test_mixed_bands_and_gains_are_said_in_words():
+    rows, measured, weight, _ = case(noise=0.01)
+    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(),
+                      FitPriors(scale=1.0, mixing_error=0.1, light_error=0.1))
+    lights, bands = fit.views[0].sentences(("R", "G", "B"), ("lamp",))
+    assert "brighter or darker" in lights and "lamp" in lights and "R = +" in bands
+
+
+@pytest.mark.parametrize("nuisances", [
+    {"scale": None}, {"gain_error": 0.05}, {"gain_error": 0.02, "brightness_error": 0.2}, {"light_error": 0.2},
+    {"mixing_error": 0.1}, {"scale": None, "gain_error": 0.05, "light_error": 0.2, "mixing_error": 0.1}])
+def test_the_derivative_of_every_nuisance_is_that_of_the_misfit(nuisances):
+    rng = np.random.default_rng(3)
+    rows, measured, weight, truth = case(noise=0.05)
+    double = np.hstack([rows, 0.3 * rows[::-1] * (rows > 0)])
+    responses = np.array([RESPONSE, 0.5 * RESPONSE * LAMPS[1]])
+    terms = photo(double, measured, weight, responses, **nuisances)
+    state = np.concatenate([truth.ravel(), 0.05 * rng.standard_normal(terms.size - terms.count)])
+    _, pull, _ = terms.expand(state)
+    for place in range(terms.size):
+        step = np.zeros(terms.size)
+        step[place] = 1e-5
+        slope = (terms.misfit(state + step) - terms.misfit(state - step)) / 2e-5
+        # Central differences of a sum of 1e5: round-off of 1e-16 x 1e5 / 1e-5, and curvature below that.
+        assert -2 * pull[place] == pytest.approx(slope, rel=1e-4, abs=1e-3 * np.abs(pull).max())
+
+
+def test_brightness_of_a_surface_does_not_pass_for_colour():
+    """Where errors of brightness are expected, 20 % in all bands cost a surface less than 20 % in one."""
+    terms = photo(*case()[:3], gain_error=0.02, brightness_error=0.2)
+    precision = terms.prior[:3, :3]
+    grey, red = np.full(3, 0.2), np.array([0.2, 0.0, 0.0])
+    assert grey @ precision @ grey == pytest.approx(1.0, rel=0.01)  # one standard deviation, less 0.3 % for colour's
+    assert red @ precision @ red > 30
+
+
+def test_the_learnt_prior_is_that_of_its_reflectances():
+    rng = np.random.default_rng(0)
+    coefficients = rng.normal(0.5, [0.3, 0.2, 0.1, 0.1, 0.1, 0.2, 0.3], (4000, COUNT))
+    spectra = coefficients @ BASIS.T
+    prior = learnt_prior(BASIS, spectra.mean(axis=0), np.cov(spectra, rowvar=False))
+    np.testing.assert_allclose(prior.mean, coefficients.mean(axis=0), atol=1e-9)
+    spread = np.linalg.inv(prior.precision) - 0.01**2 * np.eye(COUNT)
+    np.testing.assert_allclose(spread, np.cov(coefficients, rowvar=False), atol=1e-9)
+
+
+def test_gains_as_unknowns_are_the_same_as_gains_in_the_covariance():
+    """Generalised least squares with the gains' covariance added to the noise, in light that met one surface only."""
+    rng = np.random.default_rng(9)
+    truth, gain_error, bands = rng.uniform(0.3, 0.7, (2, COUNT)), 0.02, 3
+    rows = transport(rng) * (EXPONENTS.sum(axis=1) == 1)
+    clean = rows @ model().signals(truth)
+    group = np.repeat(np.arange(6), [90, 20, 10, 90, 20, 10])  # uneven: the wide surface would rule without gains
+    gains = np.exp(gain_error * rng.standard_normal((6, bands)))
+    measured = gains[group] * clean * (1 + 0.01 * rng.standard_normal(clean.shape))
+    sigma = 0.01 * np.array([clean[group == name].mean(axis=0) for name in range(6)])[group]
+    fit = fit_spectra(compress(rows, measured, 1 / sigma**2, group), model(), FitPriors(scale=1.0,
+                                                                                        gain_error=gain_error))
+    slope = np.einsum("re,ekn->rkn", rows, model().signals_and_jacobian(truth)[1]).reshape(-1, 2 * COUNT)
+    same = (group[:, None] == group[None, :])[:, None, :, None] * np.eye(bands)[None, :, None, :]
+    covariance = (gain_error**2 * same * np.einsum("rk,sl->rksl", clean, clean)).reshape(clean.size, clean.size)
+    weigh = np.linalg.inv(covariance + np.diag(sigma.ravel() ** 2))
+    prior = np.kron(np.eye(2), smooth_prior(COUNT, 0.1).precision)
+    solved = np.linalg.solve(slope.T @ weigh @ slope + prior,
+                             slope.T @ weigh @ measured.ravel() + prior @ np.full(2 * COUNT, 0.5))
+    # Gains of 2 %: what is not linear in them is 4e-4 of the signal.
+    np.testing.assert_allclose(fit.coefficients @ OPERATOR.T, solved.reshape(2, COUNT) @ OPERATOR.T, rtol=2e-3)
+    plain = fit_spectra(compress(rows, measured, 1 / sigma**2, group), model(), FitPriors(scale=1.0))
+    assert np.abs(plain.coefficients @ OPERATOR.T / (solved.reshape(2, COUNT) @ OPERATOR.T) - 1).max() > 4e-3

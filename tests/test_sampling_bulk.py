@@ -10,7 +10,8 @@ from sampling.bounds import reflectance_bounds
 from sampling.circuit_hit_and_run import METHOD, sample_in_bulk
 from sampling.circuits import design, find_circuits, schedule
 from sampling.diagnostics import diagnose, refuse_poor
-from sampling.simplex_bounds import exact_bounds
+from sampling.simplex_bounds import DONE, exact_bounds, walk
+from sampling.tilt import max_entropy_tilt
 from sampling.tilted_rejection import sample_spectra
 
 SIGNIFICANCE = 1e-4
@@ -98,7 +99,7 @@ def test_independent_draws_are_as_many_as_there_are():
 
 # ---- bounds --------------------------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize("coefficients", [5, 7, 13, 21])
+@pytest.mark.parametrize("coefficients", [5, 7, 13, 21, 31])
 @pytest.mark.parametrize("error", [0.0, 0.01])
 def test_compiled_bounds_equal_those_of_a_general_solver(coefficients, error):
     operator, basis = grey(coefficients, error), basis_matrix(NM, coefficients)
@@ -111,6 +112,16 @@ def test_compiled_bounds_for_any_number_of_bands(bands):
     operator, basis = grey(13, bands=bands), basis_matrix(NM, 13)
     for ours, theirs in zip(exact_bounds(operator, basis), reflectance_bounds(operator, basis), strict=True):
         np.testing.assert_allclose(ours, theirs, atol=1e-6)  # eight narrow bands: a condition number of some ten
+
+
+@pytest.mark.parametrize("coefficients, bands", [(13, 8), (21, 8), (31, 3), (40, 3), (40, 8)])
+def test_fine_splines_need_no_general_solver(coefficients, bands):
+    operator, basis = grey(coefficients, bands=bands), basis_matrix(NM, coefficients)
+    lower, upper, pivots, status = walk(operator.A, operator.y, max_entropy_tilt(operator).c, basis)
+    assert status == DONE and pivots > 0
+    # A vertex obeys every constraint: no optimum may lie beyond a feasible point, here the tilt's own.
+    inside = basis @ max_entropy_tilt(operator).c
+    assert np.all(lower < inside) and np.all(inside < upper)
 
 
 def test_signals_out_of_reach_are_left_to_the_general_solver():

@@ -118,6 +118,51 @@ def test_bad_input_gives_one_sentence(arguments, code, message):
     assert message in sample(*arguments, code=code)["error"]
 
 
+def test_bands_that_are_alike_or_blind_are_refused(tmp_path):
+    nm = np.arange(400, 701, 10)
+    green, red = (np.exp(-0.5 * ((nm - centre) / 40)**2) for centre in (540, 600))
+    blind = np.where(nm == 400, 1.0, 0.0)
+    for name, third, message in (("alike", green, "two bands respond alike"), ("dark", 0 * nm, "sees nothing of")):
+        rows = "\n".join(f"{w},{a:.6f},{b:.6f},{c:.6f}" for w, a, b, c in zip(nm, red, green, third, strict=True))
+        (tmp_path / f"{name}.csv").write_text(f"nm,R,G,B\n{rows}\n")
+        found = call("sample", "--sensitivity", tmp_path / f"{name}.csv", "--light", "D65", "--signal", "0.2,0.3,0.3",
+                     "--json", code=3)
+        assert message in json.loads(found.stdout)["error"]
+    # A band under a light that is dark where it sees.
+    (tmp_path / "uv.csv").write_text("nm,R,G,B\n" + "\n".join(
+        f"{w},{a:.6f},{b:.6f},{c:.6f}" for w, a, b, c in zip(nm, red, green, blind, strict=True)))
+    (tmp_path / "lamp.csv").write_text("nm,power\n" + "\n".join(f"{w},{float(w > 420)}" for w in nm))
+    found = call("sample", "--sensitivity", tmp_path / "uv.csv", "--light", tmp_path / "lamp.csv", "--signal",
+                 "0.2,0.3,0.3", "--json", code=3)
+    assert "sees nothing under" in json.loads(found.stdout)["error"]
+
+
+@pytest.mark.parametrize("signal, method, sentence", [
+    ("-0.05,0.3,0.2", "prior", "No spectrum between 0 and 1 gives the signal"),
+    ("0.2,1.3,0.2", "prior", "No spectrum between 0 and 1 gives the signal"),
+    ("-0.05,0.3,0.2", "uniform", "No spectrum of 9 coefficients between 0 and 1 gives the signal: it was moved by"),
+    ("0.95,0.05,0.95", "uniform", "No spectrum of 9 coefficients between 0 and 1 gives the signal: it was moved by")])
+def test_signals_that_no_reflectance_gives_are_said_to_be_so(signal, method, sentence):
+    facts = sample(f"--signal={signal}", "--method", method, "--coefficients", 9, "--samples", 1000)
+    assert facts["outcome"].startswith(sentence)
+
+
+def test_priors_from_elsewhere_are_checked(tmp_path):
+    from sampling.logit_mixture import SHIPPED
+    content = SHIPPED.read_bytes()
+    with np.load(SHIPPED, allow_pickle=False) as stored:
+        arrays = dict(stored)
+    (tmp_path / "cut.npz").write_bytes(content[:len(content) // 2])
+    (tmp_path / "text.npz").write_text("not a prior")
+    np.savez(tmp_path / "grid.npz", **(arrays | {"nm": arrays["nm"] + 1}))
+    np.savez(tmp_path / "lacks.npz", **{key: value for key, value in arrays.items() if key != "means"})
+    np.savez(tmp_path / "nan.npz", **(arrays | {"means": np.full_like(arrays["means"], np.nan)}))
+    np.savez(tmp_path / "pickle.npz", **(arrays | {"source": np.array([{}], dtype=object)}))
+    for name in ("cut", "text", "grid", "lacks", "nan", "pickle"):
+        text = sample("--signal", "0.2,0.3,0.15", "--prior", tmp_path / f"{name}.npz", code=3)["error"]
+        assert f"{name}.npz" in text, text
+
+
 @pytest.mark.parametrize("camera, lamp, message", [
     ("Nikon 5101", "D65", "nearest are Nikon 5100 (NPL)"), ("Nikon 5100 (NPL)", "D66", "nearest are"),
     ("none.csv", "D65", "none.csv is missing")])
@@ -149,6 +194,13 @@ def test_certify_writes_a_page(tmp_path):
     assert "Coverage certificate" in (tmp_path / "page.md").read_text()
     few = write_folder(tmp_path / "few", 2, 4)
     assert "needs at least 10" in json.loads(call("certify", few, "--json", code=3).stdout)["error"]
+
+
+def test_a_certificate_says_when_the_prior_was_trained_on_the_library(tmp_path):
+    folder = write_folder(tmp_path / "kremer_pigments", 1, 12)
+    facts = json.loads(call("certify", folder, "--delta-light", "A", "--json").stdout)["libraries"][0]
+    assert facts["trained_on"] and "says nothing of other spectra" in facts["verdict"]
+    assert set(facts["delta_e00"]) == {"A"} and 0 < facts["sharpness"] < facts["width"]
 
 
 def test_a_prior_of_ones_own_can_be_trained_and_used(tmp_path):

@@ -1,21 +1,26 @@
-"""Joint posterior of the materials of a scene: derivatives, what a second bounce tells, convergence."""
+"""Joint posterior of the materials of a scene: derivatives, what a second bounce tells, exactness of the draws."""
 import numpy as np
 import pytest
 from sampling_cameras import response, surface
 
-from radiometry.errors import InputError
+from radiometry.errors import ConvergenceError, InputError
 from radiometry.records import LightTransport, Outcome
+from sampling import joint_sampling
+from sampling.diagnostics import tail_shape
+from sampling.joint_labels import find_modes, near_labels
 from sampling.joint_posterior import (
-    find_map,
+    climb,
+    covariance_at,
     gaussian_of,
     information_bits,
     joint_problem,
-    misfits_and_gradients,
+    logits_of,
+    products,
     residual_and_jacobian,
-    spectra_of,
 )
-from sampling.joint_sampling import effective_sample_size, sample_joint, split_r_hat
-from sampling.logit_mixture import GRID, load_prior
+from sampling.joint_sampling import sample_joint
+from sampling.logit_mixture import GRID, load_prior, reflectance
+from sampling.scene_draws import DISAGREES, THROUGH_TRANSPORT, draw_scene, shared_errors
 
 EXPONENTS = np.array([[1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [1, 2], [2, 1]])
 
@@ -38,79 +43,167 @@ def prior():
     return load_prior()
 
 
+def scenes_of_the_prior(problem, count, seed):
+    """Logits (n, M, P) of scenes drawn from the prior."""
+    rng = np.random.default_rng(seed)
+    labels = rng.choice(len(problem.means) - 1, (count, len(problem.materials)), p=np.exp(problem.log_weights[:-1]))
+    z = rng.standard_normal((*labels.shape, GRID.nm.size))
+    return problem.means[labels] + np.array([[problem.roots[c] @ z_m for c, z_m in zip(row, z_n, strict=True)]
+                                             for row, z_n in zip(labels, z, strict=True)])
+
+
+def misfit(problem, logits):
+    """Squared residual (n,) of scenes in units of the noise."""
+    received = (products(problem, logits)[1] @ problem.response.T).transpose(0, 2, 1).reshape(len(logits), -1)
+    return np.sum((received @ problem.rows.reshape(len(problem.rows), -1).T - problem.targets)**2, axis=1)
+
+
+def rendered(transport, matrix, logits):
+    """Signals (n, R, K), without any reduction."""
+    terms = np.exp(np.einsum("em,nmp->nep", transport.exponents, np.log(reflectance(logits))))
+    return np.einsum("re,nek->nrk", transport.coefficients, terms @ matrix.T)
+
+
 def test_derivatives_agree_with_differences(prior):
     problem = joint_problem(*scene()[:4], prior)
     rng = np.random.default_rng(1)
-    z, direction = 0.3 * rng.standard_normal(122), rng.standard_normal(122)
+    z, direction, labels = 0.3 * rng.standard_normal(122), rng.standard_normal(122), np.array([2, 5])
     step = 1e-6
-    residual, jacobian = residual_and_jacobian(problem, z)
-    forward, backward = (residual_and_jacobian(problem, z + sign * step * direction)[0] for sign in (1, -1))
+    _, jacobian = residual_and_jacobian(problem, labels, z)
+    forward, backward = (residual_and_jacobian(problem, labels, z + sign * step * direction)[0] for sign in (1, -1))
     # Central differences: h^2 times the third derivative and eps / h of a residual of order 100.
     np.testing.assert_allclose(jacobian @ direction, (forward - backward) / (2 * step), rtol=1e-5, atol=1e-5)
-    value, gradient = misfits_and_gradients(problem, z[None])
-    np.testing.assert_allclose(value[0], residual @ residual, rtol=1e-10)
-    np.testing.assert_allclose(gradient[0], 2 * jacobian.T @ residual, rtol=1e-8, atol=1e-6 * np.abs(gradient).max())
 
 
-def test_reduction_by_qr_keeps_the_likelihood_up_to_a_constant(prior):
-    transport, matrix, signal, noise, truth = scene()
+def test_the_reduction_keeps_the_likelihood_up_to_a_constant(prior):
+    transport, matrix, signal, noise, _ = scene()
     problem = joint_problem(transport, matrix, signal, noise, prior)
-    z = 0.1 * np.random.default_rng(2).standard_normal((3, 122))
-    reduced = misfits_and_gradients(problem, z)[0]
-    rho = spectra_of(problem, z)
-    rendered = np.einsum("re,nek->nrk", transport.coefficients,
-                         np.exp(np.einsum("em,nmp->nep", EXPONENTS, np.log(rho))) @ matrix.T)
-    full = np.sum(((rendered - signal) / noise)**2, axis=(1, 2))
-    # Misfits of order 1e5 are compared through their differences.
-    np.testing.assert_allclose(np.diff(full), np.diff(reduced), rtol=1e-6)
-    assert truth.shape == rho.shape[1:]
+    logits = scenes_of_the_prior(problem, 5, 2)
+    full = np.sum(((rendered(transport, matrix, logits) - signal) / noise)**2, axis=(1, 2))
+    # Rows whose signals scatter by less than 0.05 were dropped, at most 21: each moves the misfit by about 0.1.
+    np.testing.assert_allclose(np.diff(full), np.diff(misfit(problem, logits)), rtol=1e-6, atol=2)
+
+
+def test_shared_errors_are_those_of_the_full_covariance(prior):
+    transport, matrix, signal, noise, _ = scene()
+    common = shared_errors(signal, np.diag([4e-4, 1e-4, 1e-4]), 0.01, np.arange(40) // 20, 0.02)
+    assert common.shape == (3 + 1 + 6, 40, 3)
+    problem = joint_problem(transport, matrix, signal, noise, prior, common)
+    logits = scenes_of_the_prior(problem, 5, 3)
+    covariance = np.diag((noise**2).ravel()) + common.reshape(10, -1).T @ common.reshape(10, -1)
+    away = (rendered(transport, matrix, logits) - signal).reshape(5, -1)
+    full = np.sum(away * np.linalg.solve(covariance, away.T).T, axis=1)
+    np.testing.assert_allclose(np.diff(full), np.diff(misfit(problem, logits)), rtol=1e-6, atol=2)
+
+
+def test_a_known_material_is_part_of_the_light(prior):
+    transport, matrix, signal, noise, truth = scene()
+    problem = joint_problem(transport, matrix, signal, noise, prior, known={"b": truth[1]})
+    assert problem.materials == ("a",)
+    logits = scenes_of_the_prior(problem, 5, 4)
+    both = np.concatenate([logits, np.tile(np.log(truth[1] / (1 - truth[1])), (5, 1, 1))], axis=1)
+    full = np.sum(((rendered(transport, matrix, both) - signal) / noise)**2, axis=(1, 2))
+    np.testing.assert_allclose(np.diff(full), np.diff(misfit(problem, logits)), rtol=1e-6, atol=2)
 
 
 def test_the_map_is_stationary(prior):
     problem = joint_problem(*scene()[:4], prior)
-    found = find_map(problem)
-    assert found.outcome is Outcome.CONVERGED
-    _, gradient = misfits_and_gradients(problem, found.z[None])
-    # The cost fell by less than 1e-7 of itself in the last step; a gradient of 1 would move it by more.
-    assert np.abs(gradient[0] / 2 + found.z).max() < 1.0
+    modes = find_modes(problem)
+    assert modes.outcome is Outcome.CONVERGED
+    assert np.all(np.diff(modes.evidence) <= 0)
+    residual, jacobian = residual_and_jacobian(problem, modes.labels[0], modes.z[0])
+    slope = jacobian.T @ residual + modes.z[0]
+    # A Newton step from where the cost fell by less than 0.01 at last would lower it by no more than that.
+    assert slope @ covariance_at(problem, modes.labels[0], modes.z[0]) @ slope / 2 < 0.01
+
+
+def test_switching_labels_finds_the_best_of_all(prior):
+    problem = joint_problem(*scene(error=0.05)[:4], prior)
+    gaussian = climb(problem, np.array([[8, 8]]), np.zeros((1, 122)))
+    near, z = near_labels(problem, logits_of(problem, gaussian.labels[0], gaussian.z)[0], 64)
+    every, _ = near_labels(problem, logits_of(problem, gaussian.labels[0], gaussian.z)[0], 4)
+    assert tuple(near[0]) == tuple(every[0])    # whether all 64 or the way to the best were tried
+    assert z.shape == (len(near), 122)
 
 
 def test_without_products_materials_do_not_inform_each_other(prior):
     alone = np.array([[1, 0], [0, 1]])
-    found = find_map(joint_problem(*scene(exponents=alone)[:4], prior))
-    across = found.covariance[:61, 61:]
+    problem = joint_problem(*scene(exponents=alone)[:4], prior)
+    modes = find_modes(problem)
+    across = covariance_at(problem, modes.labels[0], modes.z[0])[:61, 61:]
     # Regions see sums of the two materials: only the three signals of each are coupled, and those are well known.
     assert np.abs(across).max() < 0.02
 
 
 def test_products_tell_more_than_direct_light(prior):
-    direct = find_map(joint_problem(*scene(exponents=EXPONENTS[:2], error=0.001)[:4], prior))
-    both = find_map(joint_problem(*scene(error=0.001)[:4], prior))
-    assert np.all(information_bits(both, 2) > information_bits(direct, 2))
+    direct = joint_problem(*scene(exponents=EXPONENTS[:2], error=0.001)[:4], prior)
+    both = joint_problem(*scene(error=0.001)[:4], prior)
+    assert np.all(information_bits(both) > information_bits(direct))
 
 
 def test_less_noise_tells_more(prior):
-    bits = [information_bits(find_map(joint_problem(*scene(error=error)[:4], prior)), 2).sum()
-            for error in (0.05, 0.01, 0.002)]
+    bits = [information_bits(joint_problem(*scene(error=error)[:4], prior)).sum() for error in (0.05, 0.01, 0.002)]
     assert bits[0] < bits[1] < bits[2]
 
 
-def test_monte_carlo_noise_of_the_transport_widens(prior):
+def test_monte_carlo_noise_of_the_transport_tells_less(prior):
     transport, matrix, signal, noise, _ = scene(error=0.002)
     noisy = LightTransport(transport.materials, transport.exponents, transport.coefficients,
                            np.tile(1e-4 * np.eye(len(EXPONENTS)), (40, 1, 1)))
-    plain, wider = (find_map(joint_problem(one, matrix, signal, noise, prior)) for one in (transport, noisy))
-    assert np.trace(wider.covariance) > np.trace(plain.covariance)
+    plain, less = (information_bits(joint_problem(one, matrix, signal, noise, prior)) for one in (transport, noisy))
+    assert np.all(less < plain)
+
+
+def test_the_draws_have_the_law_of_the_posterior(prior):
+    # So noisy that scenes drawn from the prior and weighted with the likelihood are a second way to the same law.
+    problem = joint_problem(*scene(error=0.4, regions=6)[:4], prior)
+    found = sample_joint(problem, seed=1)
+    assert found.converged
+    logits = scenes_of_the_prior(problem, 20_000, 5)
+    log_weights = -misfit(problem, logits) / 2
+    weights = np.exp(log_weights - log_weights.max())
+    weights /= weights.sum()
+    effective = 1 / np.sum(weights**2)
+    assert effective > 500
+    spectra = reflectance(logits)
+    mean = np.einsum("n,nmp->mp", weights, spectra)
+    variance = np.einsum("n,nmp->mp", weights, (spectra - mean)**2)
+    error = np.sqrt(variance * (1 / effective + 1 / found.effective_samples))
+    # 122 strongly correlated tests at 1e-4 in all: 4.9 standard errors of their difference.
+    assert np.abs((found.spectra.mean(axis=0) - mean) / error).max() < 4.9
+    # The standard deviation of n draws is known to 1 / sqrt(2 n) for normal ones; five of those.
+    relative = 5 * np.sqrt(0.5 / effective + 0.5 / found.effective_samples)
+    np.testing.assert_allclose(found.spectra.std(axis=0), np.sqrt(variance), rtol=relative)
 
 
 def test_the_sampler_converges_and_holds_the_truth(prior):
     transport, matrix, signal, noise, truth = scene(error=0.05)
     samples = sample_joint(joint_problem(transport, matrix, signal, noise, prior), seed=1, kept=2000)
-    assert samples.r_hat < 1.01
-    assert samples.effective_samples > 400
+    assert samples.converged
     lower, upper = np.quantile(samples.spectra, [0.005, 0.995], axis=0)
     assert np.mean((truth >= lower) & (truth <= upper)) > 0.9  # one case; calibration is measured by the benchmark
     assert samples.spectra.min() > 0 and samples.spectra.max() < 1
+
+
+def test_too_few_effective_draws_are_refused(prior, monkeypatch):
+    problem = joint_problem(*scene(error=0.05)[:4], prior)
+    monkeypatch.setattr(joint_sampling, "FEWEST_EFFECTIVE", 1e6)
+    with pytest.raises(ConvergenceError, match="has not converged after 16000 proposals"):
+        sample_joint(problem, 0)
+
+
+def test_a_scene_is_drawn_with_its_shared_errors_or_said_to_disagree(prior):
+    transport, matrix, signal, noise, truth = scene(error=0.01)
+    wrong = np.array([1.05, 1.0, 0.96])[None] * np.where(np.arange(40) < 20, 1.06, 0.95)[:, None]
+    common = shared_errors(signal * wrong, 2.5e-3 * np.eye(3), 0, np.arange(40) // 20, 0.05)
+    samples = draw_scene(transport, signal * wrong, noise, matrix, 1000, 1, prior, common=common)
+    assert set(samples) == {"a", "b"}
+    assert samples["a"].outcome == THROUGH_TRANSPORT and samples["a"].effective_samples >= 400
+    assert samples["a"].coefficients.shape == (1000, 13)
+    lower, upper = np.quantile([samples[name].spectra for name in "ab"], [0.005, 0.995], axis=1)
+    assert np.mean((truth >= lower) & (truth <= upper)) > 0.9
+    unstated = draw_scene(transport, signal * wrong, noise, matrix, 1000, 1, prior)
+    assert unstated["a"].outcome == DISAGREES
 
 
 def test_one_gaussian_has_the_moments_of_the_mixture(prior):
@@ -124,25 +217,30 @@ def test_one_gaussian_has_the_moments_of_the_mixture(prior):
     assert abs(x.std() / sigma - 1) < 0.04                          # heavier tails than normal: four times 1 %
 
 
-def test_diagnostics_of_known_series():
-    rng = np.random.default_rng(4)
-    noise = rng.standard_normal((2000, 8, 2))
-    slow = np.empty_like(noise)
-    slow[0] = noise[0]
-    for t in range(1, len(noise)):
-        slow[t] = 0.9 * slow[t - 1] + np.sqrt(1 - 0.81) * noise[t]
-    # An autoregression of 0.9 has an integrated time of 1.9 / 0.1 = 19; estimates scatter by some ten percent.
-    np.testing.assert_allclose(effective_sample_size(slow), 16_000 / 19, rtol=0.35)
-    np.testing.assert_allclose(effective_sample_size(noise), 16_000, rtol=0.15)
-    assert split_r_hat(noise).max() < 1.005
-    assert split_r_hat(noise + 3 * np.arange(8)[None, :, None]).min() > 1.5
+@pytest.mark.parametrize("shape", [0.3, 0.6, 1.0])
+def test_the_tail_of_weights_is_recognised(shape):
+    weights = np.random.default_rng(6).pareto(1 / shape, 50_000) + 1
+    # From 670 tail values the shape is known to (1 + k) / sqrt(670), up to 0.08; three of those.
+    assert abs(tail_shape(weights) - shape) < 0.24
+
+
+def test_equal_weights_have_no_tail():
+    assert tail_shape(np.ones(2000)) == 0
 
 
 def test_bad_scenes_are_errors(prior):
-    transport, matrix, signal, noise, _ = scene()
+    transport, matrix, signal, noise, truth = scene()
     with pytest.raises(InputError, match=r"must both be \(40, 3\)"):
         joint_problem(transport, matrix, signal[:5], noise, prior)
     with pytest.raises(InputError, match="a positive standard error"):
         joint_problem(transport, matrix, signal, 0 * noise, prior)
+    with pytest.raises(InputError, match=r"must be \(Q, 40, 3\)"):
+        joint_problem(transport, matrix, signal, noise, prior, noise)
     with pytest.raises(InputError, match="5 draws were asked for"):
         sample_joint(joint_problem(transport, matrix, signal, noise, prior), 0, kept=5)
+    with pytest.raises(InputError, match="c are not in the transport, which has a, b"):
+        draw_scene(transport, signal, noise, matrix, 100, 0, prior, known={"c": truth[0]})
+    with pytest.raises(InputError, match="every material of the scene is known"):
+        draw_scene(transport, signal, noise, matrix, 100, 0, prior, known={"a": truth[0], "b": truth[1]})
+    with pytest.raises(InputError, match="must be positive semi-definite"):
+        shared_errors(signal, -np.eye(3))

@@ -89,6 +89,22 @@ def test_what_is_left_out_is_counted():
     assert usable(NM[:20], CURVES[:, :20])[1] == {"400-700 nm not covered": 3}
 
 
+def test_absorbance_called_reflectance_is_read_as_what_it_is(tmp_path):
+    columns = {f"X{nm:g}": -np.log10(column) for nm, column in zip(NM, CURVES.T, strict=True)}
+    (tmp_path / "ikeogu.2017.rda").write_bytes(bz2.compress(r_file(columns)))
+    # Between two wavelengths a straight line in absorbance is none in reflectance: curves are compared at their own.
+    shared = np.isin(GRID.nm, NM)
+    np.testing.assert_allclose(read_library(tmp_path).reflectances[:, shared], EXPECTED[:, shared], atol=1e-9)
+
+
+def test_a_file_far_above_one_outside_the_visible_holds_no_reflectance():
+    nm = np.arange(350.0, 2501, 10)
+    water = 0.3 + 1.6 * np.exp(-0.5 * ((nm - 1930) / 200)**2)
+    kept, why = usable(nm, np.tile(water, (4, 1)))
+    assert len(kept) == 0
+    assert why == {"far above 1: absorbance, or per cent": 4}
+
+
 def test_a_curve_that_ends_5_nm_short_is_continued_by_its_end():
     kept, _ = usable(np.arange(405.0, 701, 5), np.full((1, 60), 0.3))
     np.testing.assert_array_equal(kept, np.full((1, 61), 0.3))
@@ -145,3 +161,9 @@ def test_real_libraries_are_read_whole_and_covered(name, curves):
     from sampling_cameras import response
     certificate = certify(load_prior(), type(library)(name, library.reflectances[::7], {}), response(3)[1])
     assert certificate.coverage[0.95] > 0.93
+
+
+@pytest.mark.skipif("SPECTRABOX_DATA" not in os.environ, reason="SPECTRABOX_DATA does not name the folder of real data")
+def test_yellow_roots_absorb_blue():
+    roots = read_library(Path(os.environ["SPECTRABOX_DATA"]) / "reflectance" / "cassava").reflectances
+    assert np.all(roots[:, GRID.nm == 450] < roots[:, GRID.nm == 650])

@@ -11,7 +11,7 @@ from radiometry.named_spectra import test_reflectances as shipped_reflectances
 from sampling.baselines import baseline_spectra, greedy_draws, to_tristimulus
 from sampling.logit_mixture import GRID, load_prior
 from sampling.tilted_rejection import sample_spectra
-from sampling.uplift import build_table, outside, table_error, uplift_directly, uplift_pixels
+from sampling.uplift import build_table, lattice, outside, table_error, uplift_directly, uplift_pixels
 
 FAST = tuple(method for method in METHODS if method != "Meng 2015")
 
@@ -22,13 +22,17 @@ def table():
 
 
 def test_the_table_is_exact_at_its_points(table):
-    axis = np.linspace(0, 1, 7)**3
-    signals = axis[np.array([[3, 3, 2], [4, 4, 4], [2, 3, 3]])]
+    signals = lattice(7)[[3, 4, 2], [3, 3, 2], [2, 3, 3]]
     mean, spread = uplift_pixels(table, signals)
     direct_mean, direct_spread = uplift_directly(load_prior(), table.response, signals)
-    # Single precision of the table and of the cube root, times slopes of the table of order 6.
+    # Single precision of the table and of the place in it, times slopes of the table of order 6.
     np.testing.assert_allclose(mean, direct_mean, atol=1e-4)
     np.testing.assert_allclose(spread, direct_spread, atol=1e-4)
+
+
+def test_greys_are_on_the_lattice_but_for_their_level():
+    found = lattice(9)[:, 4, 4]
+    np.testing.assert_allclose(found, np.repeat(found[:, 1:2], 3, axis=1), rtol=1e-12)  # exp(0) is exact
 
 
 def test_between_its_points_the_table_says_how_far_off_it_is(table):

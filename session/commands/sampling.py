@@ -1,4 +1,4 @@
-"""Commands on signals and spectra without a session: sample, uplift, plan, certify, prior train."""
+"""Commands on signals and spectra without a session: sample, uplift, plan, certify, judge, prior train."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -15,12 +15,22 @@ Noise = Annotated[str | None, typer.Option(help="Standard error of the signal in
 Coefficients = Annotated[int, typer.Option(help="N of the B-spline class: bounds, and the methods uniform and paper.")]
 PriorFile = Annotated[Path | None, typer.Option("--prior", help="A prior of your own; the shipped one by default.")]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same draws.")]
+Readings = Annotated[list[str] | None, typer.Option(
+    "--reading", help="One more reading, NM:REFLECTANCE[:ERROR], NM/FWHM for a band; may be repeated.")]
+Photos = Annotated[list[str] | None, typer.Option(
+    "--photo", help="A photo by this camera under another light, LIGHT=v1,v2,v3[:e1,e2,e3]; may be repeated.")]
+Same = Annotated[list[str] | None, typer.Option(
+    "--same", help="Another patch of the same material, v1,v2,v3[:e1,e2,e3]; may be repeated.")]
+More = Annotated[Path | None, typer.Option(help="TOML of further measurements: reading, band, spot, photo, same.")]
+DELTA_LIGHTS = ("D65", "A", "FL11")     # daylight, incandescent, narrow bands
+DeltaLight = Annotated[list[str] | None, typer.Option(
+    "--delta-light", help="Light of colour differences; may be repeated. D65, A and FL11 by default.")]
 Level = Annotated[float, typer.Option(help="Of the bands.")]
 
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for function in (sample, uplift, plan, certify):
+    for function in (sample, uplift, plan, certify, judge):
         app.command()(function)
     prior = typer.Typer(no_args_is_help=True, help="The prior on reflectances: train one of your own.")
     prior.command("train")(prior_train)
@@ -36,19 +46,29 @@ def sample(sensitivity: Sensitivity, light: Light,
            samples: Annotated[int, typer.Option(help="T, draws per signal; 1000 at least for a 95 % band.")] = 2000,
            seed: Seed = 0, out: Annotated[Path | None, typer.Option(help=".npz of the draws.")] = None,
            prior: PriorFile = None, level: Level = 0.95,
+           reading: Readings = None, photo: Photos = None, same: Same = None, more: More = None,
+           twice: Annotated[str | None, typer.Option(
+               help="Signal of light reflected twice off the surface, v1,v2,v3:e1,e2,e3.")] = None,
            start: Annotated[str, typer.Option(help="bounded or unbounded: c0 of the method paper.")] = "bounded",
-           reading: Annotated[list[str] | None, typer.Option(
-               help="One more reading, NM:REFLECTANCE or NM:REFLECTANCE:ERROR; may be repeated.")] = None,
+           keep: Annotated[int | None, typer.Option(
+               help="Method paper: rank by the further measurements and keep so many (Eqs. 9, 10).")] = None,
+           refine: Annotated[int | None, typer.Option(
+               help="Coefficients of a finer basis with nested knots; uniform, or paper (Eqs. 11-16).")] = None,
            light_error: Annotated[float, typer.Option(help="Relative standard error of the light scale.")] = 0.0,
            sensitivity_error: Annotated[float, typer.Option(help="Relative standard error of each curve.")] = 0.0,
            baseline: Annotated[bool, typer.Option("--baseline", help="Also other authors' single spectra.")] = False,
-           as_json: Json = False, debug: Debug = False) -> None:
+           truth: Annotated[Path | None, typer.Option(help="File of the measured spectrum, to judge by.")] = None,
+           column: Annotated[str | None, typer.Option(help="Column of the truth.")] = None,
+           delta_light: DeltaLight = None, as_json: Json = False, debug: Debug = False) -> None:
     """Every spectrum behind one signal: mean, band, exact bounds and draws."""
     with command(as_json, debug):
         from sampling.answers import SampleRequest, sample_answer
-        request = SampleRequest(sensitivity, light, signal, signals, white, noise, coefficients, method, samples, seed,
-                                prior, level, start, tuple(reading or ()), baseline,
-                                light_error, sensitivity_error)
+        from sampling.request_draws import DrawOptions
+        options = DrawOptions(coefficients, method, samples, seed, start, keep, refine)
+        lights = tuple(delta_light or DELTA_LIGHTS)
+        request = SampleRequest(sensitivity, light, signal, signals, white, noise, options, prior, level,
+                                tuple(reading or ()), tuple(photo or ()), tuple(same or ()), more, twice, baseline,
+                                truth, column, lights, light_error, sensitivity_error)
         facts, text, arrays = sample_answer(request)
         if out is not None:
             write_arrays(out, arrays)
@@ -69,9 +89,9 @@ def uplift(image: Annotated[Path, typer.Argument(metavar="IMAGE", help="Linear E
         from capture.image_files import write_exr
         from capture.linear import open_photo
         from radiometry.files import writable
-        from sampling.answers import numbers
         from sampling.judgement_answers import uplift_answer
         from sampling.logit_mixture import GRID
+        from sampling.signal_options import numbers
         signals = np.asarray(open_photo(image).signal, dtype=float)
         if white is not None:
             signals = signals / numbers(white, signals.shape[2], "white")
@@ -88,33 +108,97 @@ def uplift(image: Annotated[Path, typer.Argument(metavar="IMAGE", help="Linear E
 
 def plan(sensitivity: Sensitivity, light: Light, signal: Annotated[str, typer.Option(help="v1,v2,v3.")],
          white: White = None, noise: Noise = None,
+         reading: Readings = None, photo: Photos = None, same: Same = None, more: More = None,
          steps: Annotated[int, typer.Option(help="Readings to plan.")] = 3,
          other: Annotated[list[str] | None, typer.Option("--second-light", help="A light for another photo.")] = None,
+         camera: Annotated[list[str] | None, typer.Option("--second-camera", help="Another camera's curves.")] = None,
          reading_minutes: Annotated[float, typer.Option(help="Of one spot reading.")] = 2.0,
-         photo_minutes: Annotated[float, typer.Option(help="Of one more photo.")] = 5.0, seed: Seed = 0,
-         as_json: Json = False, debug: Debug = False) -> None:
-    """Which reading or photo to take next: fall of the band's width per minute."""
+         photo_minutes: Annotated[float, typer.Option(help="Of one more photo.")] = 5.0,
+         spot_minutes: Annotated[float | None, typer.Option(help="Of a whole spectrum by a spectrometer.")] = None,
+         seed: Seed = 0, as_json: Json = False, debug: Debug = False) -> None:
+    """Which reading or photo to take next, given those taken: fall of the band's width per minute."""
     with command(as_json, debug):
-        from sampling.judgement_answers import plan_answer
-        answer(as_json, *plan_answer(sensitivity, light, signal, noise, white, steps, tuple(other or ()),
-                                     reading_minutes, photo_minutes, seed))
+        from sampling.judgement_answers import PlanRequest, plan_answer
+        answer(as_json, *plan_answer(PlanRequest(
+            sensitivity, light, signal, white, noise, steps, tuple(other or ()), tuple(camera or ()),
+            tuple(reading or ()), tuple(photo or ()), tuple(same or ()), more, reading_minutes, photo_minutes,
+            spot_minutes, seed)))
 
 
 def certify(folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Measured reflectances.")],
             sensitivity: Sensitivity = "CIE 1931 2 Degree Standard Observer", light: Light = "D65",
             noise: Annotated[float, typer.Option(help="Relative standard error of the signals.")] = 0.0,
-            prior: PriorFile = None,
+            prior: PriorFile = None, delta_light: DeltaLight = None,
             out: Annotated[Path | None, typer.Option(help="Write the page there (.md).")] = None,
             as_json: Json = False, debug: Debug = False) -> None:
     """Do the bands hold the truth on your own spectra? A certificate page."""
     with command(as_json, debug):
         from radiometry.files import write_text_whole
         from sampling.judgement_answers import certify_answer
-        facts, page = certify_answer(folders, sensitivity, light, noise, prior)
+        facts, page = certify_answer(folders, sensitivity, light, noise, prior, tuple(delta_light or DELTA_LIGHTS))
         if out is not None:
             write_text_whole(out, page)
             facts["page"] = str(out)
         answer(as_json, facts, page)
+
+
+def judge(cube: Annotated[Path, typer.Argument(metavar="CUBE", help="ENVI, .npy, .npz, .mat or spectral EXR.")],
+          truth: Annotated[Path | None, typer.Option(help="File of measured spectra; without it nothing is judged.")]
+          = None, column: Annotated[str | None, typer.Option(help="Column of the truth for all regions.")] = None,
+          regions: Annotated[Path | None, typer.Option(help="TOML: [regions.NAME], rectangle, point or mask.")] = None,
+          point: Annotated[list[str] | None, typer.Option(help="One pixel, x,y or NAME=x,y; may be repeated.")] = None,
+          wavelengths: Annotated[str | None, typer.Option(help="400:700:10, a list, or a text file, in nm.")] = None,
+          variable: Annotated[str | None, typer.Option(help="Name of the array in a .npz or .mat.")] = None,
+          full_scale: Annotated[float, typer.Option(help="What reflectance 1 reads in the picture.")] = 1.0,
+          white_region: Annotated[str | None, typer.Option(help="Region of known reflectance to divide by.")] = None,
+          sensitivity: Sensitivity = "CIE 1931 2 Degree Standard Observer", light: Light = "D65",
+          signals: Annotated[Path | None, typer.Option(
+              help="CSV of what our methods see, one row a region; the truths' own signals otherwise.")] = None,
+          white: White = None, noise: Noise = None, delta_light: DeltaLight = None, coefficients: Coefficients = 13,
+          samples: Annotated[int, typer.Option(help="Draws of our methods.")] = 2000, seed: Seed = 0,
+          prior: PriorFile = None,
+          baseline: Annotated[bool, typer.Option("--baseline", help="Also other authors' single spectra.")] = False,
+          out: Annotated[Path | None, typer.Option(help="CSV of the regions' spectra.")] = None,
+          as_json: Json = False, debug: Debug = False) -> None:
+    """Spectra recovered elsewhere, as a hyperspectral picture, judged by the same measures beside our methods."""
+    with command(as_json, debug):
+        from capture.image_files import read_plane
+        from radiometry.errors import InputError
+        from radiometry.files import write_text_whole
+        from radiometry.grid import visible_grid
+        from radiometry.named_spectra import sensitivities
+        from radiometry.spectrum_files import read_table
+        from sampling.cube_answers import JudgeRequest, judge_answer
+        from sampling.cube_regions import point_region, read_regions
+        from sampling.cubes import parse_wavelengths
+        from sampling.signal_options import read_signals
+        picture = open_picture(cube, None if wavelengths is None else parse_wavelengths(wavelengths), variable)
+        chosen = [point_region(text, picture.width, picture.height) for text in point or ()]
+        if regions is not None:
+            chosen += read_regions(regions, picture.width, picture.height, lambda path: read_plane(path)[0])
+        if not chosen:
+            raise InputError("no region was given; give --regions FILE.toml or --point x,y")
+        seen = None if signals is None else read_signals(signals, len(sensitivities(sensitivity, visible_grid(1))))
+        request = JudgeRequest(column, full_scale, white_region, sensitivity, light, tuple(delta_light or DELTA_LIGHTS),
+                               samples, seed, coefficients, baseline, prior, seen, white, noise)
+        facts, text, table = judge_answer(picture, chosen, None if truth is None else read_table(truth), request)
+        if out is not None:
+            write_text_whole(out, table)
+            facts["file"] = str(out)
+        answer(as_json, facts, text)
+
+
+def open_picture(path: Path, wavelengths: Any, variable: str | None) -> Any:
+    """A hyperspectral picture of any known format, an EXR being one by what it begins with."""
+    from capture.image_files import open_channels
+    from radiometry.spectral_formats.spectral_exr import MAGIC
+    from sampling.cube_files import open_cube
+    from sampling.cubes import cube_of_channels
+    if path.is_file():
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) == MAGIC:
+                return cube_of_channels(path.name, *open_channels(path))
+    return open_cube(path, wavelengths, variable)
 
 
 def prior_train(folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="One folder per library.")],

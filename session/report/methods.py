@@ -1,7 +1,7 @@
 """The methods paragraph of a paper, filled with the numbers of one session."""
 from __future__ import annotations
 
-from radiometry.records import Spectrum
+from radiometry.records import LightScale, Spectrum
 from session.report.verdict import chart_residuals, median_surface_error, root_mean_square, worst_entry
 from session.report.words import deviation_words, exposure, listed, number, percent
 from session.results import SessionResults
@@ -39,13 +39,12 @@ def _calibration(results: SessionResults) -> str:
         parts.append(f"The condition number of the fit is {number(fit.condition_number, 3)}.")
     light: Spectrum = results.calibration.light
     parts.append(f"Light spectrum: {light.source}. The factor from rendered signal to the photo's signal, from "
-                 f"{results.light_scale.source}, is {scale_words(results)}.")
+                 f"{results.light_scale.source}, is {scale_words(results.light_scale)}.")
     return " ".join(parts)
 
 
-def scale_words(results: SessionResults) -> str:
-    """The light scale with its standard error."""
-    scale = results.light_scale
+def scale_words(scale: LightScale) -> str:
+    """A light scale with its standard error."""
     if scale.standard_error is None:
         return f"{number(scale.value)} (standard error not stated)"
     return (f"{number(scale.value)} ± {number(scale.standard_error, 2)} (standard error, "
@@ -54,14 +53,17 @@ def scale_words(results: SessionResults) -> str:
 
 def _reconstruction(results: SessionResults) -> str:
     made = results.reconstruction
-    unknown = [name for name, known in zip(made.materials, made.known, strict=True) if not known]
-    given = [name for name, known in zip(made.materials, made.known, strict=True) if known]
+    unknown = [material.name for material in results.materials if material.summary is not None]
+    given = [material.name for material in results.materials if material.summary is None]
     spectra = f"reflectances of {listed(unknown)} were" if unknown else "no reflectance was"
     known = f"; {listed(given)} given" if given else ""
+    further = f" and {len(results.views)} more photo(s) in one fit ({listed([view.name for view in results.views])})" \
+        if results.views else ""
     nm = made.grid.nm
     return (f"By inverse rendering (engine: {made.engine}; {made.spp} samples per pixel, seed {made.seed}), "
-            f"{spectra} found from {int(made.used.sum())} of {made.used.size} pixels{known}. Reflectances are clamped "
-            f"uniform cubic B-splines with {made.basis.shape[1]} coefficients on {nm[0]:g}–{nm[-1]:g} nm. "
+            f"{spectra} found from {int(made.used.sum())} of {made.used.size} pixels{further}{known}. "
+            f"Reflectances are clamped uniform cubic B-splines with {made.basis.shape[1]} coefficients on "
+            f"{nm[0]:g}–{nm[-1]:g} nm. "
             f"{made.outcome.value}")
 
 

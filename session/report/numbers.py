@@ -19,7 +19,12 @@ def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
         "verdict": {"status": verdict.status, "says": verdict.says,
                     "criteria": [_criterion(c) for c in verdict.criteria]},
         "materials": [_material(m, results) for m in results.materials],
+        "signal_bands": results.signal_bands,
         "agreement": _agreement(made.agreement),
+        "views": [{"name": view.name, "bands": view.bands, "agreement": _agreement(view.reconstruction.agreement),
+                   "light": _fields(view.calibration.light, "values", "standard_error", "quantity", "source"),
+                   "light_scale": _fields(view.reconstruction.light_scale, "value", "standard_error", "source")}
+                  for view in results.views],
         "calibration": _calibration(results),
         "chart": None if results.chart is None else _chart(results.chart),
         "reconstruction": {"engine": made.engine, "spp": made.spp, "seed": made.seed, "outcome": made.outcome,
@@ -38,12 +43,11 @@ def _criterion(criterion: Criterion) -> dict[str, Any]:
 
 def _material(material: MaterialResult, results: SessionResults) -> dict[str, Any]:
     made = results.reconstruction
-    m = made.materials.index(material.name)
     return {
-        "name": material.name, "known": made.known[m],
-        "inverse_rendering": {"nm": made.grid.nm, "reflectance": made.spectra[m]},
-        "signal": made.signal[m], "signal_covariance": made.signal_covariance[m],
-        "model_covariance": made.model_covariance[m], "error_budget": material.error_budget,
+        "name": material.name, "known": material.summary is None,
+        "inverse_rendering": {"nm": made.grid.nm, "reflectance": material.spectrum},
+        "signal": material.signal, "signal_covariance": material.signal_covariance,
+        "model_covariance": material.model_covariance, "error_budget": material.error_budget,
         "summary": _fields(material.summary, "mean", "standard_deviation", "lower", "upper", "bound_lower",
                            "bound_upper", "level", "conditional_on", "next_measurement_nm"),
         "samples": _fields(material.samples, "method", "effective_samples", "seed", "outcome"),

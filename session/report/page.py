@@ -9,6 +9,7 @@ import jinja2
 from markupsafe import Markup
 
 from radiometry.errors import EnvironmentProblem
+from radiometry.records import Calibration, Reconstruction
 from session.report import words
 from session.report.figures import loss_figure, picture_data_uri
 from session.report.maps import pair_figure, residual_figure, residual_limit, residual_maps, surface_figure
@@ -75,27 +76,39 @@ def _page(results: SessionResults) -> dict[str, Any]:
         "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
         "materials": [material_section(number, material, results)
                       for number, material in enumerate(results.materials, start=1)],
-        "agreement": _agreement_section(results), "calibration": _calibration_section(results),
+        "agreement": _agreement_section("", results.reconstruction, results.calibration, results.bands),
+        "views": _view_sections(results), "calibration": _calibration_section(results),
         "loss": loss_figure("loss", results.reconstruction.loss_history),
         "inputs": input_rows(results), "methods": methods_text(results),
     }
 
 
-def _agreement_section(results: SessionResults) -> dict[str, Any]:
-    made = results.reconstruction
+def _agreement_section(name: str, made: Reconstruction, calibration: Calibration,
+                       bands: tuple[str, ...]) -> dict[str, Any]:
+    """Of one photo; ``name`` keeps its figures apart from those of others."""
     return {
-        "words": words.disagreement(made.agreement, results.bands), "off": words.OFF,
-        "pair": pair_figure("pair", made, results.calibration.sensitivity, results.bands),
-        "residuals": residual_figure("residuals", made, results.bands),
+        "words": words.disagreement(made.agreement, bands), "off": words.OFF,
+        "pair": pair_figure(f"pair{name}", made, calibration.sensitivity, bands),
+        "residuals": residual_figure(f"residuals{name}", made, bands),
         "limit": residual_limit(residual_maps(made)),
-        "surfaces": surface_figure("surfaces", made), "rows": surface_rows(made),
+        "surfaces": surface_figure(f"surfaces{name}", made), "rows": surface_rows(made),
+        "bands": list(zip(bands, band_colours(bands), strict=True)), "scale": scale_words(made.light_scale),
     }
+
+
+def _view_sections(results: SessionResults) -> list[dict[str, Any]]:
+    return [_agreement_section(f"-{number}", view.reconstruction, view.calibration, view.bands)
+            | {"name": view.name, "preview": picture_data_uri(view.photo_preview),
+               "light": light_figure(f"light-{number}", view.calibration.light),
+               "light_source": view.calibration.light.source, "scale_source": view.reconstruction.light_scale.source}
+            for number, view in enumerate(results.views, start=2)]
 
 
 def _calibration_section(results: SessionResults) -> dict[str, Any]:
     fit = results.calibration.sensitivity
     return {
-        "chart": chart_section(results), "held_out_rms": held_out_rms(results), "scale": scale_words(results),
+        "chart": chart_section(results), "held_out_rms": held_out_rms(results),
+        "scale": scale_words(results.light_scale),
         "sensitivity": sensitivity_figure("sensitivity", fit, results.bands, results.sensitivity_truth),
         "light": light_figure("light", results.calibration.light),
     }

@@ -21,7 +21,7 @@ QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradia
 def material_curves(material: MaterialResult, made: Reconstruction) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Wavelengths (P,) and every curve known of one material, each (P,); NaN where a truth was not measured."""
     grid_nm = made.grid.nm
-    estimate = made.spectra[made.materials.index(material.name)]
+    estimate = material.spectrum
     summary = material.summary
     if summary is None:
         nm, curves = grid_nm, {"given": estimate}

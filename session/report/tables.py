@@ -34,7 +34,7 @@ def material_section(number: int, material: MaterialResult, results: SessionResu
         "id": f"material-{number}", "material": material, "swatch": css_colour(reflectance_to_srgb(nm, shown)),
         "band_width": width, "columns": list(curves), "rows": every_10_nm(nm, curves),
         "figure": material_figure(f"spectrum-{number}", material, made),
-        "budget": error_budget_figure(f"budget-{number}", material, results.bands),
+        "budget": error_budget_figure(f"budget-{number}", material, results.signal_bands),
     }
 
 

@@ -50,8 +50,10 @@ class Verdict:
 
 def judge(results: SessionResults) -> Verdict:
     """Verdict on a session: PASS, WARN or FAIL."""
-    agreement = results.reconstruction.agreement
-    criteria = (_median_surface(agreement), _worst_surface(agreement, results.bands), _chart(results),
+    compared = [("", results.reconstruction.agreement, results.bands)]
+    compared += [(f" in the photo “{view.name}”", view.reconstruction.agreement, view.bands) for view in results.views]
+    criteria = (*(_median_surface(agreement, where) for where, agreement, _ in compared),
+                *(_worst_surface(agreement, bands, where) for where, agreement, bands in compared), _chart(results),
                 _clipped(results), *_outcomes(results), _coverage(results))
     status = max((c.status for c in criteria), key=lambda s: s.value)
     reasons = [c.says for c in criteria if c.status is status]
@@ -91,27 +93,27 @@ def median_surface_error(agreement: SurfaceAgreement) -> float | None:
     return float(np.median(finite)) if finite.size else None
 
 
-def _median_surface(agreement: SurfaceAgreement) -> Criterion:
-    name = "Photo against rendering, |ratio − 1| of the worst band, median over surfaces"
+def _median_surface(agreement: SurfaceAgreement, where: str) -> Criterion:
+    name = f"Photo against rendering, |ratio − 1| of the worst band, median over surfaces{where}"
     value = median_surface_error(agreement)
     if value is None:
         return Criterion(name, None, "not measured", _limit(MEDIAN_LIMITS), Status.WARN,
-                         "No surface could be compared with the photo.")
+                         f"No surface could be compared with the photo{where}.")
     return _graded(name, value, MEDIAN_LIMITS,
-                   f"Half of the surfaces agree with the photo within {percent(value)} in every band.")
+                   f"Half of the surfaces agree with the photo within {percent(value)} in every band{where}.")
 
 
-def _worst_surface(agreement: SurfaceAgreement, bands: tuple[str, ...]) -> Criterion:
-    name = "Photo against rendering, worst surface"
+def _worst_surface(agreement: SurfaceAgreement, bands: tuple[str, ...], where: str) -> Criterion:
+    name = f"Photo against rendering, worst surface{where}"
     worst = worst_entry(agreement)
     if worst is None:
         return Criterion(name, None, "not measured", _limit(WORST_LIMITS), Status.WARN,
-                         "The worst surface is unknown.")
+                         f"The worst surface{where} is unknown.")
     surface, band = worst
     ratio = float(agreement.ratio[worst])
     fits = "fits least" if abs(ratio - 1) <= WORST_LIMITS[0] else "does not fit"
     return _graded(name, abs(ratio - 1), WORST_LIMITS,
-                   f"The surface “{agreement.names[surface]}” {fits}: in band {bands[band]} the photo is "
+                   f"The surface “{agreement.names[surface]}”{where} {fits}: in band {bands[band]} the photo is "
                    f"{deviation_words(ratio)} than the rendering.")
 
 

@@ -1,0 +1,117 @@
+"""Draws of all unknown materials of a photographed scene through its traced light transport, for a session.
+
+What is wrong with the calibration, the light's scale or the model of a surface befalls many regions at once, so it is
+carried as errors that they share and not as noise of each.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.stats import chi2
+
+from radiometry.bspline import basis_matrix
+from radiometry.errors import InputError
+from radiometry.records import LightTransport
+from sampling.joint_labels import SAMPLED, find_modes
+from sampling.joint_posterior import JointProblem, Modes, joint_problem, logits_of, residual_by_logit
+from sampling.joint_sampling import sample_joint
+from sampling.logit_mixture import GRID, LogitMixture, load_prior
+from sampling.spectral_samples import SpectralSamples, nearest_splines
+
+METHOD = "learnt prior through the light transport"
+SURPRISING = 1e-3       # chance of a picture as unlike the model as this one, below which the outcome says so
+THROUGH_TRANSPORT = ("Weighted draws from the learnt prior of all materials at once, through the traced light "
+                     "transport, interreflection included.")
+DISAGREES = ("The picture agrees with no spectra that the prior knows through this light transport: the draws come as "
+             "near as they can; check geometry, light and calibration, or state a larger surface error.")
+
+
+def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np.ndarray, response: np.ndarray,
+               draws: int, seed: int, prior: LogitMixture | None = None, *, common: np.ndarray | None = None,
+               known: Mapping[str, np.ndarray] | None = None, coefficients: int = 13) -> dict[str, SpectralSamples]:
+    """Draws of every unknown material of a scene, by name; row t of all of them belongs to the same scene.
+
+    Parameters
+    ----------
+    transport : LightTransport
+        Traced with unit reflectances and light; R regions. The light's scale is in ``response``.
+    signal, standard_error : (R, K)
+        Mean of the photo over each region, and its independent error: photo noise of the mean and Monte Carlo noise of
+        the transport. NaN leaves a region out.
+    response : (K, P)
+        Scale x sensitivity x light x weight in nm, on the prior's 61 wavelengths.
+    draws, seed : int
+        T, at least 100.
+    prior : LogitMixture, optional
+        The one shipped with the project by default.
+    common : (Q, R, K), optional
+        Errors that regions share, from `shared_errors`.
+    known : mapping, optional
+        Reflectance (61,) of the materials that are given, by name.
+    coefficients : int
+        N of the splines that are fitted to the draws.
+
+    Raises
+    ------
+    InputError
+        If shapes do not belong together, or nothing is unknown.
+    ConvergenceError
+        If fewer than 400 draws are effective after 16000 proposals.
+    """
+    if unknown := set(known or {}) - set(transport.materials):
+        raise InputError(f"the known materials {', '.join(sorted(unknown))} are not in the transport, which has "
+                         f"{', '.join(transport.materials)}; name them as the scene does")
+    problem = joint_problem(transport, response, signal, standard_error, prior or load_prior(), common, known)
+    if not problem.materials:
+        raise InputError("every material of the scene is known; leave at least one to be found")
+    modes = find_modes(problem, SAMPLED)
+    found = sample_joint(problem, seed, modes, draws)
+    outcome = DISAGREES if surprise(problem, modes) < SURPRISING else THROUGH_TRANSPORT
+    basis = basis_matrix(GRID.nm, coefficients)
+    return {name: SpectralSamples(GRID, found.spectra[:, m], nearest_splines(found.spectra[:, m], basis), METHOD,
+                                  found.effective_samples, seed, outcome)
+            for m, name in enumerate(problem.materials)}
+
+
+def shared_errors(signal: np.ndarray, relative_covariance: np.ndarray, scale_error: float = 0.0,
+                  surface: np.ndarray | None = None, surface_error: float = 0.0) -> np.ndarray:
+    """What one standard deviation of each error that regions share does to the signals (Q, R, K).
+
+    Parameters
+    ----------
+    signal : (R, K)
+    relative_covariance : (K, K)
+        Of the bands, common to all regions: `Calibration.relative_covariance`.
+    scale_error : float
+        Relative standard error of the light's scale, common to all regions and bands.
+    surface : (R,) int, optional
+        Which surface each region belongs to.
+    surface_error : float
+        Relative standard error of the model of each surface and band, apart from all others.
+
+    Raises
+    ------
+    InputError
+        For a covariance that is none, or errors that are negative.
+    """
+    values, vectors = np.linalg.eigh(relative_covariance)
+    if values[0] < -1e-10 * max(values[-1], 1e-12) or min(scale_error, surface_error) < 0:
+        raise InputError("the calibration's relative covariance must be positive semi-definite and the errors of scale "
+                         "and surfaces not negative; fit the calibration again")
+    bands = signal.shape[1]
+    errors = [signal * direction for direction in (vectors * np.sqrt(np.maximum(values, 0))).T[values > 0]]
+    if scale_error > 0:
+        errors.append(scale_error * signal)
+    if surface is not None and surface_error > 0:
+        errors += [surface_error * signal * np.outer(surface == name, np.arange(bands) == band)
+                   for name in np.unique(surface) for band in range(bands)]
+    return np.nan_to_num(np.array(errors).reshape(-1, *signal.shape))
+
+
+def surprise(problem: JointProblem, modes: Modes) -> float:
+    """Chance of a picture at least as far from the prior's as this one, in the Gaussian approximation at the mode."""
+    best = int(np.argmax(modes.evidence))
+    z = modes.z[best]
+    residual, _ = residual_by_logit(problem, logits_of(problem, modes.labels[best], z[None])[0])
+    return float(chi2.sf(residual @ residual + z @ z, len(residual)))

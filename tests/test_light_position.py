@@ -1,0 +1,147 @@
+"""A light that stands elsewhere than the scene says is found, with errors that hold, and refused where it cannot be."""
+import json
+
+import numpy as np
+import pytest
+from cornell_problem import GRID, camera, photo_of
+from typer.testing import CliRunner
+
+from capture.image_files import write_exr
+from fixtures.demo_scenes import box_scene
+from radiometry.errors import CalibrationError, InputError
+from radiometry.records import Outcome
+from radiometry.response import response_matrix
+from reconstruct.light_place import light_number, move_light, with_light_moved
+from reconstruct.light_position import refine_light_position
+from reconstruct.renderer import load_scene, render, start_mitsuba
+from reconstruct.scene_file import read_scene, scene_xml
+from session.cli import app
+
+SIZE = (36, 24)
+TRUE_OFFSET_CM = np.array([-2.0, 1.5, 1.6])  # 3 cm from where the scene has the light
+PAINTS = {"white": 0.8 + 0 * GRID.nm, "green": 0.15 + 0.25 * np.exp(-((GRID.nm - 530) / 40) ** 2),
+          "red": 0.1 + 0.4 / (1 + np.exp((600 - GRID.nm) / 15)), "cube": 0.3 + 0 * GRID.nm}
+POINT = '<emitter type="point" id="bulb"><point name="position" x="5" y="27" z="38"/></emitter>'
+
+
+@pytest.fixture(scope="module", autouse=True)
+def mitsuba():
+    return start_mitsuba("cpu")
+
+
+def box(folder, change=lambda text: text, depth=3):
+    path = folder / "box.xml"
+    path.write_text(change(box_scene((SIZE[1], SIZE[0]), max_depth=depth)), encoding="utf-8")
+    return read_scene(path)
+
+
+def as_point(text):
+    start, end = text.index('<shape type="sphere" id="light">'), text.index("</shape>") + len("</shape>")
+    return text[:start] + POINT + text[end:]
+
+
+def response():
+    return response_matrix(GRID, camera().sensitivity.curves, camera().light.values)
+
+
+def photo(scene, offset):
+    """By Mitsuba's own path integrator and spectral film: neither the traced transport nor its algebra."""
+    moved = with_light_moved(scene, 0, np.asarray(offset))
+    bands = dict(zip("RGB", camera().sensitivity.curves, strict=True))
+    image, variance = render(load_scene(scene_xml(moved, reflectances=PAINTS, light=camera().light.values, bands=bands,
+                                                  range_nm=(400.0, 700.0), size=SIZE, integrator="path")), 256, 4, 4)
+    return photo_of(image / image.max(), np.tile(variance.mean(axis=2, keepdims=True) / image.max() ** 2, 3) + 1e-9)
+
+
+@pytest.mark.parametrize("change", [lambda text: text, as_point], ids=["sphere", "point"])
+def test_a_light_three_centimetres_off_is_found_within_its_standard_error(tmp_path, change):
+    found = refine_light_position(box(tmp_path, change), PAINTS, response(),
+                                  photo(box(tmp_path, change), TRUE_OFFSET_CM), spp=32)
+    assert found.outcome is Outcome.CONVERGED and found.misfit < min(found.before / 3, 1.5)
+    # Three normal numbers: all within 3.5 standard errors at a significance of 1.4e-3.
+    assert np.all(np.abs(found.offset - TRUE_OFFSET_CM) < 3.5 * found.standard_error)
+    assert np.all(found.standard_error < 0.5)  # the errors say something: a sixth of the way
+
+
+def test_a_light_in_its_place_stays_there_and_its_brightness_is_found(tmp_path):
+    scene = box(tmp_path, as_point)
+    shown = photo(scene, np.zeros(3))
+    brighter = photo_of(0.25 * shown.signal, shown.variance / 16)
+    found = [refine_light_position(scene, PAINTS, response(), one, spp=32) for one in (shown, brighter)]
+    for one in found:
+        assert np.all(np.abs(one.offset) < 3.5 * one.standard_error)
+    # The same photo at a quarter of the exposure: single precision, through some Gauss-Newton steps.
+    assert found[1].scale.value / found[0].scale.value == pytest.approx(0.25, rel=1e-3)
+
+
+def light_centre(scene):
+    """As Mitsuba loads it."""
+    import mitsuba as mi
+    loaded = load_scene(scene_xml(scene, reflectances=dict.fromkeys(PAINTS, np.ones(2)), light=np.ones(2),
+                                  bands={"one": np.ones(2)}, range_nm=(400.0, 700.0), size=(4, 4)))
+    parameters = mi.traverse(loaded)
+    name = next(key for key in parameters.keys() if key.endswith(("light.to_world", "bulb.position")))  # noqa: SIM118
+    place = parameters[name]
+    return np.array(place.translation() if name.endswith("to_world") else place).ravel()
+
+
+@pytest.mark.parametrize("change", [
+    lambda text: text, as_point, lambda text: as_point(text).replace('x="5" y="27" z="38"', 'value="5, 27 38"')])
+def test_a_light_is_moved_wherever_its_place_is_written(tmp_path, change):
+    scene = box(tmp_path, change)
+    np.testing.assert_allclose(light_centre(scene), [5, 27, 38], atol=1e-5)  # single precision of 38 cm
+    np.testing.assert_allclose(light_centre(with_light_moved(scene, 0, np.array([1, 2, 3.0]))), [6, 29, 41], atol=1e-5)
+
+
+def test_what_cannot_be_refined_is_refused(tmp_path):
+    scene, shown = box(tmp_path), photo_of(np.full((SIZE[1], SIZE[0], 3), 0.5))
+    with pytest.raises(InputError, match="has no light 'lamp'; it has light"):
+        refine_light_position(scene, PAINTS, response(), shown, light_id="lamp")
+    with pytest.raises(InputError, match=r"the reflectance of cube in box\.xml is not given"):
+        refine_light_position(scene, {name: PAINTS[name] for name in ("white", "green", "red")}, response(), shown)
+    dark = photo_of(np.full((SIZE[1], SIZE[0], 3), 0.5), saturated=np.ones((SIZE[1], SIZE[0], 3), bool))
+    with pytest.raises(InputError, match="0 blocks of single surfaces can be compared"):
+        refine_light_position(scene, PAINTS, response(), dark)
+    both = box(tmp_path, lambda text: text.replace("</scene>", POINT + "</scene>"))
+    with pytest.raises(InputError, match="has 2 lights; say which: light, bulb"):
+        light_number(both, None)
+    assert light_number(both, "bulb") == 1
+    sky = box(tmp_path, lambda text: as_point(text).replace(POINT, '<emitter type="constant" id="sky"/>'))
+    with pytest.raises(InputError, match="the light 'sky' is of type 'constant', which has no place"):
+        light_number(sky, None)
+    behind = box(tmp_path, lambda text: as_point(text).replace('z="38"', 'z="-500"'))
+    with pytest.raises(InputError, match="the light reaches"):
+        refine_light_position(behind, PAINTS, response(), shown, spp=4)
+    words = box(tmp_path, lambda text: as_point(text).replace('x="5"', 'x="$x"'))
+    with pytest.raises(InputError, match="is not three numbers"):
+        move_light(words.root, 0, np.zeros(3))
+
+
+def test_a_distant_light_has_no_place(tmp_path):
+    far = box(tmp_path, lambda text: as_point(text).replace('x="5" y="27" z="38"', 'x="5000" y="27000" z="380000"'))
+    with pytest.raises(CalibrationError, match="does not tell where the light is"):
+        refine_light_position(far, PAINTS, response(), photo(far, np.zeros(3)), spp=4)
+
+
+def test_the_command_writes_the_scene_with_the_light_where_it_was(tmp_path):
+    depth_two = box(tmp_path, depth=2)
+    shown = photo(depth_two, TRUE_OFFSET_CM)
+    write_exr(tmp_path / "photo.exr", shown.signal, ["R", "G", "B"], 0.1)
+    for name, columns in (("paints.csv", PAINTS), ("light.csv", {"lamp": camera().light.values}),
+                          ("camera.csv", dict(zip("RGB", camera().sensitivity.curves, strict=True)))):
+        rows = [["wavelength_nm", *columns], *zip(GRID.nm, *columns.values(), strict=True)]
+        (tmp_path / name).write_text("\n".join(",".join(map(str, row)) for row in rows), encoding="utf-8")
+    arguments = ["geometry", "light", tmp_path / "photo.exr", "--scene", tmp_path / "box.xml", "--light",
+                 tmp_path / "light.csv", "--sensitivity", tmp_path / "camera.csv", "--reflectances",
+                 tmp_path / "paints.csv", "--out", tmp_path / "moved.xml", "--width", 36, "--spp", 32, "--device",
+                 "cpu"]
+    outcome = CliRunner().invoke(app, [*map(str, arguments), "--json"], catch_exceptions=False)
+    assert outcome.exit_code == 0, outcome.output
+    facts = json.loads(outcome.stdout)
+    np.testing.assert_allclose(light_centre(read_scene(tmp_path / "moved.xml")) - facts["offset"], [5, 27, 38],
+                               atol=1e-5)  # single precision of 38 cm
+    # As above; the file's noise is judged from its pixels, which are few: twice as far.
+    assert np.all(np.abs(facts["offset"] - TRUE_OFFSET_CM) < 7 * np.array(facts["standard_error"]))
+    assert facts["chi_square"] < facts["chi_square_before"] / 3
+    again = CliRunner().invoke(app, [*map(str, arguments)])
+    assert again.exit_code == 3 and "exists already" in again.stderr

@@ -1,0 +1,152 @@
+"""The descent by differentiable rendering: when it stops, what memory it takes, and BSDFs that are no plain product."""
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radiometry.records import Outcome
+from reconstruct import gradient, transport_engine
+from reconstruct.gradient import fit_by_gradient, reflectance_key, stalled
+from reconstruct.gradient_engine import invert_by_gradient
+from reconstruct.inverse_problem import InversionSettings, MaterialSpec, inverse_problem
+from reconstruct.inverse_rendering import reconstruct
+from reconstruct.renderer import load_scene, render, start_mitsuba
+from reconstruct.scene_file import read_scene
+from tests.cornell_problem import BANDS, GRID, SCALE_ONE, camera, photo_of
+
+WIDTH = 16
+PAINT = 0.15 + 0.5 / (1 + np.exp((560 - GRID.nm) / 20))
+FLOOR = np.full(GRID.nm.size, 0.5)
+BSDFS = {"diffuse": '<bsdf type="diffuse" id="paint"><spectrum name="reflectance" value="0.5"/></bsdf>',
+         "roughplastic": '<bsdf type="roughplastic" id="paint"><float name="alpha" value="0.2"/>'
+                         '<spectrum name="diffuse_reflectance" value="0.5"/></bsdf>',
+         "principled": '<bsdf type="principled" id="paint"><float name="roughness" value="0.3"/>'
+                       '<float name="metallic" value="0.7"/><spectrum name="base_color" value="0.5"/></bsdf>'}
+SCENE = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="3"/></integrator>
+<sensor type="perspective"><float name="fov" value="40"/><transform name="to_world">
+<lookat origin="0,1,4" target="0,0,0" up="0,1,0"/></transform><film type="hdrfilm"/></sensor>
+<emitter type="constant"><spectrum name="radiance" value="1"/></emitter>
+<bsdf type="diffuse" id="floor"><spectrum name="reflectance" value="0.5"/></bsdf>PAINT
+<shape type="sphere" id="ball"><float name="radius" value="0.9"/><ref id="paint"/></shape>
+<shape type="rectangle" id="ground"><transform name="to_world"><scale value="4"/><rotate x="1" angle="-90"/>
+<translate y="-0.9"/></transform><ref id="floor"/></shape></scene>"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def mitsuba():
+    return start_mitsuba("cpu")
+
+
+def silent(done, what):
+    pass
+
+
+def ball(folder, kind="diffuse", count=5):
+    """A painted ball on a known floor under an even sky, and its photo with the true paint."""
+    path = folder / f"{kind}.xml"
+    path.write_text(SCENE.replace("PAINT", BSDFS[kind]), encoding="utf-8")
+    materials = (MaterialSpec("paint", "paint"), MaterialSpec("floor", "floor", FLOOR))
+
+    def problem(photo):
+        return inverse_problem(read_scene(path), photo_of(photo), camera(), SCALE_ONE, materials, BANDS, count)
+
+    blank = problem(np.ones((WIDTH, WIDTH, 3)))
+    true = load_scene(blank.xml({"paint": PAINT, "floor": FLOOR}, integrator="path"))
+    return problem(render(true, 2048, seed=901)[0])
+
+
+def descend(problem, steps, spp=4, seed=1, progress=silent):
+    return fit_by_gradient(problem.scene(), ("paint",), problem.basis, problem.measured,
+                           problem.used[..., None] / problem.variance, scale=1.0, known_surface=None, steps=steps,
+                           spp=spp, seed=seed, progress=progress)
+
+
+def test_a_loss_that_only_scatters_has_stalled_and_one_that_falls_has_not():
+    rng = np.random.default_rng(3)
+    scatter = rng.normal(size=(400, 2 * gradient.WINDOW))
+    # Two standard errors, one-sided: noise alone passes for a fall in 2.3 % of cases, 9 of 400; 25 is 5 sigma more.
+    assert sum(not stalled(list(10 + row)) for row in scatter) < 25
+    # Falling by 2 over the window with a scatter of 1: 6 standard errors.
+    assert not any(stalled(list(10 - 0.1 * np.arange(row.size) + row)) for row in scatter)
+    assert not stalled([1.0] * (2 * gradient.WINDOW - 1))
+
+
+def test_the_descent_stops_by_itself_and_says_so(tmp_path):
+    problem = ball(tmp_path)
+    fit = descend(problem, 200, spp=2)
+    assert fit.outcome is Outcome.CONVERGED and 2 * gradient.WINDOW < len(fit.loss_history) < 200
+    # The last quarter of the steps brings the step size down; half of these are averaged. Rounded down twice.
+    assert abs(len(fit.tail) - len(fit.loss_history) / 8) < 1.5
+    short = descend(problem, 8)
+    assert short.outcome is Outcome.STEP_LIMIT and len(short.loss_history) == 8
+
+
+def test_memory_does_not_grow_with_the_steps(tmp_path, monkeypatch):
+    monkeypatch.setattr(gradient, "stalled", lambda losses: False)
+    resident = []
+    descend(ball(tmp_path), 160, spp=1, progress=lambda done, what: resident.append(resident_mib()))
+    assert len(resident) == 160
+    # Measured: below 1 MiB. An image or a graph kept from each of the 100 steps would be 10 MiB or more.
+    assert resident[-1] - resident[60] < 5
+
+
+def resident_mib():
+    if not Path("/proc/self/status").exists():
+        pytest.skip("resident memory is read from /proc, which this system lacks")
+    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmRSS"))
+    return int(line.split()[1]) / 1024
+
+
+@pytest.mark.parametrize("kind", BSDFS)
+def test_the_gradient_agrees_with_finite_differences_for_any_bsdf(tmp_path, kind):
+    import drjit as dr
+    import mitsuba as mi
+
+    problem = ball(tmp_path, kind)
+    start = np.full((1, 5), 0.4)
+    weight = np.random.default_rng(0).uniform(size=problem.measured.shape)
+
+    def difference(number, seed):
+        ends = [np.sum(weight * render(problem.scene(start + sign * 0.02 * np.eye(5)[number]), 128, seed)[0])
+                for sign in (1, -1)]
+        return (ends[0] - ends[1]) / 0.04
+
+    def derivative(seed):
+        scene = problem.scene(start)
+        parameters = mi.traverse(scene)
+        key = reflectance_key(parameters, "paint")
+        values = mi.Float(np.array(parameters[key]))
+        dr.enable_grad(values)
+        parameters[key] = values
+        parameters.update()
+        image = mi.render(scene, parameters, spp=128, seed=seed, seed_grad=seed + 50)
+        dr.backward(dr.sum(image * mi.TensorXf(weight.astype(np.float32)), axis=None))
+        return problem.basis.T @ np.array(dr.grad(values), dtype=float)
+
+    gradients = np.array([derivative(seed) for seed in range(4)])
+    differences = [difference(3, seed) for seed in range(4)]
+    error = np.hypot(np.std(differences, ddof=1), np.std(gradients[:, 3], ddof=1)) / 2
+    # Four standard errors of the difference of two means of four; 0.2 % for the curvature over the step.
+    assert gradients[:, 3].mean() == pytest.approx(np.mean(differences),
+                                                   abs=4 * error + 0.002 * abs(np.mean(differences)))
+
+
+@pytest.mark.parametrize("kind", ["roughplastic", "principled"])
+def test_a_coated_or_metallic_paint_is_found(tmp_path, kind):
+    problem = ball(tmp_path, kind, count=7)
+    answer = invert_by_gradient(problem, InversionSettings(7, steps=80, spp=8, engine="gradient"), silent)
+    response = problem.response / problem.response.sum(axis=1, keepdims=True)
+    # Eight paths a step: 2 % of white in the strongest bands.
+    np.testing.assert_allclose(answer.signals[0], response @ PAINT, atol=0.02)
+
+
+@pytest.mark.parametrize("kind, engine", [("diffuse", "light transport"), ("roughplastic", "gradient descent")])
+def test_the_engine_is_chosen_by_the_materials_and_the_choice_is_said(tmp_path, monkeypatch, kind, engine):
+    monkeypatch.setattr(transport_engine, "MOST_SPP", 64)
+    problem = ball(tmp_path, kind)
+    found = reconstruct(problem.scene_file, photo_of(problem.measured), camera(), SCALE_ONE, problem.materials, BANDS,
+                        InversionSettings(5, steps=4, spp=2, engine="auto"), silent)
+    assert engine in found.engine
+    assert ("paint" in found.notes[0] and "gradient" in found.notes[0]) == (kind != "diffuse")
