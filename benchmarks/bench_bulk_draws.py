@@ -97,8 +97,18 @@ def hopsy_row(operator: MeasurementOperator, basis: np.ndarray) -> dict[str, flo
     _, states = hopsy.sample(chain, hopsy.RandomNumberGenerator(1), n_samples=20_000, thinning=Z.shape[1])
     taken = time.perf_counter() - started
     spectra = (point + np.asarray(states)[0] @ Z.T) @ basis.T
-    from sampling.joint_sampling import effective_sample_size
     return {"effective_per_s": float(effective_sample_size(spectra[:, None]).min() / taken), "rounding_s": rounding}
+
+
+def effective_sample_size(values: np.ndarray) -> np.ndarray:
+    """Effective number of draws (D,) of one chain's values (steps, 1, D), by Geyer's initial positive sequence."""
+    steps = len(values)
+    spectrum = np.fft.rfft(values - values.mean(axis=0), 2 * steps, axis=0)
+    correlation = np.fft.irfft(np.abs(spectrum)**2, axis=0)[:steps].mean(axis=1)
+    correlation /= np.maximum(correlation[0], 1e-300)
+    pairs = correlation[:steps // 2 * 2].reshape(-1, 2, values.shape[2]).sum(axis=1)
+    positive = np.cumprod(pairs > 0, axis=0)
+    return np.minimum(steps / np.maximum(2 * np.sum(pairs * positive, axis=0) - 1, 1e-3), steps)
 
 
 def bounds_row(coefficients: int) -> dict[str, float]:

@@ -5,7 +5,7 @@ Camera raws do not pass here: this library opens a DNG as a grey TIFF.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -98,6 +98,30 @@ def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, 
                          "16-bit integers: save the raw frame without demosaicing")
     make, model = (spec.get_string_attribute(name) for name in ("Make", "Model"))
     return np.ascontiguousarray(stored[..., 0]), _positive(spec, "ExposureTime"), f"{make} {model}".strip()
+
+
+def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int, Callable[[int, int], np.ndarray]]:
+    """Channel names of a picture, its height and width, and a function that reads rows (last - first, W, C) of it.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged.
+    """
+    path = Path(path)
+    file = oiio.ImageInput.open(os.fspath(path)) if path.is_file() else None
+    if file is None:
+        raise InputError(f"picture {path} is missing or no readable image; give an EXR")
+    spec = file.spec()
+
+    def rows(first: int, last: int) -> np.ndarray:
+        top = spec.y
+        read = file.read_scanlines(first + top, last + top, 0, 0, spec.nchannels, "float")
+        if read is None or file.has_error:
+            raise InputError(f"picture {path.name} cannot be read ({_line(file.geterror())}); save it as scan lines")
+        return np.asarray(read).reshape(last - first, spec.width, spec.nchannels)
+
+    return list(spec.channelnames), spec.height, spec.width, rows
 
 
 def write_linear_exr(path: str | os.PathLike[str], image: LinearImage) -> None:

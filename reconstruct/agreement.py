@@ -1,6 +1,8 @@
 """Photo against rendering: which pixels can be compared, and how each surface agrees."""
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from radiometry.light_scale import scale_from_signals
@@ -9,6 +11,10 @@ from radiometry.records import LightScale, LinearImage, SurfaceAgreement
 EDGE_CONTRAST = 0.6      # (max - min) / mean within 3 x 3 pixels: above, an edge or a shadow boundary runs through
 DARKEST_SIGNAL = 1e-4    # of the photo's 99th percentile: below, a ratio says nothing
 SCALE_ERROR = 0.01       # relative: weight of a surface's mean in the light scale
+FIELD_TERMS = 5          # of a quadratic field over a surface, its mean left out
+LEAST_SHIFT = 0.5        # pixels
+LIKE_EDGES = 0.3         # correlation of the edges of photo and rendering, below which they show different things
+BETTER_EDGES = 0.05      # by which a shift must make them more alike
 BLOCK = 4                # pixels: blocks over which the spread of photo / rendering is taken
 
 
@@ -65,6 +71,46 @@ def surface_covariance(agreement: SurfaceAgreement, known: frozenset[str]) -> np
         total += deviation.T @ deviation
         freedom += len(mine) - (material not in known)
     return total / freedom if freedom else total
+
+
+@dataclass(frozen=True)
+class SceneErrors:
+    """Standard deviations of log(photo / rendering) that a scene shows where its materials allow no excuse."""
+
+    brightness: float       # of a surface, all bands alike
+    colour: float           # of a surface, in each band apart
+    block: float            # of a block of pixels, as if blocks erred apart
+
+
+def scene_errors(agreement: SurfaceAgreement, known: frozenset[str], regions: int) -> SceneErrors | None:
+    """What errors the surfaces of known materials show, and surfaces of one unknown material among themselves.
+
+    Neighbouring blocks err alike: the pattern within a surface is taken to have as many independent parts as a
+    quadratic field has terms (``FIELD_TERMS``), whatever the number of blocks, so each block weighs less.
+
+    Parameters
+    ----------
+    regions : int
+        Blocks that the fit compares, on all surfaces.
+
+    Returns
+    -------
+    SceneErrors, or None where no two surfaces can be compared.
+    """
+    offset, freedom, deviations = np.log(agreement.ratio), 0, []
+    for material in dict.fromkeys(agreement.materials):
+        mine = offset[[name == material for name in agreement.materials]]
+        deviations.append(mine if material in known else mine - mine.mean(axis=0))
+        freedom += len(mine) - (material not in known)
+    if not freedom:
+        return None
+    deviation = np.concatenate(deviations)
+    grey = deviation.mean(axis=1, keepdims=True)
+    bands = deviation.shape[1]
+    within = float(np.sqrt(np.mean(agreement.spread**2)))
+    return SceneErrors(float(np.sqrt(np.sum(grey**2) / freedom)),
+                       float(np.sqrt(np.sum((deviation - grey) ** 2) / (freedom * max(bands - 1, 1)))),
+                       within * float(np.sqrt(max(regions / len(deviation) / FIELD_TERMS, 1.0))))
 
 
 def model_covariance(agreement: SurfaceAgreement, material: str, known: frozenset[str]) -> np.ndarray:
@@ -128,10 +174,32 @@ def misalignment(measured: np.ndarray, rendered: np.ndarray) -> tuple[float, flo
     """Shift (x, y) in pixels that the photo shows against the rendering, by the correlation of their edges.
 
     Both (H, W, K). The peak of the correlation is refined by a parabola; a rendering of another scene gives a number
-    without meaning, so look at it only where the agreement is poor.
+    without meaning: ``shift_sentence`` says only what the edges bear out.
     """
+    return _shift_of(_edge_correlation(measured, rendered))
+
+
+def shift_sentence(measured: np.ndarray, rendered: np.ndarray) -> str:
+    """By how much the photo is shifted against its scene, where the edges agree clearly better so; else nothing."""
+    correlation = _edge_correlation(measured, rendered)
+    right, down = _shift_of(correlation)
+    best = correlation.max()
+    if np.hypot(right, down) < LEAST_SHIFT or best < LIKE_EDGES or best - correlation[0, 0] < BETTER_EDGES:
+        return ""
+    return (f"the photo is shifted against the scene by {right:+.1f} pixels to the right and {down:+.1f} down, of "
+            f"{measured.shape[1]} across (its edges then agree with a correlation of {best:.2f}, unmoved "
+            f"{correlation[0, 0]:.2f}): check the camera's pose, or whether the photo was cropped")
+
+
+def _edge_correlation(measured: np.ndarray, rendered: np.ndarray) -> np.ndarray:
+    """Correlation coefficient (H, W) of the edges for every cyclic shift of the rendering."""
     a, b = (_edges(image) for image in (measured, rendered))
-    correlation = np.fft.ifft2(np.fft.fft2(a) * np.conj(np.fft.fft2(b))).real
+    size = np.linalg.norm(a) * np.linalg.norm(b)
+    found: np.ndarray = np.fft.ifft2(np.fft.fft2(a) * np.conj(np.fft.fft2(b))).real / (size if size else 1.0)
+    return found
+
+
+def _shift_of(correlation: np.ndarray) -> tuple[float, float]:
     peak = np.unravel_index(np.argmax(correlation), correlation.shape)
     shifts = []
     for axis in (1, 0):
@@ -142,18 +210,6 @@ def misalignment(measured: np.ndarray, rendered: np.ndarray) -> tuple[float, flo
         fine = 0.5 * (left - right) / bend if bend else 0.0
         shifts.append(float((place + fine + size / 2) % size - size / 2))
     return shifts[0], shifts[1]
-
-
-def misfit_sentences(agreement: SurfaceAgreement, tolerance: float) -> tuple[str, ...]:
-    """One sentence for each surface and band whose photo differs from the rendering by more than ``tolerance``.
-
-    Worst first: the surface at the top is the one whose geometry, light or material to check.
-    """
-    surface, band = np.nonzero(np.abs(np.log(agreement.ratio)) > np.log1p(tolerance))
-    order = np.argsort(-np.abs(np.log(agreement.ratio[surface, band])), kind="stable")
-    return tuple(f"{agreement.names[surface[i]]}: the photo is {abs(agreement.ratio[surface[i], band[i]] - 1):.0%} "
-                 f"{'brighter' if agreement.ratio[surface[i], band[i]] > 1 else 'darker'} than the rendering in band "
-                 f"{band[i] + 1} (scatter within it {agreement.spread[surface[i], band[i]]:.0%})" for i in order)
 
 
 def _edges(image: np.ndarray) -> np.ndarray:

@@ -3,6 +3,10 @@
 Spline coefficients of every unknown material start next to zero, a black scene, and follow Adam within [0, 1]. Mitsuba
 renders the image and its derivative with different seeds, so the gradient of the squared error is unbiased although
 both are noisy; the error itself is not, and is reported with the variance of the rendering left in.
+
+It stops by itself: once the error has not fallen over ``WINDOW`` steps by more than twice the standard error that its
+own scatter gives, the step size is brought down over the last quarter of the steps, whose second half is averaged.
+``steps`` is the most it takes.
 """
 from __future__ import annotations
 
@@ -18,8 +22,10 @@ from reconstruct.agreement import scale_from_surfaces
 START = 1e-3             # not 0: Mitsuba refuses a spectrum without any mass
 LEARNING_RATE = 0.06
 LAST_RATE = 0.05         # of the first, reached by a cosine
-TAIL = 0.25              # share of the steps whose coefficients are averaged into the answer
-STILL_FALLING = 0.10     # the loss fell by more than this share over the tail: not done
+TAIL = 0.25              # share of the steps over which the step size falls
+WINDOW = 20              # steps: the mean loss of these is compared with that of as many before them
+STALLED = 2.0            # standard errors by which it must have fallen to go on
+STILL_FALLING = 0.10     # of a descent without that rule: the loss fell by more than this share over the tail
 
 
 @dataclass(frozen=True)
@@ -53,12 +59,14 @@ def fit_by_gradient(scene: Any, bsdf_ids: tuple[str, ...], basis: np.ndarray, me
         Factor from rendering to photo; None to find it, step by step, from ``known_surface``.
     known_surface : (H, W) int or None
         Index of the surface of known material that each pixel shows, -1 elsewhere.
+    steps : int
+        At most. Step ``n`` renders with the random numbers ``2 (100003 seed + n)`` and the next.
     """
     import drjit as dr
     import mitsuba as mi
 
     parameters = mi.traverse(scene)
-    keys = [_reflectance_key(parameters, bsdf) for bsdf in bsdf_ids]
+    keys = [reflectance_key(parameters, bsdf) for bsdf in bsdf_ids]
     parameters.keep(keys)
     points, count = basis.shape
     flat_basis = mi.Float(basis.ravel().astype(np.float32))
@@ -68,14 +76,19 @@ def fit_by_gradient(scene: Any, bsdf_ids: tuple[str, ...], basis: np.ndarray, me
     for key in keys:
         optimizer[key] = mi.Float(np.full(count, START, dtype=np.float32))
 
-    losses, coefficients, scales = [], [], []
+    losses: list[float] = []
+    coefficients, scales = [], []
     current = 1.0 if scale is None else scale
+    tail, last, done = max(int(TAIL * steps), 1), steps, False
     for step in range(steps):
-        optimizer.set_learning_rate(LEARNING_RATE * cosine_rate(step / steps))
+        if not done and step < last - tail and stalled(losses):
+            tail, done = max(int(step * TAIL / (1 - TAIL)), 1), True
+            last = step + tail
+        optimizer.set_learning_rate(LEARNING_RATE * cosine_rate(max(step - (last - tail), 0) / tail))
         for key in keys:
             parameters[key] = dr.block_sum(flat_basis * dr.gather(mi.Float, optimizer[key], column), count)
         parameters.update()
-        draw = 2 * (seed * 100003 + step)
+        draw = 2 * (seed * 100003 + step) % 2**32
         image = mi.render(scene, parameters, spp=spp, seed=draw, seed_grad=draw + 1)
         if scale is None and known_surface is not None:
             ratio = scale_from_surfaces(measured, np.array(image), known_surface, "").value
@@ -87,21 +100,35 @@ def fit_by_gradient(scene: Any, bsdf_ids: tuple[str, ...], basis: np.ndarray, me
             optimizer[key] = dr.clip(dr.detach(optimizer[key]), 0.0, 1.0)
         losses.append(float(np.array(loss).item()))
         scales.append(current)
-        if step >= min((1 - TAIL) * steps, steps - 1):
+        if step >= min(last - tail / 2, last - 2):  # two at least: their scatter is the error
             coefficients.append(np.array([np.array(optimizer[key]) for key in keys], dtype=np.float64))
-        progress((step + 1) / steps, f"step {step + 1} of {steps}")
-    tail = np.array(coefficients)
-    history = np.array(losses)
-    return GradientFit(tail.mean(axis=0), tail, float(np.mean(scales[-len(tail):])), np.array(scales[-len(tail):]),
-                       history, outcome_of(history))
+        progress((step + 1) / last, f"step {step + 1} of {'' if done else 'at most '}{last}")
+        if step + 1 == last:
+            break
+    end, last_scales = np.array(coefficients), np.array(scales[-len(coefficients):])
+    return GradientFit(end.mean(axis=0), end, float(last_scales.mean()), last_scales, np.array(losses),
+                       Outcome.CONVERGED if done else Outcome.STEP_LIMIT)
 
 
-def _reflectance_key(parameters: Any, bsdf: str) -> str:
+def reflectance_key(parameters: Any, bsdf: str) -> str:
+    """Name of the one reflectance spectrum of a BSDF among a scene's parameters."""
     matches = [key for key in parameters.keys()  # noqa: SIM118 - not a dict
                if key.startswith(f"{bsdf}.") and key.endswith(("reflectance.values", "base_color.values"))]
     if len(matches) != 1:
         raise ValueError(f"the scene has {len(matches)} reflectances under the BSDF {bsdf!r}; one is needed")
     return matches[0]
+
+
+def stalled(losses: list[float]) -> bool:
+    """Whether the mean loss of the last ``WINDOW`` steps is not below that of as many before, beyond their noise.
+
+    The noise of both means is that of independent steps with the scatter found within the two windows.
+    """
+    if len(losses) < 2 * WINDOW:
+        return False
+    before, now = np.array(losses[-2 * WINDOW:-WINDOW]), np.array(losses[-WINDOW:])
+    error = np.sqrt((before.var(ddof=1) + now.var(ddof=1)) / WINDOW)
+    return bool(before.mean() - now.mean() <= STALLED * error)
 
 
 def cosine_rate(fraction: float) -> float:

@@ -1,16 +1,28 @@
 """The paper's inversion: differentiable rendering and Adam, for any BSDF (paper Sec. 3.2 and 4.2)."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from radiometry.records import Outcome
 from radiometry.response import relative_operator
 from reconstruct.gradient import GradientFit, fit_by_gradient
 from reconstruct.inverse_problem import EngineAnswer, InverseProblem, InversionSettings
 from reconstruct.renderer import render
+from reconstruct.scene_file import SceneFile, not_plain_products
 
 FINAL_SPP, FINAL_PASSES = 256, 4
+
+
+def engine_for(scene_files: Sequence[SceneFile]) -> tuple[str, tuple[str, ...]]:
+    """Name of the engine that treats every material of the scenes, and a sentence if it is not the default."""
+    glossy = dict.fromkeys(name for scene_file in scene_files for name in not_plain_products(scene_file))
+    if not glossy:
+        return "transport", ()
+    return "gradient", (f"The gradient engine was chosen, since {', '.join(glossy)} is coated or glossy: its light is "
+                        "no plain product of reflectances, as the transport engine needs.",)
 
 
 def invert_by_gradient(problem: InverseProblem, settings: InversionSettings,
@@ -22,7 +34,11 @@ def invert_by_gradient(problem: InverseProblem, settings: InversionSettings,
         problem.used[..., None] / problem.variance, scale=None if scale is None else scale.value,
         known_surface=problem.known_surface, steps=settings.steps, spp=settings.spp, seed=settings.seed,
         progress=progress)
-    return answer_of_descent(problem, settings, fit, "gradient descent (Mitsuba prb, specfilm)")
+    answer = answer_of_descent(problem, settings, fit, "gradient descent (Mitsuba prb, specfilm)")
+    if fit.outcome is Outcome.STEP_LIMIT:
+        return answer
+    return replace(answer, notes=(f"The descent stopped after {len(fit.loss_history)} of at most {settings.steps} "
+                                  "steps: its error no longer fell by more than its noise.",))
 
 
 def answer_of_descent(problem: InverseProblem, settings: InversionSettings, fit: GradientFit,

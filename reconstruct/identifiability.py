@@ -8,6 +8,7 @@ import numpy as np
 from reconstruct.transport_fit import TransportFit
 
 OPEN = 0.25             # standard deviation, in coefficients, of the directions that the camera cannot see directly
+SEEN = 1e-6             # of the largest singular value: below, bands repeat each other
 TOLD = 1.0              # information of the photo over that of the prior, above which a direction is the photo's
 
 
@@ -29,38 +30,41 @@ def band_signals(fit: TransportFit, operator: np.ndarray, names: int) -> tuple[n
 
     One more Gauss-Newton step from the solution with the prior on the spectra taken off: free in what the bands see of
     each material, and only loosely held (``OPEN``) in what they do not; gains move along. The covariance is that of
-    photo noise and Monte Carlo noise, gains and light scale as found: their errors are told apart from it.
+    photo noise and Monte Carlo noise, and of gains of lights and band mixing; gains of surfaces and the light scale are
+    taken as found: their errors are told apart from it (``TransportFit.told_apart``).
 
     Parameters
     ----------
     fit : TransportFit
     operator : (K, N) array
-        Relative signal of the coefficients.
+        Relative signal of the coefficients; bands of several photos may stand in it one below the other.
     names : int
         Number U of unknown materials.
     """
-    bands, count = operator.shape
+    count = operator.shape[1]
     left, singular, vt = np.linalg.svd(operator)
+    seen_of_each = int(np.count_nonzero(singular > SEEN * singular[0]))
     size = names * count
     turn = np.eye(len(fit.information))
     turn[:size, :size] = np.kron(np.eye(names), vt.T)
     hidden = np.zeros(len(turn))
-    hidden[:size] = np.tile(np.arange(count) >= bands, names) / OPEN**2
+    hidden[:size] = np.tile(np.arange(count) >= seen_of_each, names) / OPEN**2
     information = turn.T @ fit.information @ turn + np.diag(hidden)
     information += 1e-12 * np.trace(information) * np.eye(len(information))
     move = np.linalg.solve(information, turn.T @ fit.pull)
-    covariance = np.linalg.inv(information[:size, :size])
-    to_signal = left * singular
+    within = ~fit.told_apart
+    covariance = np.linalg.inv(information[np.ix_(within, within)])
+    to_signal = left[:, :seen_of_each] * singular[:seen_of_each]
     signals, covariances = [], []
     for place in range(names):
-        seen = slice(place * count, place * count + bands)
+        seen = slice(place * count, place * count + seen_of_each)
         signals.append(operator @ fit.coefficients[place] + to_signal @ move[seen])
         covariances.append(to_signal @ covariance[seen, seen] @ to_signal.T)
     return np.array(signals), np.array(covariances)
 
 
 def identifiability(fit: TransportFit, materials: tuple[str, ...], operator: np.ndarray) -> tuple[Identifiability, ...]:
-    """Which directions of which material the photo constrains, the other materials being unknown as well.
+    """Which directions of which material the photo constrains, other materials and all nuisances being unknown as well.
 
     Parameters
     ----------
@@ -72,7 +76,7 @@ def identifiability(fit: TransportFit, materials: tuple[str, ...], operator: np.
     prior = fit.prior_precision
     root = np.linalg.cholesky(prior)
     answers = []
-    photo = fit.information[:count * len(materials), :count * len(materials)]
+    photo = _spectra_alone(fit.information, count * len(materials))
     for place, name in enumerate(materials):
         mine = slice(place * count, (place + 1) * count)
         information = _others_marginalised(photo, prior, mine, len(materials)) - prior
@@ -92,6 +96,14 @@ def sentences(found: tuple[Identifiability, ...]) -> tuple[str, ...]:
         f"{item.material}: of {item.ratio.size} coefficients the photo decides {item.by_photo} "
         f"({item.by_colour} by the surface's own colour, {item.by_interreflection} only by interreflection); "
         f"{item.by_prior} are left to the prior" for item in found)
+
+
+def _spectra_alone(information: np.ndarray, count: int) -> np.ndarray:
+    """Information (count, count) of the coefficients, with gains, mixing and light scales integrated out."""
+    cross = information[:count, count:]
+    found: np.ndarray = information[:count, :count] - cross @ np.linalg.pinv(information[count:, count:],
+                                                                            hermitian=True) @ cross.T
+    return found
 
 
 def _others_marginalised(information: np.ndarray, prior: np.ndarray, mine: slice, materials: int) -> np.ndarray:

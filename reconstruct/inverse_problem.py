@@ -1,8 +1,8 @@
 """What an inversion starts from: the photo, the scene that explains it, and the checks that both can be compared."""
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,40 +13,28 @@ from radiometry.records import Calibration, LightScale, LinearImage, Outcome, Wa
 from radiometry.response import response_matrix, white_signal
 from radiometry.spectrum_files import spectrum_on_grid
 from reconstruct.agreement import usable_pixels
+from reconstruct.inversion_inputs import (
+    InversionSettings,
+    LearntSpectra,
+    MaterialSpec,
+    View,
+    gain_of_bands,
+    require_light,
+    require_scales,
+    require_sound_pixels,
+    spectrum_prior,
+)
 from reconstruct.renderer import load_scene
 from reconstruct.scene_file import SceneFile, scene_xml
 from reconstruct.surfaces import surface_map
+
+__all__ = ["EngineAnswer", "InverseProblem", "InversionSettings", "LearntSpectra", "MaterialSpec", "View",
+           "inverse_problem", "inverse_problems", "spectrum_prior"]
 
 PHOTO_FLOOR = 0.01       # of a band's median signal: black level and stray light
 PHOTO_ERROR = 0.02       # relative: pose, light profile, lens; keeps bright pixels from ruling the fit
 FEWEST_PIXELS = 12       # of a material, below which its colour cannot be said
 PLACEHOLDER = 0.5
-DARK_BAND = 1e-6         # of the strongest band's light: below, a band has none
-NEGATIVE_SIGMA = 6.0     # a pixel this far below zero is no noise
-MOST_NEGATIVE = 1e-3     # share of such pixels that defects explain
-
-
-@dataclass(frozen=True)
-class MaterialSpec:
-    """One material of the session: its BSDF in the scene, and its reflectance (P,) where that is known."""
-
-    name: str
-    bsdf: str
-    reflectance: np.ndarray | None = None
-
-
-@dataclass(frozen=True)
-class InversionSettings:
-    """Numbers an operator may choose."""
-
-    coefficients: int = 9
-    steps: int = 160                # of the gradient and per-wavelength engines
-    spp: int = 16                   # paths per pixel and step; the transport engine decides how many it needs
-    seed: int = 1
-    surface_error: float = 0.01     # relative standard deviation of each surface's brightness in each band: light
-                                    # profile, pose, uneven paint; 0 where only pixel noise is to be expected
-    smoothness: float = 0.1         # of the prior on spectra (reconstruct/transport_fit.py); 0 for none
-    engine: str = "transport"       # or "gradient", "per-wavelength", "single-bounce"
 
 
 @dataclass(frozen=True)
@@ -65,6 +53,8 @@ class InverseProblem:
     surface: np.ndarray             # (H, W) index into the scene's surfaces, -1 none or mixed
     used: np.ndarray                # (H, W) bool
     light_scale: LightScale | None
+    name: str = "photo"
+    own_lights: Mapping[str, np.ndarray] = field(default_factory=dict)  # light id -> (P,), where not ``light``
 
     @property
     def size(self) -> tuple[int, int]:
@@ -82,6 +72,17 @@ class InverseProblem:
         return response_matrix(self.grid, self.sensitivities, self.light)
 
     @property
+    def light_groups(self) -> tuple[tuple[str, ...], ...]:
+        """Ids of the scene's lights, each a group of its own."""
+        return tuple((name,) for name in dict.fromkeys(self.scene_file.light_ids))
+
+    @property
+    def responses(self) -> np.ndarray:
+        """Response (L, K, P) under each light of ``light_groups``."""
+        return np.array([response_matrix(self.grid, self.sensitivities, self.own_lights.get(name, self.light))
+                         for name, in self.light_groups])
+
+    @property
     def known_surface(self) -> np.ndarray:
         """Index (H, W) of the surface of known material that each usable pixel shows, -1 elsewhere."""
         known = {material.bsdf for material in self.materials if material.reflectance is not None}
@@ -96,7 +97,8 @@ class InverseProblem:
 
     def xml(self, spectra: Mapping[str, np.ndarray], **options: Any) -> str:
         """The scene with these spectra by BSDF id; options as of ``scene_xml``."""
-        given: dict[str, Any] = {"light": self.light, "size": self.size,
+        lights = {name: self.own_lights.get(name, self.light) for name, in self.light_groups}
+        given: dict[str, Any] = {"light": lights if self.own_lights else self.light, "size": self.size,
                                  "bands": dict(zip(self.bands, self.sensitivities, strict=True)),
                                  "range_nm": (self.grid.nm[0], self.grid.nm[-1])}
         return scene_xml(self.scene_file, reflectances=spectra, **(given | options))
@@ -122,6 +124,7 @@ class EngineAnswer:
     spp: int
     outcome: Outcome
     notes: tuple[str, ...] = ()     # sentences on what is measured and what assumed
+    scale: tuple[float, float | None] = (1.0, None)  # light scale and its standard error, where no known material tells
 
 
 def inverse_problem(scene_file: SceneFile, photo: LinearImage, calibration: Calibration,
@@ -132,53 +135,66 @@ def inverse_problem(scene_file: SceneFile, photo: LinearImage, calibration: Cali
     Raises
     ------
     InputError
-        If there is neither a scale nor a known material, a material fills too few usable pixels, a band gets no light,
-        or pixels are no numbers or far below zero.
+        As ``inverse_problems``.
     """
-    grid = calibration.sensitivity.grid
-    light = spectrum_on_grid(calibration.light, grid)
-    if light_scale is None and all(material.reflectance is None for material in materials):
-        raise InputError("the light scale is unknown: give one material its known spectrum, or calibrate from a chart "
-                         "photo with [chart] scene")
-    _require_light(white_signal(response_matrix(grid, calibration.sensitivity.curves, light)), bands)
-    _require_sound_pixels(photo)
-    measured = photo.signal.astype(np.float64)
+    return inverse_problems([View("photo", scene_file, photo, calibration, bands, light_scale)], materials,
+                            coefficients)[0]
+
+
+def inverse_problems(views: Sequence[View], materials: tuple[MaterialSpec, ...],
+                     coefficients: int) -> tuple[InverseProblem, ...]:
+    """The photos made ready for one inversion, and checked against their scenes.
+
+    Raises
+    ------
+    InputError
+        If a view's light scale cannot be found, a material fills too few usable pixels in all views together, a band
+        gets no light, or pixels are no numbers or far below zero.
+    """
+    require_scales(views, materials)
+    problems = tuple(_one_problem(view, materials, coefficients) for view in views)
+    _require_pixels(materials, problems)
+    return problems
+
+
+def _one_problem(view: View, materials: tuple[MaterialSpec, ...], coefficients: int) -> InverseProblem:
+    scene_file, photo, curves = view.scene_file, view.photo, view.calibration.sensitivity.curves
+    grid = view.calibration.sensitivity.grid
+    light = spectrum_on_grid(view.calibration.light, grid)
+    own = {name: spectrum_on_grid(spectrum, grid) for name, spectrum in view.light_spectra.items()}
+    if missing := [name for name in own if name not in scene_file.light_ids]:
+        raise InputError(f"{scene_file.path.name} has no light {missing[0]!r}; it has "
+                         f"{', '.join(scene_file.light_ids)}")
+    received = [response_matrix(grid, curves, own.get(name, light)) for name in scene_file.light_ids]
+    require_light(white_signal(np.sum(received, axis=0)), view.bands)
+    require_sound_pixels(photo)
+    measured, variance = photo.signal.astype(np.float64), photo.variance.astype(np.float64)
+    if view.gain is not None:
+        gain = gain_of_bands(view.gain, measured.shape, photo.source)
+        measured, variance = measured / gain, variance / gain**2
     size = (measured.shape[1], measured.shape[0])
+    worn = set(scene_file.surfaces.values())
     flat = {material.bsdf: np.full(2, PLACEHOLDER) for material in materials}
     scene = load_scene(scene_xml(scene_file, reflectances=flat, light=np.ones(2), bands={"one": np.ones(2)},
                                  range_nm=(grid.nm[0], grid.nm[-1]), size=size))
     surface = surface_map(scene, tuple(scene_file.surfaces), size)
     used = usable_pixels(photo, surface)
-    _require_pixels(materials, tuple(scene_file.surfaces.values()), surface, used)
-    floor = PHOTO_FLOOR * np.median(measured[used], axis=0)
+    floor = PHOTO_FLOOR * np.median(measured[used], axis=0) if used.any() else 0.0
     return InverseProblem(
-        scene_file, materials, bands, grid, basis_matrix(grid.nm, coefficients), light, calibration.sensitivity.curves,
-        measured, photo.variance + (PHOTO_ERROR * measured) ** 2 + floor**2, surface, used, light_scale)
+        scene_file, tuple(material for material in materials if material.bsdf in worn), view.bands, grid,
+        basis_matrix(grid.nm, coefficients), light, curves, measured,
+        variance + (PHOTO_ERROR * measured) ** 2 + floor**2, surface, used, view.light_scale, view.name, own)
 
 
-def _require_light(white: np.ndarray, bands: tuple[str, ...]) -> None:
-    dark = [name for name, value in zip(bands, white, strict=True) if not value > DARK_BAND * white.max()]
-    if dark:
-        raise InputError(f"the light gives the camera's band {', '.join(dark)} nothing (less than {DARK_BAND:g} of "
-                         "the strongest band): its photo says nothing; leave the band out, or check the light spectrum")
-
-
-def _require_sound_pixels(photo: LinearImage) -> None:
-    lost = int(np.count_nonzero(~np.isfinite(photo.signal).all(axis=2)))
-    if lost:
-        raise InputError(f"{photo.source}: {lost} pixels hold no number (NaN or infinity); mend or mask them")
-    below = photo.signal < -NEGATIVE_SIGMA * np.sqrt(photo.variance)
-    if below.any(axis=2).mean() > MOST_NEGATIVE:
-        raise InputError(f"{photo.source}: {below.any(axis=2).mean():.1%} of the pixels are further below zero than "
-                         "noise explains; the black level taken off is too high")
-
-
-def _require_pixels(materials: tuple[MaterialSpec, ...], worn: tuple[str, ...], surface: np.ndarray,
-                    used: np.ndarray) -> None:
+def _require_pixels(materials: tuple[MaterialSpec, ...], problems: Sequence[InverseProblem]) -> None:
     for material in materials:
-        mine = np.isin(surface, [index for index, bsdf in enumerate(worn) if bsdf == material.bsdf])
-        if np.count_nonzero(mine & used) < FEWEST_PIXELS:
+        seen = usable = 0
+        for problem in problems:
+            worn = problem.scene_file.surfaces.values()
+            mine = np.isin(problem.surface, [index for index, bsdf in enumerate(worn) if bsdf == material.bsdf])
+            seen, usable = seen + int(mine.sum()), usable + int((mine & problem.used).sum())
+        if usable < FEWEST_PIXELS:
             raise InputError(
-                f"material {material.name!r} fills {np.count_nonzero(mine)} pixels of the rendered view, "
-                f"{np.count_nonzero(mine & used)} of them usable (unsaturated, lit, away from edges); {FEWEST_PIXELS} "
-                "are needed: check pose and exposure, or raise [reconstruct] width")
+                f"material {material.name!r} fills {seen} pixels of the rendered view"
+                f"{'s' if len(problems) > 1 else ''}, {usable} of them usable (unsaturated, lit, away from edges); "
+                f"{FEWEST_PIXELS} are needed: check pose and exposure, or raise [reconstruct] width")

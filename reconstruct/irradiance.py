@@ -1,9 +1,13 @@
 """Irradiance on each patch of a chart whose place and light are known (paper Eq. 17, for any emitter)."""
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from radiometry.errors import InputError
+from reconstruct.light_profile import relative_radiance
 from reconstruct.renderer import load_scene
 from reconstruct.scene_file import SceneFile, scene_xml
 
@@ -49,8 +53,25 @@ def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tup
                                                                               rng.random(len(place))), True)
     cosine = np.maximum(np.array(mi.Float(interaction.n.x * direction.d.x + interaction.n.y * direction.d.y
                                           + interaction.n.z * direction.d.z)), 0.0)
-    irradiance = (np.array(weight[0]) * cosine).reshape(len(centres_uv), SAMPLES).mean(axis=1)
+    weight = np.array(weight[0]) * _profile(scene, scene_file.profiles, direction)
+    irradiance = (weight * cosine).reshape(len(centres_uv), SAMPLES).mean(axis=1)
     if not np.all(irradiance > 0):
         raise InputError(f"{scene_file.path.name}: the light does not reach {np.count_nonzero(irradiance <= 0)} of the "
                          "24 patches; turn the chart's rectangle to face the light")
     return irradiance
+
+
+def _profile(scene: Any, profiles: Mapping[str, np.ndarray], direction: Any) -> np.ndarray:
+    """Relative radiance of the light that each direction was sampled from, by the angle at which it leaves."""
+    import drjit as dr
+    import mitsuba as mi
+
+    cosine = -np.array(dr.dot(direction.d, direction.n))
+    number = np.array(dr.reinterpret_array(mi.UInt32, direction.emitter))
+    factor = np.ones(cosine.size)
+    for emitter in scene.emitters():
+        shape = emitter.get_shape()
+        if shape is not None and shape.id() in profiles:
+            mine = number == np.array(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(emitter)))
+            factor[mine] = relative_radiance(profiles[shape.id()], cosine[mine])
+    return factor

@@ -4,6 +4,9 @@ One variant per process; nothing of Mitsuba is touched at import time.
 """
 from __future__ import annotations
 
+import contextlib
+import os
+from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
@@ -47,6 +50,24 @@ def start_mitsuba(device: str = "auto") -> ModuleType:
     return mi
 
 
+@contextlib.contextmanager
+def all_cores() -> Iterator[None]:
+    """Work that gives the same bits in any order may use every core of this process."""
+    import drjit as dr
+    import mitsuba as mi
+
+    if mi.variant() != CPU_VARIANT:
+        yield
+        return
+    before = dr.thread_count()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    dr.set_thread_count(max(cores, 2))  # not 1: Mitsuba's reader of EXR files would wait for ever
+    try:
+        yield
+    finally:
+        dr.set_thread_count(before)
+
+
 def load_scene(xml: str) -> Any:
     """Load scene text; identical placeholder materials stay apart.
 
@@ -58,7 +79,8 @@ def load_scene(xml: str) -> Any:
     import mitsuba as mi
 
     try:
-        return mi.load_string(xml, optimize=False)
+        with all_cores() if ".exr" in xml.lower() else contextlib.nullcontext():
+            return mi.load_string(xml, optimize=False)
     except RuntimeError as error:
         reason = " ".join(str(error).split())
         raise InputError(f"Mitsuba cannot load the scene: {reason}") from None

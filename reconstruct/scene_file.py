@@ -8,15 +8,18 @@ from __future__ import annotations
 import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from radiometry.errors import InputError
+from reconstruct.light_profile import read_profile
 
 EMITTED = {"area": "radiance", "constant": "radiance", "point": "intensity", "spot": "intensity",
            "directional": "irradiance", "projector": "irradiance", "directionalarea": "radiance"}
+SKY_MAP = "envmap"      # its picture gives the radiance by direction; its colours are Mitsuba's, not the light's
+PROFILE = "profile"     # of an area light: a <string> that names its file; no Mitsuba knows it
 SPECTRUM_TAGS = ("spectrum", "rgb", "texture")
 SPECTRAL_FACTOR = {"plastic": "diffuse_reflectance", "roughplastic": "diffuse_reflectance",
                    "principled": "base_color"}  # BSDFs kept as they are, and the spectrum of each that is looked for
@@ -34,7 +37,8 @@ class SceneFile:
     bsdf_ids: tuple[str, ...]
     surfaces: dict[str, str]
     light_ids: tuple[str, ...]
-    files: tuple[Path, ...]     # meshes and textures that it names
+    files: tuple[Path, ...]     # meshes, textures and profiles that it names
+    profiles: Mapping[str, np.ndarray] = field(default_factory=dict)  # light id -> table of light_profile.py
 
 
 def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
@@ -67,13 +71,13 @@ def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
     if not lights:
         raise InputError(f"{path.name} has no <emitter>: the scene must hold the light in its place")
     for light in lights:
-        if light.get("type") not in EMITTED:
+        if light.get("type") not in (*EMITTED, SKY_MAP):
             raise InputError(f"{path.name}: emitter type {light.get('type')!r} is not supported; "
-                             f"use one of {', '.join(EMITTED)}")
+                             f"use one of {', '.join((*EMITTED, SKY_MAP))}")
     depth = _integer(integrator, "max_depth", defaults, 8, path)
     return SceneFile(path, root, width, height, depth if depth > 0 else 12,
                      tuple(node.get("id", "") for node in root.findall("bsdf")), _surfaces(root, path),
-                     tuple(_light_id(root, node) for node in lights), files)
+                     tuple(_light_id(root, node) for node in lights), files, _profiles(root, path))
 
 
 def check_materials(scene: SceneFile, bsdf_of_material: Mapping[str, str]) -> list[str]:
@@ -119,17 +123,23 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray], light
     Raises
     ------
     InputError
-        If a BSDF has no reflectance spectrum to be found, or a light no spectrum.
+        If a BSDF has no reflectance spectrum to be found, a light no spectrum, or a light with an angular profile or a
+        map of the sky is asked for with any spectrum but 1: a rendering would not be of that light.
     """
     root = copy.deepcopy(scene.root)
     for node in root.findall("bsdf"):
         if (values := reflectances.get(node.get("id", ""))) is not None:
             _set_reflectance(node, values, range_nm, scene.path.name)
     for node in root.iter("emitter"):
+        _check_unit_light(root, node, light, scene.path.name)
+        if node.get("type") == SKY_MAP:
+            continue
         name = EMITTED[node.get("type", "")]
         for child in [child for child in node if child.tag in SPECTRUM_TAGS and child.get("name") == name]:
             node.remove(child)
         node.append(_regular(name, _light_of(root, node, light, scene.path.name), range_nm))
+    for node in [node for node in root.iter("string") if node.get("name") == "filename"]:
+        node.set("value", str((scene.path.parent / node.get("value", "")).resolve()))  # Mitsuba gets text, no folder
     sensor = root.find("sensor")
     assert sensor is not None
     for child in [child for child in sensor if child.tag in ("film", "sampler")]:
@@ -167,7 +177,7 @@ def _parse(path: Path) -> ET.Element:
 
 
 def _named_files(root: ET.Element, path: Path, folder: Path | None) -> tuple[Path, ...]:
-    names = [node.get("value", "") for node in root.iter("string") if node.get("name") == "filename"]
+    names = [node.get("value", "") for node in root.iter("string") if node.get("name") in ("filename", PROFILE)]
     names += [node.get("filename", "") for node in root.iter() if node.get("filename")]
     names += [node.get("value", "") for node in root.iter("path")]
     files = []
@@ -203,6 +213,31 @@ def _surfaces(root: ET.Element, path: Path) -> dict[str, str]:
                              "id, and refer to it with <ref id=...>")
         surfaces[shape.get("id", "")] = reference.get("id", "") if reference is not None else ""
     return surfaces
+
+
+def _profiles(root: ET.Element, path: Path) -> dict[str, np.ndarray]:
+    profiles = {}
+    for light in root.iter("emitter"):
+        for node in [node for node in light.findall("string") if node.get("name") == PROFILE]:
+            if light.get("type") != "area":
+                raise InputError(f"{path.name}: only an area light can have a measured profile, and "
+                                 f"{_light_id(root, light)!r} is of type {light.get('type')!r}")
+            profiles[_light_id(root, light)] = read_profile(path.parent / node.get("value", ""))
+    return profiles
+
+
+def _check_unit_light(root: ET.Element, light: ET.Element, spectrum: np.ndarray | Mapping[str, np.ndarray],
+                      file: str) -> None:
+    """Take the profile out of a light; refuse a spectrum where a rendering would not be of that light."""
+    shaped = [node for node in light.findall("string") if node.get("name") == PROFILE]
+    if not shaped and light.get("type") != SKY_MAP:
+        return
+    if not isinstance(spectrum, np.ndarray) or np.any(spectrum != 1):
+        what = "measured profile" if shaped else "map of the sky"
+        raise InputError(f"{file}: only the transport engine knows the {what} of {_light_id(root, light)!r}; set "
+                         "[reconstruct] engine = \"transport\", or take it out")
+    for node in shaped:
+        light.remove(node)
 
 
 def _light_id(root: ET.Element, light: ET.Element) -> str:

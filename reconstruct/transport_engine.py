@@ -1,43 +1,37 @@
 """The transport engine: trace the scene's light once, then fit the spectra by algebra."""
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from radiometry.errors import InputError
-from radiometry.records import Outcome
-from radiometry.response import relative_operator
-from reconstruct.agreement import scale_from_surfaces
-from reconstruct.band_system import compress, huber_weight
-from reconstruct.identifiability import band_signals, identifiability, sentences
-from reconstruct.inverse_problem import EngineAnswer, InverseProblem, InversionSettings
+from reconstruct.agreement import scale_from_surfaces, scene_errors, surface_agreement
+from reconstruct.inverse_problem import InverseProblem, InversionSettings, spectrum_prior
+from reconstruct.photo_terms import ViewFit
 from reconstruct.regions import block_regions, region_means
 from reconstruct.renderer import load_scene
 from reconstruct.scene_file import not_plain_products
+from reconstruct.traced_fit import TracedView, fit_traced
 from reconstruct.transport import TracedTransport, joined, shaded_image, trace_transport
-from reconstruct.transport_fit import FitPriors, SpectrumModel, TransportFit, fit_spectra
+from reconstruct.transport_fit import FitPriors, TransportFit
 
 FIRST_SPP = 64           # paths per pixel by which the noise is judged
 MOST_SPP = 1024          # per pixel: where tracing ends, whatever the photo's noise
 IMAGE_SPP = 512          # of the final rendering
-LAMP_SHARE = 1e-3        # of a region's light straight from a lamp: above, its edge runs through a pixel
-ROBUST_ROUNDS = 2        # times that pixels beyond HUBER sigma are weighed anew
 
 
-def invert_by_transport(problem: InverseProblem, settings: InversionSettings,
-                        progress: Callable[[float, str], None]) -> EngineAnswer:
-    """Coefficients, by a traced light transport with all the bounces of the scene."""
-    return _invert(problem, settings, problem.scene_file.max_depth - 1, "light transport traced once", progress)
+@dataclass(frozen=True)
+class ViewsAnswer:
+    """What the engine finds from several photos."""
 
-
-def invert_by_single_bounce(problem: InverseProblem, settings: InversionSettings,
-                            progress: Callable[[float, str], None]) -> EngineAnswer:
-    """The same without interreflection: direct light only, as a baseline."""
-    return _invert(problem, settings, 1, "single bounce (direct light only)", progress)
+    fit: TransportFit
+    rendered: tuple[np.ndarray, ...]    # (H, W, K) of each photo for a light scale of 1
+    engines: tuple[str, ...]            # of each photo, in words
+    spp: tuple[int, ...]
 
 
 def unit_scene(problem: InverseProblem) -> Any:
@@ -58,90 +52,137 @@ def unit_scene(problem: InverseProblem) -> Any:
 
 
 def trace_problem(problem: InverseProblem, region: np.ndarray, bounces: int, seed: int,
-                  progress: Callable[[float, str], None]) -> TracedTransport:
-    """Transport of the regions, with as many paths as it takes for its noise to fall below the photo's."""
+                  progress: Callable[[float, str], None], lights_apart: bool = False,
+                  checkpoint: Path | None = None) -> TracedTransport:
+    """Transport of the regions, with as many paths as it takes for its noise to fall below the photo's.
+
+    A first trace says how noisy ``FIRST_SPP`` paths per pixel are. More follow until the median region's Monte Carlo
+    variance is no more than the variance that the fit gives the photo there, or ``MOST_SPP`` are drawn.
+
+    Parameters
+    ----------
+    lights_apart : bool
+        Keeps the lights of ``problem.light_groups`` apart.
+    checkpoint : Path, optional
+        File from which a trace that was stopped goes on.
+    """
+    lights = problem.light_groups if lights_apart else None
     scene, bsdfs = unit_scene(problem), {material.bsdf: material.name for material in problem.materials}
-    first = trace_transport(scene, bsdfs, problem.size, region, bounces=bounces, spp=FIRST_SPP, seed=seed)
+    profiles = problem.scene_file.profiles
+    first = trace_transport(scene, bsdfs, problem.size, region, bounces=bounces, spp=FIRST_SPP, seed=seed,
+                            lights=lights, profiles=profiles)
     photo = region_means(problem.variance / np.maximum(problem.measured, 1e-12) ** 2, region).mean(axis=1)
-    needed = FIRST_SPP * float(np.median(first.relative_variance / photo))
-    more = int(min(needed, MOST_SPP)) - FIRST_SPP
+    photo = photo / np.bincount(region[region >= 0])
+    needed = first.spp * float(np.median(first.relative_variance / photo))
+    more = int(min(needed, MOST_SPP)) - first.spp
     progress(0.2, "tracing light")
     if more <= 0:
         return first
     second = trace_transport(scene, bsdfs, problem.size, region, bounces=bounces, spp=more, seed=seed + 1,
-                             exponents=first.exponents,
+                             exponents=first.exponents, lights=lights, checkpoint=checkpoint, profiles=profiles,
                              progress=lambda done: progress(0.2 + 0.5 * done, "tracing light"))
     return joined(first, second)
 
 
 def fit_problem(problem: InverseProblem, traced: TracedTransport, region: np.ndarray, group: np.ndarray,
                 priors: FitPriors) -> TransportFit:
-    """Fit the regions; those that no spectrum explains lose weight round by round, those that see the lamp count none.
+    """Fit the regions of one photo, as ``fit_traced``."""
+    return fit_traced([TracedView(problem, traced, region, group)], [priors])
 
-    The matrices are small: several BLAS threads would take longer than one.
+
+def solve_views(problems: Sequence[InverseProblem], settings: InversionSettings,
+                progress: Callable[[float, str], None], checkpoint: Path | None = None) -> ViewsAnswer:
+    """Spectra that explain all photos together, each traced on its own.
+
+    Parameters
+    ----------
+    checkpoint : Path, optional
+        File for the trace of the first photo, from which it goes on when it was stopped; its number follows the name
+        of those of the others.
+
+    Raises
+    ------
+    InputError
+        As ``unit_scene``; or if no light reaches a material.
     """
-    with threadpool_limits(1, "blas"):
-        return _fit_regions(problem, traced, region, group, priors)
-
-
-def _fit_regions(problem: InverseProblem, traced: TracedTransport, region: np.ndarray, group: np.ndarray,
-                 priors: FitPriors) -> TransportFit:
-    model = SpectrumModel(traced.exponents, problem.response[None], problem.basis,
-                          {index: material.reflectance for index, material in enumerate(problem.materials)
-                           if material.reflectance is not None})
-    measured = region_means(problem.measured, region)
-    pixels = np.bincount(region[region >= 0])
-    rendering = _smoothed(traced.relative_variance, group)
-    variance = (region_means(problem.variance, region) / pixels[:, None] + rendering[:, None] * measured**2)
-    coefficients, deviations = traced.coefficients, traced.deviations
-    lamp = coefficients[:, ::len(traced.exponents)].sum(axis=1) > LAMP_SHARE * coefficients.sum(axis=1)
-    weight = np.where(lamp[:, None], 0.0, 1 / variance)
-    fit = fit_spectra(compress(coefficients, measured, weight, group, deviations), model, priors)
-    for _ in range(ROBUST_ROUNDS):
-        gain = np.array([fit.gains.get(name, np.ones(measured.shape[1])) for name in group.tolist()])
-        predicted = fit.scale * gain * (coefficients @ fit.signals)
-        trust = huber_weight(measured - predicted, np.sqrt(variance))
-        fit = fit_spectra(compress(coefficients, measured, trust * weight, group, deviations), model, priors,
-                          fit.coefficients)
-    return fit
-
-
-def _invert(problem: InverseProblem, settings: InversionSettings, bounces: int, engine: str,
-            progress: Callable[[float, str], None]) -> EngineAnswer:
-    region, group = block_regions(problem.surface, problem.used)
-    progress(0.0, "tracing light")
-    traced = trace_problem(problem, region, bounces, settings.seed, progress)
-    _require_lit(problem, traced, group)
+    single = settings.engine == "single-bounce"
+    views, depths = [], []
+    for number, problem in enumerate(problems):
+        def part(done: float, what: str, number: int = number) -> None:
+            progress((0.7 * number + done) / len(problems), what)  # tracing reports up to 0.7
+        region, group = block_regions(problem.surface, problem.used)
+        part(0.0, "tracing light")
+        depths.append(1 if single else problem.scene_file.max_depth - 1)
+        apart = len(problem.light_groups) > 1 and (settings.light_error > 0 or bool(problem.own_lights))
+        if apart:
+            _require_named_lights(problem)
+        traced = trace_problem(problem, region, depths[-1], settings.seed + 613 * number, part, apart,
+                               checkpoint and checkpoint.with_stem(f"{checkpoint.stem}{number or ''}"))
+        _require_lit(problem, traced, group)
+        views.append(TracedView(problem, traced, region, group))
     progress(0.7, "fitting spectra")
-    scale = problem.light_scale
-    priors = FitPriors(settings.smoothness, None if scale is None else scale.value, settings.surface_error)
-    fit = fit_problem(problem, traced, region, group, priors)
-    rendered = _image(problem, traced, fit, bounces, settings.seed)
-    if scale is None:  # by the rule of every engine: from the known surfaces alone, and the spectra for that scale
-        value = scale_from_surfaces(problem.measured, rendered, problem.known_surface, "").value
-        fit = fit_problem(problem, traced, region, group, replace(priors, scale=value))
-        rendered = _image(problem, traced, fit, bounces, settings.seed)
-    operator = relative_operator(problem.response, problem.basis)
-    names = tuple(material.name for material in problem.unknown)
-    found = identifiability(fit, names, operator)
-    signals, covariance = band_signals(fit, operator, len(names))
-    outcome = Outcome.ILL_POSED if fit.outcome is Outcome.CONVERGED and any(item.by_prior for item in found) \
-        else fit.outcome
+    priors = [fit_priors(settings, problem) for problem in problems]
+    fit = fit_traced(views, priors)
+    images = _images(views, fit, depths, settings.seed)
+    known = [_priors_told(settings, view, image, prior)
+             for view, image, prior in zip(views, images, priors, strict=True)]
+    if known != priors:
+        fit = fit_traced(views, known)
+        images = _images(views, fit, depths, settings.seed)
+    name = "single bounce (direct light only)" if single else "light transport traced once"
     progress(1.0, "")
-    return EngineAnswer(fit.coefficients, signals, covariance, rendered, fit.cost_history,
-                        f"{engine} ({bounces} bounces, {traced.exponents.shape[0]} products)", traced.spp, outcome,
-                        sentences(found))
+    return ViewsAnswer(fit, images, tuple(f"{name} ({depth} bounces, {len(view.traced.exponents)} products)"
+                                                 for view, depth in zip(views, depths, strict=True)),
+                       tuple(view.traced.spp for view in views))
 
 
-def _image(problem: InverseProblem, traced: TracedTransport, fit: TransportFit, bounces: int, seed: int) -> np.ndarray:
+def fit_priors(settings: InversionSettings, problem: InverseProblem) -> FitPriors:
+    """Priors of the fit of one photo, as the settings state them."""
+    scale = problem.light_scale
+    lights = len(problem.light_groups) if settings.light_error > 0 else 1
+    return FitPriors(None if scale is None else scale.value, settings.surface_error, settings.brightness_error,
+                     settings.light_error if lights > 1 else 0.0, settings.mixing_error, settings.block_error,
+                     settings.smoothness if settings.spectrum_prior != "none" else 0.0,
+                     spectrum_prior(settings, problem.grid, problem.basis))
+
+
+def _priors_told(settings: InversionSettings, view: TracedView, image: np.ndarray, priors: FitPriors) -> FitPriors:
+    """What a first rendering tells of the light scale, from known surfaces alone as in every engine, and of errors."""
+    problem, scale = view.problem, priors.scale
+    if scale is None and (problem.known_surface >= 0).any():
+        scale = scale_from_surfaces(problem.measured, image, problem.known_surface, "").value
+        priors = replace(priors, scale=scale)
+    if not settings.errors_from_scene:
+        return priors
+    name_of = {material.bsdf: material.name for material in problem.materials}
+    agreement = surface_agreement(
+        tuple(problem.scene_file.surfaces), tuple(name_of[bsdf] for bsdf in problem.scene_file.surfaces.values()),
+        problem.measured, image * (scale or 1.0), problem.surface, problem.used)
+    found = scene_errors(agreement, frozenset(material.name for material in problem.materials
+                                              if material.reflectance is not None), len(view.group))
+    if found is None:
+        return priors
+    return replace(priors, gain_error=max(priors.gain_error, found.colour), block_error=max(priors.block_error,
+                   found.block), brightness_error=max(priors.brightness_error, found.brightness))
+
+
+def _images(views: Sequence[TracedView], fit: TransportFit, depths: Sequence[int],
+            seed: int) -> tuple[np.ndarray, ...]:
+    return tuple(_image(view, found, depth, seed) for view, found, depth in zip(views, fit.views, depths, strict=True))
+
+
+def _image(view: TracedView, found: ViewFit, bounces: int, seed: int) -> np.ndarray:
+    problem, traced = view.problem, view.traced
+    lights = problem.light_groups if traced.passes.shape[2] > 1 else None
     return shaded_image(unit_scene(problem), {material.bsdf: material.name for material in problem.materials},
-                        problem.size, traced.exponents, fit.signals, bounces=bounces, spp=IMAGE_SPP, seed=seed + 7919)
+                        problem.size, traced.exponents, found.signals, bounces=bounces, spp=IMAGE_SPP,
+                        seed=seed + 7919, lights=lights, profiles=problem.scene_file.profiles)
 
 
-def _smoothed(relative_variance: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Monte Carlo variance of each region, half its own and half its surface's: few passes know it only roughly."""
-    pooled = np.bincount(group, relative_variance) / np.maximum(np.bincount(group), 1)
-    return 0.5 * (relative_variance + pooled[group])
+def _require_named_lights(problem: InverseProblem) -> None:
+    if any(not node.get("id") for node in problem.scene_file.root.findall("emitter")):
+        raise InputError(f"{problem.scene_file.path.name} has a light without an id, and its lights are to be told "
+                         "apart: write <emitter id=...> on each")
 
 
 def _require_lit(problem: InverseProblem, traced: TracedTransport, group: np.ndarray) -> None:
@@ -150,6 +191,6 @@ def _require_lit(problem: InverseProblem, traced: TracedTransport, group: np.nda
     worn = list(problem.scene_file.surfaces.values())
     for material in problem.materials:
         mine = np.isin(group, [index for index, bsdf in enumerate(worn) if bsdf == material.bsdf])
-        if not received[mine].any():
+        if mine.any() and not received[mine].any():
             raise InputError(f"no light reaches material {material.name!r} in {problem.scene_file.path.name}, although "
                              "the photo shows it lit: check the light's place and the direction its surfaces face")

@@ -1,86 +1,100 @@
-"""Spectra from a photo through a traced light transport: bounded, regularised Gauss-Newton with its covariance.
+"""Spectra from photos through their traced light transports: bounded, regularised Gauss-Newton with its covariance.
 
-The unknowns are the spline coefficients of every unknown material, in [0, 1]; where asked, the light scale and a gain
-for each surface and band (light profile, pose, uneven paint) with a log-normal prior. The smoothness prior is
-exp(-tau/2 |second differences|^2); it decides what the photo leaves open, and ``identifiability.py`` says what that is.
+The unknowns are the spline coefficients of every unknown material, in [0, 1], shared by all photos; and of each photo
+its light scale, where that is asked for, and the nuisances of ``photo_terms.py``. The prior on spectra decides what the
+photos leave open, and ``identifiability.py`` says what that is.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from radiometry.interreflection import band_products, band_products_jacobian
 from radiometry.records import Outcome
 from reconstruct.band_system import BandSystem
+from reconstruct.photo_terms import Nuisances, PhotoTerms, SpectrumModel, ViewFit
+
+__all__ = ["FitPriors", "Nuisances", "SpectrumModel", "SpectrumPrior", "TransportFit", "fit_photos", "fit_spectra",
+           "learnt_prior", "smooth_prior", "smoothness_precision"]
 
 SMOOTHNESS = 0.1        # tau = SMOOTHNESS (N - 3)^3: the same curvature of the spectrum for every N
 BROAD = 1.0             # standard deviation of a coefficient around 0.5 by the prior, besides smoothness
+UNEXPLAINED = 0.01      # standard deviation of a coefficient that no learnt spectrum explains
 START = 0.3
 STEPS = 60
 FINISHED = 1e-7         # relative fall of the cost of one step, twice running, that ends the fit
 MOST_DAMPING = 1e12
 
 
-@dataclass(frozen=True)
-class SpectrumModel:
-    """What the coefficients stand for, and which are free."""
+@dataclass(frozen=True, eq=False)
+class SpectrumPrior:
+    """Gaussian prior of the coefficients of one material."""
 
-    exponents: np.ndarray               # (E, M)
-    response: np.ndarray                # (L, K, P) sensitivity x light x integration weight
-    basis: np.ndarray                   # (P, N)
-    known: dict[int, np.ndarray]        # reflectance (P,) of materials that are not looked for
-
-    @property
-    def unknown(self) -> tuple[int, ...]:
-        """Indices of the materials that are looked for."""
-        return tuple(m for m in range(self.exponents.shape[1]) if m not in self.known)
-
-    def reflectances(self, coefficients: np.ndarray) -> np.ndarray:
-        """All spectra (M, P) for coefficients (U, N)."""
-        spectra = np.empty((self.exponents.shape[1], len(self.basis)))
-        for m, reflectance in self.known.items():
-            spectra[m] = reflectance
-        spectra[list(self.unknown)] = coefficients @ self.basis.T
-        return spectra
-
-    def signals(self, coefficients: np.ndarray) -> np.ndarray:
-        """Signal (L E, K) of every product."""
-        spectra = self.reflectances(coefficients)
-        return np.vstack([band_products(self.exponents, spectra, response) for response in self.response])
-
-    def signals_and_jacobian(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Signal (L E, K) and its derivative (L E, K, U N)."""
-        spectra = self.reflectances(coefficients)
-        parts = [band_products_jacobian(self.exponents, spectra, response, self.basis, self.unknown)
-                 for response in self.response]
-        jacobian = np.concatenate([part[1] for part in parts])
-        return np.vstack([part[0] for part in parts]), jacobian.reshape(*jacobian.shape[:2], -1)
+    mean: np.ndarray                    # (N,)
+    precision: np.ndarray               # (N, N)
 
 
 @dataclass(frozen=True)
-class FitPriors:
-    """What is taken as known besides the photo."""
+class FitPriors(Nuisances):
+    """What is taken as known besides the pixels of one photo."""
 
-    smoothness: float = SMOOTHNESS      # 0 for none
-    scale: float | None = None          # light scale; None to find it, which needs a known material
-    gain_error: float = 0.0             # relative standard deviation of the gain of a surface in a band; 0 for none
+    smoothness: float = SMOOTHNESS      # 0 for none; not used where ``learnt`` is given
+    learnt: SpectrumPrior | None = None
+
+    def spectrum(self, coefficients: int) -> SpectrumPrior:
+        """Of the spectra: the learnt one, or small second differences over wavelength."""
+        return self.learnt or smooth_prior(coefficients, self.smoothness)
 
 
 @dataclass(frozen=True)
 class TransportFit:
-    """The most probable spectra, what the photo alone says of them, and how the fit went."""
+    """The most probable spectra, what the photos alone say of them, and how the fit went.
+
+    D = U N coefficients, then the nuisances of photo after photo, each photo's free log scale after them.
+    """
 
     coefficients: np.ndarray            # (U, N)
     covariance: np.ndarray              # (U N, U N) posterior, Gauss-Newton
-    information: np.ndarray             # (D, D) of the photo alone: U N coefficients, then log gains with their prior
+    information: np.ndarray             # (D, D) of the photos alone, and of the priors of the nuisances
     pull: np.ndarray                    # (D,) minus half the gradient of that part of the cost
+    told_apart: np.ndarray              # (D,) bool: surface gains and light scales, whose errors later stages add
     prior_precision: np.ndarray         # (N, N) of each material
-    scale: float
-    gains: dict[int, np.ndarray]        # surface -> (K,)
+    views: tuple[ViewFit, ...]
     cost_history: np.ndarray
     outcome: Outcome
-    signals: np.ndarray = field(repr=False)  # (L E, K) of the products at the solution
+
+    @property
+    def scale(self) -> float:
+        """Light scale of the first photo."""
+        return self.views[0].scale
+
+    @property
+    def gains(self) -> dict[int, np.ndarray]:
+        """Gains (K,) of the first photo's surfaces."""
+        return self.views[0].gains
+
+    @property
+    def signals(self) -> np.ndarray:
+        """Signal (L E, K) of the first photo's products at the solution."""
+        return self.views[0].signals
+
+
+def smooth_prior(coefficients: int, smoothness: float) -> SpectrumPrior:
+    """exp(-tau/2 |second differences|^2), broadly around 0.5."""
+    return SpectrumPrior(np.full(coefficients, 0.5), smoothness_precision(coefficients, smoothness))
+
+
+def learnt_prior(basis: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> SpectrumPrior:
+    """Prior of the coefficients from mean (P,) and covariance (P, P) of reflectances at the wavelengths of the basis.
+
+    Parameters
+    ----------
+    basis : (P, N) array
+    """
+    to_coefficients = np.linalg.pinv(basis)
+    spread = to_coefficients @ covariance @ to_coefficients.T + UNEXPLAINED**2 * np.eye(basis.shape[1])
+    return SpectrumPrior(to_coefficients @ mean, np.linalg.inv(spread))
 
 
 def smoothness_precision(coefficients: int, smoothness: float) -> np.ndarray:
@@ -97,16 +111,24 @@ def smoothness_precision(coefficients: int, smoothness: float) -> np.ndarray:
 
 def fit_spectra(system: BandSystem, model: SpectrumModel, priors: FitPriors,
                 start: np.ndarray | None = None) -> TransportFit:
-    """Most probable coefficients of the unknown materials.
+    """Most probable coefficients (U, N) of the unknown materials of one photo, from ``start`` or flat spectra."""
+    return fit_photos([PhotoTerms(system, model, priors)], [tuple(range(len(model.unknown)))],
+                      priors.spectrum(model.basis.shape[1]), start)
+
+
+def fit_photos(photos: Sequence[PhotoTerms], places: Sequence[tuple[int, ...]], prior: SpectrumPrior,
+               start: np.ndarray | None = None) -> TransportFit:
+    """Most probable coefficients of the materials that the photos share.
 
     Parameters
     ----------
-    system : BandSystem
-    model : SpectrumModel
-    priors : FitPriors
+    photos : V photos
+    places : for each photo, which of the U materials each of its unknown materials is
+    prior : SpectrumPrior
+        The same for every material.
     start : (U, N) array, optional
     """
-    problem = _Problem(system, model, priors)
+    problem = _Problem(photos, places, prior)
     state = problem.start(start)
     cost, gradient, curvature = problem.expand(state)
     damping, costs, calm, outcome = 1e-3, [cost], 0, Outcome.STEP_LIMIT
@@ -130,32 +152,34 @@ def fit_spectra(system: BandSystem, model: SpectrumModel, priors: FitPriors,
 
 
 class _Problem:
-    """The cost in (coefficients, log gains, log scale), with its gradient and Gauss-Newton curvature."""
+    """The cost of all photos and priors, with its gradient and Gauss-Newton curvature."""
 
-    def __init__(self, system: BandSystem, model: SpectrumModel, priors: FitPriors) -> None:
-        self.system, self.model, self.priors = system, model, priors
-        self.unknown = len(model.unknown)
-        self.count = self.unknown * model.basis.shape[1]
-        self.bands = system.target.shape[1]
-        self.surfaces = np.unique(system.group) if priors.gain_error > 0 else np.array([], dtype=int)
-        self.gains = self.surfaces.size * self.bands
-        self.free_scale = priors.scale is None
-        self.size = self.count + self.gains + self.free_scale
-        one = smoothness_precision(model.basis.shape[1], priors.smoothness)
-        self.prior = np.zeros((self.size, self.size))
-        self.prior[:self.count, :self.count] = np.kron(np.eye(self.unknown), one)
-        np.fill_diagonal(self.prior[self.count:, self.count:], 1 / max(priors.gain_error, 1e-9) ** 2)
-        if self.free_scale:
-            self.prior[-1, -1] = 0.0
-        self.centre = np.where(np.arange(self.size) < self.count, 0.5, 0.0)
+    def __init__(self, photos: Sequence[PhotoTerms], places: Sequence[tuple[int, ...]], prior: SpectrumPrior) -> None:
+        self.photos, self.one = photos, prior
+        self.unknown = max((place for mine in places for place in mine), default=-1) + 1
+        names = prior.mean.size
+        self.count = self.unknown * names
+        self.index, end = [], self.count     # of each photo's state in the whole state
+        for photo, mine in zip(photos, places, strict=True):
+            own = [place * names + number for place in mine for number in range(names)]
+            extra = photo.size - photo.count
+            self.index.append(np.r_[own, np.arange(end, end + extra)].astype(int))
+            end += extra
+        self.size = end
+        self.prior = np.zeros((end, end))
+        self.prior[:self.count, :self.count] = np.kron(np.eye(self.unknown), prior.precision)
+        for photo, index in zip(photos, self.index, strict=True):
+            self.prior[np.ix_(index[photo.count:], index[photo.count:])] = photo.prior
+        self.centre = np.zeros(end)
+        self.centre[:self.count] = np.tile(prior.mean, self.unknown)
 
     def start(self, coefficients: np.ndarray | None) -> np.ndarray:
-        """Flat spectra, or the given ones, and the light scale that suits them best."""
+        """Flat spectra, or the given ones, and the light scales that suit them best."""
         state = np.zeros(self.size)
         state[:self.count] = START if coefficients is None else coefficients.ravel()
-        if self.free_scale:
-            predicted = self.system.root * (self.system.rows @ self.model.signals(self._coefficients(state)))
-            state[-1] = np.log(np.sum(predicted * self.system.root * self.system.target) / np.sum(predicted**2))
+        for photo, index in zip(self.photos, self.index, strict=True):
+            if photo.nuisances.scale is None:
+                state[index[photo.free_scale]] = photo.start_scale(state[index])
         return state
 
     def step(self, state: np.ndarray, gradient: np.ndarray, curvature: np.ndarray, damping: float) -> np.ndarray:
@@ -171,70 +195,41 @@ class _Problem:
         return trial
 
     def cost(self, state: np.ndarray) -> float:
-        """Misfit to the photo, less the part that is Monte Carlo noise, plus the priors."""
-        system, signals = self.system, self.model.signals(self._coefficients(state))
-        data = system.root * (self._factor(state, system.group) * (system.rows @ signals) - system.target)
-        noise = system.noise_root * self._factor(state, system.noise_group) * (system.noise @ signals)
+        """Misfit to the photos, less the part that is Monte Carlo noise, plus the priors."""
         away = state - self.centre
-        return float(np.sum(data**2) - np.sum(noise**2) + away @ self.prior @ away)
+        return (sum(photo.misfit(state[index]) for photo, index in zip(self.photos, self.index, strict=True))
+                + float(away @ self.prior @ away))
 
     def expand(self, state: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Cost, half its gradient and half its Gauss-Newton curvature."""
-        misfit, pull, information = self.photo(state)
+        misfit, pull, information = self.photo_part(state)
         away = state - self.centre
         return (misfit + float(away @ self.prior @ away), self.prior @ away - pull,
                 _no_less_than_prior(information, self.prior))
 
-    def photo(self, state: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """The photo's part: misfit, minus half its gradient, half its curvature."""
-        system = self.system
-        signals, slope = self.model.signals_and_jacobian(self._coefficients(state))
-        data, by_data = self._linear(state, signals, slope, system.rows, system.root, system.group)
-        data = data - (system.root * system.target).ravel()
-        noise, by_noise = self._linear(state, signals, slope, system.noise, system.noise_root, system.noise_group)
-        return (float(data @ data - noise @ noise), by_noise.T @ noise - by_data.T @ data,
-                by_data.T @ by_data - by_noise.T @ by_noise)
+    def photo_part(self, state: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """What the photos say: misfit, minus half its gradient, half its curvature."""
+        misfit, pull, information = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
+        for photo, index in zip(self.photos, self.index, strict=True):
+            part = photo.expand(state[index])
+            misfit += part[0]
+            pull[index] += part[1]
+            information[np.ix_(index, index)] += part[2]
+        return misfit, pull, information
 
     def answer(self, state: np.ndarray, costs: np.ndarray, outcome: Outcome) -> TransportFit:
-        _, pull, information = self.photo(state)
-        covariance = np.linalg.inv(_no_less_than_prior(information, self.prior))[:self.count, :self.count]
-        size = self.count + self.gains
+        _, pull, information = self.photo_part(state)
+        covariance = np.linalg.inv(_no_less_than_prior(information, self.prior))
         held = np.zeros_like(self.prior)
         held[self.count:, self.count:] = self.prior[self.count:, self.count:]
-        pull, information = pull - held @ state, information + held
-        gains = np.exp(state[self.count:self.count + self.gains]).reshape(-1, self.bands)
-        coefficients = self._coefficients(state)
+        apart = np.zeros(self.size, dtype=bool)
+        for photo, index in zip(self.photos, self.index, strict=True):
+            apart[index[photo.gain]] = apart[index[photo.free_scale]] = True
         return TransportFit(
-            coefficients, covariance, information[:size, :size], pull[:size],
-            self.prior[:coefficients.shape[1], :coefficients.shape[1]],
-            float(np.exp(state[-1])) if self.free_scale else float(self.priors.scale or 1.0),
-            dict(zip(self.surfaces.tolist(), gains, strict=True)), costs, outcome, self.model.signals(coefficients))
-
-    def _linear(self, state: np.ndarray, signals: np.ndarray, slope: np.ndarray, rows: np.ndarray, root: np.ndarray,
-                group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted prediction (Q K,) of some rows and its derivative (Q K, size)."""
-        factor = root * self._factor(state, group)
-        predicted = factor * (rows @ signals)
-        derivative = np.zeros((*predicted.shape, self.size))
-        by_coefficient = (rows @ slope.reshape(len(slope), -1)).reshape(len(rows), self.bands, self.count)
-        derivative[..., :self.count] = factor[..., None] * by_coefficient
-        if self.gains:
-            column = self.count + np.searchsorted(self.surfaces, group)[:, None] * self.bands + np.arange(self.bands)
-            np.put_along_axis(derivative, column[..., None], predicted[..., None], axis=2)
-        if self.free_scale:
-            derivative[..., -1] = predicted
-        return predicted.ravel(), derivative.reshape(-1, self.size)
-
-    def _coefficients(self, state: np.ndarray) -> np.ndarray:
-        return state[:self.count].reshape(self.unknown, -1)
-
-    def _factor(self, state: np.ndarray, group: np.ndarray) -> np.ndarray:
-        """Scale x gain (Q, K), or a number."""
-        scale = np.exp(state[-1]) if self.free_scale else np.asarray(self.priors.scale)
-        if not self.gains:
-            return scale
-        gains = state[self.count:self.count + self.gains].reshape(-1, self.bands)
-        return scale * np.exp(gains[np.searchsorted(self.surfaces, group)])
+            state[:self.count].reshape(self.unknown, -1), covariance[:self.count, :self.count], information + held,
+            pull - held @ state, apart, self.one.precision,
+            tuple(photo.view(state[index], covariance[np.ix_(index, index)])
+                  for photo, index in zip(self.photos, self.index, strict=True)), costs, outcome)
 
 
 def _no_less_than_prior(information: np.ndarray, prior: np.ndarray) -> np.ndarray:

@@ -6,6 +6,8 @@ until all of the best were tried. These are then fitted in full, twice, for wher
 """
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
@@ -14,6 +16,7 @@ from sampling.joint_posterior import JointProblem, Modes, climb, logits_of, resi
 Labels = tuple[int, ...]
 
 FITTED = 4              # labels that are fitted in full on the way to the most probable spectra
+SOFTENED = (30.0, 5.0, 1.0)     # the noise is taken for larger at first: sharp likelihoods trap the fit on its way
 SAMPLED = 32            # labels that draws are made of, at most
 WORTHLESS = 7.0         # nats below the best, by the linearised evidence
 
@@ -27,8 +30,11 @@ def find_modes(problem: JointProblem, most: int = FITTED) -> Modes:
         If the cost is not finite.
     """
     materials, wavelengths = len(problem.materials), problem.means.shape[1]
-    one_gaussian = np.full((1, materials), len(problem.means) - 1)
-    rough = climb(problem, one_gaussian, np.zeros((1, materials * wavelengths)))
+    one_gaussian, z = np.full((1, materials), len(problem.means) - 1), np.zeros((1, materials * wavelengths))
+    for times in SOFTENED:
+        softened = replace(problem, rows=problem.rows / times, targets=problem.targets / times)
+        rough = climb(softened, one_gaussian, z)
+        z = rough.z
     first = climb(problem, *near_labels(problem, _logits_of_best(problem, rough), FITTED))
     second = climb(problem, *near_labels(problem, _logits_of_best(problem, first), most))
     return _joined(first, second)

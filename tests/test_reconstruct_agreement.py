@@ -8,7 +8,7 @@ from scipy.ndimage import shift
 from fixtures.demo_scenes import CHART_CM, CHART_LIGHT_CM, LIGHT_RADIUS_CM, chart_scene_xml
 from radiometry.chart import patch_centres_uv, patch_size_uv
 from radiometry.errors import InputError
-from reconstruct.agreement import misalignment, scale_from_surfaces, surface_agreement, usable_pixels
+from reconstruct.agreement import misalignment, scale_from_surfaces, shift_sentence, surface_agreement, usable_pixels
 from reconstruct.inverse_problem import inverse_problem
 from reconstruct.irradiance import patch_irradiance
 from reconstruct.regions import block_regions, region_means
@@ -76,6 +76,16 @@ def test_the_shift_between_photo_and_rendering_is_found(moved):
     found = misalignment(shift(picture, moved, order=1, mode="nearest")[..., None], picture[..., None])
     # A third of a pixel: the parabola through the peak of a correlation of blurred edges.
     np.testing.assert_allclose(found, (moved[1], moved[0]), atol=0.35)
+
+
+def test_a_shift_is_said_only_where_the_edges_bear_it_out():
+    y, x = np.mgrid[:64, :64]
+    picture = np.where((x > 20) & (x < 44) & (y > 15) & (y < 40), 2.0, 1.0)[..., None]
+    assert shift_sentence(picture, picture) == ""
+    assert shift_sentence(RNG.random((64, 64, 1)) + 1, picture) == ""  # another picture altogether
+    moved = shift(picture[..., 0], (-3, 2), order=1, mode="nearest")[..., None]
+    assert shift_sentence(moved, picture).startswith(
+        "the photo is shifted against the scene by +2.0 pixels to the right and -3.0 down, of 64 across")
 
 
 def test_regions_are_blocks_of_one_surface_and_their_means_are_linear():

@@ -84,6 +84,34 @@ def test_a_scene_in_any_light_is_the_picture_of_mitsuba_s_path_tracer(tmp_path, 
     assert lit.mean() > 0.5 and np.abs(z[lit]).max() < student.isf(level / 2, RUNS - 1)
 
 
+def test_a_map_of_the_sky_is_the_picture_of_mitsuba_s_path_tracer_under_its_own_daylight(tmp_path, mitsuba):
+    """Mitsuba gives a grey map the spectrum D65; the traced transport, under that light, must show the same picture."""
+    import OpenImageIO as oiio
+
+    sky = np.full((8, 16, 3), 0.2, dtype=np.float32)
+    sky[1:5, 2:9] = 2.0
+    file = oiio.ImageOutput.create(str(tmp_path / "sky.exr"))
+    assert file.open(str(tmp_path / "sky.exr"), oiio.ImageSpec(16, 8, 3, oiio.FLOAT)) and file.write_image(sky)
+    file.close()
+    node = '<emitter type="envmap" id="sky"><string name="filename" value="sky.exr"/></emitter>'
+    problem = problem_with(tmp_path, node)
+    assert [path.name for path in problem.scene_file.files] == ["sky.exr"]
+    film = load_scene(problem.xml(dict(zip(MATERIALS, SPECTRA, strict=True)), light=np.ones(2), integrator="path"))
+    theirs = np.array([blocks(render(film, 64, 300 + run)[0]) for run in range(RUNS)])
+    texture, at = mitsuba.load_dict({"type": "d65"}), mitsuba.SurfaceInteraction3f()
+    at.wavelengths = mitsuba.Spectrum(mitsuba.Float(GRID.nm.astype(np.float32)))
+    daylight = np.array(texture.eval(at)[0], dtype=float)
+    response = response_matrix(GRID, problem.sensitivities, daylight)
+    runs = [traced(problem, seed=run) for run in range(RUNS)]
+    ours = np.array([blocks(signal(run.coefficients, run.exponents, SPECTRA, response)) for run in runs])
+    z = (ours.mean(axis=0) - theirs.mean(axis=0)) / np.sqrt((ours.var(axis=0, ddof=1)
+                                                            + theirs.var(axis=0, ddof=1)) / RUNS)
+    level = 1 - (1 - 0.01) ** (1 / z.size)
+    assert np.abs(z).max() < student.isf(level / 2, RUNS - 1)
+    with pytest.raises(InputError, match="only the transport engine knows the map of the sky of 'sky'"):
+        problem.scene()
+
+
 PROFILE = "angle_deg,radiance\n" + "".join(f"{angle},{np.cos(np.radians(angle)) ** 2:.6f}\n"
                                           for angle in range(0, 91, 2))
 

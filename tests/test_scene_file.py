@@ -81,6 +81,16 @@ def test_a_surface_without_a_reflectance_is_refused(tmp_path):
         rewritten(read(tmp_path, text))
 
 
+def test_files_are_named_in_full_whatever_the_folder_one_works_in(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "a.ply").write_text("ply", encoding="utf-8")
+    text = cornell_box_xml().replace("</scene>", '<shape type="ply" id="mesh"><ref id="red"/>'
+                                     '<string name="filename" value="meshes/a.ply"/></shape></scene>')
+    scene = read(tmp_path, text)
+    named = [node.get("value") for node in rewritten(scene).iter("string") if node.get("name") == "filename"]
+    assert named == [str(tmp_path / "meshes" / "a.ply")] and scene.files == (tmp_path / "meshes" / "a.ply",)
+
+
 BROKEN = {
     "is not well-formed XML": "<scene>",
     "its root is <box>, <scene> is needed": "<box/>",

@@ -4,6 +4,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +16,37 @@ from sampling.scores import rmse
 from sampling.spectral_samples import nearest_splines
 
 SIZES = (5, 7, 9, 11, 13, 15, 21)
+SHOWN = (5, 7, 13)
+EXAMPLES = {"NIST CQS test colours": 11, "BabelColor Average": 13, "CES99": 40}
+
+
+def picture(sets: dict[str, np.ndarray], table: list[dict[str, Any]], path: Path) -> None:
+    """Three measured spectra with their fits, and the error of every library against N."""
+    import matplotlib
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, 4, figsize=(13, 3.4))
+    for axis, (name, index) in zip(axes, EXAMPLES.items(), strict=False):
+        curve = sets[name][index]
+        axis.plot(GRID.nm, curve, color="black", linewidth=2, label="measured")
+        for count in SHOWN:
+            basis = basis_matrix(GRID.nm, count)
+            axis.plot(GRID.nm, basis @ nearest_splines(curve[None], basis)[0], label=f"N = {count}")
+        axis.set(title=f"{name}, {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance", ylim=(0, 1))
+    axes[0].legend(fontsize=8)
+    for row in table:
+        axes[3].semilogy(SIZES, [row[f"N={count}"][1] for count in SIZES], marker=".", label=row["library"])
+    axes[3].set(title="95 % quantile of the RMSE", xlabel="coefficients N", xticks=SIZES)
+    axes[3].legend(fontsize=5, loc="lower left")
+    figure.tight_layout()
+    figure.savefig(path, dpi=80)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, help="folder with reflectance/; without it the shipped sets alone")
+    parser.add_argument("--out", type=Path, default=Path("figure_2.png"))
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     sets = dict(test_reflectances(GRID))
@@ -33,8 +60,9 @@ def main() -> None:
         table.append({"library": name, "curves": len(curves),
                       **{f"N={count}": [float(np.median(values)), float(np.quantile(values, 0.95))]
                          for count, values in errors.items()}})
+    picture(sets, table, arguments.out)
     if arguments.json:
-        print(json.dumps({"rows": table}))
+        print(json.dumps({"rows": table, "picture": str(arguments.out)}))
         return
     print("Paper: more coefficients fit better; paints need fewer than natural spectra. RMSE, median / 95 % quantile:")
     print(f"{'library':<24} {'n':>5} " + " ".join(f"{'N=' + str(count):>15}" for count in SIZES))

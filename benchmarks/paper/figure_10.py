@@ -1,0 +1,111 @@
+"""Figure 10: chart photo and light to camera sensitivities, as published and with a prior of measured cameras.
+
+A chart photo is simulated with measured curves (Nikon 5100, National Physical Laboratory) under LED-B3 with 1 % noise
+per patch: 24 BabelColor reflectances. The published fit has 10 spline coefficients a band, zero at 400 and 700 nm
+(Eqs. 18-20); the prior was learnt on other bodies, see docs/calibration.md. A photo of the chart is reproduced by both:
+that it is says nothing of the curves.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibrate.chart_answers import ChartAnswer, answer_chart
+from radiometry.chart import chart_reflectances
+from radiometry.grid import grid_from_nm, visible_grid
+from radiometry.named_spectra import light, sensitivities
+from radiometry.records import PatchSamples, Quantity, Spectrum
+
+GRID = visible_grid()
+CAMERA, LIGHT, NOISE, PHOTOS = "Nikon 5100 (NPL)", "LED-B3", 0.01, 8
+METHODS = ("paper", "nonnegative", "smooth", "prior")
+COLOURS = ("tab:red", "tab:green", "tab:blue")
+
+
+def photographed(curves: np.ndarray, reflectances: np.ndarray, power: np.ndarray, seed: int) -> PatchSamples:
+    """Signals of the chart with their noise, stated."""
+    signal = reflectances @ (curves * power * GRID.weights_nm).T
+    signal /= signal.max()
+    noisy = signal * (1 + NOISE * np.random.default_rng(seed).standard_normal(signal.shape))
+    covariance = np.einsum("ik,kl->ikl", (NOISE * signal)**2, np.eye(3))
+    return PatchSamples(noisy, covariance, np.full(24, 100), np.zeros((24, 3)), np.zeros((24, 3)))
+
+
+def to_green(curves: np.ndarray) -> np.ndarray:
+    """Curves with the largest green value 1: the exposure cannot be known from a chart alone."""
+    return curves / curves[1].max()
+
+
+def judged(found: ChartAnswer, truth: np.ndarray, samples: PatchSamples) -> dict[str, float]:
+    """Relative RMSE of the curves, coverage of the 90 % band, misfit of the photo, CIEDE2000 of held-out patches."""
+    ours, theirs = to_green(found.curves), to_green(truth)
+    assert found.lower is not None and found.upper is not None
+    scale = found.curves[1].max() / truth[1].max()
+    inside = (scale * truth >= found.lower) & (scale * truth <= found.upper)
+    return {"error": float(np.sqrt(((ours - theirs)**2).sum(axis=1) / (theirs**2).sum(axis=1)).mean()),
+            "coverage_90": float(inside.mean()),
+            "photo": float(np.sqrt(np.mean((found.made.predicted / samples.mean - 1)**2))),
+            "held_out_delta_e00": float(np.mean(found.held_out_delta_e))}
+
+
+def picture(answers: dict[str, ChartAnswer], truth: np.ndarray, power: np.ndarray, samples: PatchSamples,
+            path: Path) -> None:
+    """The light, the curves of both methods against the truth, and the chart as photographed and as predicted."""
+    import matplotlib
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, 4, figsize=(13, 3.2))
+    axes[0].plot(GRID.nm, power / power.max(), color="black")
+    axes[0].set(title=LIGHT, xlabel="wavelength (nm)")
+    for axis, method in zip(axes[1:], ("paper", "prior"), strict=False):
+        found = answers[method]
+        scale = truth[1].max() / found.curves[1].max()
+        assert found.lower is not None and found.upper is not None
+        for band, colour in enumerate(COLOURS):
+            axis.fill_between(GRID.nm, scale * found.lower[band], scale * found.upper[band], color=colour, alpha=0.2)
+            axis.plot(GRID.nm, scale * found.curves[band], color=colour, linestyle="--")
+            axis.plot(GRID.nm, truth[band], color=colour)
+        axis.set(title=f"{method}: fit (dashed), measured", xlabel="wavelength (nm)", ylim=(-0.1, 1.3))
+    shown = [(one / one.max()).clip(0, 1)**(1 / 2.2) for one in (samples.mean, answers["prior"].made.predicted)]
+    rows = [np.repeat(np.repeat(one.reshape(4, 6, 3), 10, axis=0), 10, axis=1) for one in shown]
+    axes[3].imshow(np.concatenate([rows[0], np.ones((5, 60, 3)), rows[1]]))
+    axes[3].set(title="photo, and predicted (prior)", xticks=[], yticks=[])
+    figure.tight_layout()
+    figure.savefig(path, dpi=80)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("figure_10.png"))
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
+    arguments = parser.parse_args()
+    truth, power = sensitivities(CAMERA, GRID), light(LIGHT, GRID)
+    reflectances = chart_reflectances("BabelColor Average", GRID)
+    lamp = Spectrum(grid_from_nm(GRID.nm), power, Quantity.RELATIVE, LIGHT)
+    found: dict[str, list[dict[str, float]]] = {method: [] for method in METHODS}
+    for seed in range(PHOTOS):
+        samples = photographed(truth, reflectances, power, seed)
+        answers = {method: answer_chart(samples, reflectances, lamp, GRID, method=method) for method in METHODS}
+        for method, answer in answers.items():
+            found[method].append(judged(answer, truth, samples))
+        if seed == 0:
+            picture(answers, truth, power, samples, arguments.out)
+    table: list[dict[str, Any]] = [{"method": method, **{key: float(np.mean([row[key] for row in rows]))
+                                                         for key in rows[0]}} for method, rows in found.items()]
+    if arguments.json:
+        print(json.dumps({"rows": table, "picture": str(arguments.out)}))
+        return
+    print(f"Paper: curves fitted to one chart photo, zero at both ends. {CAMERA}, {LIGHT}, mean of {PHOTOS} photos:")
+    print(f"{'method':<12} {'curve error':>11} {'90 % holds':>11} {'photo misfit':>13} {'held-out dE00':>14}")
+    for row in table:
+        print(f"{row['method']:<12} {row['error']:11.3f} {row['coverage_90']:11.3f} {row['photo']:13.4f} "
+              f"{row['held_out_delta_e00']:14.2f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,142 @@
+"""Figure 6: shape and spectrum of one object from photos around it, starting from a grey sphere.
+
+Twelve photos of 48 x 48 pixels with a flash beside the camera. Silhouettes are compared in the views that were used and
+in six others; the spectrum that the transport engine finds on the found shape with the one on the true shape.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.paper.synthetic_photo import BANDS, GRID, measured_camera, photograph, scene_of, spectrum_rmse
+from fixtures.object_views import cameras, object_mesh, view_xml, write_ply
+from radiometry.chart import PATCH_NAMES, chart_reflectances
+from radiometry.records import LightScale
+from reconstruct.inverse_problem import InversionSettings, MaterialSpec, View, inverse_problems
+from reconstruct.inverse_rendering import reconstruct_views
+from reconstruct.renderer import render, start_mitsuba
+from reconstruct.shape import ShapeReconstruction, ShapeSettings, reconstruct_shape, silhouette, wearing
+from reconstruct.shape_mesh import write_mesh
+from sampling.logit_mixture import GRID as PRIOR_GRID
+from sampling.logit_mixture import load_prior
+from sampling.methods import draw_spectra
+from sampling.spectral_samples import SpectralMeasurement
+
+WIDTH, VIEWS, OTHERS, PHOTO_SPP, COEFFICIENTS = 48, 12, 6, 256, 9
+PAINT = "orange"
+MATERIALS = (MaterialSpec(PAINT, "paint"),)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("figure_6.png"))
+    parser.add_argument("--mesh", type=Path, default=Path("figure_6.ply"), help="where the found mesh goes")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of the text")
+    arguments = parser.parse_args()
+    start_mitsuba("cpu")
+    with tempfile.TemporaryDirectory() as folder:
+        result = measure(Path(folder) / "true.ply", arguments.mesh, arguments.out)
+    if arguments.json:
+        print(json.dumps(result | {"picture": str(arguments.out), "mesh": str(arguments.mesh)}))
+        return
+    print("Paper: from a black sphere, shape and appearance are found, matching the photos' colours.")
+    print(f"{result['seconds']:.0f} s for {result['steps']} steps; {result['outcome']}")
+    for name in ("used", "other"):
+        mean, least = result[f"iou_{name}"]
+        print(f"silhouettes, {name} views: IoU mean {mean:.4f}, least {least:.4f} "
+              f"(start {result[f'start_iou_{name}']:.3f})")
+    print("spectrum RMSE: " + ", ".join(f"{name} {value:.4f}" for name, value in result["rmse"].items()))
+
+
+def measure(true_mesh: Path, found_mesh: Path, out: Path) -> dict[str, Any]:
+    """All figures; writes the found mesh and the picture."""
+    write_ply(true_mesh, *object_mesh())
+    truth = chart_reflectances("BabelColor Average", GRID)[PATCH_NAMES.index(PAINT)]
+    used, other = photos(cameras(VIEWS), true_mesh, truth), photos(cameras(OTHERS, 1.0), true_mesh, truth)
+    start = time.perf_counter()
+    found = reconstruct_shape(used, "object", MATERIALS, ShapeSettings(COEFFICIENTS), lambda done, what: None)
+    seconds = time.perf_counter() - start
+    write_mesh(found_mesh, found.vertices, found.faces)
+    spectra = {"descent": found.spectrum}
+    for name, mesh in (("on the found shape", found_mesh), ("on the true shape", true_mesh)):
+        answer = reconstruct_views([wearing(view, "object", mesh) for view in used], MATERIALS,
+                                   InversionSettings(COEFFICIENTS), lambda done, what: None)
+        spectra[name] = answer.spectra[0]
+        measurement = SpectralMeasurement(GRID, answer.response[:3], answer.signal[0][:3], np.zeros((3, 3)))
+        draws = draw_spectra(measurement, "prior", 2000, 0, COEFFICIENTS, load_prior())
+        spectra[f"{name}, learnt prior"] = np.interp(GRID.nm, PRIOR_GRID.nm, draws.spectra.mean(axis=0))
+    result: dict[str, Any] = {"seconds": seconds, "steps": len(found.loss_history), "outcome": found.outcome.value,
+                              "rmse": {name: spectrum_rmse(curve, truth) for name, curve in spectra.items()}}
+    for name, views in (("used", used), ("other", other)):
+        overlap = [iou(view, found_mesh, true_mesh) for view in views]
+        result[f"iou_{name}"] = [float(np.mean(overlap)), float(np.min(overlap))]
+        result[f"start_iou_{name}"] = float(np.mean([iou(view, None, true_mesh) for view in views]))
+    picture(used[::4], other[:1], found, found_mesh, true_mesh, spectra | {"truth": truth}, out)
+    return result
+
+
+def photos(positions: np.ndarray, mesh: Path, truth: np.ndarray) -> list[View]:
+    """A view from each position whose scene holds a sphere and whose photo shows the true object."""
+    camera, views = measured_camera(), []
+    for number, position in enumerate(positions):
+        scene = scene_of(view_xml(position, WIDTH))
+        blank = photograph(scene, {"paint": truth}, camera, 8)
+        view = View(f"view {number + 1}", scene, blank, camera, BANDS, LightScale(1.0, None, None, "given"))
+        photo = photograph(wearing(view, "object", mesh).scene_file, {"paint": truth}, camera, PHOTO_SPP, number)
+        views.append(replace(view, photo=photo))
+    return views
+
+
+def outline(view: View, mesh: Path | None) -> np.ndarray:
+    """Share (H, W) of each pixel that the mesh covers; None for the sphere of the start."""
+    shown = view if mesh is None else wearing(view, "object", mesh)
+    return silhouette(inverse_problems([shown], MATERIALS, COEFFICIENTS)[0], "object")
+
+
+def iou(view: View, mesh: Path | None, true_mesh: Path) -> float:
+    """Intersection over union of two silhouettes, by area."""
+    first, second = outline(view, mesh), outline(view, true_mesh)
+    return float(np.minimum(first, second).sum() / np.maximum(first, second).sum())
+
+
+def picture(used: Sequence[View], other: Sequence[View], found: ShapeReconstruction, mesh: Path, true_mesh: Path,
+            spectra: dict[str, np.ndarray], path: Path) -> None:
+    """Photos, renderings of what was found, silhouettes (both white, true alone red, found alone blue), spectra."""
+    import matplotlib
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure = plt.figure(figsize=(12, 5.4))
+    for column, view in enumerate([*used, *other]):
+        problem = inverse_problems([wearing(view, "object", mesh)], MATERIALS, COEFFICIENTS)[0]
+        rendered = render(problem.scene(found.coefficients[None]), 256, 3)[0]
+        a, b = outline(view, mesh), outline(view, true_mesh)
+        bright = np.percentile(view.photo.signal, 99.5)
+        rows = [np.clip(image / bright, 0, 1) ** (1 / 2.2) for image in (view.photo.signal, rendered)]
+        for row, image in enumerate([*rows, np.stack([b, np.minimum(a, b), a], axis=-1)]):
+            axis = figure.add_subplot(3, 7, row * 7 + column + 1)
+            axis.imshow(image)
+            axis.set(xticks=[], yticks=[])
+            if row == 0:
+                axis.set_title(view.name if column < len(used) else "view not used", fontsize=9)
+            if column == 0:
+                axis.set_ylabel(("photo", "found", "silhouettes")[row])
+    axis = figure.add_subplot(1, 7, (5, 7))
+    for name, curve in spectra.items():
+        axis.plot(GRID.nm, curve, label=name, color="black" if name == "truth" else None)
+    axis.set(xlabel="wavelength (nm)", ylabel="reflectance", ylim=(0, 1))
+    axis.legend(fontsize=8)
+    figure.tight_layout()
+    figure.savefig(path, dpi=80)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""Photos of scenes with known spectra: Mitsuba's ``path`` with its spectral film, and a measured camera."""
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import colour
+import numpy as np
+
+from radiometry.grid import visible_grid
+from radiometry.records import Calibration, LinearImage, Outcome, PhotoKind, Quantity, SensitivityFit, Spectrum
+from reconstruct.renderer import load_scene, render
+from reconstruct.scene_file import SceneFile, read_scene, scene_xml
+
+GRID = visible_grid()
+BANDS = ("R", "G", "B")
+PASSES = 4
+
+
+def measured_camera(light: np.ndarray | None = None) -> Calibration:
+    """A measured camera without error, under a constant light or the one given (P,)."""
+    camera = colour.MSDS_CAMERA_SENSITIVITIES["Nikon 5100 (NPL)"]
+    curves = np.array([np.interp(GRID.nm, camera.wavelengths, curve) for curve in camera.values.T])
+    fit = SensitivityFit(GRID, curves / curves.max(), None, None, None, None, None, None, None, "measured",
+                         Outcome.CONVERGED)
+    values = np.ones(GRID.nm.size) if light is None else light
+    return Calibration(fit, Spectrum(GRID, values, Quantity.RADIANCE, "given"), None, np.zeros((3, 3)), ())
+
+
+def scene_of(xml: str) -> SceneFile:
+    """XML text read as an operator's scene."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "scene.xml"
+        path.write_text(xml, encoding="utf-8")
+        return read_scene(path)
+
+
+def photograph(scene: SceneFile, truth: Mapping[str, np.ndarray], calibration: Calibration, spp: int,
+               seed: int = 77) -> LinearImage:
+    """Photo of the scene with true reflectances (P,) by BSDF id; its variance is that of the rendering."""
+    xml = scene_xml(scene, reflectances=truth, light=calibration.light.values, integrator="path",
+                    bands=dict(zip(BANDS, calibration.sensitivity.curves, strict=True)),
+                    range_nm=(GRID.nm[0], GRID.nm[-1]), size=(scene.width, scene.height))
+    signal, variance = render(load_scene(xml), spp, seed, PASSES)
+    return LinearImage(signal.astype(np.float32), variance.astype(np.float32), np.zeros(signal.shape, bool), 1.0, None,
+                       None, None, PhotoKind.LINEAR_FILE, "", "rendered", "")
+
+
+def spectrum_rmse(found: np.ndarray, truth: np.ndarray) -> float:
+    """Root mean square difference of two spectra."""
+    return float(np.sqrt(np.mean((found - truth) ** 2)))
