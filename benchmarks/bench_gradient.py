@@ -60,9 +60,9 @@ def agreement() -> dict[str, Any]:
 
 def memory(steps: int) -> list[float]:
     """Resident memory in MiB after a tenth of the steps, and then after every other tenth."""
-    flat = photograph(scene_of(cornell_box_xml(16, 3)), dict.fromkeys(MATERIALS, np.full(GRID.nm.size, 0.4)),
+    flat = photograph(scene_of(cornell_box_xml(32, 3)), dict.fromkeys(MATERIALS, np.full(GRID.nm.size, 0.4)),
                       measured_camera(), 64)
-    problem = inverse_problem(scene_of(cornell_box_xml(16, 3)), flat, measured_camera(), SCALE, SPECS, BANDS, 5)
+    problem = inverse_problem(scene_of(cornell_box_xml(32, 3)), flat, measured_camera(), SCALE, SPECS, BANDS, 5)
     resident: list[float] = []
 
     def note(done: float, what: str) -> None:

@@ -21,7 +21,7 @@ import os
 import resource
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ import numpy as np
 from fixtures.cornell_box import BLOCKS, MATERIALS, cornell_box_xml
 from radiometry.chart import PATCH_NAMES, chart_reflectances
 from radiometry.grid import visible_grid
-from radiometry.interreflection import signal
+from radiometry.interreflection import band_products, exponents_up_to, signal
 from radiometry.records import (
     Calibration,
     LightScale,
@@ -49,7 +49,7 @@ from reconstruct.per_wavelength import descend, monochrome_job
 from reconstruct.regions import block_regions
 from reconstruct.renderer import start_mitsuba
 from reconstruct.scene_file import read_scene
-from reconstruct.transport import TracedTransport, trace_transport
+from reconstruct.transport import TracedTransport, shaded_image, trace_transport
 from reconstruct.transport_engine import fit_problem, unit_scene
 from reconstruct.transport_fit import FitPriors
 
@@ -70,27 +70,36 @@ class Judged:
 
 
 def cornell_problem(width: int, bounces: int, blocks: bool, photo_spp: int) -> Judged:
-    """The inversion of a box with chart colours on its walls, under a constant light."""
+    """The inversion of a box with chart colours on its walls, under a constant light, and the paths of its photo."""
+    problem = box_problem(width, bounces, blocks)
+    truth = true_spectra(problem)
+    one_surface = problem.surface >= 0
+    region = np.where(one_surface, np.cumsum(one_surface.ravel()).reshape(width, width) - 1, -1)
+    judge = traced(problem, region, photo_spp, 77, passes=1)
+    photo = np.zeros((width, width, 3))
+    photo[one_surface] = signal(judge.coefficients, judge.exponents, truth, problem.response)
+    return Judged(box_problem(width, bounces, blocks, photo), truth, judge)
+
+
+def box_problem(width: int, bounces: int, blocks: bool, photo: np.ndarray | None = None) -> InverseProblem:
+    """The box, whose photo (H, W, 3) is blank where none is given."""
     names = (*MATERIALS, *(BLOCKS if blocks else ()))
-    grid = visible_grid()
-    chart = chart_reflectances("BabelColor Average", grid)
-    truth = np.array([chart[PATCH_NAMES.index(PATCHES[name])] for name in names])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cornell.xml"
         path.write_text(cornell_box_xml(width, bounces + 1, blocks), encoding="utf-8")
         scene_file = read_scene(path)
     shape = (width, width, 3)
-    blank = LinearImage(np.ones(shape), np.full(shape, 1e-12), np.zeros(shape, bool), 1.0, None, None, None,
-                        PhotoKind.LINEAR_FILE, "", "rendered", "")
-    given = (measured_camera(grid), LightScale(1.0, None, None, "given"), tuple(MaterialSpec(n, n) for n in names),
-             ("R", "G", "B"), COEFFICIENTS)
-    problem = inverse_problem(scene_file, blank, *given)
-    one_surface = problem.surface >= 0
-    region = np.where(one_surface, np.cumsum(one_surface.ravel()).reshape(width, width) - 1, -1)
-    judge = traced(problem, region, photo_spp, 77, passes=1)
-    photo = np.zeros(shape, dtype=np.float32)
-    photo[one_surface] = signal(judge.coefficients, judge.exponents, truth, problem.response)
-    return Judged(inverse_problem(scene_file, replace(blank, signal=photo), *given), truth, judge)
+    image = LinearImage(np.ones(shape, np.float32) if photo is None else photo.astype(np.float32),
+                        np.full(shape, 1e-12), np.zeros(shape, bool), 1.0, None, None, None, PhotoKind.LINEAR_FILE, "",
+                        "rendered", "")
+    return inverse_problem(scene_file, image, measured_camera(visible_grid()), LightScale(1.0, None, None, "given"),
+                           tuple(MaterialSpec(name, name) for name in names), ("R", "G", "B"), COEFFICIENTS)
+
+
+def true_spectra(problem: InverseProblem) -> np.ndarray:
+    """Chart colours (M, P) of the problem's materials."""
+    chart = chart_reflectances("BabelColor Average", problem.grid)
+    return np.array([chart[PATCH_NAMES.index(PATCHES[material.name])] for material in problem.materials])
 
 
 def measured_camera(grid: WavelengthGrid) -> Calibration:
@@ -181,9 +190,14 @@ def small(steps: int) -> dict[str, Any]:
 
 def large() -> dict[str, Any]:
     """Trace and fit of five materials, eight bounces, 256 x 256 pixels."""
-    judged = cornell_problem(256, 8, True, 64)
-    coefficients, trace_s, fit_s = by_transport(judged.problem)
-    rmse = np.sqrt(np.mean((judged.problem.spectra(coefficients) - judged.truth) ** 2, axis=1))
+    blank = box_problem(256, 8, True)
+    truth = true_spectra(blank)
+    exponents = exponents_up_to(len(truth), 8)
+    photo = shaded_image(unit_scene(blank), {material.bsdf: material.name for material in blank.materials}, blank.size,
+                         exponents, band_products(exponents, truth, blank.response), bounces=8, spp=64, seed=77)
+    problem = box_problem(256, 8, True, photo)
+    coefficients, trace_s, fit_s = by_transport(problem)
+    rmse = np.sqrt(np.mean((problem.spectra(coefficients) - truth) ** 2, axis=1))
     return {"trace_s": trace_s, "fit_s": fit_s, "seconds": trace_s + fit_s, "rmse": rmse.tolist(),
             "process_peak_gib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20}
 

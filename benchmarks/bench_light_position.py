@@ -46,7 +46,8 @@ def photo_of(scene: SceneFile, offset: np.ndarray, rng: np.random.Generator) -> 
     paint = {bsdf: np.exp(PAINT_ERROR * rng.standard_normal(3)) for bsdf in PAINTS}
     for index, name in enumerate(names):
         image[surface == index] *= paint[scene.surfaces[name]] * np.exp(SURFACE_ERROR * rng.standard_normal())
-    noise = np.tile(variance.mean(axis=2, keepdims=True), 3) / image.max() ** 2 + 1e-9
+    # The bands of this photo share their paths' noise, unlike a camera's: as three readings it would count thrice.
+    noise = 3 * np.tile(variance.mean(axis=2, keepdims=True), 3) / image.max() ** 2 + 1e-9
     return LinearImage((image / image.max()).astype(np.float32), noise.astype(np.float32), np.zeros(image.shape, bool),
                        1.0, None, None, None, PhotoKind.LINEAR_FILE, "", "box", "")
 

@@ -30,7 +30,7 @@ STEP = 0.015            # of the surfaces' extent, for the derivative: less, and
 LARGEST_MOVE = 0.1      # of the same, in one iteration
 ITERATIONS = 12
 NEW_SLOPES = 2          # iterations that trace the derivative
-TINY = 1e-300
+TINY, ROUND_OFF = 1e-300, 1e-12
 SMALL_MOVE = 0.2        # of the standard error: converged
 FEWEST_REGIONS = 12
 DARKEST = 0.01          # of a band's median signal
@@ -120,12 +120,15 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
     if np.count_nonzero(lit) < FEWEST_REGIONS:
         raise InputError(f"{scene_file.path.name}: the light reaches {np.count_nonzero(lit)} of {lit.size} blocks that "
                          "the photo shows; check where the scene has it")
-    relative = noise[lit] / measured[lit] ** 2 + monte_carlo[lit, None] + block_error**2
+    # The bands of a block share its paths and what is wrong with its geometry: they are one reading of those, not K.
+    common = (monte_carlo[lit] + block_error**2)[:, None, None] * np.ones(2 * response.shape[:1])
+    whiten = np.linalg.inv(np.linalg.cholesky(
+        common + (noise[lit] / measured[lit] ** 2 + ROUND_OFF)[:, None, :] * np.eye(response.shape[0])))
     materials = [list(worn).index(bsdf) for bsdf in np.array(list(scene_file.surfaces.values()))[group[lit]]]
     nuisance = _nuisance(group[lit], np.array(materials), response.shape[0], surface_error, paint_error)
     target = np.log(measured[lit])
     offset, offsets, slopes = np.zeros(3), [np.zeros(3)], np.zeros((3, *target.shape))
-    before = _solve(target - np.log(now[lit]), slopes[:0], relative, nuisance).misfit
+    before = _solve(target - np.log(now[lit]), slopes[:0], whiten, nuisance).misfit
     outcome = Outcome.STEP_LIMIT
     for iteration in range(ITERATIONS):
         progress(iteration / ITERATIONS, f"light moved by {np.linalg.norm(offset):.3g}")
@@ -133,7 +136,7 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
             ends = [[np.log(np.maximum(rendered(offset + sign * step)[0][lit], TINY)) for sign in (1, -1)]
                     for step in STEP * extent * np.eye(3)]
             slopes = np.array([(ahead - behind) / (2 * STEP * extent) for ahead, behind in ends])
-        fit = _solve(target - np.log(now[lit]), slopes, relative, nuisance)
+        fit = _solve(target - np.log(now[lit]), slopes, whiten, nuisance)
         if not np.all(np.diag(fit.covariance) < (LARGEST_ERROR * extent) ** 2):
             raise CalibrationError(UNTOLD)
         move = fit.move * min(1.0, LARGEST_MOVE * extent / max(float(np.linalg.norm(fit.move)), TINY))
@@ -158,18 +161,18 @@ class _Step:
     misfit: float
 
 
-def _solve(residual: np.ndarray, slopes: np.ndarray, relative: np.ndarray, nuisance: np.ndarray) -> _Step:
+def _solve(residual: np.ndarray, slopes: np.ndarray, whiten: np.ndarray, nuisance: np.ndarray) -> _Step:
     """One weighted least-squares step: offset, brightness and nuisances of unit prior from residuals (R, K).
+
+    ``whiten`` (R, K, K) makes the residuals of each block independent and of variance 1.
 
     Slopes (3, R, K), or none of them: the light stays where it is.
     """
-    weight = 1 / np.sqrt(relative.ravel())
-    free = len(slopes)
-    unknowns = np.column_stack([slopes.reshape(free, residual.size).T, np.ones(residual.size)])
-    rows = np.column_stack([unknowns, nuisance]) * weight[:, None]
-    count = nuisance.shape[1]
+    free, count = len(slopes), nuisance.shape[2]
+    columns = np.concatenate([np.moveaxis(slopes, 0, 2), np.ones((*residual.shape, 1)), nuisance], axis=2)
+    rows = (whiten @ columns).reshape(residual.size, -1)
     rows = np.vstack([rows, np.eye(count, rows.shape[1], k=free + 1)])
-    wanted = np.concatenate([residual.ravel() * weight, np.zeros(count)])
+    wanted = np.concatenate([(whiten @ residual[..., None]).ravel(), np.zeros(count)])
     size = np.sqrt(np.sum(rows**2, axis=0))
     if np.any(size[:free] < TINY):
         raise CalibrationError(UNTOLD)
@@ -183,10 +186,11 @@ def _solve(residual: np.ndarray, slopes: np.ndarray, relative: np.ndarray, nuisa
 
 def _nuisance(group: np.ndarray, material: np.ndarray, bands: int, surface_error: float,
               paint_error: float) -> np.ndarray:
-    """Columns (R K, U): one standard deviation of each surface's brightness and of each material's bands."""
+    """Columns (R, K, U): one standard deviation of each surface's brightness and of each material's bands."""
     surfaces = surface_error * (group[:, None] == np.unique(group)[None])
     paints = paint_error * (material[:, None] == np.unique(material)[None])
-    return np.hstack([np.repeat(surfaces, bands, axis=0), np.kron(paints, np.eye(bands))])
+    columns = np.hstack([np.repeat(surfaces, bands, axis=0), np.kron(paints, np.eye(bands))])
+    return columns.reshape(len(group), bands, -1)
 
 
 def _usable(photo: LinearImage) -> np.ndarray:

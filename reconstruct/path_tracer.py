@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from radiometry.errors import InputError
 from radiometry.interreflection import met_next
 from reconstruct.light_profile import STEP_DEG, TABLE_DEG
 from reconstruct.path_samples import ShiftedLattice
+from reconstruct.tracer_tables import bsdf_table, is_sky_map, light_table, number_of, profile_table
 
 BEFORE_BOUNCES, PER_BOUNCE = 3, 4    # random numbers: of pixel and place in it; of light and direction
 LOBE = 0.5                           # the number that picks a BSDF's lobe: diffuse ones have a single one
@@ -44,10 +44,10 @@ class Tracer:
         self.pixels_of_region = np.bincount(region[row, column], minlength=self.regions)
         self.pixels = row.size
         self.following = mi.UInt32(met_next(exponents).ravel())
-        self.material = mi.UInt32(_bsdf_table(scene, material_of_bsdf, materials))
-        self.light = None if lights is None else mi.UInt32(_light_table(scene, lights))
-        shaped = bool(profiles) or any(_is_map(emitter) for emitter in scene.emitters())
-        self.profile = mi.Float(_profile_table(scene, profiles or {})) if shaped else None
+        self.material = mi.UInt32(bsdf_table(scene, material_of_bsdf, materials))
+        self.light = None if lights is None else mi.UInt32(light_table(scene, lights))
+        shaped = bool(profiles) or any(is_sky_map(emitter) for emitter in scene.emitters())
+        self.profile = mi.Float(profile_table(scene, profiles or {})) if shaped else None
         self.units: dict[bool, int] = {}
 
     def trace(self, bounces: int, paths: int, seed: int, signals: np.ndarray | None = None) -> np.ndarray:
@@ -109,7 +109,7 @@ class Tracer:
         def add(value: Any, emitter: Any, product: Any, where: Any) -> None:
             group = mi.UInt32(0)
             if self.light is not None:
-                group = dr.gather(mi.UInt32, self.light, _number(emitter), where)
+                group = dr.gather(mi.UInt32, self.light, number_of(emitter), where)
             where &= (value > 0) & (product < products) & (group < self.groups)
             column = group * products + product
             if worth is None:
@@ -132,7 +132,7 @@ class Tracer:
                 active & (emitter != None))  # noqa: E711 - an array of pointers, compared one by one
             active &= hit.is_valid() & (depth < bounces)
             bsdf = hit.bsdf(ray)
-            met = dr.gather(mi.UInt32, self.material, _number(bsdf), active)
+            met = dr.gather(mi.UInt32, self.material, number_of(bsdf), active)
             active &= met < self.materials
             product = dr.gather(mi.UInt32, self.following, product * self.materials + met, active)
             active &= product < products
@@ -164,17 +164,9 @@ class Tracer:
             return mi.Float(1)
         place = dr.safe_acos(cosine) * (180 / np.pi / STEP_DEG)
         below = dr.minimum(mi.UInt32(dr.maximum(place, 0.0)), TABLE_DEG.size - 2)
-        first = _number(emitter) * TABLE_DEG.size + below
+        first = number_of(emitter) * TABLE_DEG.size + below
         left, right = (dr.gather(mi.Float, self.profile, first + step, where) for step in (0, 1))
         return dr.lerp(left, right, dr.clip(place - mi.Float(below), 0.0, 1.0))
-
-
-def _number(pointer: Any) -> Any:
-    """The renderer's number of a BSDF or emitter."""
-    import drjit as dr
-    import mitsuba as mi
-
-    return dr.reinterpret_array(mi.UInt32, pointer)
 
 
 def _balance(pdf: Any, other: Any) -> Any:
@@ -182,72 +174,3 @@ def _balance(pdf: Any, other: Any) -> Any:
     import drjit as dr
 
     return dr.select(pdf > 0, dr.square(pdf) / (dr.square(pdf) + dr.square(other)), 0.0)
-
-
-def _bsdf_table(scene: Any, material_of_bsdf: Mapping[str, str], materials: tuple[str, ...]) -> np.ndarray:
-    """Material index by the renderer's number of the BSDF; the count of materials where a BSDF reflects nothing."""
-    import drjit as dr
-    import mitsuba as mi
-
-    worn = list(dict.fromkeys(shape.bsdf() for shape in scene.shapes()))
-    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.BSDFPtr(worn)))
-    table = np.full(numbers.max() + 1, len(materials), dtype=np.uint32)
-    for bsdf, number in zip(worn, numbers, strict=True):
-        if bsdf.id() in material_of_bsdf:
-            table[number] = materials.index(material_of_bsdf[bsdf.id()])
-        elif _reflects(bsdf):
-            raise InputError(f"the scene's BSDF {bsdf.id()!r} has no material: every surface needs one, "
-                             "since light that it reflects reaches all the others")
-    return table
-
-
-def _reflects(bsdf: Any) -> bool:
-    import mitsuba as mi
-
-    hit: Any = mi.SurfaceInteraction3f()
-    hit.wavelengths, hit.wi = mi.Spectrum(550.0), mi.Vector3f(0.0, 0.0, 1.0)
-    return bool(np.any(np.array(bsdf.eval_diffuse_reflectance(hit)) != 0))
-
-
-def _is_map(emitter: Any) -> bool:
-    return bool(emitter.class_name() == "EnvironmentMapEmitter")
-
-
-def _profile_table(scene: Any, profiles: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Profiles, one after the other, by the renderer's number of the emitter; 1 where an emitter has none.
-
-    A map of the sky is lit by Mitsuba's D65, which is taken off at the wavelength of the paths.
-    """
-    import drjit as dr
-    import mitsuba as mi
-
-    daylight: Any = dr.zeros(mi.SurfaceInteraction3f)
-    daylight.wavelengths = scene.sensors()[0].sample_ray(0.0, 0.5, mi.Point2f(0.5), mi.Point2f(0.5))[0].wavelengths
-    d65 = float(np.array(mi.load_dict({"type": "d65"}).eval(daylight)[0]).item())
-
-    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(scene.emitters())))
-    table = np.ones((numbers.max() + 1, TABLE_DEG.size), dtype=np.float32)
-    for emitter, number in zip(scene.emitters(), numbers, strict=True):
-        shape = emitter.get_shape()
-        if shape is not None and shape.id() in profiles:
-            table[number] = profiles[shape.id()]
-        elif _is_map(emitter):
-            table[number] = 1 / d65
-    return table.ravel()
-
-
-def _light_table(scene: Any, lights: tuple[tuple[str, ...], ...]) -> np.ndarray:
-    """Light group by the renderer's number of the emitter; the count of groups where an emitter is in none."""
-    import drjit as dr
-    import mitsuba as mi
-
-    emitters = scene.emitters()
-    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(emitters)))
-    table = np.full(numbers.max() + 1, len(lights), dtype=np.uint32)
-    for emitter, number in zip(emitters, numbers, strict=True):
-        shape = emitter.get_shape()
-        names = {emitter.id(), shape.id() if shape is not None else emitter.id()}
-        for group, members in enumerate(lights):
-            if names & set(members):
-                table[number] = group
-    return table

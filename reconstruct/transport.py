@@ -22,9 +22,9 @@ from reconstruct.renderer import all_cores
 from reconstruct.trace_checkpoint import PassSums, TraceCheckpoint, trace_fingerprint
 
 MOST_BYTES = 2 << 30         # of memory for trace and fit; more is refused before it is allocated
-PILOT_PATHS = 1 << 18        # of all regions together, by which products are judged before pruning
+PILOT_PATHS = 1 << 19        # of all regions together, by which products are judged before pruning
 BRIGHTEST = 0.9              # reflectance that no material is taken to exceed when products are judged
-DROPPED = 1e-4               # share of the signal, at that reflectance, which pruning may lose
+DROPPED = 1e-4               # share of the pilot's signal, at that reflectance, whose products are dropped
 PRUNE_ABOVE = 256            # products: below, pruning saves nothing worth its pilot
 
 
@@ -37,7 +37,7 @@ class TracedTransport:
     passes: np.ndarray           # (A, R, L, E) float32
     spp: int                     # paths per pixel of all passes together, on average
     seed: int
-    dropped: float               # bound on the share of the signal lost by pruning
+    dropped: float               # share of the signal lost by pruning, were every reflectance 0.9: a bound for darker
 
     @property
     def coefficients(self) -> np.ndarray:
@@ -188,7 +188,7 @@ def _exponents(scene: Any, material_of_bsdf: Mapping[str, str], materials: tuple
                profiles: Mapping[str, np.ndarray] | None) -> tuple[np.ndarray, float]:
     """Products up to ``bounces``, pruned where they are many, and the share of the signal that is lost at most.
 
-    One pilot picks the products, another says what is lost: the first would see less lost than there is.
+    One pilot picks the products, another says what is lost: the first has never met most of what it drops.
     """
     exponents = exponents_up_to(len(materials), bounces)
     if len(exponents) <= PRUNE_ABOVE:

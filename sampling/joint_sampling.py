@@ -26,8 +26,8 @@ from sampling.joint_posterior import JointProblem, Modes, logits_of, products, r
 from sampling.logit_mixture import reflectance
 
 ROUND, MOST_PROPOSALS = 2000, 16_000
-INFORMED = 0.1                  # a singular value of the Jacobian by which a direction counts as informed
-DEFENSIVE = 0.2                 # of the proposals go to all labels alike, whatever their evidence
+INFORMED = 0.01                 # a singular value of the Jacobian by which a direction counts as informed
+DEFENSIVE = 0.2                 # of the proposals go to all labels alike, whatever is believed of them
 NEWTON_STEPS, SOLVED = 20, 1e-6
 BLOCK = 250
 FEWEST_EFFECTIVE, TAIL_LIMIT = 400.0, 0.7     # of the weights (tail: Vehtari et al. 2024)
@@ -67,8 +67,8 @@ class _Proposer:
 
 
 def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, kept: int = 4000,
-                 refuse: bool = True) -> JointSamples:
-    """Draw from the joint posterior until 400 draws are effective.
+                 effective_wanted: float = FEWEST_EFFECTIVE, refuse: bool = True) -> JointSamples:
+    """Draw from the joint posterior until enough draws are effective.
 
     Parameters
     ----------
@@ -78,6 +78,8 @@ def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, k
         Of many labels; found if not given.
     kept : int
         T: resampled from the weighted proposals, so some are drawn more than once.
+    effective_wanted : float
+        Independent draws that the weighted proposals must be worth: 1000 for a 95 % band.
 
     Raises
     ------
@@ -90,23 +92,28 @@ def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, k
         raise InputError(f"{kept} draws were asked for; ask for at least 100")
     modes = modes or find_modes(problem, SAMPLED)
     rng = np.random.default_rng(seed)
-    share = np.exp(modes.evidence - modes.evidence.max())
-    share = (1 - DEFENSIVE) * share / share.sum() + DEFENSIVE / len(share)
     proposers = [_proposer(problem, labels, z) for labels, z in zip(modes.labels, modes.z, strict=True)]
-    logits, log_weights, proposals = [], [], 0
-    while proposals < MOST_PROPOSALS:
-        counts = rng.multinomial(ROUND, share)
-        for number in np.flatnonzero(counts):
-            for start in range(0, counts[number], BLOCK):
-                found, weight = _propose(problem, proposers[number], min(BLOCK, counts[number] - start), rng)
+    belief = np.exp(modes.evidence - modes.evidence.max())
+    counts = np.zeros(len(proposers), dtype=int)
+    logits: list[np.ndarray] = []
+    log_ratios: list[np.ndarray] = []
+    owners: list[np.ndarray] = []
+    while counts.sum() < MOST_PROPOSALS:
+        new = rng.multinomial(ROUND, (1 - DEFENSIVE) * belief / belief.sum() + DEFENSIVE / len(belief))
+        for number in np.flatnonzero(new):
+            for start in range(0, new[number], BLOCK):
+                found, ratio = _propose(problem, proposers[number], min(BLOCK, new[number] - start), rng)
                 logits.append(found)
-                log_weights.append(weight - np.log(share[number]))
-        proposals += ROUND
-        every = np.concatenate(log_weights)
-        weights = np.exp(every - every.max())
+                log_ratios.append(ratio)
+                owners.append(np.full(len(found), number))
+        counts += new
+        owner = np.concatenate(owners)
+        log_weights = np.concatenate(log_ratios) - np.log(counts[owner])    # of all rounds as one mixture
+        weights = np.exp(log_weights - log_weights.max())
         effective, tail = float(weights.sum()**2 / (weights**2).sum()), tail_shape(weights)
-        if effective >= FEWEST_EFFECTIVE and tail < TAIL_LIMIT:
+        if effective >= effective_wanted and tail < TAIL_LIMIT:
             break
+        belief = np.bincount(owner, weights, len(counts))   # what Laplace thought of the labels is corrected
     else:
         if refuse:
             raise ConvergenceError(f"the joint posterior has not converged after {MOST_PROPOSALS} proposals: "
@@ -115,6 +122,7 @@ def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, k
     cumulative = np.cumsum(weights) / weights.sum()
     chosen = np.searchsorted(cumulative, (np.arange(kept) + rng.random()) / kept).clip(max=len(weights) - 1)
     spectra = reflectance(np.concatenate(logits)[chosen])
+    proposals = int(counts.sum())
     return JointSamples(problem.materials, spectra, effective, tail, proposals, 1 - len(weights) / proposals, seed)
 
 

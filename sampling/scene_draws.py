@@ -29,7 +29,8 @@ DISAGREES = ("The picture agrees with no spectra that the prior knows through th
 
 def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np.ndarray, response: np.ndarray,
                draws: int, seed: int, prior: LogitMixture | None = None, *, common: np.ndarray | None = None,
-               known: Mapping[str, np.ndarray] | None = None, coefficients: int = 13) -> dict[str, SpectralSamples]:
+               known: Mapping[str, np.ndarray] | None = None, coefficients: int = 13,
+               effective_wanted: float = 1000.0) -> dict[str, SpectralSamples]:
     """Draws of every unknown material of a scene, by name; row t of all of them belongs to the same scene.
 
     Parameters
@@ -51,13 +52,15 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
         Reflectance (61,) of the materials that are given, by name.
     coefficients : int
         N of the splines that are fitted to the draws.
+    effective_wanted : float
+        Independent draws that they must be worth: 1000 for a 95 % band.
 
     Raises
     ------
     InputError
         If shapes do not belong together, or nothing is unknown.
     ConvergenceError
-        If fewer than 400 draws are effective after 16000 proposals.
+        If fewer draws are effective after 16000 proposals.
     """
     if unknown := set(known or {}) - set(transport.materials):
         raise InputError(f"the known materials {', '.join(sorted(unknown))} are not in the transport, which has "
@@ -66,7 +69,7 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     if not problem.materials:
         raise InputError("every material of the scene is known; leave at least one to be found")
     modes = find_modes(problem, SAMPLED)
-    found = sample_joint(problem, seed, modes, draws)
+    found = sample_joint(problem, seed, modes, draws, effective_wanted)
     outcome = DISAGREES if surprise(problem, modes) < SURPRISING else THROUGH_TRANSPORT
     basis = basis_matrix(GRID.nm, coefficients)
     return {name: SpectralSamples(GRID, found.spectra[:, m], nearest_splines(found.spectra[:, m], basis), METHOD,

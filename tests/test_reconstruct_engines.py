@@ -14,9 +14,10 @@ from reconstruct import per_wavelength, transport_engine
 from reconstruct.gradient import fit_by_gradient
 from reconstruct.inverse_problem import InversionSettings, inverse_problem
 from reconstruct.inverse_rendering import ENGINES, reconstruct
+from reconstruct.regions import block_regions
 from reconstruct.renderer import render, start_mitsuba
 from reconstruct.transport import shaded_image
-from reconstruct.transport_engine import unit_scene
+from reconstruct.transport_engine import trace_problem, unit_scene
 from tests.cornell_problem import BANDS, GRID, SCALE_ONE, TRUTH, WIDTH, camera, photo_of, scene, specs
 
 SPECTRA = np.array([TRUTH[name] for name in MATERIALS])
@@ -65,6 +66,18 @@ def test_the_transport_engine_finds_the_band_signals(box, photo, quick):
     assert found.outcome is Outcome.ILL_POSED and "light transport" in found.engine
     assert found.known == (False, False, False) and np.isfinite(found.signal_covariance).all()
     assert found.spectra.min() >= 0 and found.spectra.max() <= 1
+
+
+@pytest.mark.parametrize("error", [0.3, 0.01])
+def test_tracing_ends_where_its_noise_falls_below_the_photo_s(box, photo, error):
+    problem = inverse_problem(box, photo, camera(), SCALE_ONE, specs(), BANDS, 7)
+    problem = replace(problem, variance=(error * problem.measured) ** 2 + 1e-30)
+    region, _ = block_regions(problem.surface, problem.used)
+    traced = trace_problem(problem, region, BOUNCES, 5, silent)
+    of_photo = error**2 / np.bincount(region[region >= 0])
+    # Half of the regions are below; four passes know each variance to two fifths, and their median much better.
+    assert np.median(traced.relative_variance / of_photo) < 1.3
+    assert (traced.spp < 2 * transport_engine.FIRST_SPP) == (error == 0.3)
 
 
 def test_a_known_material_gives_the_scale(box, photo, quick):

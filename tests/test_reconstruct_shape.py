@@ -147,6 +147,17 @@ def test_a_bumpy_object_is_found_from_a_sphere(tmp_path):
     assert np.all((found.coefficients >= 0) & (found.coefficients <= 1)) and found.spectrum.shape == GRID.nm.shape
 
 
+def test_the_same_seed_gives_the_same_mesh(tmp_path):
+    views = [replace(view, photo=photo_of(np.full((WIDTH, WIDTH, 3), 0.5))) for view in blank_views(tmp_path, 3)]
+
+    def vertices(seed):
+        settings = ShapeSettings(5, (Stage(1, 2, 0.05, 9.0, 4),), views_per_step=1, seed=seed)
+        return reconstruct_shape(views, "object", MATERIALS, settings, silent).vertices
+
+    first = vertices(1)
+    assert np.array_equal(first, vertices(1)) and not np.array_equal(first, vertices(2))
+
+
 def test_the_start_is_the_sphere_of_the_scene(tmp_path):
     centre, radius = bounding_sphere(problem_of(blank_views(tmp_path, 1)[0]), "object")
     # Mitsuba's boxes are float32.

@@ -139,7 +139,7 @@ def test_many_products_are_pruned_within_the_stated_bound(problem, monkeypatch):
     monkeypatch.setattr(transport, "PRUNE_ABOVE", 10)
     found = traced(problem, spp=16)
     assert len(found.exponents) < len(exponents_up_to(3, 4)) or found.dropped == 0
-    # What is lost is judged by other paths than those that picked: a little more than what was allowed.
+    # What is lost is judged by other paths than those that picked: a little more than they saw.
     assert 0 <= found.dropped <= 2 * transport.DROPPED
 
 
@@ -157,15 +157,15 @@ def test_eight_materials_and_eight_bounces_are_pruned_to_what_is_worth_its_memor
                                 bands={"one": np.ones(2)}, range_nm=(400.0, 700.0), size=SIZE))
     options = {"bounces": 8, "seed": 3, "region": np.zeros((WIDTH, WIDTH), int)}
     found = trace_transport(many, {name: name for name in names}, SIZE, spp=64, **options)
-    assert product_count(8, 8) == 12870 and len(found.exponents) < 6000
-    assert 0 < found.dropped < 2 * transport.DROPPED
+    assert product_count(8, 8) == 12870 and len(found.exponents) < 10000
+    assert transport.DROPPED < found.dropped < 1e-3
     whole = trace_transport(many, {name: name for name in names}, SIZE, spp=256, exponents=exponents_up_to(8, 8),
                             **(options | {"seed": 4}))
     kept = {tuple(row) for row in found.exponents.tolist()}
     bright = whole.coefficients[0] * transport.BRIGHTEST ** whole.exponents.sum(axis=1)
     lost = sum(value for row, value in zip(whole.exponents.tolist(), bright, strict=True) if tuple(row) not in kept)
-    # Two estimates from 260 000 paths each of a share of 1e-4, in which a hundred paths or so have a part.
-    assert lost / bright.sum() == pytest.approx(found.dropped, rel=0.5)
+    # Two estimates from 500 000 and 260 000 paths, of which a few hundred end in the dropped products.
+    assert lost / bright.sum() == pytest.approx(found.dropped, rel=0.4)
 
 
 def eight_materials(names):

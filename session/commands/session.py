@@ -1,6 +1,7 @@
 """Commands that work on a session folder, and the demo and doctor."""
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +15,7 @@ STAGE_NAMES = "chart, photo, calibrate, reconstruct, sample"
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for function in (demo, new, check, run, status, report, doctor):
+    for function in (demo, new, check, run, status, report, relight, doctor):
         app.command()(function)
 
 
@@ -97,6 +98,43 @@ def report(folder: Folder, allow_outside: Outside = False, as_json: Json = False
         path = write_report(results)
         write_outputs(results)
         answer(as_json, {"report": str(path)}, f"wrote {path}")
+
+
+def relight(folder: Folder,
+            light: Annotated[str | None, typer.Option(help="A CIE illuminant such as D65 or FL11, or a file; the "
+                                                           "session's own by default.")] = None,
+            observer: Annotated[str | None, typer.Option(help="Colour-matching functions by name or file; CIE 1931 2 "
+                                                              "degrees by default.")] = None,
+            out: Annotated[Path | None, typer.Option("--out", "-o", metavar="PNG", help="DIR/relit LIGHT.png by "
+                                                     "default; the same as EXR lies beside it.")] = None,
+            width: Annotated[int, typer.Option(min=16, max=4096, help="In pixels.")] = 480,
+            spp: Annotated[int, typer.Option(min=1, max=65536, help="Paths per pixel.")] = 64, device: Device = "auto",
+            allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
+    """Render the scene with the recovered spectra under any light, and say how far its colours are known there."""
+    with command(as_json, debug):
+        check_device(device)
+        from capture.image_files import write_exr, write_png
+        from session.inputs import read_session_scene
+        from session.pipeline import load_finished
+        from session.relight import OBSERVER
+        from session.relight import relight as render_under
+        from session.session_file import read_session
+        config = read_session(folder, allow_outside)
+        scene = read_session_scene(config)
+        size = (width, max(round(width * scene.height / scene.width), 1))
+        made = render_under(config, load_finished(config), light=light, observer=observer or OBSERVER, size=size,
+                            spp=spp, device=device)
+        label = re.sub(r"[^\w.-]", "-", Path(light or "session").stem)
+        png = out or folder / f"relit {label}.png"
+        write_png(png, made.picture)
+        write_exr(png.with_suffix(".exr"), made.xyz, ("X", "Y", "Z"))
+        lines = [f"{colour.name:<16} L* {colour.lab[0]:5.1f}  a* {colour.lab[1]:6.1f}  b* {colour.lab[2]:6.1f}"
+                 + ("   given" if colour.delta_e00_95 is None else
+                    f"   draws within dE00 {colour.delta_e00_median:.2f} (half), {colour.delta_e00_95:.2f} (95 %)")
+                 for colour in made.colours]
+        answer(as_json, {"png": str(png), "exr": str(png.with_suffix(".exr")), "light": light or "session",
+                         "colours": [vars(colour) for colour in made.colours]},
+               "\n".join([*lines, f"picture: {png}"]))
 
 
 def doctor(device: Device = "auto", as_json: Json = False, debug: Debug = False) -> None:

@@ -1,0 +1,111 @@
+"""The scene of a finished session under another light, as an observer would see it, and how far the draws differ there.
+
+Spectra that one camera cannot tell apart under its light may look different under another: the spread of colours of
+the draws says by how much, before anybody measures.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from radiometry.colour_science import colour_science
+from radiometry.named_spectra import light as named_light
+from radiometry.named_spectra import sensitivities as named_observer
+from radiometry.records import WavelengthGrid
+from radiometry.spectrum_files import spectrum_on_grid
+from reconstruct.renderer import load_scene, render, start_mitsuba
+from reconstruct.scene_file import scene_xml
+from session.inputs import read_session_scene
+from session.pipeline import FinishedRun, calibrations_of, joint_of, samples_of
+from session.session_schema import SessionConfig
+
+OBSERVER = "CIE 1931 2 Degree Standard Observer"
+BRIGHTEST = 99.5            # percentile of luminance that the picture shows as white
+DRAWS = 400                 # of each material whose colours are compared
+
+
+@dataclass(frozen=True)
+class ColourSpread:
+    """Colour of one material under the light: of the mean spectrum, and how far its draws lie from it."""
+
+    name: str
+    lab: tuple[float, float, float]     # of the mean, white being reflectance 1 under the same light
+    delta_e00_median: float | None      # CIEDE2000 of the draws against the mean; None where the spectrum was given
+    delta_e00_95: float | None
+
+
+@dataclass(frozen=True)
+class Relit:
+    """X, Y, Z (H, W, 3), Y being 1 for a perfect white as bright as ``BRIGHTEST``, and the materials' colours."""
+
+    xyz: np.ndarray
+    picture: np.ndarray                 # (H, W, 3) uint8, sRGB, adapted from the light's white to D65
+    colours: tuple[ColourSpread, ...]
+
+
+def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, observer: str, size: tuple[int, int],
+            spp: int, device: str) -> Relit:
+    """Render the scene with the means of the draws.
+
+    Parameters
+    ----------
+    light : str or None
+        A CIE illuminant or a file; None for the session's own.
+    observer : str
+        Colour-matching functions by name or from a file of three curves.
+    size : (width, height) in pixels
+
+    Raises
+    ------
+    InputError
+        If light or observer are not known.
+    """
+    joint, calibration = joint_of(run.stored), calibrations_of(config, run.stored)[0]
+    grid = joint.grid
+    power = spectrum_on_grid(calibration.light, grid) if light is None else named_light(light, grid)
+    matching = named_observer(observer, grid)
+    drawn = {name: samples_of(run.stored, name)[0] for place, name in enumerate(joint.materials)
+             if not joint.known[place]}
+    means = {name: np.interp(grid.nm, drawn[name].grid.nm, drawn[name].spectra.mean(axis=0)) if name in drawn
+             else joint.spectra[place] for place, name in enumerate(joint.materials)}
+    scene = read_session_scene(config)
+    start_mitsuba(device)
+    xml = scene_xml(scene, reflectances={config.materials[name].bsdf: np.clip(mean, 0, 1)
+                                         for name, mean in means.items()},
+                    light=power, bands=dict(zip("XYZ", matching, strict=True)), range_nm=(grid.nm[0], grid.nm[-1]),
+                    size=size)
+    xyz, _ = render(load_scene(xml), spp, config.session.seed)
+    xyz = xyz / np.percentile(xyz[..., 1], BRIGHTEST)
+    white = _tristimulus(np.ones_like(grid.nm), grid, power, matching)
+    colours = tuple(_spread(name, means[name], drawn.get(name), grid, power, matching) for name in means)
+    return Relit(xyz, _picture(xyz, white), colours)
+
+
+def _tristimulus(reflectances: np.ndarray, grid: WavelengthGrid, power: np.ndarray, matching: np.ndarray) -> np.ndarray:
+    """X, Y, Z (..., 3), Y being 1 for a reflectance of 1."""
+    weights = matching * power * grid.weights_nm
+    xyz: np.ndarray = reflectances @ weights.T / weights[1].sum()
+    return xyz
+
+
+def _spread(name: str, mean: np.ndarray, draws: Any, grid: WavelengthGrid, power: np.ndarray,
+            matching: np.ndarray) -> ColourSpread:
+    colour = colour_science()
+    white = colour.XYZ_to_xy(_tristimulus(np.ones_like(grid.nm), grid, power, matching))
+    lab = colour.XYZ_to_Lab(_tristimulus(mean, grid, power, matching), white)
+    median = upper = None
+    if draws is not None:
+        spectra = np.array([np.interp(grid.nm, draws.grid.nm, draw) for draw in draws.spectra[:DRAWS]])
+        others = colour.XYZ_to_Lab(_tristimulus(spectra, grid, power, matching), white)
+        apart = colour.delta_E(others, np.broadcast_to(lab, others.shape), method="CIE 2000")
+        median, upper = float(np.median(apart)), float(np.quantile(apart, 0.95))
+    return ColourSpread(name, (float(lab[0]), float(lab[1]), float(lab[2])), median, upper)
+
+
+def _picture(xyz: np.ndarray, white: np.ndarray) -> np.ndarray:
+    """8-bit sRGB of tristimulus values seen by somebody adapted to the light."""
+    colour = colour_science()
+    rgb = colour.XYZ_to_sRGB(xyz, illuminant=colour.XYZ_to_xy(white))
+    return np.asarray(np.round(255 * np.clip(rgb, 0, 1)), dtype=np.uint8)

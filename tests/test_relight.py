@@ -1,0 +1,54 @@
+"""The recovered scene under another light."""
+import json
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from radiometry.colour_science import colour_science
+from radiometry.named_spectra import light, sensitivities
+from radiometry.spectrum_files import spectrum_on_grid
+from session.inputs import GRID, read_reflectance
+from session.relight import OBSERVER
+from session.session_file import read_session
+from tests.test_command_line import call
+
+
+def lab_of(reflectance, name):
+    colour = colour_science()
+    weights = sensitivities(OBSERVER, GRID) * light(name, GRID) * GRID.weights_nm
+    weights /= weights[1].sum()
+    return colour.XYZ_to_Lab(weights @ reflectance, colour.XYZ_to_xy(weights.sum(axis=1)))
+
+
+@pytest.mark.parametrize("name", ["A", "FL11"])
+def test_the_spread_of_the_draws_holds_the_true_colour_under_another_light(finished, name):
+    outcome = call("relight", finished, "--light", name, "--width", "48", "--spp", "16", "--device", "cpu", "--json")
+    assert outcome.exit_code == 0, outcome.output
+    facts = json.loads(outcome.stdout)
+    config, colour = read_session(finished), colour_science()
+    for found in facts["colours"]:
+        truth = spectrum_on_grid(read_reflectance(config, config.materials[found["name"]].truth), GRID)
+        apart = colour.delta_E(np.array(found["lab"]), lab_of(truth, name), method="CIE 2000")
+        assert 0 < found["delta_e00_median"] < found["delta_e00_95"]
+        assert apart < 2 * found["delta_e00_95"], found  # four materials: twice the radius of 95 % is rarely exceeded
+    xyz = oiio.ImageBuf(facts["exr"]).get_pixels(oiio.FLOAT)
+    assert xyz.shape == (32, 48, 3)
+    assert np.percentile(xyz[..., 1], 99.5) == pytest.approx(1, abs=1e-3)
+
+
+def test_a_white_wall_stays_white_under_any_light(finished):
+    pictures = {}
+    for name in ("A", "D65"):
+        outcome = call("relight", finished, "--light", name, "--width", "48", "--spp", "16", "--json")
+        pictures[name] = oiio.ImageBuf(json.loads(outcome.stdout)["png"]).get_pixels(oiio.FLOAT)
+    back_wall = np.s_[8:14, 16:32]
+    for picture in pictures.values():  # white stays white: the observer is adapted to the light
+        colour = picture[back_wall].mean(axis=(0, 1))
+        assert colour.max() - colour.min() < 0.1
+
+
+def test_an_unknown_light_is_named(finished):
+    outcome = call("relight", finished, "--light", "FL99", "--device", "cpu")
+    assert outcome.exit_code == 3
+    assert "'FL99' is no light that is known; nearest are" in outcome.output
