@@ -45,7 +45,7 @@ from reconstruct.renderer import start_mitsuba
 from reconstruct.scene_file import read_scene
 from reconstruct.traced_fit import TracedView, fit_traced
 from reconstruct.transport_engine import fit_priors, trace_problem
-from sampling.logit_mixture import load_prior, reflectance
+from sampling.logit_mixture import load_prior, reflectance_moments
 
 GRID = visible_grid()
 JUDGED = (GRID.nm >= 430) & (GRID.nm <= 670)
@@ -77,14 +77,10 @@ def read_box(folder: Path, which: str) -> tuple[View, dict[str, np.ndarray]]:
     return view, {name: paints[column] for name, column in PAINTS.items()} | {cube: paints[cube]}
 
 
-def learnt_spectra(draws: int = 20000) -> LearntSpectra:
+def learnt_spectra() -> LearntSpectra:
     """Mean and covariance of the reflectances that the sampling stage's prior was trained on."""
-    prior, rng = load_prior(), np.random.default_rng(0)
-    counts = rng.multinomial(draws, prior.weights / prior.weights.sum())
-    spectra = reflectance(np.vstack([rng.multivariate_normal(mean, covariance.astype(float), count)
-                                     for mean, covariance, count in zip(prior.means, prior.covariances, counts,
-                                                                        strict=True)]))
-    return LearntSpectra(np.asarray(prior.nm), spectra.mean(axis=0), np.cov(spectra, rowvar=False))
+    prior = load_prior()
+    return LearntSpectra(np.asarray(prior.nm), *reflectance_moments(prior))
 
 
 def methods(steps: int) -> dict[str, InversionSettings]:

@@ -5,6 +5,7 @@ Without a lens the focal length is found too; the principal point is then the ph
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NoReturn
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -18,6 +19,8 @@ ACCEPTED_SHARE = 0.005      # rms, of the photo's width: 2.5 mm in a box of half
 LARGEST_FOCAL_ERROR = 0.05
 DIFFERENT = 3.0             # standard errors by which a second pose has to be worse
 SMALLEST_NOISE_PX = 0.05
+STARTS = 3                  # of them refined
+MOST_STEPS = 200
 FAR_PX = 1e6                # stands for a point that cannot be projected
 FOCAL_RANGE = (0.4, 10.0)   # of the photo's width, tried in 10 steps
 
@@ -57,7 +60,6 @@ def pose_and_focal_length(places: np.ndarray, points_px: np.ndarray, width: int,
     fit = _with_focal(places, points_px, middle)
     if fit is None or not _explains(fit[2], len(places), middle):
         _refuse(places, points_px, middle, True, names)
-        raise AssertionError
     lens = lens_of_focal_length(fit[1], width, height)
     jacobian = _jacobian(places, fit[0], lens, True)
     relative = np.inf
@@ -109,7 +111,7 @@ def _require_one(fits: list[tuple[np.ndarray, float, float]], points: int) -> No
                              "small or frontal; give points at different depths")
 
 
-def _refuse(places: np.ndarray, points_px: np.ndarray, lens: Lens, free_focal: bool, names: Sequence[str]) -> None:
+def _refuse(places: np.ndarray, points_px: np.ndarray, lens: Lens, free_focal: bool, names: Sequence[str]) -> NoReturn:
     """Say what is most likely wrong with points that no pose explains."""
     def squares(kept: np.ndarray, points: np.ndarray) -> float:
         if free_focal:
@@ -135,12 +137,15 @@ def _refuse(places: np.ndarray, points_px: np.ndarray, lens: Lens, free_focal: b
 
 
 def _with_focal(places: np.ndarray, points_px: np.ndarray, middle: Lens) -> tuple[np.ndarray, float, float] | None:
-    """The best fit over a range of focal lengths to start from."""
-    fits = []
+    """The best fit from the likeliest of a range of focal lengths."""
+    starts = []
     for focal in np.geomspace(*FOCAL_RANGE, 10) * middle.width:
         lens = lens_of_focal_length(focal, middle.width, middle.height)
-        fits += [_refined(places, points_px, lens, start, True) for start in likely_poses(places, points_px, lens)]
-    return min(fits, key=lambda fit: fit[2], default=None)
+        starts += [(float(np.sum((projected(places, start, lens)[0] - points_px) ** 2)), lens, start)
+                   for start in likely_poses(places, points_px, lens)]
+    likeliest = sorted(starts, key=lambda one: one[0])[:STARTS]
+    return min((_refined(places, points_px, lens, start, True) for _, lens, start in likeliest),
+               key=lambda fit: fit[2], default=None)
 
 
 def _refined(places: np.ndarray, points_px: np.ndarray, lens: Lens, start: np.ndarray,
@@ -160,7 +165,8 @@ def _refined(places: np.ndarray, points_px: np.ndarray, lens: Lens, start: np.nd
         log_focal = derivative[:, 6:8] @ np.diag(at(parameters).matrix)[:2]
         return np.column_stack([derivative[:, :6], log_focal]) if free_focal else derivative[:, :6]
 
-    found = least_squares(misses, np.append(start, 0.0) if free_focal else start, slope, x_scale="jac", method="lm")
+    found = least_squares(misses, np.append(start, 0.0) if free_focal else start, slope, x_scale="jac", method="lm",
+                          max_nfev=MOST_STEPS)
     behind = (places @ rotation_matrix(found.x[:3]).T + found.x[3:6])[:, 2] <= 0
     return found.x[:6], float(at(found.x).matrix[0, 0]), np.inf if behind.any() else float(2 * found.cost)
 

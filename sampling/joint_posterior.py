@@ -62,13 +62,8 @@ def gaussian_of(prior: LogitMixture) -> tuple[np.ndarray, np.ndarray]:
     """Mean (P,) and root L (P, P) of the one Gaussian with the mixture's mean and covariance."""
     mean = prior.weights @ prior.means
     away = prior.means - mean
-    return mean, root_of(np.einsum("c,cpq->pq", prior.weights, prior.covariances) + (away.T * prior.weights) @ away)
-
-
-def root_of(covariance: np.ndarray) -> np.ndarray:
-    """L with L L' equal to a covariance (P, P)."""
-    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
-    return vectors * np.sqrt(np.maximum(values, 1e-12))
+    covariance = np.einsum("c,cpq->pq", prior.weights, prior.covariances) + (away.T * prior.weights) @ away
+    return mean, np.linalg.cholesky(covariance)
 
 
 def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.ndarray, standard_error: np.ndarray,
@@ -120,7 +115,7 @@ def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.nd
     whole = JointProblem(tuple(transport.materials[m] for m in unknown), exponents[:, unknown], factor, rows, targets,
                          response,
                          np.log(np.append(prior.weights, 1.0)), np.vstack([prior.means, mean]),
-                         np.concatenate([[root_of(one) for one in prior.covariances], root[None]]))
+                         np.concatenate([np.linalg.cholesky(prior.covariances), root[None]]))
     return _above_noise(whole)
 
 

@@ -20,6 +20,7 @@ from radiometry.shaped import Record
 GRID = visible_grid(5)
 SHIPPED = Path(__file__).parent / "models" / "measured_reflectances.npz"
 EDGE = 0.004            # training reflectances are clipped to 0.004-0.996 before the logit
+MOMENT_DRAWS = 20000
 FORMAT = "spectrabox prior 1"
 ARRAYS = ("nm", "weights", "means", "covariances", "levels", "band_factors", "curve_factor", "familiar_surprise")
 
@@ -52,6 +53,16 @@ def logit(reflectance: np.ndarray) -> np.ndarray:
 def reflectance(logits: np.ndarray) -> np.ndarray:
     """Reflectance, strictly between 0 and 1, of logits."""
     return 0.5 * (1 + np.tanh(0.5 * logits))
+
+
+def reflectance_moments(prior: LogitMixture, draws: int = MOMENT_DRAWS) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (P,) and covariance (P, P) of the reflectances of a prior, from as many draws; always the same."""
+    rng = np.random.default_rng(0)
+    counts = rng.multinomial(draws, prior.weights / prior.weights.sum())
+    logits = [rng.multivariate_normal(mean, covariance.astype(float), count)
+              for mean, covariance, count in zip(prior.means, prior.covariances, counts, strict=True)]
+    spectra = reflectance(np.vstack(logits))
+    return spectra.mean(axis=0), np.cov(spectra, rowvar=False)
 
 
 def save_prior(path: Path, prior: LogitMixture) -> None:

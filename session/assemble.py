@@ -7,7 +7,6 @@ import numpy as np
 
 from radiometry.records import Calibration, Reconstruction
 from radiometry.spectrum_files import on_grid, read_curves, spectrum_on_grid
-from reconstruct.agreement import misalignment
 from reconstruct.joint_reconstruction import JointReconstruction
 from session.error_budget import relative_errors
 from session.inputs import GRID, read_reflectance
@@ -28,7 +27,6 @@ from session.session_schema import SessionConfig
 from session.stages import band_names
 
 CHART_WARNING, SURFACE_WARNING = 0.03, 0.05
-SHIFT_WARNING = 0.5      # pixels of the rendered view
 
 
 def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]) -> SessionResults:
@@ -128,10 +126,6 @@ def _warnings(config: SessionConfig, calibration: Calibration, reconstruction: R
         if np.abs(off).max() > SURFACE_WARNING:
             found.append(f"Photo and rendering disagree on {name} by {off[np.argmax(np.abs(off))]:+.0%} in the worst "
                          "band: geometry, light or material of this surface is not as the scene says.")
-    shift = misalignment(reconstruction.measured, reconstruction.rendered)
-    if np.abs(agreement.ratio - 1).max() > SURFACE_WARNING and np.abs(shift).max() > SHIFT_WARNING:
-        found.append(f"The photo seems shifted against the scene by {shift[0]:+.1f} pixels to the right and "
-                     f"{shift[1]:+.1f} down, of {reconstruction.used.shape[1]} across: check the camera's pose.")
     if config.photos.flat is None:
         found.append("No flat-field photo: vignetting is not corrected and counts as reflectance.")
     if config.scale.source == "material" or calibration.light_scale is None:

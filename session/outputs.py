@@ -1,27 +1,44 @@
 """What an operator takes away from a session besides the report: spectra, Mitsuba materials, pictures as numbers."""
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
-from capture.image_files import write_exr
-from radiometry.files import write_text_whole
+from capture.image_files import write_exr, write_png
+from radiometry.files import writable, write_text_whole
 from radiometry.records import Quantity, Reconstruction
+from radiometry.spectral_formats.tm27 import spdx_text
 from radiometry.spectrum_files import table_text
 from reconstruct.scene_file import materials_xml
-from session.results import SessionResults
+from session.report.maps import comparison_rgb8
+from session.results import MaterialResult, SessionResults
 
 DARKEST = 1e-6  # signal under which a relative residual is not formed
 
 
 def write_outputs(results: SessionResults) -> None:
-    """spectra.csv, materials.xml and comparison.exr beside the report, each whole or not at all."""
+    """Spectra, materials and pictures beside the report, each file whole or not at all."""
     write_text_whole(results.folder / "spectra.csv", spectra_text(results))
+    with writable(results.folder):
+        (results.folder / "spdx").mkdir(exist_ok=True)
+    for material in results.materials:
+        name = re.sub(r"[^\w -]", "-", material.name)
+        write_text_whole(results.folder / "spdx" / f"{name}.spdx",
+                         spdx_text(results.reconstruction.grid.nm, {material.name: best_spectrum(material)},
+                                   quantity=Quantity.REFLECTANCE, source=f"{material.name}, {results.name}"))
     write_text_whole(results.folder / "materials.xml", materials_text(results))
-    _write_comparison(results.folder / "comparison.exr", results.reconstruction, results.bands)
-    for view in results.views:
-        _write_comparison(results.folder / f"comparison {view.name}.exr", view.reconstruction, view.bands)
+    shots = [("comparison", results.reconstruction, results.calibration, results.bands)]
+    shots += [(f"comparison {view.name}", view.reconstruction, view.calibration, view.bands) for view in results.views]
+    for name, made, calibration, bands in shots:
+        _write_comparison(results.folder / f"{name}.exr", made, bands)
+        write_png(results.folder / f"{name}.png", comparison_rgb8(made, calibration.sensitivity))
+
+
+def best_spectrum(material: MaterialResult) -> np.ndarray:
+    """The mean (P,) of the draws, or the given spectrum."""
+    return material.spectrum if material.summary is None else material.summary.mean
 
 
 def _write_comparison(path: Path, made: Reconstruction, bands: tuple[str, ...]) -> None:
@@ -34,9 +51,7 @@ def _write_comparison(path: Path, made: Reconstruction, bands: tuple[str, ...]) 
 def materials_text(results: SessionResults) -> str:
     """Mitsuba BSDFs of all materials: the mean of the draws, or the given spectrum."""
     nm = results.reconstruction.grid.nm
-    spectra = {material.name: material.spectrum if material.summary is None else material.summary.mean
-               for material in results.materials}
-    return materials_xml({name: np.clip(values, 0, 1) for name, values in spectra.items()},
+    return materials_xml({material.name: np.clip(best_spectrum(material), 0, 1) for material in results.materials},
                          (float(nm[0]), float(nm[-1])))
 
 

@@ -3,7 +3,16 @@ from __future__ import annotations
 
 import re
 
-from session.session_schema import CURVE_METHODS, ENGINES, FILE_NAME, ONE_PHOTO, SAMPLERS, SessionConfig, by_band
+from session.session_schema import (
+    CURVE_METHODS,
+    ENGINES,
+    FILE_NAME,
+    ONE_PHOTO,
+    SAMPLERS,
+    SPECTRUM_PRIORS,
+    SessionConfig,
+    by_band,
+)
 
 
 def inconsistencies(config: SessionConfig) -> list[str]:
@@ -17,6 +26,9 @@ def inconsistencies(config: SessionConfig) -> list[str]:
     if config.reconstruct.engine not in ENGINES:
         problems.append(f"{FILE_NAME}: reconstruct.engine is {config.reconstruct.engine!r}; "
                         f"{', '.join(ENGINES)} are possible")
+    if config.reconstruct.spectrum_prior not in SPECTRUM_PRIORS:
+        problems.append(f"{FILE_NAME}: reconstruct.spectrum_prior is {config.reconstruct.spectrum_prior!r}; "
+                        f"{', '.join(SPECTRUM_PRIORS)} are possible")
     if config.sampling.method not in SAMPLERS:
         problems.append(f"{FILE_NAME}: sampling.method is {config.sampling.method!r}; "
                         f"{', '.join(SAMPLERS)} are possible")

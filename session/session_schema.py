@@ -130,6 +130,12 @@ class ViewSection:
 class ReconstructSection:
     engine: str = "transport"
     surface_error: float = 0.01
+    brightness_error: float = 0.0
+    light_error: float = 0.0
+    mixing_error: float = 0.0
+    block_error: float = 0.0
+    errors_from_scene: bool = True
+    spectrum_prior: str = "learnt"
     smoothness: float = 0.1
     coefficients: int = 11
     width: int = 96
@@ -227,6 +233,7 @@ class SessionConfig:
 
 ENGINES = ("transport", "gradient", "per-wavelength", "single-bounce")
 CURVE_METHODS = ("prior", "smooth", "nonnegative", "paper")
+SPECTRUM_PRIORS = ("learnt", "smooth", "none")
 SAMPLERS = ("prior", "uniform", "paper")
 NAMED_TABLES = {"materials": MaterialSection, "views": ViewSection}
 SECTIONS = {f.name: f for f in dataclasses.fields(SessionConfig) if f.name not in ("folder", "allow_outside")}
@@ -234,5 +241,7 @@ LIMITS: dict[tuple[str, str], tuple[float, float]] = {
     ("session", "seed"): (0, 2**31 - 1), ("sensitivity", "coefficients"): (5, 24),
     ("sensitivity", "relative_error"): (1e-4, 1.0), ("reconstruct", "coefficients"): (5, 40),
     ("reconstruct", "surface_error"): (0, 1), ("reconstruct", "smoothness"): (0, 1e9),
+    ("reconstruct", "brightness_error"): (0, 1), ("reconstruct", "light_error"): (0, 1),
+    ("reconstruct", "mixing_error"): (0, 1), ("reconstruct", "block_error"): (0, 1),
     ("reconstruct", "width"): (16, 1024), ("reconstruct", "steps"): (20, 5000), ("reconstruct", "spp"): (1, 4096),
     ("sampling", "coefficients"): (5, 40), ("sampling", "draws"): (1000, 1000000), ("sampling", "level"): (0.5, 0.999)}

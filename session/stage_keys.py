@@ -7,6 +7,7 @@ from typing import Any
 
 from radiometry.files import sha256_of
 from reconstruct.scene_file import SceneFile
+from sampling.logit_mixture import SHIPPED
 from session.inputs import read_chart_scene, read_session_scene
 from session.provenance import DECISIVE, code_digest, versions
 from session.session_schema import SessionConfig
@@ -77,12 +78,17 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
                      "known": {name: _plain(reference) for name, reference in known.items()},
                      "scenes": {shot.name: shot.scene for shot in shots},
                      "lights by id": [list(shot.lights_by_id) for shot in shots],
-                     "reconstruct": _plain(config.reconstruct), "scale": config.scale.source,
+                     "reconstruct": _plain(config.reconstruct), "learnt prior": _learnt(config),
+                     "scale": config.scale.source,
                      "seed": config.session.seed},
         "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}} | made_by("reconstruct")
     keys["sample"] = {"settings": {"sampling": _plain(config.sampling), "seed": config.session.seed},
                       "stages": {"reconstruct": fingerprint(keys["reconstruct"])}} | made_by("sample")
     return keys
+
+
+def _learnt(config: SessionConfig) -> str | None:
+    return sha256_of(SHIPPED) if config.reconstruct.spectrum_prior == "learnt" else None
 
 
 def as_stored(key: Key) -> Key:

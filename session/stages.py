@@ -28,11 +28,13 @@ from radiometry.spectrum_files import spectrum_on_grid
 from reconstruct.inverse_rendering import (
     InversionSettings,
     JointReconstruction,
+    LearntSpectra,
     MaterialSpec,
     View,
     reconstruct_views,
 )
 from reconstruct.renderer import start_mitsuba
+from sampling.logit_mixture import load_prior, reflectance_moments
 from sampling.methods import draw_spectra
 from sampling.spectral_samples import SpectralMeasurement, SpectralSamples, summarise_spectra
 from session.error_budget import measurement_of
@@ -133,10 +135,14 @@ def invert_photos(config: SessionConfig, device: str, photos: Sequence[LinearIma
                           _scale_of(config, photo, calibration, chart),
                           {light: read_light(config, spectrum) for light, spectrum in shot.lights_by_id.items()}))
     chosen = config.reconstruct
-    settings = InversionSettings(coefficients=chosen.coefficients, steps=chosen.steps, spp=chosen.spp,
-                                 seed=config.session.seed, surface_error=chosen.surface_error,
-                                 smoothness=chosen.smoothness, engine=chosen.engine)
+    settings = InversionSettings(**{name: value for name, value in vars(chosen).items() if name != "width"},
+                                 seed=config.session.seed, learnt=_learnt_spectra(chosen.spectrum_prior))
     return reconstruct_views(views, tuple(materials.values()), settings, progress)
+
+
+def _learnt_spectra(spectrum_prior: str) -> LearntSpectra | None:
+    prior = load_prior() if spectrum_prior == "learnt" else None
+    return None if prior is None else LearntSpectra(np.asarray(prior.nm), *reflectance_moments(prior))
 
 
 def _scale_of(config: SessionConfig, photo: LinearImage, calibration: Calibration,

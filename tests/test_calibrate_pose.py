@@ -39,7 +39,7 @@ def test_the_focal_length_comes_back_with_the_pose():
 @pytest.mark.parametrize("free_focal", [False, True])
 def test_the_stated_errors_are_the_scatter_of_repeated_clicks(free_focal):
     rng, found = np.random.default_rng(4), []
-    for _ in range(200):
+    for _ in range(100):
         places, points = box_view(rng, lens=PLAIN)
         if free_focal:
             pose, lens = pose_and_focal_length(places, points, 640, 480)
@@ -47,13 +47,13 @@ def test_the_stated_errors_are_the_scatter_of_repeated_clicks(free_focal):
         else:
             found.append((*camera_place(pose_from_points(places, points, PLAIN)), 700.0, 1.0))
     position, error, direction, angle, focal, focal_error = (np.array(column) for column in zip(*found, strict=True))
-    # 200 draws know a standard deviation to 5 %, the stated ones scatter by 1 / sqrt(2 x 9) each: 4 sigma.
-    assert np.mean(error**2, axis=0) ** 0.5 / position.std(axis=0) == pytest.approx(1, abs=0.25)
-    np.testing.assert_allclose(np.mean(position, axis=0), true_place()[0], atol=5 * position.std() / np.sqrt(200))
+    # 100 draws of three numbers know a standard deviation to 4 to 7 %: 4 sigma.
+    assert np.mean(error**2, axis=0) ** 0.5 / position.std(axis=0) == pytest.approx(1, abs=0.28)
+    np.testing.assert_allclose(np.mean(position, axis=0), true_place()[0], atol=5 * position.std() / np.sqrt(100))
     turned = np.degrees(np.linalg.norm(direction - true_place()[1], axis=1))
-    assert np.sqrt(np.mean(angle**2) / np.mean(turned**2)) == pytest.approx(1, abs=0.25)
+    assert np.sqrt(np.mean(angle**2) / np.mean(turned**2)) == pytest.approx(1, abs=0.28)
     if free_focal:
-        assert np.sqrt(np.mean(focal_error**2)) / focal.std() == pytest.approx(1, abs=0.25)
+        assert np.sqrt(np.mean(focal_error**2)) / focal.std() == pytest.approx(1, abs=0.28)
 
 
 def test_an_uncertain_lens_widens_the_pose():

@@ -5,13 +5,14 @@ import matplotlib
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, to_hex
+from matplotlib.colors import ListedColormap, to_hex, to_rgb
 from matplotlib.ticker import FuncFormatter
 from scipy.ndimage import distance_transform_edt
 
 from radiometry.records import Reconstruction, SensitivityFit
 from session.report.svg import figure, inline_svg, plain_line
 
+PANEL_PX = 320  # at least, of each picture of a comparison
 WIDTH_IN = 9.6  # a figure as wide as the page
 NICE = np.array([0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0])  # ends of the residual scale
 UNUSED = "#eceef1"
@@ -30,16 +31,40 @@ def srgb_encoded(linear: np.ndarray) -> np.ndarray:
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 1e-9) ** (1 / 2.4) - 0.055)
 
 
-def pair_figure(name: str, made: Reconstruction, fit: SensitivityFit, bands: tuple[str, ...]) -> Markup:
-    """Photo and rendering side by side, divided by white and stretched by one common factor."""
-    chosen = display_bands(fit)
+def comparison_rgb8(made: Reconstruction, fit: SensitivityFit) -> np.ndarray:
+    """Photo, rendering and signed residual side by side (h, w, 3) as 8-bit sRGB.
+
+    Photo and rendering are stretched alike; the residual is the mean over the bands on a scale of its own, red where
+    the photo is brighter, grey where a pixel was not used.
+    """
+    photo, rendering = _stretched(made, display_bands(fit))
+    residuals = residual_maps(made)
+    used = np.isfinite(residuals).all(axis=2)
+    mean = np.where(used, np.where(used[..., None], residuals, 0).mean(axis=2), 0)
+    limit = residual_limit(residuals)
+    coloured = matplotlib.colormaps["RdBu_r"](0.5 + 0.5 * np.clip(mean / limit, -1, 1))[..., :3]
+    coloured[~used] = to_rgb(UNUSED)
+    enlarged = -(-PANEL_PX // photo.shape[1])
+    strip = np.concatenate([photo, rendering, coloured], axis=1)
+    return np.round(255 * strip).astype(np.uint8).repeat(enlarged, axis=0).repeat(enlarged, axis=1)
+
+
+def _stretched(made: Reconstruction, chosen: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Photo and rendering (H, W, 3) divided by white, stretched by one factor and encoded for the screen."""
     photo, rendering = (image[..., chosen] / made.white_signal[chosen] for image in (made.measured, made.rendered))
     seen = photo[np.isfinite(photo)]
     stretch = max(float(np.percentile(seen, 99)), 1e-12) if seen.size else 1.0
+    return srgb_encoded(np.nan_to_num(photo) / stretch), srgb_encoded(np.nan_to_num(rendering) / stretch)
+
+
+def pair_figure(name: str, made: Reconstruction, fit: SensitivityFit, bands: tuple[str, ...]) -> Markup:
+    """Photo and rendering side by side, divided by white and stretched by one common factor."""
+    chosen = display_bands(fit)
     height, width = made.used.shape
     drawing = figure(WIDTH_IN, _panel_height(WIDTH_IN / 2, height, width) + 0.3)
-    for axes, image, title in zip(drawing.subplots(1, 2), (photo, rendering), ("Photo", "Rendering"), strict=True):
-        axes.imshow(srgb_encoded(np.nan_to_num(image) / stretch))
+    titles = ("Photo", "Rendering")
+    for axes, image, title in zip(drawing.subplots(1, 2), _stretched(made, chosen), titles, strict=True):
+        axes.imshow(image)
         _bare(axes, title)
     shown = ", ".join(bands[k] for k in chosen)
     return inline_svg(drawing, name, "Photo and rendering", f"Bands {shown} shown as red, green and blue.")
