@@ -32,7 +32,7 @@ class PhotonTransfer:
 
     def variance(self, signal: np.ndarray) -> np.ndarray:
         """Variance (H, W, K) float32 of a picture; below black the read noise alone remains."""
-        variance = np.maximum(signal, 0, dtype=np.float32)
+        variance = np.maximum(signal, 0, dtype=np.float32, order="C")  # so that the reshape below is a view
         rows = variance.reshape(variance.shape[0], -1)  # one long row at a time is four times as fast as K numbers
         rows *= np.tile(self.gain.astype(np.float32), variance.shape[1])
         rows += np.tile(self.read.astype(np.float32), variance.shape[1])
