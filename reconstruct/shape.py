@@ -23,7 +23,7 @@ from reconstruct.shape_descent import Stage, descend, flat_start
 from reconstruct.shape_mesh import icosphere, subdivided, write_mesh
 
 FEWEST_VIEWS = 3
-STAGES = (Stage(3, 40, 0.03, 19.0, 8), Stage(4, 40, 0.02, 38.0, 8), Stage(4, 40, 0.01, 38.0, 8))
+STAGES = (Stage(3, 40, 0.03, 19.0, 8), Stage(4, 40, 0.02, 19.0, 8), Stage(4, 50, 0.01, 8.0, 8))
 
 
 @dataclass(frozen=True)

@@ -76,12 +76,20 @@ def _to_vertex(A, x, place, basic):  # type: ignore[no-untyped-def]
         if x[j] <= 0.0 or x[j] >= 1.0:
             place[j] = -1 if x[j] <= 0.0 else 1
     members = np.empty(K + 1, np.int64)
-    while _spread_columns(A, place, members):
-        if members[K] < 0:
+    stale, following = True, 0
+    while True:
+        if stale:
+            if not _spread_columns(A, place, members):
+                return False
+            stale, following = False, 0
+        while following < N and (place[following] != 0 or np.any(members[:K] == following)):
+            following += 1
+        if following == N:
             basic[:] = members[:K]
             return True
+        members[K] = following
         d = np.ones(K + 1)
-        d[:K] = np.linalg.solve(_columns(A, members[:K]), -A[:, members[K]])
+        d[:K] = np.linalg.solve(_columns(A, members[:K]), -A[:, following])
         length, stop, end = 1e300, -1, 0
         for q in range(K + 1):
             j = members[q]
@@ -93,29 +101,31 @@ def _to_vertex(A, x, place, basic):  # type: ignore[no-untyped-def]
             x[members[q]] += length * d[q]
         x[stop] = 1.0 if end == 1 else 0.0
         place[stop] = end
-    return False
+        stale = stop != following
 
 
 @njit(cache=True)
 def _spread_columns(A, place, members):  # type: ignore[no-untyped-def]
-    """K free columns that are as far from dependent as a greedy choice finds, and one more or -1; False if none are.
+    """Into members the K free columns farthest from dependent that a greedy choice finds; False if there are none.
 
     Neighbouring splines look almost alike to the camera: the first K free ones would have no inverse to speak of.
     """
     K, N = A.shape
     rest = A.copy()
-    largest, taken = 0.0, np.zeros(N, np.int64)
+    largest = 0.0
     for k in range(K):
         best, size = -1, 0.0
         for j in range(N):
-            if place[j] == 0 and taken[j] == 0:
-                length = np.sum(rest[:, j]**2)
+            if place[j] == 0:
+                length = 0.0
+                for r in range(K):
+                    length += rest[r, j]**2
                 if length > size:
                     best, size = j, length
         largest = max(largest, size)
         if best < 0 or size <= SMALLEST_VOLUME**2 * largest:
             return False
-        members[k], taken[best] = best, 1
+        members[k] = best
         along = rest[:, best] / np.sqrt(size)
         for j in range(N):
             share = 0.0
@@ -123,10 +133,6 @@ def _spread_columns(A, place, members):  # type: ignore[no-untyped-def]
                 share += along[r] * rest[r, j]
             for r in range(K):
                 rest[r, j] -= share * along[r]
-    members[K] = -1
-    for j in range(N):
-        if place[j] == 0 and taken[j] == 0:
-            members[K] = j
     return True
 
 

@@ -31,7 +31,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve, qr
+from scipy.linalg import qr
 from scipy.optimize import lsq_linear
 
 from radiometry.errors import ConvergenceError, InputError
@@ -101,7 +101,7 @@ def tilted_proposals(operator: MeasurementOperator, tilt: Tilt, rng: np.random.G
     columns = np.hstack([operator.A, noise_columns(operator.noise_covariance)])
     slopes = tilt.theta @ columns
     basic = basic_columns(columns, slopes, coefficients)
-    factors = lu_factor(columns[:, basic])
+    inverse = np.linalg.inv(columns[:, basic])    # of nearly largest volume, so well conditioned
     is_free = np.isin(np.arange(slopes.size), basic, invert=True)
     free_c, free_e = np.flatnonzero(is_free[:coefficients]), coefficients + np.flatnonzero(is_free[coefficients:])
     basic_c, basic_e = basic[basic < coefficients], basic[basic >= coefficients]
@@ -110,7 +110,7 @@ def tilted_proposals(operator: MeasurementOperator, tilt: Tilt, rng: np.random.G
         x = np.empty((proposals, slopes.size))
         x[:, free_c] = draw_tilted(slopes[free_c], rng.random((proposals, free_c.size)))
         x[:, free_e] = slopes[free_e] + rng.standard_normal((proposals, free_e.size))
-        x[:, basic] = lu_solve(factors, (operator.y - x[:, is_free] @ columns[:, is_free].T).T).T
+        x[:, basic] = (operator.y - x[:, is_free] @ columns[:, is_free].T) @ inverse.T
         c = x[:, basic_c]
         log_ratio = (c @ slopes[basic_c] - np.maximum(slopes[basic_c], 0).sum()
                      - ((x[:, basic_e] - slopes[basic_e])**2).sum(axis=1) / 2)
@@ -130,8 +130,12 @@ def draw_tilted(h: np.ndarray, uniform: np.ndarray) -> np.ndarray:
     """Inverse of the distribution function of exp(h c) on [0, 1], for h (F,) and uniform numbers (T, F) in [0, 1)."""
     # The draw is made for -|h| and mirrored, so no exponential overflows; 1e-100 stands for h = 0, where c = u.
     slope = np.maximum(np.abs(h), 1e-100)
-    c = np.minimum(-np.log1p(uniform * np.expm1(-slope)) / slope, 1)
-    return np.where(h > 0, 1 - c, c)
+    c = uniform * np.expm1(-slope)
+    np.log1p(c, out=c)
+    c *= -1 / slope
+    np.minimum(c, 1, out=c)
+    np.subtract(1, c, out=c, where=h > 0)
+    return np.asarray(c)
 
 
 def basic_columns(columns: np.ndarray, slopes: np.ndarray, coefficients: int) -> np.ndarray:

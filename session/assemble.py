@@ -9,7 +9,7 @@ from radiometry.records import Calibration, Reconstruction
 from radiometry.spectrum_files import on_grid, read_curves, spectrum_on_grid
 from reconstruct.joint_reconstruction import JointReconstruction
 from session.error_budget import relative_errors
-from session.inputs import GRID, read_reflectance
+from session.inputs import GRID, band_names, read_reflectance
 from session.pipeline import (
     FinishedRun,
     array_of,
@@ -24,7 +24,6 @@ from session.pipeline import (
 from session.results import ChartResult, MaterialResult, SessionResults, ViewResult
 from session.scores import score
 from session.session_schema import SessionConfig
-from session.stages import band_names
 
 CHART_WARNING, SURFACE_WARNING = 0.03, 0.05
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from calibrate.lens_files import read_lens
 from capture.chart_detection import find_chart
 from capture.patches import require_unclipped, sample_patches
 from radiometry.chart import PATCH_NAMES, typical_camera_signals
@@ -69,6 +70,8 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
         attempt(read_chart_scene, config)
         chart_signals = attempt(read_chart_reference, config)
     bsdfs = {name: material.bsdf for name, material in config.materials.items()}
+    if config.camera.lens is not None:
+        attempt(lambda: read_lens(config.path(config.camera.lens or "")))
     for shot in config.shots:
         light, scene = attempt(read_light, config, shot.light), attempt(read_session_scene, config, shot.scene)
         if scene is not None:

@@ -165,3 +165,23 @@ def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpe
 def _spectrum(config: SessionConfig, reference: SpectrumRef, role: Quantity) -> Spectrum:
     return read_spectrum(config.path(reference.file), role=role, column=reference.column,
                          wavelength_column=reference.wavelength_column)
+
+
+def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
+    """Names of the camera's bands.
+
+    Raises
+    ------
+    InputError
+        If the photo and the measured curves differ in the number of bands.
+    """
+    photographed = tuple(config.shots[0].photo)
+    names = photographed if any(photographed) else ("R", "G", "B") if bands == 3 else \
+        tuple(f"band {index + 1}" for index in range(bands))
+    if config.sensitivity.from_chart:
+        return names
+    curves = read_sensitivities(config)[0]
+    if len(curves) != bands:
+        raise InputError(f"{config.sensitivity.source.file} holds {len(curves)} curves, but the photo has {bands} "
+                         f"bands ({', '.join(names)}): give one curve for each, in this order")
+    return names if any(photographed) else curves

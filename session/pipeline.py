@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from radiometry.errors import InputError
+from radiometry.light_drift import LightDrift
 from radiometry.records import (
     Calibration,
     ChartDetection,
@@ -20,14 +21,11 @@ from radiometry.records import (
 from reconstruct.joint_reconstruction import JointReconstruction
 from sampling.spectral_samples import SpectralSamples
 from session.calibrate_stage import calibrate_shots
+from session.photo_stages import bin_object_photos, find_and_sample_charts
+from session.reconstruct_stage import drift_of_light, invert_photos
+from session.sample_stage import sample_materials
 from session.session_schema import SessionConfig, Shot
 from session.stage_keys import Key, as_stored, stage_keys
-from session.stages import (
-    bin_object_photos,
-    find_and_sample_charts,
-    invert_photos,
-    sample_materials,
-)
 from session.store import StoredStage, load_stage, save_stage, stage_folder, why_stale
 
 STAGES = ("chart", "photo", "calibrate", "reconstruct", "sample")
@@ -175,6 +173,16 @@ def samples_of(stored: dict[str, StoredStage], material: str) -> tuple[SpectralS
     return stage.record(SpectralSamples, f"samples {material}"), stage.record(SpectrumSummary, f"summary {material}")
 
 
+def _drift(config: SessionConfig, stored: dict[str, StoredStage]) -> LightDrift | None:
+    """Change of the light between the first chart photo and object photo, where both show references."""
+    if not config.drift.chart_px:
+        return None
+    chart = chart_of(stored)
+    assert chart is not None
+    return drift_of_light(config, chart[2], stored["chart"].record(np.ndarray, "references"), photo_of(stored),
+                          stored["photo"].record(np.ndarray, "references"))
+
+
 def _chart_under_light(config: SessionConfig, stored: dict[str, StoredStage],
                        shot: Shot) -> tuple[ChartDetection, PatchSamples, LinearImage] | None:
     """The shot's own chart photo, else the first shot's where the light is the same."""
@@ -212,9 +220,10 @@ def _run_stage(config: SessionConfig, name: str, key: Key, device: str, stored: 
             records = calibrate_shots(config, device, [chart and chart[1] for chart in charts], report)
         elif name == "reconstruct":
             charts = [_chart_under_light(config, stored, shot) for shot in config.shots]
-            records = {"joint": invert_photos(config, device, [photo_of(stored, shot) for shot in config.shots],
-                                              calibrations_of(config, stored), [chart and chart[2] for chart in charts],
-                                              report)}
+            drift = _drift(config, stored)
+            records = {"drift": drift, "joint": invert_photos(
+                config, device, [photo_of(stored, shot) for shot in config.shots], calibrations_of(config, stored),
+                [chart and chart[2] for chart in charts], drift, report)}
         else:
             records = sample_materials(config, calibrations_of(config, stored), joint_of(stored), report)
         save_stage(folder, as_stored(key), records, time.perf_counter() - start, {"stage": name})

@@ -52,6 +52,12 @@ def inconsistencies(config: SessionConfig) -> list[str]:
     if config.chart.corners_px is not None and [len(c) for c in config.chart.corners_px] != [2] * 4:
         problems.append(f"{FILE_NAME}: chart.corners_px needs four [x, y] pairs: the outer corners at dark skin, "
                         "bluish green, black and white")
+    if len(config.drift.chart_px) != len(config.drift.object_px):
+        problems.append(f"{FILE_NAME}: drift.chart_px names {len(config.drift.chart_px)} references and "
+                        f"drift.object_px {len(config.drift.object_px)}; name the same ones in both, in one order")
+    if config.drift.chart_px and not config.needs_chart:
+        problems.append(f"{FILE_NAME}: [drift] compares the object photo with the chart photo, but nothing of this "
+                        "session comes from a chart photo; leave it out")
     return problems + _views(config) + _bands(config)
 
 

@@ -80,6 +80,20 @@ class ChartSection:
 
 
 @dataclass(frozen=True)
+class CameraSection:
+    lens: str | None = None
+
+
+@dataclass(frozen=True)
+class DriftSection:
+    """Neutral references that chart photo and object photo both show: four corners each, in pixels of the photo."""
+
+    chart_px: tuple[tuple[tuple[float, ...], ...], ...] = ()
+    object_px: tuple[tuple[tuple[float, ...], ...], ...] = ()
+    relative_error: float = 0.005
+
+
+@dataclass(frozen=True)
 class LightSection:
     spectrum: SpectrumRef
     by_id: dict[str, SpectrumRef] | None = None     # lights of the scene that have another spectrum
@@ -192,6 +206,8 @@ class SessionConfig:
     views: dict[str, ViewSection] = field(default_factory=dict)
     session: SessionSection = field(default_factory=SessionSection)
     chart: ChartSection = field(default_factory=ChartSection)
+    camera: CameraSection = field(default_factory=CameraSection)
+    drift: DriftSection = field(default_factory=DriftSection)
     sensitivity: SensitivitySection = field(default_factory=SensitivitySection)
     scale: ScaleSection = field(default_factory=ScaleSection)
     reconstruct: ReconstructSection = field(default_factory=ReconstructSection)
@@ -239,7 +255,8 @@ NAMED_TABLES = {"materials": MaterialSection, "views": ViewSection}
 SECTIONS = {f.name: f for f in dataclasses.fields(SessionConfig) if f.name not in ("folder", "allow_outside")}
 LIMITS: dict[tuple[str, str], tuple[float, float]] = {
     ("session", "seed"): (0, 2**31 - 1), ("sensitivity", "coefficients"): (5, 24),
-    ("sensitivity", "relative_error"): (1e-4, 1.0), ("reconstruct", "coefficients"): (5, 40),
+    ("sensitivity", "relative_error"): (1e-4, 1.0), ("drift", "relative_error"): (1e-5, 1.0),
+    ("reconstruct", "coefficients"): (5, 40),
     ("reconstruct", "surface_error"): (0, 1), ("reconstruct", "smoothness"): (0, 1e9),
     ("reconstruct", "brightness_error"): (0, 1), ("reconstruct", "light_error"): (0, 1),
     ("reconstruct", "mixing_error"): (0, 1), ("reconstruct", "block_error"): (0, 1),

@@ -49,7 +49,7 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
     shots, correcting = config.shots, (*config.photos.flats.values(), *config.photos.dark_files)
     lights = {shot.name: [_plain(light) for light in shot.all_lights] for shot in shots}
     light_files = [light.file for shot in shots for light in shot.all_lights]
-    developing = {"not_linear": config.photos.not_linear, "flats": config.photos.flats}
+    developing = {"not_linear": config.photos.not_linear, "flats": config.photos.flats, "drift": _plain(config.drift)}
     if config.chart_shots:
         charts = [name for shot in config.chart_shots for name in shot.chart_files]
         keys["chart"] = {"files": files(*charts, *correcting, reference, *light_files),
@@ -57,7 +57,7 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
                                       "photos": {shot.name: shot.chart for shot in config.chart_shots},
                                       "lights": lights} | developing} | made_by("chart")
     photos = [name for shot in shots for name in shot.photo_files]
-    keys["photo"] = {"files": files(*photos, *correcting, *scenes),
+    keys["photo"] = {"files": files(*photos, *correcting, *scenes, config.camera.lens),
                      "settings": {"width": config.reconstruct.width,
                                   "photos": {shot.name: shot.photo for shot in shots}} | developing
                      } | made_by("photo")

@@ -21,6 +21,13 @@ reference = "BabelColor Average"    # or "ISO 17321-1", "ColorChecker N Ohta", o
 scene = "scene/chart.xml"           # light and chart in their places; the chart is a rectangle with id "chart"
 # corners_px = [[x, y], [x, y], [x, y], [x, y]]   # only if it is not found: dark skin, bluish green, black, white
 
+# [camera]
+# lens = "lens.json"                # from 'spectrabox geometry lens': object photos are undistorted
+
+# [drift]                           # neutral references seen in both photos: did the light change in between?
+# chart_px = [[[x, y], [x, y], [x, y], [x, y]]]
+# object_px = [[[x, y], [x, y], [x, y], [x, y]]]
+
 [light]
 spectrum = "spectra/light.csv"      # { file = "spectra/light.csv", column = 2 } where the file holds several columns
 
