@@ -53,7 +53,7 @@ from reconstruct.transport import TracedTransport, shaded_image, trace_transport
 from reconstruct.transport_engine import fit_problem, unit_scene
 from reconstruct.transport_fit import FitPriors
 
-COEFFICIENTS, STEPS, GRADIENT_SPP, TRACE_SPP, PHOTO_SPP = 7, 200, 16, 256, 4096
+COEFFICIENTS, STEPS, GRADIENT_SPP, TRACE_SPP, PHOTO_SPP = 7, 200, 16, 64, 4096
 SHORTER = 20            # the per-wavelength engine runs this share of the steps
 RUNS = 7                # of the transport engine, each with another seed; medians are printed
 GRADIENT_SEEDS = (3, 4, 5)

@@ -4,8 +4,8 @@ Spline coefficients of every unknown material start next to zero, a black scene,
 renders the image and its derivative with different seeds, so the gradient of the squared error is unbiased although
 both are noisy; the error itself is not, and is reported with the variance of the rendering left in.
 
-It stops by itself: once the error has not fallen over ``WINDOW`` steps by more than twice the standard error that its
-own scatter gives, the step size is brought down over the last quarter of the steps, whose second half is averaged.
+It stops by itself: once the error has not fallen over ``WINDOW`` steps by more than the standard error that its own
+scatter gives, the step size is brought down over the last quarter of the steps, whose second half is averaged.
 ``steps`` is the most it takes.
 """
 from __future__ import annotations
@@ -23,8 +23,8 @@ START = 1e-3             # not 0: Mitsuba refuses a spectrum without any mass
 LEARNING_RATE = 0.06
 LAST_RATE = 0.05         # of the first, reached by a cosine
 TAIL = 0.25              # share of the steps over which the step size falls
-WINDOW = 20              # steps: the mean loss of these is compared with that of as many before them
-STALLED = 2.0            # standard errors by which it must have fallen to go on
+WINDOW = 30              # steps: the mean loss of these is compared with that of as many before them
+STALLED = 1.0            # standard errors by which it must have fallen to go on
 STILL_FALLING = 0.10     # of a descent without that rule: the loss fell by more than this share over the tail
 
 
@@ -119,15 +119,16 @@ def reflectance_key(parameters: Any, bsdf: str) -> str:
     return matches[0]
 
 
-def stalled(losses: list[float]) -> bool:
-    """Whether the mean loss of the last ``WINDOW`` steps is not below that of as many before, beyond their noise.
+def stalled(losses: list[float], window: int | None = None) -> bool:
+    """Whether the mean loss of the last ``window`` steps is not below that of as many before, beyond their noise.
 
     The noise of both means is that of independent steps with the scatter found within the two windows.
     """
-    if len(losses) < 2 * WINDOW:
+    window = WINDOW if window is None else window
+    if window < 2 or len(losses) < 2 * window:
         return False
-    before, now = np.array(losses[-2 * WINDOW:-WINDOW]), np.array(losses[-WINDOW:])
-    error = np.sqrt((before.var(ddof=1) + now.var(ddof=1)) / WINDOW)
+    before, now = np.array(losses[-2 * window:-window]), np.array(losses[-window:])
+    error = np.sqrt((before.var(ddof=1) + now.var(ddof=1)) / window)
     return bool(before.mean() - now.mean() <= STALLED * error)
 
 

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -64,11 +65,12 @@ def reconstruct(scene_file: SceneFile, photo: LinearImage, calibration: Calibrat
 
 
 def reconstruct_views(views: Sequence[View], materials: tuple[MaterialSpec, ...], settings: InversionSettings,
-                      progress: Progress) -> JointReconstruction:
+                      progress: Progress, checkpoint: Path | None = None) -> JointReconstruction:
     """Find the spectra that explain several photos together: other lights, exposures, viewpoints, cameras.
 
     Materials are the same wherever the scenes give a surface the same BSDF id. Each view is traced on its own; all
-    enter one least-squares fit, each with its own light scale and nuisances.
+    enter one least-squares fit, each with its own light scale and nuisances. A trace that was stopped goes on from the
+    file ``checkpoint``.
 
     Raises
     ------
@@ -90,10 +92,10 @@ def reconstruct_views(views: Sequence[View], materials: tuple[MaterialSpec, ...]
     if settings.engine in ONE_PHOTO:
         record = _record(problems[0], ONE_PHOTO[settings.engine](problems[0], settings, progress), settings)
         return joint_record(problems, [replace(record, notes=chosen + record.notes)], None)
-    answer = solve_views(problems, settings, progress)
+    answer = solve_views(problems, settings, progress, checkpoint)
     records = [_record(problem, one, settings)
                for problem, one in zip(problems, engine_answers(problems, answer), strict=True)]
-    return joint_record(problems, records, answer.fit)
+    return joint_record(problems, records, answer.fit, answer.regions)
 
 
 def _record(problem: InverseProblem, answer: EngineAnswer, settings: InversionSettings) -> Reconstruction:

@@ -12,6 +12,7 @@ from radiometry.response import relative_operator, white_signal
 from radiometry.shaped import Record
 from reconstruct.identifiability import band_signals, identifiability, sentences
 from reconstruct.inverse_problem import EngineAnswer, InverseProblem
+from reconstruct.region_transport import RegionTransport
 from reconstruct.traced_fit import unknown_materials
 from reconstruct.transport_engine import ViewsAnswer
 from reconstruct.transport_fit import TransportFit
@@ -39,6 +40,7 @@ class JointReconstruction(Record):
     signal: Annotated[np.ndarray, "M J"]            # of each material, relative to white
     signal_covariance: Annotated[np.ndarray, "M J J"]
     model_covariance: Annotated[np.ndarray, "M J J"]   # relative; bands of different views err apart
+    regions: tuple[RegionTransport, ...] = ()       # of each view; none where an engine other than transport found it
 
 
 def engine_answers(problems: Sequence[InverseProblem], answer: ViewsAnswer) -> tuple[EngineAnswer, ...]:
@@ -63,7 +65,7 @@ def engine_answers(problems: Sequence[InverseProblem], answer: ViewsAnswer) -> t
 
 
 def joint_record(problems: Sequence[InverseProblem], views: Sequence[Reconstruction],
-                 fit: TransportFit | None) -> JointReconstruction:
+                 fit: TransportFit | None, regions: Sequence[RegionTransport | None] = ()) -> JointReconstruction:
     """The views' records with their bands stacked.
 
     Parameters
@@ -71,6 +73,8 @@ def joint_record(problems: Sequence[InverseProblem], views: Sequence[Reconstruct
     problems, views : V each
     fit : TransportFit or None
         None where an engine of one photo found the answer; its signals are taken as they are.
+    regions : of each view
+        Left out where a view has none.
     """
     distinct = [number for number, problem in enumerate(problems)
                 if not any(_alike(problem, other) for other in problems[:number])]
@@ -102,7 +106,8 @@ def joint_record(problems: Sequence[InverseProblem], views: Sequence[Reconstruct
         tuple(views), tuple(problem.name for problem in problems), materials, known, problems[0].grid, spectra,
         tuple(f"{problems[number].name}: {band}" for number in distinct for band in problems[number].bands),
         view_of_band, response, signal,
-        covariance + (REDUNDANT**2 * np.eye(len(response)) if len(problems) > 1 else 0.0), model)
+        covariance + (REDUNDANT**2 * np.eye(len(response)) if len(problems) > 1 else 0.0), model,
+        tuple(one for one in regions if one is not None))
 
 
 def _operator(problem: InverseProblem) -> np.ndarray:

@@ -91,7 +91,7 @@ def reconstruct_shape(views: Sequence[View], shape_id: str, materials: tuple[Mat
                 lambda step, before=before: progress((before + step) / total, "moving the mesh"))  # type: ignore[misc]
             losses += history
     return ShapeReconstruction(vertices, faces, coefficients, problems[0].basis @ coefficients, np.array(losses),
-                               Outcome.CONVERGED if stalled(history) else Outcome.STEP_LIMIT)
+                               Outcome.CONVERGED if stalled(history, len(history) // 2) else Outcome.STEP_LIMIT)
 
 
 def wearing(view: View, shape_id: str, mesh: Path) -> View:

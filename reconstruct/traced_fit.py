@@ -62,6 +62,14 @@ def fit_traced(views: Sequence[TracedView], priors: Sequence[FitPriors]) -> Tran
         return fit
 
 
+def weighed_regions(view: TracedView, priors: FitPriors, fit: TransportFit,
+                    number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Signals (R, K) of a view's regions, their variance, and the weight (R,) that the fit gave each in the end."""
+    photo = _Weighed(view, priors)
+    seen = photo.weight.max(axis=1) > 0
+    return photo.measured, photo.variance, np.where(seen, photo.trust(fit, number).min(axis=1), 0.0)
+
+
 class _Weighed:
     """Signals of a view's regions with their variance, and the weight of each."""
 

@@ -12,6 +12,7 @@ from radiometry.errors import InputError
 from reconstruct.agreement import scale_from_surfaces, scene_errors, surface_agreement
 from reconstruct.inverse_problem import InverseProblem, InversionSettings, spectrum_prior
 from reconstruct.photo_terms import ViewFit
+from reconstruct.region_transport import RegionTransport, region_transport
 from reconstruct.regions import block_regions, region_means
 from reconstruct.renderer import load_scene
 from reconstruct.scene_file import not_plain_products
@@ -32,6 +33,7 @@ class ViewsAnswer:
     rendered: tuple[np.ndarray, ...]    # (H, W, K) of each photo for a light scale of 1
     engines: tuple[str, ...]            # of each photo, in words
     spp: tuple[int, ...]
+    regions: tuple[RegionTransport | None, ...]     # for the samplers
 
 
 def unit_scene(problem: InverseProblem) -> Any:
@@ -133,7 +135,9 @@ def solve_views(problems: Sequence[InverseProblem], settings: InversionSettings,
     progress(1.0, "")
     return ViewsAnswer(fit, images, tuple(f"{name} ({depth} bounces, {len(view.traced.exponents)} products)"
                                                  for view, depth in zip(views, depths, strict=True)),
-                       tuple(view.traced.spp for view in views))
+                       tuple(view.traced.spp for view in views),
+                       tuple(region_transport(view, prior, fit, number)
+                             for number, (view, prior) in enumerate(zip(views, known, strict=True))))
 
 
 def fit_priors(settings: InversionSettings, problem: InverseProblem) -> FitPriors:

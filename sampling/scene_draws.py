@@ -78,7 +78,8 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
 
 
 def shared_errors(signal: np.ndarray, relative_covariance: np.ndarray, scale_error: float = 0.0,
-                  surface: np.ndarray | None = None, surface_error: float = 0.0) -> np.ndarray:
+                  surface: np.ndarray | None = None, colour_error: float = 0.0,
+                  brightness_error: float = 0.0) -> np.ndarray:
     """What one standard deviation of each error that regions share does to the signals (Q, R, K).
 
     Parameters
@@ -90,8 +91,8 @@ def shared_errors(signal: np.ndarray, relative_covariance: np.ndarray, scale_err
         Relative standard error of the light's scale, common to all regions and bands.
     surface : (R,) int, optional
         Which surface each region belongs to.
-    surface_error : float
-        Relative standard error of the model of each surface and band, apart from all others.
+    colour_error, brightness_error : float
+        Relative standard error of the model of each surface: in each band apart, and in all bands alike.
 
     Raises
     ------
@@ -99,16 +100,17 @@ def shared_errors(signal: np.ndarray, relative_covariance: np.ndarray, scale_err
         For a covariance that is none, or errors that are negative.
     """
     values, vectors = np.linalg.eigh(relative_covariance)
-    if values[0] < -1e-10 * max(values[-1], 1e-12) or min(scale_error, surface_error) < 0:
+    if values[0] < -1e-10 * max(values[-1], 1e-12) or min(scale_error, colour_error, brightness_error) < 0:
         raise InputError("the calibration's relative covariance must be positive semi-definite and the errors of scale "
                          "and surfaces not negative; fit the calibration again")
-    bands = signal.shape[1]
-    errors = [signal * direction for direction in (vectors * np.sqrt(np.maximum(values, 0))).T[values > 0]]
-    if scale_error > 0:
-        errors.append(scale_error * signal)
-    if surface is not None and surface_error > 0:
-        errors += [surface_error * signal * np.outer(surface == name, np.arange(bands) == band)
-                   for name in np.unique(surface) for band in range(bands)]
+    alike, apart = np.ones(signal.shape[1]), np.eye(signal.shape[1])
+    patterns = list((vectors * np.sqrt(np.maximum(values, 0))).T[values > 0])
+    patterns += [scale_error * alike]
+    of_surface = [brightness_error * alike, *(colour_error * apart)]
+    errors = [signal * pattern for pattern in patterns if pattern.any()]
+    for name in np.unique(surface) if surface is not None else ():
+        errors += [np.where((surface == name)[:, None], signal * pattern, 0.0) for pattern in of_surface
+                   if pattern.any()]
     return np.nan_to_num(np.array(errors).reshape(-1, *signal.shape))
 
 

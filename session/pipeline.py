@@ -28,6 +28,7 @@ from session.session_schema import SessionConfig, Shot
 from session.stage_keys import Key, as_stored, stage_keys
 from session.store import StoredStage, load_stage, save_stage, stage_folder, why_stale
 
+TRACE = ".trace.npz"      # in the results, while a trace goes on and where it was stopped
 STAGES = ("chart", "photo", "calibrate", "reconstruct", "sample")
 Progress = Callable[[str, float, str], None]
 
@@ -223,7 +224,7 @@ def _run_stage(config: SessionConfig, name: str, key: Key, device: str, stored: 
             drift = _drift(config, stored)
             records = {"drift": drift, "joint": invert_photos(
                 config, device, [photo_of(stored, shot) for shot in config.shots], calibrations_of(config, stored),
-                [chart and chart[2] for chart in charts], drift, report)}
+                [chart and chart[2] for chart in charts], drift, results_folder(config) / TRACE, report)}
         else:
             records = sample_materials(config, calibrations_of(config, stored), joint_of(stored), report)
         save_stage(folder, as_stored(key), records, time.perf_counter() - start, {"stage": name})

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -32,10 +33,11 @@ FIRST_VIEW = "photo"
 
 def invert_photos(config: SessionConfig, device: str, photos: Sequence[LinearImage],
                   calibrations: Sequence[Calibration], charts: Sequence[LinearImage | None],
-                  drift: LightDrift | None, progress: Progress) -> JointReconstruction:
+                  drift: LightDrift | None, checkpoint: Path, progress: Progress) -> JointReconstruction:
     """Photos, scenes and calibrations to spectra; of every shot its photo, calibration and chart under its light.
 
-    A drift of the light between the first shot's chart and photo corrects its scale and widens its errors.
+    A drift of the light between the first shot's chart and photo corrects its scale and widens its errors. A trace that
+    was stopped goes on from the file ``checkpoint``.
     """
     start_mitsuba(device)
     bands = band_names(config, photos[0].signal.shape[2])
@@ -52,7 +54,7 @@ def invert_photos(config: SessionConfig, device: str, photos: Sequence[LinearIma
     chosen = config.reconstruct
     settings = InversionSettings(**{name: value for name, value in vars(chosen).items() if name != "width"},
                                  seed=config.session.seed, learnt=_learnt_spectra(chosen.spectrum_prior))
-    joint = reconstruct_views(views, tuple(materials.values()), settings, progress)
+    joint = reconstruct_views(views, tuple(materials.values()), settings, progress, checkpoint)
     return joint if drift is None else _widened(joint, drift)
 
 

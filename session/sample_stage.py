@@ -18,6 +18,7 @@ from reconstruct.inverse_rendering import (
 from sampling.methods import draw_spectra
 from sampling.spectral_samples import SpectralMeasurement, SpectralSamples, summarise_spectra
 from session.error_budget import measurement_of
+from session.scene_sampling import draw_through_transport
 from session.session_schema import SessionConfig
 
 Progress = Callable[[float, str], None]
@@ -27,13 +28,18 @@ def sample_materials(config: SessionConfig, calibrations: Sequence[Calibration],
                      progress: Progress) -> dict[str, Any]:
     """Draws from all spectra behind each unknown material's signal, and their summary."""
     records: dict[str, Any] = {}
+    jointly: dict[str, SpectralSamples] = {}
+    if config.sampling.through == "transport":
+        progress(0.0, "all materials at once")
+        jointly = draw_through_transport(calibrations[0], joint, config.sampling.draws, config.session.seed,
+                                         config.sampling.coefficients)
     for index, name in enumerate(joint.materials):
         if joint.known[index]:
             continue
         progress(index / len(joint.materials), name)
         measurement = measurement_of(calibrations, joint, index)
-        draws = draw_spectra(measurement, config.sampling.method, config.sampling.draws, config.session.seed + index,
-                             config.sampling.coefficients)
+        draws = jointly.get(name) or draw_spectra(measurement, config.sampling.method, config.sampling.draws,
+                                                  config.session.seed + index, config.sampling.coefficients)
         records[f"samples {name}"] = draws
         records[f"summary {name}"] = on_finer_grid(summarise_spectra(
             draws, measurement, config.sampling.level, conditions(draws, measurement)), joint.grid)

@@ -10,6 +10,7 @@ from session.session_schema import (
     ONE_PHOTO,
     SAMPLERS,
     SPECTRUM_PRIORS,
+    THROUGH,
     SessionConfig,
     by_band,
 )
@@ -32,6 +33,12 @@ def inconsistencies(config: SessionConfig) -> list[str]:
     if config.sampling.method not in SAMPLERS:
         problems.append(f"{FILE_NAME}: sampling.method is {config.sampling.method!r}; "
                         f"{', '.join(SAMPLERS)} are possible")
+    if config.sampling.through not in THROUGH:
+        problems.append(f"{FILE_NAME}: sampling.through is {config.sampling.through!r}; "
+                        f"{' or '.join(THROUGH)} is possible")
+    elif config.sampling.through == "transport" and config.sampling.method != "prior":
+        problems.append(f"{FILE_NAME}: sampling.through = \"transport\" draws from the learnt prior alone; set "
+                        f"sampling.method = \"prior\" in place of {config.sampling.method!r}")
     if config.needs_chart and config.photos.chart is None:
         problems.append(f"{FILE_NAME}: photos.chart is missing, but sensitivities or scale are to come from it; "
                         "add the photo, or give [sensitivity] from = \"curves.csv\" and [scale] from = \"material\"")

@@ -160,6 +160,7 @@ class ReconstructSection:
 @dataclass(frozen=True)
 class SamplingSection:
     method: str = "prior"
+    through: str = "surface"
     coefficients: int = 11
     draws: int = 4000
     level: float = 0.95
@@ -250,6 +251,7 @@ class SessionConfig:
 ENGINES = ("transport", "gradient", "per-wavelength", "single-bounce")
 CURVE_METHODS = ("prior", "smooth", "nonnegative", "paper")
 SPECTRUM_PRIORS = ("learnt", "smooth", "none")
+THROUGH = ("surface", "transport")
 SAMPLERS = ("prior", "uniform", "paper")
 NAMED_TABLES = {"materials": MaterialSection, "views": ViewSection}
 SECTIONS = {f.name: f for f in dataclasses.fields(SessionConfig) if f.name not in ("folder", "allow_outside")}

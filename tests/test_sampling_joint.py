@@ -85,11 +85,11 @@ def test_the_reduction_keeps_the_likelihood_up_to_a_constant(prior):
 
 def test_shared_errors_are_those_of_the_full_covariance(prior):
     transport, matrix, signal, noise, _ = scene()
-    common = shared_errors(signal, np.diag([4e-4, 1e-4, 1e-4]), 0.01, np.arange(40) // 20, 0.02)
-    assert common.shape == (3 + 1 + 6, 40, 3)
+    common = shared_errors(signal, np.diag([4e-4, 1e-4, 1e-4]), 0.01, np.arange(40) // 20, 0.02, 0.03)
+    assert common.shape == (3 + 1 + 2 + 6, 40, 3)
     problem = joint_problem(transport, matrix, signal, noise, prior, common)
     logits = scenes_of_the_prior(problem, 5, 3)
-    covariance = np.diag((noise**2).ravel()) + common.reshape(10, -1).T @ common.reshape(10, -1)
+    covariance = np.diag((noise**2).ravel()) + common.reshape(12, -1).T @ common.reshape(12, -1)
     away = (rendered(transport, matrix, logits) - signal).reshape(5, -1)
     full = np.sum(away * np.linalg.solve(covariance, away.T).T, axis=1)
     np.testing.assert_allclose(np.diff(full), np.diff(misfit(problem, logits)), rtol=1e-6, atol=2)

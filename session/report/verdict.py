@@ -8,13 +8,14 @@ import numpy as np
 
 from radiometry.records import Outcome, SurfaceAgreement
 from sampling.prior_draws import FAMILIAR
+from sampling.scene_draws import THROUGH_TRANSPORT
 from session.report.words import deviation_words, percent
 from session.results import SessionResults
 
 MEDIAN_LIMITS = (0.02, 0.05)          # |photo / rendering - 1|: pass up to the first, fail beyond the second
 WORST_LIMITS = (0.05, 0.15)
 CHART_LIMITS = (0.03, 0.10)           # rms of (photo - predicted) / photo
-GOOD_DRAWS = (Outcome.EXACT.value, FAMILIAR)
+GOOD_DRAWS = (Outcome.EXACT.value, FAMILIAR, THROUGH_TRANSPORT)
 CLIPPED_LIMITS = (0.05, float("inf"))  # clipped pixels are left out, so they cost coverage, not correctness
 
 

@@ -1,0 +1,76 @@
+"""Draws of all materials of a scene at once, through the light transport that the reconstruction traced."""
+from __future__ import annotations
+
+import numpy as np
+
+from radiometry.errors import InputError
+from radiometry.records import Calibration
+from radiometry.response import white_signal
+from radiometry.spectrum_files import spectrum_on_grid
+from reconstruct.joint_reconstruction import JointReconstruction
+from reconstruct.region_transport import RegionTransport
+from sampling.logit_mixture import GRID as PRIOR_GRID
+from sampling.scene_draws import draw_scene, shared_errors
+from sampling.spectral_samples import SpectralSamples, linear_between
+
+KEPT = 1e-4              # of the largest variance of a direction of the sensitivities' error
+
+
+def draw_through_transport(calibration: Calibration, joint: JointReconstruction, draws: int, seed: int,
+                           coefficients: int) -> dict[str, SpectralSamples]:
+    """Draws of every unknown material, interreflection, noise, calibration and model errors included.
+
+    Raises
+    ------
+    InputError
+        If the session has several photos, lights of several spectra, or another engine than the transport's.
+    ConvergenceError
+        See ``sampling.scene_draws.draw_scene``.
+    """
+    if len(joint.views) > 1 or not joint.regions:
+        reason = "the session has several photos" if len(joint.views) > 1 else \
+            "the engine kept no light transport, or the lights differ in spectrum"
+        raise InputError(f"sampling.through = \"transport\" takes one photo under lights of one spectrum, fitted by "
+                         f"the transport engine, and {reason}; set [sampling] through = \"surface\"")
+    regions, view = joint.regions[0], joint.views[0]
+    fine = joint.response * view.white_signal[:, None] * view.light_scale.value
+    response = fine @ linear_between(PRIOR_GRID, joint.grid)
+    known = {name: np.interp(PRIOR_GRID.nm, joint.grid.nm, joint.spectra[place])
+             for place, name in enumerate(joint.materials) if joint.known[place]}
+    return draw_scene(regions.transport, regions.signal, regions.standard_error, response, draws, seed,
+                      common=_common_errors(calibration, joint, regions, fine), known=known, coefficients=coefficients)
+
+
+def _common_errors(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
+                   response: np.ndarray) -> np.ndarray:
+    """What one standard deviation of each error that regions share does to their signals (Q, R, K)."""
+    view = joint.views[0]
+    spectra = np.array([joint.spectra[joint.materials.index(name)] for name in regions.transport.materials])
+    products = np.exp(regions.transport.exponents.astype(float) @ np.log(np.maximum(spectra, 1e-6)))
+    received = regions.transport.coefficients @ products
+    signal = received @ response.T
+    scale = view.light_scale
+    relative = 0.0 if scale.standard_error is None else scale.standard_error / scale.value
+    fit = calibration.sensitivity
+    if fit.covariance is None or fit.basis is None:
+        of_curves = np.zeros((0, *signal.shape))
+        shared = calibration.relative_covariance
+    else:
+        of_curves = _of_curves(calibration, received, response, view.light_scale.value, joint)
+        shared = np.zeros((signal.shape[1],) * 2)
+    return np.concatenate([of_curves, shared_errors(
+        signal, shared, relative, regions.surface, regions.colour_error, regions.brightness_error)])
+
+
+def _of_curves(calibration: Calibration, received: np.ndarray, response: np.ndarray, scale: float,
+               joint: JointReconstruction) -> np.ndarray:
+    """Errors (Q, R, K) of the camera's curves by principal directions; white keeps its signal, being calibrated."""
+    fit = calibration.sensitivity
+    assert fit.covariance is not None and fit.basis is not None
+    values, vectors = np.linalg.eigh(fit.covariance)
+    chosen = values > KEPT * values[-1]
+    bands, count = len(fit.curves), fit.basis.shape[1]
+    curves = (vectors[:, chosen] * np.sqrt(values[chosen])).T.reshape(-1, bands, count) @ fit.basis.T
+    moved = scale * curves * spectrum_on_grid(calibration.light, joint.grid) * joint.grid.weights_nm
+    moved -= response * (moved.sum(axis=2) / white_signal(response))[..., None]
+    return np.einsum("rp,qkp->qrk", received, moved)
