@@ -27,7 +27,8 @@ def stack_bands(images: Sequence[LinearImage], names: Sequence[str], channels: S
     Raises
     ------
     InputError
-        If the photos differ in size or camera, or their number is not that of the names.
+        If the photos differ in size or camera, or their number is not that of the names; where exposures are asked
+        for, also if a photo does not state its own, or the photos differ in ISO or f-number.
     """
     if len(images) != len(names) or not images:
         raise InputError(f"{len(images)} photos and {len(names)} band names were given; one name per photo is needed")
@@ -38,18 +39,33 @@ def stack_bands(images: Sequence[LinearImage], names: Sequence[str], channels: S
                              f"bands "
                              "of a multispectral image come from one camera that does not move")
     chosen = [strongest_channel(image) for image in images] if channels is None else list(channels)
-    scales = [1.0] * len(images)
-    if exposures_s is not None:
-        scales = [wanted / image.exposure_s if image.exposure_s else 1.0
-                  for wanted, image in zip(exposures_s, images, strict=True)]
+    scales = [1.0] * len(images) if exposures_s is None else \
+        [wanted / _exposure_like(image, first, name)
+         for wanted, image, name in zip(exposures_s, images, names, strict=True)]
     pick = list(zip(images, chosen, scales, strict=True))
-    exposures = {image.exposure_s for image in images}
+    exposures = {image.exposure_s for image in images} if exposures_s is None else set(exposures_s)
     return dataclasses.replace(
         first, signal=np.stack([image.signal[..., channel] * np.float32(scale) for image, channel, scale in pick], -1),
         variance=np.stack([image.variance[..., channel] * np.float32(scale**2) for image, channel, scale in pick], -1),
         saturated=np.stack([image.saturated[..., channel] for image, channel, _ in pick], -1),
         exposure_s=exposures.pop() if len(exposures) == 1 else None,
         source="; ".join(f"{name}: {image.source}" for name, image in zip(names, images, strict=True)))
+
+
+def _exposure_like(image: LinearImage, first: LinearImage, name: str) -> float:
+    """Exposure time of a band whose signal differs from the first one's by that time alone."""
+    if image.exposure_s is None:
+        raise InputError(f"band {name}: photo {image.source} states no exposure time, so that it cannot be brought to "
+                         "another; give photos that do")
+    if (image.iso, image.f_number) != (first.iso, first.f_number):
+        raise InputError(f"band {name}: photo {image.source} was taken at ISO {_said(image.iso)} and "
+                         f"f/{_said(image.f_number)}, {first.source} at ISO {_said(first.iso)} and "
+                         f"f/{_said(first.f_number)}; change the exposure time alone from band to band")
+    return image.exposure_s
+
+
+def _said(setting: float | None) -> str:
+    return "unknown" if setting is None else f"{setting:g}"
 
 
 def strongest_channel(image: LinearImage) -> int:

@@ -89,8 +89,11 @@ def variance_line(image: LinearImage) -> tuple[np.ndarray, np.ndarray]:
     read, gain = np.empty(bands, np.float32), np.empty(bands, np.float32)
     stride = max(1, int(np.sqrt(image.signal[..., 0].size / 100_000)))
     for band in range(bands):
-        signal = np.maximum(image.signal[::stride, ::stride, band], 0).ravel().astype(float)
-        variance = image.variance[::stride, ::stride, band].ravel().astype(float)
+        # A mean of photos that were all saturated somewhere keeps the variance of one of them there, off the line.
+        kept = ~image.saturated[::stride, ::stride, band]
+        kept |= not kept.any()
+        signal = np.maximum(image.signal[::stride, ::stride, band][kept], 0).astype(float)
+        variance = image.variance[::stride, ::stride, band][kept].astype(float)
         centred = signal - signal.mean()
         spread = float(centred @ centred)
         slope = float(centred @ variance) / spread if spread > 0 else 0.0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capture.linear import linear_image
+from capture.linear import linear_image, tile_step
 from capture.noise import PhotonTransfer
 from radiometry.errors import CheckError, InputError
 from radiometry.records import LinearImage, RawFrame
@@ -79,7 +79,7 @@ def subtract_dark(frame: RawFrame, dark: DarkFrame, noise: PhotonTransfer | None
     """Linear signal of a photo with the dark frame in place of its black level, hot pixels filled from neighbours.
 
     A hot pixel takes the mean of the nearest pixels of its colour to the left and right that are not hot. The variance
-    includes that of the dark frame.
+    includes that of the dark frame, which photos that share a dark frame have in common (``common_variance``).
 
     Raises
     ------
@@ -99,6 +99,17 @@ def subtract_dark(frame: RawFrame, dark: DarkFrame, noise: PhotonTransfer | None
     return dataclasses.replace(image, source=f"{image.source} - dark {dark.source}")
 
 
+def common_variance(frame: RawFrame, dark: DarkFrame) -> np.ndarray:
+    """Variance (K,) of the signal by the dark frame: the same error in every photo from which it was subtracted."""
+    step = tile_step(frame.cfa, frame.file)
+    share = np.zeros(int(frame.cfa.max()) + 1)
+    for top, left in np.ndindex(frame.cfa.shape[0] // step, frame.cfa.shape[1] // step):
+        block = frame.cfa[top * step:(top + 1) * step, left * step:(left + 1) * step]
+        share += 1 / np.bincount(block.ravel())
+    tiles = frame.cfa.size / step**2
+    return np.asarray(share / tiles * dark.variance.mean() / (frame.white_level - frame.black_level.mean()) ** 2)
+
+
 def _filled(plane: np.ndarray, hot: np.ndarray, period: int) -> np.ndarray:
     """The plane with hot pixels replaced by the mean of the nearest good ones of their colour in the row."""
     filled = plane.copy()
@@ -108,7 +119,8 @@ def _filled(plane: np.ndarray, hot: np.ndarray, period: int) -> np.ndarray:
                       None) for step in (-period, period)]
         values = [float(plane[y, column]) for column in sides if column is not None]
         if values:
-            filled[y, x] = np.mean(values)
+            # Rounded, where the plane holds whole numbers: cut off, hot pixels would read a quarter of a DN too dark.
+            filled[y, x] = np.mean(values) if plane.dtype.kind == "f" else np.rint(np.mean(values))
     return filled
 
 

@@ -6,8 +6,10 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from capture.bracket import merge_exposures
-from capture.dark import mean_dark, subtract_dark
+from capture.dark import DarkFrame, common_variance, mean_dark, subtract_dark
 from capture.flat_field import divide_by_flat
 from capture.image_files import is_image_file, read_encoded_file, write_linear_exr
 from capture.linear import open_photo
@@ -38,24 +40,33 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
         by_exposure.setdefault(frame.exposure_s, []).append(frame)
     dark_frames = {exposure: mean_dark(frames) for exposure, frames in by_exposure.items()}
     notes = [f"dark frame {dark.source}: {int(dark.hot.sum())} hot pixels" for dark in dark_frames.values()]
-    images = []
-    for path in photos:
-        if not darks:
-            images.append(open_any(path, not_linear))
-            continue
+    images = [] if darks else [open_any(path, not_linear) for path in photos]
+    sharing: dict[str, list[tuple[RawFrame, DarkFrame]]] = {}
+    for path in photos if darks else ():
         frame = read_raw(path)
         only = next(iter(dark_frames.values())) if len(dark_frames) == 1 else None
         dark = dark_frames.get(frame.exposure_s) or only  # a wrong exposure is refused by name below
         if dark is None:
             raise InputError(f"photo {path.name} was exposed for {frame.exposure_s} s and no dark frame was; "
                              "take one at each exposure of the bracket")
-        images.append(subtract_dark(frame, dark))
+        sharing.setdefault(dark.source, []).append((frame, dark))
+    for pairs in sharing.values():
+        mean, ratios = _mean_over_one_dark(pairs)
+        images.append(mean)
+        notes += ratios
     merged, ratios = merge_exposures(images)
     if flat is not None:
         merged = divide_by_flat(merged, open_any(flat, not_linear))
     if not_linear and any(NOT_LINEAR in image.source for image in images):
         notes.append(NOT_LINEAR)
     return merged, (*notes, *ratios)
+
+
+def _mean_over_one_dark(pairs: Sequence[tuple[RawFrame, DarkFrame]]) -> tuple[LinearImage, tuple[str, ...]]:
+    """Mean of photos of one dark frame, whose noise no number of photos averages away."""
+    mean, ratios = merge_exposures([subtract_dark(frame, dark) for frame, dark in pairs])
+    left = (1 - 1 / len(pairs)) * common_variance(*pairs[0])
+    return dataclasses.replace(mean, variance=mean.variance + left.astype(np.float32)), ratios
 
 
 def open_any(path: Path, not_linear: bool = False) -> LinearImage:

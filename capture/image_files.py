@@ -18,7 +18,8 @@ from radiometry.records import LinearImage, PhotoKind
 
 IMAGE_SUFFIXES = (".exr", ".tif", ".tiff", ".png", ".jpg", ".jpeg")
 LINEAR_FORMATS = ("openexr", "tiff")
-FULL_SCALE = {"uint8": 255, "uint16": 65535}  # of integer files; others hold the signal itself
+FULL_SCALE = {"uint8": 255, "uint16": 65535}  # of integer files
+FLOATS = ("half", "float", "double")          # hold the signal itself
 CLIP_FRACTION = 0.98
 NOT_BANDS = ("A", "ALPHA", "Z", "DEPTH")
 VARIANCE, SATURATED = "variance.", "saturated."  # channels of a developed photo beside its bands
@@ -45,7 +46,8 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
     Raises
     ------
     InputError
-        If the file is missing or damaged, does not hold linear values, has fewer than 3 bands, or has NaN pixels.
+        If the file is missing or damaged, does not hold linear values or integers of a known full scale, has fewer
+        than 3 bands, or has NaN pixels.
     """
     path = Path(path)
     pixels, spec, file_format = _read(path)
@@ -57,6 +59,9 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
         raise InputError(f"photo {path.name} is a {file_format.upper()} of {kind} values"
                          f"{' tagged sRGB' if tagged_encoded else ''}, which are not linear in the light; "
                          "give the camera raw, or develop it to a linear EXR or 16-bit TIFF")
+    if kind not in (*FULL_SCALE, *FLOATS):
+        raise InputError(f"photo {path.name} holds {kind} values, whose full scale nobody states; export it as a "
+                         "linear EXR or a 16-bit TIFF")
     scale = FULL_SCALE.get(kind, 1)
     pixels *= np.float32(1 / scale)
     if scale > 1:
@@ -215,7 +220,9 @@ def _stored(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
     """All channels (H, W, C) in the type and order of the file."""
     if not path.is_file():
         raise InputError(f"photo {path} does not exist; check its name in session.toml")
-    file = oiio.ImageInput.open(os.fspath(path))
+    as_stored = oiio.ImageSpec()
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)  # else a TIFF's bands come multiplied by its alpha
+    file = oiio.ImageInput.open(os.fspath(path), as_stored)
     if file is None:
         raise InputError(f"photo {path.name} is no readable image ({_line(oiio.geterror())}); "
                          "give a camera raw, or a linear EXR or TIFF")

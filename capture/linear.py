@@ -51,7 +51,8 @@ def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None, dark: np.
     ----------
     noise :                    noise of each band; None to take it from the photo itself (capture/noise.py)
     dark : (H, W) DN           mean dark frame to subtract in place of the black level (capture/dark.py)
-    dark_variance : (H, W)     its variance, DN squared
+    dark_variance : (H, W)     its variance, DN squared, which is added to a given noise: noise taken from the photo
+                               is measured after the subtraction and holds it already
 
     Raises
     ------
@@ -62,7 +63,7 @@ def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None, dark: np.
     bands = int(frame.cfa.max()) + 1
     height, width = (side // step for side in frame.mosaic.shape)
     signal = np.empty((height, width, bands), np.float32)
-    dark_part = None if dark_variance is None else np.empty_like(signal)
+    dark_part = None if dark_variance is None or noise is None else np.zeros_like(signal)
     positions = _positions(frame, step)
 
     def develop(rows: slice) -> None:
@@ -76,8 +77,6 @@ def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None, dark: np.
             if dark_part is not None and dark_variance is not None:
                 dark_part[pixels] += dark_variance[samples] * np.float32(position.per_dn**2)
 
-    if dark_part is not None:
-        dark_part[:] = 0
     _over_rows(develop, height, frame.cfa.shape[0] // step)
     variance_of_rounding = np.zeros(bands)
     for position in positions:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from radiometry.errors import InputError
-from radiometry.light_scale import exposure_product, light_drift
+from radiometry.light_scale import exposure_ratio, light_drift
 from radiometry.records import LightScale, LinearImage
 from radiometry.shaped import Record
 
@@ -40,13 +40,13 @@ def drift_between(chart_photo: LinearImage, chart_signals: np.ndarray, object_ph
     Raises
     ------
     InputError
-        If the photos show different numbers of references, or one does not say how it was exposed.
+        If the photos show different numbers of references, or one does not say how it was exposed, or says less of it
+        than the other.
     """
     if chart_signals.shape != object_signals.shape:
         raise InputError(f"the chart photo names {len(chart_signals)} references and the object photo "
                          f"{len(object_signals)}; name the same ones in both, in one order")
-    before = chart_signals / exposure_product(chart_photo, chart_photo.source)
-    after = object_signals / exposure_product(object_photo, object_photo.source)
+    before, after = chart_signals, object_signals / exposure_ratio(chart_photo, object_photo)
     ratio, error = light_drift(before, after, relative_error)
     # A reference that stands brighter does so in all bands: its error is common to them, that of colour is not.
     relative = error / ratio

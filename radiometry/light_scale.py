@@ -26,8 +26,8 @@ def exposure_product(photo: LinearImage, name: str) -> float:
     return photo.exposure_s * iso / f_number**2
 
 
-def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: LinearImage) -> LightScale:
-    """The light scale of another photo under the same light, by the ratio of exposures.
+def exposure_ratio(before: LinearImage, after: LinearImage) -> float:
+    """Exposure of a photo relative to that of another, both by the same settings.
 
     Raises
     ------
@@ -35,10 +35,21 @@ def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: Linear
         If only one of the two photos states an ISO or f-number, or either states no exposure time.
     """
     for setting in ("iso", "f_number"):
-        if (getattr(calibrated_on, setting) is None) != (getattr(photo, setting) is None):
-            raise InputError(f"only one of {calibrated_on.source} and {photo.source} states its {setting}; "
+        if (getattr(before, setting) is None) != (getattr(after, setting) is None):
+            raise InputError(f"only one of {before.source} and {after.source} states its {setting}; "
                              "shoot both with the same camera settings")
-    ratio = exposure_product(photo, photo.source) / exposure_product(calibrated_on, calibrated_on.source)
+    return exposure_product(after, after.source) / exposure_product(before, before.source)
+
+
+def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: LinearImage) -> LightScale:
+    """The light scale of another photo under the same light, by the ratio of exposures.
+
+    Raises
+    ------
+    InputError
+        As ``exposure_ratio``.
+    """
+    ratio = exposure_ratio(calibrated_on, photo)
     error = None if scale.standard_error is None else scale.standard_error * ratio
     how = scale.source if abs(ratio - 1) < SAME_SETTING else f"{scale.source}, times {ratio:.4g} for the exposure"
     return LightScale(scale.value * ratio, error, scale.residuals, how)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from scipy.stats import chi2
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from radiometry.bspline import basis_matrix
 from radiometry.errors import InputError
@@ -68,8 +69,9 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     problem = joint_problem(transport, response, signal, standard_error, prior or load_prior(), common, known)
     if not problem.materials:
         raise InputError("every material of the scene is known; leave at least one to be found")
-    modes = find_modes(problem, SAMPLED)
-    found = sample_joint(problem, seed, modes, draws, effective_wanted)
+    with threadpool_limits(1, "blas"):  # the matrices are small: several threads take up to ten times as long as one
+        modes = find_modes(problem, SAMPLED)
+        found = sample_joint(problem, seed, modes, draws, effective_wanted)
     outcome = DISAGREES if surprise(problem, modes) < SURPRISING else THROUGH_TRANSPORT
     basis = basis_matrix(GRID.nm, coefficients)
     return {name: SpectralSamples(GRID, found.spectra[:, m], nearest_splines(found.spectra[:, m], basis), METHOD,

@@ -51,15 +51,26 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
     signal = received @ response.T
     scale = view.light_scale
     relative = 0.0 if scale.standard_error is None else scale.standard_error / scale.value
-    fit = calibration.sensitivity
-    if fit.covariance is None or fit.basis is None:
-        of_curves = np.zeros((0, *signal.shape))
-        shared = calibration.relative_covariance
-    else:
-        of_curves = _of_curves(calibration, received, response, view.light_scale.value, joint)
-        shared = np.zeros((signal.shape[1],) * 2)
+    known_curves = calibration.sensitivity.covariance is None or calibration.sensitivity.basis is None
+    of_curves = _of_tails(calibration, joint, regions, signal / white_signal(response)) * white_signal(response) \
+        if known_curves else _of_curves(calibration, received, response, view.light_scale.value, joint)
     return np.concatenate([of_curves, shared_errors(
-        signal, shared, relative, regions.surface, regions.colour_error, regions.brightness_error)])
+        signal, np.zeros((signal.shape[1],) * 2), relative, regions.surface, regions.colour_error,
+        regions.brightness_error)])
+
+
+def _of_tails(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
+              relative: np.ndarray) -> np.ndarray:
+    """Errors (Q, R, K) of measured curves, relative to white, as ``error_budget.sensitivity_covariance`` has them.
+
+    Every band errs by the stated share of the material's brightest band; regions of one material err alike.
+    """
+    values, vectors = np.linalg.eigh(calibration.relative_covariance)
+    patterns = (vectors * np.sqrt(np.maximum(values, 0))).T[values > 0]
+    material = np.array([joint.views[0].agreement.materials[surface] for surface in regions.surface])
+    brightest = relative.max(axis=1, keepdims=True)
+    return np.array([np.where((material == name)[:, None], brightest * pattern, 0.0)
+                     for name in np.unique(material) for pattern in patterns]).reshape(-1, *relative.shape)
 
 
 def _of_curves(calibration: Calibration, received: np.ndarray, response: np.ndarray, scale: float,

@@ -77,7 +77,7 @@ def _views(config: SessionConfig) -> list[str]:
         if view.chart is not None and config.chart.scene is None:
             problems.append(f"{FILE_NAME}: views.{name}.chart needs chart.scene: a scale from a chart photo needs "
                             "light and chart in their places")
-    if config.views and config.reconstruct.engine != "transport":
+    if config.views and config.reconstruct.engine not in ("auto", "transport"):
         problems.append(f"{FILE_NAME}: several views are fitted by reconstruct.engine = \"transport\" alone; "
                         f"{config.reconstruct.engine!r} takes one photo")
     return problems

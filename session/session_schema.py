@@ -142,7 +142,7 @@ class ViewSection:
 
 @dataclass(frozen=True)
 class ReconstructSection:
-    engine: str = "transport"
+    engine: str = "auto"
     surface_error: float = 0.01
     brightness_error: float = 0.0
     light_error: float = 0.0
@@ -248,7 +248,7 @@ class SessionConfig:
         return path
 
 
-ENGINES = ("transport", "gradient", "per-wavelength", "single-bounce")
+ENGINES = ("auto", "transport", "gradient", "per-wavelength", "single-bounce")
 CURVE_METHODS = ("prior", "smooth", "nonnegative", "paper")
 SPECTRUM_PRIORS = ("learnt", "smooth", "none")
 THROUGH = ("surface", "transport")

@@ -53,7 +53,7 @@ bsdf = "wall"                       # its id in the scene
 # truth = "spectra/wall.csv"        # measured, only compared with
 
 [reconstruct]
-engine = "transport"                # light traced once; "gradient" for materials that are not diffuse
+engine = "auto"                     # light traced once; by gradient where a material is coated or glossy
 coefficients = 11                   # B-spline coefficients of each spectrum
 width = 96                          # pixels of the rendered view
 steps = 160                         # of the gradient engine, with spp samples per pixel each

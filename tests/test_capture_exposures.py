@@ -6,7 +6,7 @@ import pytest
 
 from capture.bands import stack_bands, strongest_channel
 from capture.bracket import merge_exposures, near_saturated, variance_line
-from capture.dark import mean_dark, subtract_dark
+from capture.dark import common_variance, mean_dark, subtract_dark
 from capture.linear import linear_image, tile_step
 from capture.mosaic_file import read_mosaic
 from capture.noise import PhotonTransfer, transfer_from_pair
@@ -135,6 +135,30 @@ def test_the_variance_of_the_dark_frame_is_added():
     assert without.variance.mean() < with_dark.variance.mean()
 
 
+@pytest.mark.parametrize("darks", [1, 4])
+def test_the_stated_variance_is_the_scatter_of_photos_and_dark_frames(darks):
+    light = np.tile(np.linspace(0.001, 0.004, 160), (160, 1))  # as dark as its read noise
+    images = []
+    for first in range(0, 120, 20):
+        dark = mean_dark([frame(np.zeros(light.shape), first + k, file=f"{k}") for k in range(darks)])
+        images.append(subtract_dark(frame(light, first + 10), dark))
+    scatter = np.var([image.signal for image in images], axis=0, ddof=1).mean()
+    # 5 x 6400 x 3 squares tell a variance to 0.5 % (1 sigma), the line of noise from one small photo to 2 %.
+    assert np.mean([image.variance for image in images]) == pytest.approx(scatter, rel=0.06)
+
+
+@pytest.mark.parametrize("cfa", [RGGB, np.reshape(X_TRANS, (6, 6)), np.zeros((1, 1), int)])
+def test_photos_have_the_noise_of_their_dark_frame_in_common(cfa):
+    photos = [frame(np.full((120, 120), 0.2), seed, cfa=cfa) for seed in (1, 2)]
+    errors = []
+    for seed in range(10, 16):
+        dark = mean_dark([frame(np.zeros((120, 120)), seed, cfa=cfa)])
+        errors.append([subtract_dark(photo, dark).signal for photo in photos])
+    shared = np.mean(np.var(errors, axis=0, ddof=1), axis=(0, 1, 2))
+    # At least 5 x 1600 squares a band: 1.6 % (1 sigma); one dark frame tells its own variance to 2 %.
+    np.testing.assert_allclose(common_variance(photos[0], dark), shared, rtol=0.1)
+
+
 @pytest.mark.parametrize("changes, error, message", [
     ({"camera": "Body 2"}, InputError, "was taken with Body 2 and photo photo.dng with Body 1"),
     ({"exposure_s": 0.5}, InputError, "was exposed for 0.5 s and photo photo.dng for 0.01 s"),
@@ -228,6 +252,16 @@ def test_the_line_of_the_variance_comes_back():
     np.testing.assert_allclose(read, noise.read, rtol=0.05)
 
 
+def test_saturated_pixels_do_not_bend_the_line_of_the_variance():
+    signal = np.tile(np.linspace(0.01, 1.0, 300)[:, None, None], (1, 40, 3)).astype(np.float32)
+    saturated = signal > 0.9
+    variance = np.where(saturated, 6, 1) * (1e-7 + 5e-5 * signal)  # as the mean of six photos of one exposure has it
+    read, gain = variance_line(grey(signal, variance=variance.astype(np.float32), saturated=saturated))
+    # Single precision of the variance.
+    np.testing.assert_allclose(gain, 5e-5, rtol=1e-4)
+    np.testing.assert_allclose(read, 1e-7, rtol=1e-2)
+
+
 def test_neighbours_of_saturated_pixels_are_left_out():
     saturated = np.zeros((5, 6, 2), bool)
     saturated[2, 3, 0] = True
@@ -259,6 +293,26 @@ def test_bands_are_brought_to_the_wanted_exposure():
     # Single precision.
     np.testing.assert_allclose(image.signal, 0.6, rtol=1e-6)
     np.testing.assert_allclose(image.variance, 9e-6, rtol=1e-6)
+
+
+def test_stacked_bands_state_the_exposure_they_were_brought_to():
+    photos = [grey(np.full((8, 9, 3), 0.2), exposure_s=seconds) for seconds in (0.1, 0.2)]
+    image = stack_bands(photos, ["red", "blue"], channels=[0, 0], exposures_s=[0.05, 0.05])
+    assert image.exposure_s == 0.05
+    # Single precision.
+    np.testing.assert_allclose(image.signal, np.broadcast_to([0.1, 0.05], (8, 9, 2)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("changes, message", [
+    ({"exposure_s": None}, "band blue: photo b.dng states no exposure time"),
+    ({"iso": 400.0}, "band blue: photo b.dng was taken at ISO 400 and f/unknown, a.dng at ISO 100"),
+    ({"f_number": 4.0}, "photo b.dng was taken at ISO 100 and f/4"),
+])
+def test_bands_whose_exposures_cannot_be_compared_are_refused(changes, message):
+    photos = [grey(np.zeros((8, 9, 3)), iso=100.0),
+              grey(np.zeros((8, 9, 3)), **({"iso": 100.0, "source": "b.dng"} | changes))]
+    with pytest.raises(InputError, match=message):
+        stack_bands(photos, ["red", "blue"], exposures_s=[0.1, 0.1])
 
 
 def test_bands_of_different_photos_are_refused():

@@ -153,6 +153,22 @@ def test_sixteen_bit_tiff_is_a_fraction_of_full_scale(tmp_path):
     np.testing.assert_allclose(open_photo(tmp_path / "photo.tif").signal, pixels, atol=0.5 / 65535 + 1e-7)
 
 
+def test_bands_are_not_multiplied_by_a_tiff_s_alpha(tmp_path):
+    pixels = np.concatenate([noisy(), np.full((40, 60, 1), 0.25, np.float32)], axis=2)
+    write(tmp_path / "photo.tif", np.rint(pixels * 65535).astype(np.uint16), ("R", "G", "B", "A"), oiio.UINT16,
+          oiio__UnassociatedAlpha=1)
+    # Half a step of 16 bits, and single precision.
+    np.testing.assert_allclose(open_photo(tmp_path / "photo.tif").signal, pixels[..., :3], atol=0.5 / 65535 + 1e-7)
+
+
+@pytest.mark.parametrize("name, kind, pixel", [("photo.tif", oiio.INT16, np.int16), ("photo.tif", oiio.UINT32, np.uint32),
+                                               ("photo.exr", oiio.UINT32, np.uint32)])
+def test_integers_of_unknown_full_scale_are_refused(tmp_path, name, kind, pixel):
+    write(tmp_path / name, (noisy() * 4000).astype(pixel), ("R", "G", "B"), kind)
+    with pytest.raises(InputError, match="whose full scale nobody states; export it as a linear EXR"):
+        open_photo(tmp_path / name)
+
+
 def test_an_exr_of_another_name_is_known_by_its_content(tmp_path):
     write_exr(tmp_path / "photo.exr", noisy(), ("R", "G", "B"))
     (tmp_path / "photo.exr").rename(tmp_path / "photo")

@@ -41,6 +41,12 @@ def test_a_change_of_level_is_found_whatever_the_exposure():
         np.testing.assert_array_equal(drift_covariance(found), 0)
 
 
+@pytest.mark.parametrize("setting", ["iso", "f_number"])
+def test_a_setting_that_only_one_photo_states_is_not_taken_for_drift(setting):
+    with pytest.raises(InputError, match=f"only one of IMG.dng and IMG.dng states its {setting}"):
+        drift(1.0, **{setting: None})
+
+
 def test_the_scale_follows_the_light_with_its_error():
     scale = scale_after_drift(LightScale(2.0, 0.01, None, "chart photo"), drift(0.9))
     assert scale.value == pytest.approx(1.8, rel=1e-6)
