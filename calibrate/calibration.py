@@ -19,9 +19,9 @@ from calibrate.sensitivity import (
     scale_of_photo,
 )
 from calibrate.spline_fit import SPLINE_BANDS
-from calibrate.trust import other_readings, sentences
+from calibrate.trust import other_reading, sentences
 from radiometry.chart import patch_centres_uv
-from radiometry.errors import InputError
+from radiometry.errors import CheckError, InputError
 from radiometry.light_scale import scale_from_signals
 from radiometry.records import Calibration, LightScale, Outcome, PatchSamples, SensitivityFit, Spectrum, WavelengthGrid
 from radiometry.response import response_matrix
@@ -135,13 +135,21 @@ def prior_calibration(photos: list[ChartPhoto], grid: WavelengthGrid, prior: Cam
     Raises
     ------
     CheckError
-        If the patches disagree with the reference under any camera; it says which other reading would agree.
+        If the patches disagree with the reference under any camera; it says which photo, and which other reading of it
+        would agree.
     """
     found = fit_with_prior(photos, prior, grid)
-    if found.disagrees:
-        known = default_prior(photos, grid) if prior is None else prior
-        refuse_disagreement(found.model_error, found.chi_square, other_readings(photos[0], known, grid))
-    return found
+    if not found.disagrees:
+        return found
+    known = default_prior(photos, grid) if prior is None else prior
+    alone = [found] if len(photos) == 1 else [fit_with_prior([photo], known, grid) for photo in photos]
+    for number, (photo, one) in enumerate(zip(photos, alone, strict=True), start=1):
+        if one.disagrees:
+            refuse_disagreement("the chart photo" if len(photos) == 1 else f"chart photo {number}", one.model_error,
+                                one.chi_square, other_reading(photo, known, grid))
+    raise CheckError(f"each of the {len(photos)} chart photos can be explained, but not all by one camera (chi-square "
+                     f"{found.chi_square:.1f} per signal together); check that the camera and its settings were the "
+                     "same, and that each photo has the spectrum of its own light")
 
 
 def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spectrum,
@@ -182,7 +190,7 @@ def _checks(fit: SensitivityFit, covariance: np.ndarray, scale: LightScale) -> t
     checks = [f"relative error of predicted signals {np.sqrt(np.diag(covariance)).max():.1%} in the worst band, "
               "from patches left out of the fit"]
     if fit.condition_number is not None:
-        checks.append(f"condition number {fit.condition_number:.0f}")
+        checks.append(f"condition number {fit.condition_number:.4g}")
     if scale.standard_error is not None:
         checks.append(f"light scale known to {scale.standard_error / scale.value:.2%}")
     return tuple(checks)

@@ -31,7 +31,7 @@ class PhotoState(Record):
 
     signal = scale x field x irradiance / pi x integral of sensitivity, light and reflectance, + glare
 
-    ``scale_error`` is that of scale times curves, as the chart's whole signal shows it: scale and curves alone are
+    ``scale_error`` is that of scale times curves, in what a band reads of a white surface: scale and curves alone are
     known less well, but their errors cancel in every predicted signal.
     """
 
@@ -137,11 +137,29 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartPhoto], moments: C
         design = unlit_design(photo, posterior.basis)
         predicted, _ = predicted_signal(photo, design, moments.coefficients * moments.peak, mean[place], nuisance)
         scale = float(np.exp(mean[place]) * moments.peak)
+        error = _white_error(photo, posterior.basis, moments.coefficients * moments.peak, covariance, place)
         glare = nuisance[terms:] if photo.glare else np.zeros(bands)
-        states.append(PhotoState(scale, scale * float(np.sqrt(covariance[place, place])),
-                                 np.exp(photo.places @ nuisance[:terms]), glare, predicted.reshape(-1, bands)))
+        states.append(PhotoState(scale, scale * error, np.exp(photo.places @ nuisance[:terms]), glare,
+                                 predicted.reshape(-1, bands)))
         place += count
     return states
+
+
+def _white_error(photo: ChartPhoto, basis: np.ndarray, coefficients: np.ndarray, covariance: np.ndarray,
+                 place: int) -> float:
+    """Relative standard error of what one band reads of white; ``place`` is that of the photo's log exposure.
+
+    Bands err apart, each by its own patches' noise: the error of the whole chart's signal alone, their average, would
+    promise twice too much of each. Bands count by their signal, for the relative error of one that is dark says little.
+    """
+    bands = len(coefficients)
+    lit = photo.power @ basis
+    white = coefficients @ lit
+    jacobian = np.zeros((bands, len(covariance)))
+    jacobian[:, :coefficients.size] = np.kron(np.eye(bands), lit)
+    jacobian[:, place] = white
+    variance = np.einsum("kz,zy,ky->k", jacobian, covariance, jacobian)
+    return float(np.sqrt(variance.sum() / np.sum(white**2)))
 
 
 def nonnegative(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:

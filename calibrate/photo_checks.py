@@ -29,7 +29,7 @@ def require_patches(signal: np.ndarray) -> None:
     bad = np.flatnonzero(~(np.isfinite(signal).all(axis=1) & (signal > 0).all(axis=1)))
     if bad.size:
         raise CalibrationError(f"patch {bad[0] + 1} has no positive signal in every band; check the black level of the "
-                               "photo, or leave the patch out")
+                               "photo, and that each column of a table of patches is a band")
 
 
 def require_apart(signal: np.ndarray) -> None:
@@ -67,30 +67,35 @@ def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tupl
                         "the photo says nothing of the curves there" for low, high in dark_ranges(power, grid))
 
 
+def unlit(power: np.ndarray) -> np.ndarray:
+    """Whether the light (P,) has practically no power, at each wavelength."""
+    return power < DARK_LIGHT * power.max()
+
+
 def dark_ranges(power: np.ndarray, grid: WavelengthGrid) -> list[tuple[float, float]]:
     """Wavelength ranges (nm) in which the light (P,) has practically no power."""
-    dark = np.concatenate([[False], power < DARK_LIGHT * power.max(), [False]])
+    dark = np.concatenate([[False], unlit(power), [False]])
     edges = np.flatnonzero(np.diff(dark.astype(int)))
     return [(float(grid.nm[start]), float(grid.nm[stop - 1])) for start, stop in edges.reshape(-1, 2)]
 
 
-def refuse_disagreement(model_error: float, chi_square: float, other_orders: dict[str, float]) -> NoReturn:
+def refuse_disagreement(name: str, model_error: float, chi_square: float, reading: str | None) -> NoReturn:
     """Say that no camera explains the patches of a photo, and what may be the cause.
 
     Parameters
     ----------
+    name : str
+        Of the photo, as in "the chart photo".
     model_error, chi_square : float
         Of the fit, see ``PriorFit``.
-    other_orders : dict
-        Gain of log evidence if the patches or signals are read in another way, by its name.
+    reading : str or None
+        How the photo would have to be read for some camera to explain it.
 
     Raises
     ------
     CheckError
-        Saying which other reading would explain the photo, where one does.
     """
-    better = max(other_orders, key=lambda name: other_orders[name], default=None)
-    hint = (f"read as {better} the patches would agree: correct that" if better and other_orders[better] > 20 else
+    hint = (f"read as {reading} the patches would agree: correct that" if reading is not None else
             "check the chart reference, the light spectrum, glare, and that the photo is linear (not a JPEG)")
-    raise CheckError(f"no camera explains the chart photo: its patches disagree with the reference by "
-                     f"{model_error:.0%} (chi-square {chi_square:.1f} per signal); {hint}")
+    raise CheckError(f"no camera explains {name}: its patches disagree with the reference by about {model_error:.0%} or "
+                     f"more (chi-square {chi_square:.1f} per signal); {hint}")

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from calibrate.camera_prior import CameraPrior, shipped_prior
 from calibrate.chart_photo import ChartPhoto, chart_photo
 from calibrate.curve_posterior import PhotoState, curve_moments, curve_variance, photo_states, prior_share
-from calibrate.photo_checks import WORST_CHI_SQUARE, WORST_MODEL_ERROR, require_apart, require_patches
+from calibrate.photo_checks import WORST_CHI_SQUARE, WORST_MODEL_ERROR, require_apart, require_patches, unlit
 from calibrate.prior_fit import MODEL_ERRORS, CurvePosterior, held_out_signals, posterior_of_curves
 from calibrate.smooth_prior import smooth_prior
 from calibrate.spline_fit import SPLINE_METHODS, BandFits, fit_bands
@@ -39,7 +39,8 @@ class PriorFit(Record):
     posterior: CurvePosterior
     photos: tuple[PhotoState, ...]
     held_out: tuple[np.ndarray, ...]                # (I, K) signals predicted from all other patches
-    prior_share: Annotated[np.ndarray, "K P"]       # standard deviation left by the photos over that of the prior
+    prior_share: Annotated[np.ndarray, "K P"]       # standard deviation left by the photos over that of the prior;
+                                                    # 1 where no photo had light
     families: tuple[tuple[str, float], ...]         # members of each family and its probability, likeliest first
     model_error: float                              # relative disagreement of patches and model that was found
     chi_square: float                               # per datum, about 1 where everything agrees
@@ -89,6 +90,7 @@ def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior | None, grid: Wa
         moments = curve_moments(posterior, prior.bands)
         states = photo_states(posterior, photos, moments)
         shares = prior_share(posterior, prior, moments)
+    shares[:, np.all([unlit(photo.power / grid.weights_nm) for photo in photos], axis=0)] = 1.0
     curves = moments.coefficients @ posterior.basis.T
     error = np.sqrt(curve_variance(posterior.basis, moments.covariance, prior.bands))
     first = photos[0].signal
@@ -193,7 +195,8 @@ def _normalised(bands: BandFits, patches: PatchSamples, grid: WavelengthGrid,
                          block_diag(*bands.covariance) / peak**2, error, residuals, held_out, bands.condition_number,
                          names[method], outcome)
     covariance = relative_prediction_covariance(held_out, patches)
-    relative = np.sqrt(covariance.mean() / len(held_out))  # that of the mean relative residual of held-out patches
+    # Of one band's mean relative residual over held-out patches: bands are fitted, and err, apart.
+    relative = np.sqrt(np.trace(covariance) / len(covariance) / len(held_out))
     return fit, LightScale(peak, float(peak * relative), residuals, "chart photo")
 
 

@@ -1,15 +1,14 @@
 """Whether to trust a fit: colour differences, what the light cannot see, where the curve comes from."""
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from calibrate.camera_prior import CameraPrior
 from calibrate.chart_photo import ChartPhoto
 from calibrate.colour_difference import ciede2000, lab_from_xyz
+from calibrate.learnt_prior import UNLIKE
 from calibrate.prior_fit import posterior_of_curves
-from calibrate.sensitivity import PriorFit
+from calibrate.sensitivity import PriorFit, fit_with_prior
 from radiometry.appearance import tristimulus
 from radiometry.chart import COLUMNS, ROWS
 from radiometry.records import WavelengthGrid
@@ -17,6 +16,8 @@ from radiometry.records import WavelengthGrid
 FROM_PRIOR = 0.5             # share of the prior's uncertainty that is left: more, and the photo hardly spoke
 MUCH_GLARE = 0.02            # of the brightest patch
 PROBABLE = 0.05              # families below are not named
+SURELY = 0.9                 # probability of a kind of camera above which something else may be wrong
+CLEAR_GAIN = 20.0            # of log evidence, for another reading of the photo
 
 
 def chart_colour_differences(measured: np.ndarray, predicted: np.ndarray, reflectances: np.ndarray,
@@ -32,19 +33,27 @@ def chart_colour_differences(measured: np.ndarray, predicted: np.ndarray, reflec
     return ciede2000(lab_from_xyz(measured @ to_xyz, white), lab_from_xyz(predicted @ to_xyz, white))
 
 
-def other_readings(photo: ChartPhoto, prior: CameraPrior, grid: WavelengthGrid) -> dict[str, float]:
-    """Gain of log evidence if the photo is read mirrored, turned, or with its encoding undone."""
+def other_reading(photo: ChartPhoto, prior: CameraPrior, grid: WavelengthGrid) -> str | None:
+    """How a photo that no camera explains would be explained: mirrored, turned, encoded, with glare taken off; or None.
+
+    The reading that gains most evidence is named only if the fit then agrees: of a wrong chart one reading is always
+    the best, and none is right.
+    """
     if len(photo.signal) != ROWS * COLUMNS:
-        return {}
+        return None
     order = np.arange(ROWS * COLUMNS).reshape(ROWS, COLUMNS)
-    readings: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-        "mirrored left to right": lambda signal: signal[order[:, ::-1].ravel()],
-        "mirrored top to bottom": lambda signal: signal[order[::-1].ravel()],
-        "turned by 180 degrees": lambda signal: signal[order[::-1, ::-1].ravel()],
-        "bands in reverse order (BGR)": lambda signal: signal[:, ::-1],
-        "an encoded (sRGB) picture instead of a linear one": _decoded}
-    as_given = _evidence(photo, photo.signal, prior, grid)
-    return {name: _evidence(photo, read(photo.signal), prior, grid) - as_given for name, read in readings.items()}
+    readings = {
+        "mirrored left to right": photo.signal[order[:, ::-1].ravel()],
+        "mirrored top to bottom": photo.signal[order[::-1].ravel()],
+        "turned by 180 degrees": photo.signal[order[::-1, ::-1].ravel()],
+        "bands in reverse order (BGR)": photo.signal[:, ::-1],
+        "an encoded (sRGB) picture instead of a linear one": _decoded(photo.signal),
+        "a photo with much glare, or with a wrong black level,": _without_glare(photo)}
+    evidence = {name: _evidence(photo, signal, prior, grid) for name, signal in readings.items()}
+    best = max(evidence, key=lambda name: evidence[name])
+    if evidence[best] - _evidence(photo, photo.signal, prior, grid) < CLEAR_GAIN:
+        return None
+    return None if fit_with_prior([_read(photo, readings[best])], prior, grid).disagrees else best
 
 
 def sentences(found: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
@@ -52,6 +61,8 @@ def sentences(found: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     said = [f"patches and model agree within {found.model_error:.1%} (chi-square {found.chi_square:.2f} per signal)"]
     likely = [(members, share) for members, share in found.families if share > PROBABLE][:3]
     said.append("most like " + "; ".join(f"{members} ({share:.0%})" for members, share in likely))
+    if dict(found.families).get(UNLIKE, 0.0) > SURELY and len(found.families) > 1:
+        said.append("the curves are like those of no measured camera: check that the light spectrum is that of the photo")
     held = found.prior_share > FROM_PRIOR
     for band in range(len(held)):
         if held[band].any():
@@ -72,10 +83,22 @@ def _ranges(chosen: np.ndarray, grid: WavelengthGrid) -> str:
 
 
 def _evidence(photo: ChartPhoto, signal: np.ndarray, prior: CameraPrior, grid: WavelengthGrid) -> float:
-    read = ChartPhoto(signal, photo.covariance, photo.reflectances, photo.power, photo.irradiance, photo.places,
-                      photo.glare)
     logarithms = np.log(np.maximum(signal, 1e-12)).sum()  # of log signals, so that readings of any scale compare
-    return posterior_of_curves([read], prior, grid).log_evidence + float(logarithms)
+    return posterior_of_curves([_read(photo, signal)], prior, grid).log_evidence + float(logarithms)
+
+
+def _read(photo: ChartPhoto, signal: np.ndarray) -> ChartPhoto:
+    return ChartPhoto(signal, photo.covariance, photo.reflectances, photo.power, photo.irradiance, photo.places,
+                      photo.glare)
+
+
+def _without_glare(photo: ChartPhoto) -> np.ndarray:
+    """Signals less an offset in each band that leaves the darkest patch what it reflects of the lightest's light."""
+    grey = photo.reflectances.mean(axis=1)
+    darkest, lightest = int(np.argmin(grey)), int(np.argmax(grey))
+    ratio = grey[darkest] / grey[lightest]
+    offset = (photo.signal[darkest] - ratio * photo.signal[lightest]) / (1 - ratio)
+    return np.maximum(photo.signal - offset, 1e-3 * photo.signal[lightest])
 
 
 def _decoded(signal: np.ndarray) -> np.ndarray:

@@ -127,7 +127,9 @@ def _filled(plane: np.ndarray, hot: np.ndarray, period: int) -> np.ndarray:
 def _spatial_variance(level: np.ndarray, cfa: np.ndarray) -> float:
     """Variance of one frame's pixels from differences along the row: all that one frame can tell."""
     difference = level[:, cfa.shape[1]:] - level[:, :-cfa.shape[1]]
-    return float((SIGMA_PER_MAD * np.median(np.abs(difference))) ** 2 / 2)
+    # The median of whole numbers is coarse (0 or 1 for a sigma of 1.5), good only to tell hot pixels from the rest.
+    most = HOT_SIGMA * max(SIGMA_PER_MAD * float(np.median(np.abs(difference))), 1.0)
+    return float(np.mean(np.square(difference[np.abs(difference) <= most], dtype=float)) / 2)
 
 
 def _require_fits(frame: RawFrame, dark: DarkFrame) -> None:
