@@ -23,7 +23,8 @@ from radiometry.response import response_matrix
 from reconstruct.light_place import with_light_moved
 from reconstruct.light_position import LightPosition, refine_light_position
 from reconstruct.renderer import load_scene, render, start_mitsuba
-from reconstruct.scene_file import SceneFile, read_scene, scene_xml
+from reconstruct.scene_file import SceneFile, read_scene
+from reconstruct.scene_xml import scene_xml
 from reconstruct.surfaces import surface_map
 
 SIZE, PHOTO_SPP, SPP, FARTHEST_CM = (48, 32), 1024, 64, 3.0

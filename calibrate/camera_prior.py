@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -102,8 +103,8 @@ def load_prior(path: Path) -> CameraPrior:
                                str(stored["licence"]))
     except FileNotFoundError:
         raise InputError(f"{path} is missing; make a prior with 'spectrabox camera prior FOLDER --out FILE'") from None
-    except (ValueError, KeyError, OSError, EOFError, TypeError) as error:
-        raise InputError(f"{path.name} is not a camera prior ({error}); "
+    except (ValueError, KeyError, OSError, EOFError, TypeError, AttributeError, BadZipFile):
+        raise InputError(f"{path.name} is not a camera prior, or is damaged; "
                          "make one with 'spectrabox camera prior FOLDER --out FILE'") from None
 
 

@@ -16,13 +16,15 @@ ERROR_PREFIX = "standard_error"
 def read_patches(path: Path) -> tuple[PatchSamples, tuple[str, ...]]:
     """Signals of the 24 patches, dark skin first, and the names of the bands.
 
-    The first row may name the columns; columns named ``standard_error ...`` hold the standard errors of the bands in
-    the same order. Without names, every column is a band. A first column of words (patch names) is left out.
+    The first row may name the columns; a column ``standard_error NAME`` holds the standard errors of band NAME, and
+    where such columns name no bands they stand in the bands' order. Without names, every column is a band. A first
+    column of words (patch names) is left out.
 
     Raises
     ------
     InputError
-        If the file is missing, does not hold 24 rows, or a cell is not a number.
+        If the file is missing, does not hold 24 rows, a cell is not a number, two bands have one name, or a standard
+        error is negative or of no band.
     """
     rows = _rows(path)
     header = rows.pop(0) if not any(_is_number(cell) for cell in rows[0]) else None
@@ -41,8 +43,25 @@ def read_patches(path: Path) -> tuple[PatchSamples, tuple[str, ...]]:
     if errors and len(errors) != len(bands):
         raise InputError(f"{path.name} holds {len(bands)} bands and {len(errors)} standard errors; give one for each "
                          "band, or none")
-    error = values[:, errors] if errors else np.zeros((PATCHES, len(bands)))
-    return _samples(values[:, bands], error), tuple(names[index] for index in bands)
+    band_names = [names[index] for index in bands]
+    if len(set(band_names)) < len(bands):
+        raise InputError(f"{path.name} holds two bands of one name ({', '.join(band_names)}); name each column once")
+    error = _errors(values, names, band_names, errors, path.name) if errors else np.zeros((PATCHES, len(bands)))
+    return _samples(values[:, bands], error), tuple(band_names)
+
+
+def _errors(values: np.ndarray, names: list[str], band_names: list[str], columns: list[int], file: str) -> np.ndarray:
+    """Standard errors (24, K) in the order of the bands."""
+    of_band = {names[column].removeprefix(ERROR_PREFIX).strip(" _"): column for column in columns}
+    if set(of_band) == set(band_names):
+        columns = [of_band[name] for name in band_names]
+    elif set(of_band) & set(band_names):
+        stray = next(name for name in of_band if name not in band_names)
+        raise InputError(f"{file} has the column {ERROR_PREFIX} {stray!r} and no band of that name; the bands are "
+                         f"{', '.join(band_names)}")
+    if values[:, columns].min() < 0:
+        raise InputError(f"{file} holds a negative standard error; they are 0 or greater, in the unit of the signals")
+    return values[:, columns]
 
 
 def _samples(signal: np.ndarray, error: np.ndarray) -> PatchSamples:

@@ -97,5 +97,5 @@ def refuse_disagreement(name: str, model_error: float, chi_square: float, readin
     """
     hint = (f"read as {reading} the patches would agree: correct that" if reading is not None else
             "check the chart reference, the light spectrum, glare, and that the photo is linear (not a JPEG)")
-    raise CheckError(f"no camera explains {name}: its patches disagree with the reference by about {model_error:.0%} or "
-                     f"more (chi-square {chi_square:.1f} per signal); {hint}")
+    raise CheckError(f"no camera explains {name}: its patches disagree with the reference by {model_error:.0%} or more "
+                     f"(chi-square {chi_square:.1f} per signal); {hint}")

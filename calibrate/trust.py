@@ -62,7 +62,8 @@ def sentences(found: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     likely = [(members, share) for members, share in found.families if share > PROBABLE][:3]
     said.append("most like " + "; ".join(f"{members} ({share:.0%})" for members, share in likely))
     if dict(found.families).get(UNLIKE, 0.0) > SURELY and len(found.families) > 1:
-        said.append("the curves are like those of no measured camera: check that the light spectrum is that of the photo")
+        said.append("the curves are like those of no measured camera: check that the light spectrum is that of the "
+                    "photo")
     held = found.prior_share > FROM_PRIOR
     for band in range(len(held)):
         if held[band].any():

@@ -35,6 +35,15 @@ def tile_of(raw: Any, metadata: PhotoMetadata) -> tuple[np.ndarray, np.ndarray]:
     return cfa, _black(raw, metadata, origin, levels[colour])
 
 
+def full_colour_black(raw: Any, metadata: PhotoMetadata) -> np.ndarray:
+    """Black level (3,) of the full-colour pixels of an opened linear DNG: the tag's, with its fractions."""
+    by_libraw = np.asarray(raw.black_level_per_channel, dtype=float)[:3]
+    if metadata.black_level is None or len(metadata.black_level) not in (1, 3):
+        return by_libraw
+    stated = np.broadcast_to([float(level) for level in metadata.black_level], 3)
+    return np.array(stated) if np.all(np.abs(stated - by_libraw) < 1) else by_libraw
+
+
 def _black(raw: Any, metadata: PhotoMetadata, origin: tuple[int, int], by_libraw: np.ndarray) -> np.ndarray:
     masked = masked_black(raw.raw_image, metadata.masked_areas, origin, by_libraw.shape)
     if masked is not None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import rawpy
 
-from capture.black_level import tile_of
+from capture.black_level import full_colour_black, tile_of
 from capture.metadata import PhotoMetadata, photo_metadata
 from radiometry.errors import InputError
 from radiometry.files import sha256_of
@@ -76,7 +76,7 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
             "camera": metadata.camera, "file": path.name, "sha256": sha256_of(path)}
         white_level = float(raw.white_level)
         if raw.raw_type == rawpy.RawType.Stack:
-            black_level = np.asarray(raw.black_level_per_channel, dtype=float)[:3]
+            black_level = full_colour_black(raw, metadata)
             _require_range(black_level, white_level, path)
             pixels = np.ascontiguousarray(raw.raw_image_visible[..., :3]).copy()
             return FullColourFrame(pixels, black_level, white_level, **exposure)

@@ -25,7 +25,8 @@ from reconstruct.inversion_inputs import (
     spectrum_prior,
 )
 from reconstruct.renderer import load_scene
-from reconstruct.scene_file import SceneFile, scene_xml
+from reconstruct.scene_file import SceneFile
+from reconstruct.scene_xml import scene_xml
 from reconstruct.surfaces import surface_map
 
 __all__ = ["EngineAnswer", "InverseProblem", "InversionSettings", "LearntSpectra", "MaterialSpec", "View",

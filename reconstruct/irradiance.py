@@ -9,7 +9,8 @@ import numpy as np
 from radiometry.errors import InputError
 from reconstruct.light_profile import relative_radiance
 from reconstruct.renderer import load_scene
-from reconstruct.scene_file import SceneFile, scene_xml
+from reconstruct.scene_file import SceneFile
+from reconstruct.scene_xml import scene_xml
 
 CHART_SHAPE = "chart"
 SAMPLED_PART = 0.5       # of a patch's side, as the photo is sampled

@@ -22,7 +22,8 @@ from radiometry.shaped import Record
 from reconstruct.light_place import light_number, with_light_moved
 from reconstruct.regions import block_regions, region_means
 from reconstruct.renderer import load_scene
-from reconstruct.scene_file import SceneFile, not_plain_products, scene_xml
+from reconstruct.scene_file import SceneFile, not_plain_products
+from reconstruct.scene_xml import scene_xml
 from reconstruct.surfaces import surface_map
 from reconstruct.transport import trace_transport
 

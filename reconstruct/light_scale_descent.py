@@ -19,7 +19,8 @@ from radiometry.records import LightScale, WavelengthGrid
 from reconstruct.gradient import cosine_rate
 from reconstruct.irradiance import CHART_SHAPE
 from reconstruct.renderer import load_scene
-from reconstruct.scene_file import EMITTED, SceneFile, scene_xml
+from reconstruct.scene_file import EMITTED, SceneFile
+from reconstruct.scene_xml import scene_xml
 from reconstruct.surfaces import surface_map
 
 FILM = 32               # pixels: a patch of the printed chart is 4 x 6 of them

@@ -11,7 +11,7 @@ from radiometry.files import writable, write_text_whole
 from radiometry.records import Quantity, Reconstruction
 from radiometry.spectral_formats.tm27 import spdx_text
 from radiometry.spectrum_files import table_text
-from reconstruct.scene_file import materials_xml
+from reconstruct.scene_xml import materials_xml
 from session.report.maps import comparison_rgb8
 from session.results import MaterialResult, SessionResults
 

@@ -16,7 +16,7 @@ from radiometry.named_spectra import sensitivities as named_observer
 from radiometry.records import WavelengthGrid
 from radiometry.spectrum_files import spectrum_on_grid
 from reconstruct.renderer import load_scene, render, start_mitsuba
-from reconstruct.scene_file import scene_xml
+from reconstruct.scene_xml import scene_xml
 from session.inputs import read_session_scene
 from session.pipeline import FinishedRun, calibrations_of, joint_of, samples_of
 from session.session_schema import SessionConfig

@@ -161,8 +161,8 @@ def test_bands_are_not_multiplied_by_a_tiff_s_alpha(tmp_path):
     np.testing.assert_allclose(open_photo(tmp_path / "photo.tif").signal, pixels[..., :3], atol=0.5 / 65535 + 1e-7)
 
 
-@pytest.mark.parametrize("name, kind, pixel", [("photo.tif", oiio.INT16, np.int16), ("photo.tif", oiio.UINT32, np.uint32),
-                                               ("photo.exr", oiio.UINT32, np.uint32)])
+@pytest.mark.parametrize("name, kind, pixel", [
+    ("photo.tif", oiio.INT16, np.int16), ("photo.tif", oiio.UINT32, np.uint32), ("photo.exr", oiio.UINT32, np.uint32)])
 def test_integers_of_unknown_full_scale_are_refused(tmp_path, name, kind, pixel):
     write(tmp_path / name, (noisy() * 4000).astype(pixel), ("R", "G", "B"), kind)
     with pytest.raises(InputError, match="whose full scale nobody states; export it as a linear EXR"):

@@ -74,6 +74,15 @@ def test_full_colour_pixels_are_no_mosaic_but_a_photo(tmp_path):
     assert (image.kind, image.sensor_step) == (PhotoKind.LINEAR_FILE, 1.0)
 
 
+@pytest.mark.parametrize("black", [(64.5,) * 3, (64.25, 65.0, 63.75)])
+def test_fractions_of_black_levels_of_a_linear_dng_are_kept(tmp_path, black):
+    pixels = np.random.default_rng(3).integers(70, 900, (60, 80, 3)).astype(np.uint16)
+    write_dng(tmp_path / "linear.dng", pixels, black=black, white=1023, bits=10)
+    image = open_photo(tmp_path / "linear.dng")
+    # Single precision; half a DN would be 5e-4.
+    np.testing.assert_allclose(image.signal, (pixels - np.array(black)) / (1023 - np.array(black)), atol=1e-6)
+
+
 @pytest.mark.parametrize("tag, values", [(256, "<L"), (257, "<L")])
 def test_a_size_that_its_strips_contradict_is_refused(photo, tag, values):
     whole = bytearray(photo.read_bytes())

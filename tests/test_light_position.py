@@ -14,7 +14,8 @@ from radiometry.response import response_matrix
 from reconstruct.light_place import light_number, move_light, with_light_moved
 from reconstruct.light_position import refine_light_position
 from reconstruct.renderer import load_scene, render, start_mitsuba
-from reconstruct.scene_file import read_scene, scene_xml
+from reconstruct.scene_file import read_scene
+from reconstruct.scene_xml import scene_xml
 from session.cli import app
 
 SIZE = (36, 24)

@@ -22,6 +22,8 @@ FLOOR = np.full(GRID.nm.size, 0.5)
 BSDFS = {"diffuse": '<bsdf type="diffuse" id="paint"><spectrum name="reflectance" value="0.5"/></bsdf>',
          "roughplastic": '<bsdf type="roughplastic" id="paint"><float name="alpha" value="0.2"/>'
                          '<spectrum name="diffuse_reflectance" value="0.5"/></bsdf>',
+         "roughconductor": '<bsdf type="roughconductor" id="paint"><string name="material" value="none"/>'
+                           '<float name="alpha" value="0.4"/></bsdf>',
          "principled": '<bsdf type="principled" id="paint"><float name="roughness" value="0.3"/>'
                        '<float name="metallic" value="0.7"/><spectrum name="base_color" value="0.5"/></bsdf>'}
 SCENE = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="3"/></integrator>
@@ -133,7 +135,7 @@ def test_the_gradient_agrees_with_finite_differences_for_any_bsdf(tmp_path, kind
                                                    abs=4 * error + 0.002 * abs(np.mean(differences)))
 
 
-@pytest.mark.parametrize("kind", ["roughplastic", "principled"])
+@pytest.mark.parametrize("kind", ["roughplastic", "principled", "roughconductor"])
 def test_a_coated_or_metallic_paint_is_found(tmp_path, kind):
     problem = ball(tmp_path, kind, count=7)
     answer = invert_by_gradient(problem, InversionSettings(7, steps=80, spp=8, engine="gradient"), silent)

@@ -13,7 +13,7 @@ from reconstruct import transport
 from reconstruct.inverse_problem import InversionSettings, inverse_problem
 from reconstruct.inverse_rendering import reconstruct
 from reconstruct.renderer import load_scene, render, start_mitsuba
-from reconstruct.scene_file import scene_xml
+from reconstruct.scene_xml import scene_xml
 from reconstruct.transport import joined, light_transport, require_memory, shaded_image, trace_transport
 from reconstruct.transport_engine import unit_scene
 from tests.cornell_problem import BANDS, GRID, SCALE_ONE, TRUTH, WIDTH, camera, photo_of, scene, specs

@@ -7,7 +7,8 @@ import pytest
 from fixtures.cornell_box import cornell_box_xml
 from radiometry.errors import EnvironmentProblem, InputError
 from reconstruct.renderer import load_scene, render, start_mitsuba
-from reconstruct.scene_file import read_scene, scene_xml
+from reconstruct.scene_file import read_scene
+from reconstruct.scene_xml import scene_xml
 from tests.cornell_problem import GRID, TRUTH, camera
 
 CURVES = camera().sensitivity.curves

@@ -8,7 +8,8 @@ import pytest
 
 from fixtures.cornell_box import cornell_box_xml
 from radiometry.errors import InputError
-from reconstruct.scene_file import check_materials, not_plain_products, read_scene, scene_xml
+from reconstruct.scene_file import check_materials, not_plain_products, read_scene
+from reconstruct.scene_xml import scene_xml
 
 ONES = np.ones(3)
 

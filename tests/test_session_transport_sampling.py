@@ -35,7 +35,7 @@ def test_the_whole_scene_tells_more_than_each_surface_and_its_bands_still_hold(f
 
 def test_what_cannot_be_drawn_through_the_transport_is_said(captured):
     config = through(captured, "transport", '\n[views.again]\nphoto = "photos/box.dng"\n')
-    with pytest.raises(InputError, match="takes one photo .* and the session has several photos"):
+    with pytest.raises(InputError, match=r"takes one photo .* and the session has several photos"):
         run(config)
     with pytest.raises(InputError, match=re.escape('draws from the learnt prior alone; set sampling.method = "prior"')):
         through(captured, "transport\"\nmethod = \"uniform")

@@ -122,10 +122,10 @@ def picture(photo: LinearImage, truth: np.ndarray, found: list[Reconstruction],
         for axis in axes[row, 1:]:
             axis.plot(GRID.nm, truth, color="black", linewidth=1.5)
             axis.set(ylim=(0, 1), xlabel="wavelength (nm)")
-        axes[row, 1].legend(fontsize=6)
+        axes[row, 1].legend(fontsize=7, framealpha=0.5)
         axes[row, 1].set_title(f"{name} (black: measured)", fontsize=9)
     figure.tight_layout()
-    figure.savefig(path, dpi=75)
+    figure.savefig(path, dpi=80)
 
 
 if __name__ == "__main__":

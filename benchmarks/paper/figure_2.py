@@ -26,7 +26,7 @@ def picture(sets: dict[str, np.ndarray], table: list[dict[str, Any]], path: Path
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, 4, figsize=(13, 3.4))
+    figure, axes = plt.subplots(1, 4, figsize=(14, 3.4))
     for axis, (name, index) in zip(axes, EXAMPLES.items(), strict=False):
         curve = sets[name][index]
         axis.plot(GRID.nm, curve, color="black", linewidth=2, label="measured")
@@ -35,10 +35,11 @@ def picture(sets: dict[str, np.ndarray], table: list[dict[str, Any]], path: Path
             axis.plot(GRID.nm, basis @ nearest_splines(curve[None], basis)[0], label=f"N = {count}")
         axis.set(title=f"{name}, {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance", ylim=(0, 1))
     axes[0].legend(fontsize=8)
-    for row in table:
-        axes[3].semilogy(SIZES, [row[f"N={count}"][1] for count in SIZES], marker=".", label=row["library"])
+    for row, colour in zip(table, plt.get_cmap("tab20").colors, strict=False):     # type: ignore[attr-defined]
+        axes[3].semilogy(SIZES, [row[f"N={count}"][1] for count in SIZES], marker=".", color=colour,
+                         label=row["library"])
     axes[3].set(title="95 % quantile of the RMSE", xlabel="coefficients N", xticks=SIZES)
-    axes[3].legend(fontsize=5, loc="lower left")
+    axes[3].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
     figure.tight_layout()
     figure.savefig(path, dpi=80)
 

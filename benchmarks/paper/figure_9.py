@@ -26,9 +26,10 @@ from radiometry.spectrum_files import read_table
 from sampling.cube_answers import JudgeRequest, judge_answer
 from sampling.cube_files import open_cube
 from sampling.cube_regions import Region, read_regions
-from sampling.logit_mixture import GRID
+from sampling.logit_mixture import GRID, load_prior
+from sampling.methods import draw_spectra
 from sampling.reflectance_libraries import read_library
-from sampling.spectral_samples import linear_between
+from sampling.spectral_samples import SpectralMeasurement, linear_between
 
 NM = np.arange(400, 701, 10.0)
 TRAINING = ("CES99", "NIST CQS test colours", "CIE 13.3 test colours")
@@ -37,10 +38,19 @@ OBSERVER, LIGHT = "CIE 1931 2 Degree Standard Observer", "D65"
 REQUEST = JudgeRequest(None, 1.0, None, OBSERVER, LIGHT, ("D65", "A", "FL11"), 2000, 0, 7, False, None)
 
 
+def fine_response() -> np.ndarray:
+    """Response (3, 301) of the observer under its light."""
+    return relative_response(OBSERVER, LIGHT, visible_grid(1))
+
+
 def response() -> np.ndarray:
     """Response (3, 61)."""
-    fine = visible_grid(1)
-    return relative_response(OBSERVER, LIGHT, fine) @ linear_between(GRID, fine)
+    return fine_response() @ linear_between(GRID, visible_grid(1))
+
+
+def signal_noise() -> np.ndarray:
+    """Covariance (3, 3) of the mean of a patch's pixels."""
+    return np.eye(3) * (NOISE / SIDE) ** 2
 
 
 def network(curves: np.ndarray, rng: np.random.Generator) -> MLPRegressor:
@@ -66,18 +76,24 @@ def shaded_picture(chart: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return picture * (1 + NOISE * rng.standard_normal(picture.shape))
 
 
-def picture(facts: dict[str, Any], chart: np.ndarray, path: Path) -> None:
-    """Mean and scatter of the imported picture beside the mean of the learnt prior, for three patches."""
+def picture(facts: dict[str, Any], chart: np.ndarray, signals: list[np.ndarray], path: Path) -> None:
+    """Mean and scatter of the imported picture beside mean, band and draws of the learnt prior, for three patches."""
     import matplotlib
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, 4, figsize=(12, 3.2))
+    figure, axes = plt.subplots(1, 4, figsize=(13, 3.4))
+    prior = load_prior()
     for axis, index in zip(axes, (6, 13, 15), strict=False):
         one = facts["regions"][index]
         mean, spread = np.array(one["mean"]), np.array(one["standard_deviation"])
-        axis.fill_between(NM, mean - spread, mean + spread, color="0.85")
-        axis.plot(NM, mean, color="tab:orange", label="stand-in network, over pixels")
+        measurement = SpectralMeasurement(visible_grid(1), fine_response(), signals[index], signal_noise())
+        draws = draw_spectra(measurement, "prior", REQUEST.draws, REQUEST.seed, REQUEST.coefficients, prior).spectra
+        axis.fill_between(GRID.nm, *np.quantile(draws, [0.025, 0.975], axis=0), color="tab:green", alpha=0.2)
+        axis.plot(GRID.nm, draws[:10].T, color="tab:green", linewidth=0.4)
+        axis.plot(GRID.nm, draws.mean(axis=0), color="tab:green", label="learnt prior, 95 % and ten draws")
+        axis.fill_between(NM, mean - spread, mean + spread, color="tab:orange", alpha=0.2)
+        axis.plot(NM, mean, color="tab:orange", label="stand-in network, sd over pixels")
         axis.plot(GRID.nm, chart[index], color="black", label="measured")
         axis.set(title=f"patch {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance", ylim=(0, 1))
     axes[0].legend(fontsize=7)
@@ -85,7 +101,8 @@ def picture(facts: dict[str, Any], chart: np.ndarray, path: Path) -> None:
     for offset, key in enumerate(("rmse", "rmse_best_scale")):
         axes[3].bar(np.arange(len(names)) + 0.4 * offset, [facts["means"][name][key] for name in names], 0.4,
                     label=("RMSE", "after the best scale")[offset])
-    axes[3].set_xticks(np.arange(len(names)) + 0.2, [name.split()[0] for name in names])
+    axes[3].set_xticks(np.arange(len(names)) + 0.2, ["network", *names[1:]])
+    axes[3].set_title("mean of 24 patches")
     axes[3].legend(fontsize=7)
     figure.tight_layout()
     figure.savefig(path, dpi=80)
@@ -131,7 +148,7 @@ def main() -> None:
         signals = [(rgb[:, SIDE * i:SIDE * (i + 1)] / shading()).mean(axis=(0, 1)) for i in range(24)]
         facts, text, _ = judge_answer(open_cube(Path(scratch) / "network.npy", NM), regions, read_table(truth),
                                       replace(REQUEST, signals=signals, noise=",".join([f"{NOISE / SIDE:g}"] * 3)))
-    picture(facts, chart, arguments.out)
+    picture(facts, chart, signals, arguments.out)
     if arguments.json:
         print(json.dumps({"means": facts["means"], "fitted_on": len(curves), "picture": str(arguments.out)}))
         return

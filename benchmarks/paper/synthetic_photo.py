@@ -11,7 +11,8 @@ import numpy as np
 from radiometry.grid import visible_grid
 from radiometry.records import Calibration, LinearImage, Outcome, PhotoKind, Quantity, SensitivityFit, Spectrum
 from reconstruct.renderer import load_scene, render
-from reconstruct.scene_file import SceneFile, read_scene, scene_xml
+from reconstruct.scene_file import SceneFile, read_scene
+from reconstruct.scene_xml import scene_xml
 
 GRID = visible_grid()
 BANDS = ("R", "G", "B")
