@@ -8,6 +8,7 @@ import numpy as np
 
 from calibrate.camera_prior import CameraPrior
 from calibrate.chart_photo import ChartPhoto, chart_photo
+from calibrate.measured_curves import check_measured_curves
 from calibrate.photo_checks import light_power, refuse_disagreement
 from calibrate.sensitivity import (
     SPLINE_COEFFICIENTS,
@@ -80,7 +81,7 @@ def calibration_from_chart(samples: PatchSamples, reflectances: np.ndarray, ligh
     Raises
     ------
     CheckError
-        If no camera explains the patches.
+        If no camera explains the patches, or given curves explain them only if the photo is read in another way.
     CalibrationError, InputError
         See ``fit_sensitivities`` and ``light_power``.
     """
@@ -111,6 +112,8 @@ def calibrate_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spec
     said: tuple[str, ...] = ()
     if curves is not None:
         fit, scale, predicted = _from_measured(samples, reflectances, power, irradiance, grid, curves)
+        said = (check_measured_curves(chart_photo(samples, reflectances, power, irradiance, grid, places=places),
+                                      curves, grid),)
     elif method in (None, "prior"):
         first = chart_photo(samples, reflectances, power, irradiance, grid, places=places)
         found = prior_calibration([first, *(_further(shot, grid) for shot in more)], grid, prior)
@@ -145,8 +148,9 @@ def prior_calibration(photos: list[ChartPhoto], grid: WavelengthGrid, prior: Cam
     alone = [found] if len(photos) == 1 else [fit_with_prior([photo], known, grid) for photo in photos]
     for number, (photo, one) in enumerate(zip(photos, alone, strict=True), start=1):
         if one.disagrees:
-            refuse_disagreement("the chart photo" if len(photos) == 1 else f"chart photo {number}", one.model_error,
-                                one.chi_square, other_reading(photo, known, grid))
+            which = "the chart photo" if len(photos) == 1 else f"chart photo {number}"
+            refuse_disagreement(f"no camera explains {which}", one.model_error, one.chi_square,
+                                other_reading(photo, known, grid))
     raise CheckError(f"each of the {len(photos)} chart photos can be explained, but not all by one camera (chi-square "
                      f"{found.chi_square:.1f} per signal together); check that the camera and its settings were the "
                      "same, and that each photo has the spectrum of its own light")

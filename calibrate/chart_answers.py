@@ -10,12 +10,14 @@ from calibrate.calibration import ChartCalibration, ChartShot, calibrate_chart
 from calibrate.camera_prior import CameraPrior
 from calibrate.curve_posterior import draw_curves
 from calibrate.trust import chart_colour_differences
+from radiometry.errors import InputError
 from radiometry.records import PatchSamples, Spectrum, WavelengthGrid
 from radiometry.shaped import Record
 
 LEVEL = 0.9
 NORMAL_QUANTILE = 1.6449
 DRAWS = 1000
+FEWEST_BANDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,16 @@ def answer_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectru
         On each patch for a light spectrum of 1; None: not known, a smooth field is allowed.
     more : tuple of ChartShot
         Further photos by the same camera; colour differences are of the first.
+
+    Raises
+    ------
+    InputError
+        If the photo has fewer than 3 bands; others as of ``calibrate_chart``.
     """
+    bands = samples.mean.shape[1]
+    if bands < FEWEST_BANDS:
+        raise InputError(f"the photo has {bands} band{'s' * (bands > 1)}; {FEWEST_BANDS} or more are needed: stack "
+                         "photos that were taken through different filters into one of several bands")
     even = np.full(len(samples.mean), np.pi)
     made = calibrate_chart(samples, reflectances, light, even if irradiance is None else irradiance, grid,
                            method=method, prior=prior, curves=curves, scaled=irradiance is not None, more=more)

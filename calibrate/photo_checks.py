@@ -79,13 +79,13 @@ def dark_ranges(power: np.ndarray, grid: WavelengthGrid) -> list[tuple[float, fl
     return [(float(grid.nm[start]), float(grid.nm[stop - 1])) for start, stop in edges.reshape(-1, 2)]
 
 
-def refuse_disagreement(name: str, model_error: float, chi_square: float, reading: str | None) -> NoReturn:
-    """Say that no camera explains the patches of a photo, and what may be the cause.
+def refuse_disagreement(said: str, model_error: float, chi_square: float, reading: str | None) -> NoReturn:
+    """Say that a photo is not explained, and what may be the cause.
 
     Parameters
     ----------
-    name : str
-        Of the photo, as in "the chart photo".
+    said : str
+        What does not explain which photo.
     model_error, chi_square : float
         Of the fit, see ``PriorFit``.
     reading : str or None
@@ -97,5 +97,5 @@ def refuse_disagreement(name: str, model_error: float, chi_square: float, readin
     """
     hint = (f"read as {reading} the patches would agree: correct that" if reading is not None else
             "check the chart reference, the light spectrum, glare, and that the photo is linear (not a JPEG)")
-    raise CheckError(f"no camera explains {name}: its patches disagree with the reference by {model_error:.0%} or more "
+    raise CheckError(f"{said}: its patches disagree with the reference by {model_error:.0%} or more "
                      f"(chi-square {chi_square:.1f} per signal); {hint}")

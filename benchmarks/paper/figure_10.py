@@ -75,7 +75,7 @@ def picture(answers: dict[str, ChartAnswer], truth: np.ndarray, power: np.ndarra
     shown = [(one / white).clip(0, 1)**(1 / 2.2) for one in (samples.mean, answers["prior"].made.predicted)]
     rows = [np.repeat(np.repeat(one.reshape(4, 6, 3), 10, axis=0), 10, axis=1) for one in shown]
     axes[3].imshow(np.concatenate([rows[0], np.ones((5, 60, 3)), rows[1]]))
-    axes[3].set(title="photo (above), predicted by the prior's fit", xticks=[], yticks=[])
+    axes[3].set(title="photo; below it, predicted (prior)", xticks=[], yticks=[])
     figure.tight_layout()
     figure.savefig(path, dpi=80)
 

@@ -35,7 +35,7 @@ def picture(sets: dict[str, np.ndarray], table: list[dict[str, Any]], path: Path
             axis.plot(GRID.nm, basis @ nearest_splines(curve[None], basis)[0], label=f"N = {count}")
         axis.set(title=f"{name}, {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance", ylim=(0, 1))
     axes[0].legend(fontsize=8)
-    for row, colour in zip(table, plt.get_cmap("tab20").colors, strict=False):     # type: ignore[attr-defined]
+    for row, colour in zip(table, plt.get_cmap("tab20").colors, strict=False):  # type: ignore[attr-defined]
         axes[3].semilogy(SIZES, [row[f"N={count}"][1] for count in SIZES], marker=".", color=colour,
                          label=row["library"])
     axes[3].set(title="95 % quantile of the RMSE", xlabel="coefficients N", xticks=SIZES)
@@ -54,7 +54,7 @@ def main() -> None:
     if arguments.data is not None:
         folders = sorted(path for path in (arguments.data / "reflectance").iterdir() if path.is_dir())
         sets = {folder.name: read_library(folder).reflectances for folder in folders} | sets
-    table = []
+    table: list[dict[str, Any]] = []
     for name, curves in sets.items():
         errors = {count: rmse(nearest_splines(curves, basis) @ basis.T, curves)
                   for count in SIZES for basis in [basis_matrix(GRID.nm, count)]}

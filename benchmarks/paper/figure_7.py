@@ -23,11 +23,13 @@ from reconstruct.renderer import start_mitsuba
 from sampling.logit_mixture import GRID as PRIOR_GRID
 from sampling.logit_mixture import load_prior
 from sampling.methods import draw_spectra
+from sampling.prior_draws import FAMILIAR
 from sampling.spectral_samples import SpectralMeasurement
 
 WIDTH, BOUNCES, COEFFICIENTS, PHOTO_SPP = 48, 8, 7, 1024
 WALLS = {"white": "white 9.5", "green": "blue", "red": "yellow"}   # BSDF ids of the box, and what they wear
 STEPS, STEP_SPP, DRAWS = 120, 12, 2000
+SAMPLERS = (("prior", "ours: learnt prior, mean"), ("paper", "paper: mean of its box"))
 
 
 def main() -> None:
@@ -37,7 +39,7 @@ def main() -> None:
     arguments = parser.parse_args()
     start_mitsuba("cpu")
     table, curves, photo = rows()
-    picture(table, curves, photo, arguments.out)
+    picture(curves, photo, arguments.out)
     if arguments.json:
         print(json.dumps({"rows": table, "picture": str(arguments.out)}))
         return
@@ -45,6 +47,8 @@ def main() -> None:
     print(f"{'light':<20} {'method':<28} {'blue':>7} {'yellow':>7}")
     for row in table:
         print(f"{row['light']:<20} {row['method']:<28} {row['blue']:7.3f} {row['yellow']:7.3f}")
+        for wall, outcome in row["warnings"].items():
+            print(f"    the sampler on the {wall} wall's colour: {outcome}")
 
 
 def rows() -> tuple[list[dict[str, Any]], dict[tuple[str, str], np.ndarray], LinearImage]:
@@ -57,6 +61,7 @@ def rows() -> tuple[list[dict[str, Any]], dict[tuple[str, str], np.ndarray], Lin
     response = camera.sensitivity.curves * GRID.weights_nm
     response /= response.sum(axis=1, keepdims=True)
     curves: dict[tuple[str, str], np.ndarray] = {("", "truth"): wanted}
+    warnings: dict[tuple[str, str], dict[str, str]] = {}
     for light, bounces, engines in (("direct only", 1, ("gradient", "single-bounce")),
                                     ("interreflection", BOUNCES, ("gradient", "transport"))):
         box = scene_of(cornell_box_xml(WIDTH, bounces + 1))
@@ -66,30 +71,30 @@ def rows() -> tuple[list[dict[str, Any]], dict[tuple[str, str], np.ndarray], Lin
                                 lambda done, what: None)
             name = "paper: descent" if engine == "gradient" else "ours: traced transport"
             curves[light, name] = found.spectra[1:]
-            if engine == "gradient":
-                curves[light, "paper: mean of its box"] = sampled(response, found.signal[1:], "paper")
-            else:
-                curves[light, "ours: learnt prior, mean"] = sampled(response, found.signal[1:], "prior")
-    for method, name in (("paper", "paper: mean of its box"), ("prior", "ours: learnt prior, mean")):
-        curves["(true colour)", name] = sampled(response, wanted @ response.T, method)
+            method, then = SAMPLERS[engine == "gradient"]
+            curves[light, then], warnings[light, then] = sampled(response, found.signal[1:], method)
+    for method, then in SAMPLERS[::-1]:
+        key = "(true colour)", then
+        curves[key], warnings[key] = sampled(response, wanted @ response.T, method)
     table = [{"light": light, "method": method, "blue": spectrum_rmse(found[0], wanted[0]),
-              "yellow": spectrum_rmse(found[1], wanted[1])}
+              "yellow": spectrum_rmse(found[1], wanted[1]), "warnings": warnings.get((light, method), {})}
              for (light, method), found in curves.items() if method != "truth"]
     return table, curves, photo
 
 
-def sampled(response: np.ndarray, signals: np.ndarray, method: str) -> np.ndarray:
-    """Mean (2, P) of the spectra behind each signal (K,)."""
-    means = []
-    for signal in signals:
+def sampled(response: np.ndarray, signals: np.ndarray, method: str) -> tuple[np.ndarray, dict[str, str]]:
+    """Mean (2, P) of the spectra behind each signal (K,), and what the sampler warns of, by wall."""
+    means, warnings = [], {}
+    for wall, signal in zip(("blue", "yellow"), signals, strict=True):
         measurement = SpectralMeasurement(GRID, response, signal, np.zeros((3, 3)))
         draws = draw_spectra(measurement, method, DRAWS, 0, COEFFICIENTS, load_prior())
         means.append(np.interp(GRID.nm, PRIOR_GRID.nm, draws.spectra.mean(axis=0)))
-    return np.array(means)
+        if method == "prior" and draws.outcome != FAMILIAR:
+            warnings[wall] = draws.outcome
+    return np.array(means), warnings
 
 
-def picture(table: list[dict[str, Any]], curves: dict[tuple[str, str], np.ndarray], photo: LinearImage,
-            path: Path) -> None:
+def picture(curves: dict[tuple[str, str], np.ndarray], photo: LinearImage, path: Path) -> None:
     """The photo, and the spectra of both walls for both lights."""
     import matplotlib
     matplotlib.use("Agg")

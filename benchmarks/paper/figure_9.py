@@ -121,7 +121,7 @@ def filter_wheel(data: Path) -> str:
         (Path(scratch) / "labels.png").write_bytes(mask.read_bytes())
         toml.write_text("".join(f'[regions."{name}"]\nmask = "labels.png"\nlabel = {index}\n'
                                 for index, name in enumerate(names, 1)))
-        regions = read_regions(toml, cube.width, cube.height, lambda path: cv2.imread(str(path), -1))
+        regions = read_regions(toml, cube.width, cube.height, lambda path: np.asarray(cv2.imread(str(path), -1)))
     return judge_answer(cube, regions, truths, replace(REQUEST, white_region=names[18]))[1]
 
 

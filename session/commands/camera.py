@@ -12,6 +12,7 @@ from session.commands.camera_inputs import (
     read_measured_curves,
     read_reflectances,
     read_shots,
+    require_outputs,
     write_curves,
     write_draws,
 )
@@ -75,6 +76,9 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
             if len(given) not in (1, len(photos)):
                 fail(as_json, f"{len(given)} times {option} for {len(photos)} photos; give one for each "
                      "or one for all", 2)
+        require_outputs([path for path in (out, samples) if path is not None],
+                        [*photos, *map(Path, light), *map(Path, reference), *(path for path in (curves, prior_file)
+                                                                              if path is not None)])
         from calibrate.chart_answers import answer_chart, facts_of
         from radiometry.grid import visible_grid
         grid = visible_grid()
@@ -152,7 +156,7 @@ def preflight(light: Light,
                  "second_lights": [{"light": name, "expected_error": error} for name, error in expected.second_lights]}
         best, error = expected.second_lights[0]
         lines = ["expected error of the curves: " + ", ".join(f"{value:.1%}" for value in expected.expected_error)
-                 + f" at {noise:.1%} a patch (condition number {expected.condition_number:.0f})",
+                 + f" at {noise:.1%} a patch (condition number {expected.condition_number:.4g})",
                  f"of a camera unlike those measured: {expected.unlike_error.mean():.1%}", *unseen,
                  f"a second photo under {best} would bring the mean to {error:.1%}"]
         answer(as_json, facts, "\n".join(lines))

@@ -30,6 +30,8 @@ def read_shots(photos: list[Path], lights: list[str], references: list[str], cor
     InputError
         If the photos are not of the same bands, or one of the files cannot be read.
     """
+    import numpy as np
+
     from calibrate.calibration import ChartShot
     from calibrate.patch_files import read_patches
     shots: list[ChartShot] = []
@@ -42,6 +44,9 @@ def read_shots(photos: list[Path], lights: list[str], references: list[str], cor
         measured, bands = _patches_of_picture(photo, places) if decode else read_patches(photo)
         shots.append(ChartShot(measured, known_charts[reference], known_lights[light]))
         names.append(bands)
+        if any(np.array_equal(measured.mean, shot.samples.mean) for shot in shots[:-1]):
+            raise InputError(f"{photo.name} holds the same signals as another of the photos; counted twice, one photo "
+                             "would seem surer than it is: give each photo once")
         if bands != names[0]:
             raise InputError(f"{photo.name} has the bands {', '.join(bands)}, {photos[0].name} has "
                              f"{', '.join(names[0])}; all photos must be of one camera, its bands in the same order")
@@ -106,6 +111,20 @@ def read_measured_curves(path: Path, bands: int, grid: WavelengthGrid) -> np.nda
         raise InputError(f"{path.name}: sensitivities must be positive; they run from {values.min():.3g} to "
                          f"{values.max():.3g}")
     return values.clip(0) / values.max()
+
+
+def require_outputs(outputs: list[Path], inputs: list[Path]) -> None:
+    """Refuse outputs that are folders or would replace an input, before anything is computed.
+
+    Raises
+    ------
+    InputError
+    """
+    for path in outputs:
+        if path.is_dir():
+            raise InputError(f"{path} is a folder; give the name of a file to write")
+        if path.resolve() in {source.resolve() for source in inputs}:
+            raise InputError(f"{path} is an input of this command and would be replaced; give another name")
 
 
 def write_curves(path: Path, result: ChartAnswer, names: tuple[str, ...], grid: WavelengthGrid, light: str) -> None:

@@ -13,6 +13,7 @@ from session.report.words import percent
 from session.results import MaterialResult
 
 DRAWS_SHOWN = 30
+LEGEND_LETTERS = 42     # that one row above the error budget holds
 MEAN, RENDERED, TRUTH = "#1f4e8c", "#d0661a", "#1a1a1a"
 QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradiance (W m⁻² nm⁻¹)",
               Quantity.RADIANCE: "Radiance (W m⁻² sr⁻¹ nm⁻¹)", Quantity.RELATIVE: "Relative spectral power"}
@@ -105,7 +106,8 @@ def error_budget_figure(name: str, material: MaterialResult, bands: tuple[str, .
     axes.tick_params(axis="y", length=0)
     axes.set_xlabel("Relative standard error (%)")
     axes.grid(axis="x")
-    drawing.legend(loc="outside upper left", ncols=min(len(bands), 6), handlelength=0.8, columnspacing=0.9)
+    columns = max(min(len(bands), LEGEND_LETTERS // (4 + max(len(band) for band in bands))), 1)
+    drawing.legend(loc="outside upper left", ncols=columns, handlelength=0.8, columnspacing=0.9)
     return inline_svg(drawing, name, f"Error budget of {plain_line(material.name)}",
                       "Bars: relative standard error of the signal by cause and camera band.")
 
