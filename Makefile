@@ -1,14 +1,15 @@
 # make demo   writes a synthetic capture session with known truth and runs it, as an operator would
 # make test   runs the tests
 # make bench  prints the measured figures (DATA=FOLDER for those that need measured data); takes the better part of an hour
-# Both set up everything they need in .venv first; a second call does no work twice.
+# make paper  prints the table of every figure of docs/paper.md and what data are missing; pictures go to build/paper
+# All set up everything they need in .venv first; a second call does no work twice.
 PYTHON ?= python3
 DEMO   ?= demo-session
 VENV   := .venv
 PY     := $(VENV)/bin/python
 STAMP  := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench clean
+.PHONY: setup demo test lint bench paper clean
 .DELETE_ON_ERROR:
 
 setup: $(STAMP)
@@ -44,6 +45,12 @@ bench: $(STAMP)
 	  if ! grep -q '"--data"' $$script; then $(PY) $$script || exit 1; \
 	  elif [ -n "$(DATA)" ]; then $(PY) $$script --data "$(DATA)" || exit 1; \
 	  else echo "skipped: needs measured data, make bench DATA=FOLDER"; fi; done
+
+paper: $(STAMP)
+	@mkdir -p build/paper
+	@for script in benchmarks/paper/figure_*.py; do echo "== $$script"; set -- --out build/paper/$$(basename $$script .py).png; \
+	  if [ -n "$(DATA)" ] && grep -q '"--data"' $$script; then set -- "$$@" --data "$(DATA)"; fi; \
+	  $(PY) $$script "$$@" || exit 1; done
 
 clean:
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache

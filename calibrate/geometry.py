@@ -179,8 +179,13 @@ def _charuco(board: Board) -> Any:
     dictionary = getattr(cv2.aruco, board.dictionary, None)
     if not board.dictionary.startswith("DICT_") or dictionary is None:
         raise InputError(f"{board.dictionary!r} is no ArUco dictionary; write one such as DICT_5X5_100")
-    charuco = cv2.aruco.CharucoBoard((board.columns, board.rows), board.square, board.marker,
-                                     cv2.aruco.getPredefinedDictionary(dictionary))
+    markers = cv2.aruco.getPredefinedDictionary(dictionary)
+    needed = board.columns * board.rows // 2
+    if needed > len(markers.bytesList):
+        raise InputError(f"a board of {board.columns} x {board.rows} squares needs {needed} markers and "
+                         f"{board.dictionary} holds {len(markers.bytesList)}; take fewer squares or a larger "
+                         "dictionary")
+    charuco = cv2.aruco.CharucoBoard((board.columns, board.rows), board.square, board.marker, markers)
     charuco.setLegacyPattern(board.legacy)
     return charuco
 

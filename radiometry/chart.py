@@ -1,12 +1,14 @@
 """The 24 patches of a ColorChecker Classic: names, places and reflectances with their source."""
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from radiometry.colour_science import colour_science
 from radiometry.errors import InputError
 from radiometry.records import WavelengthGrid
-from radiometry.spectrum_files import on_grid
+from radiometry.spectrum_files import on_grid, read_reflectances
 
 PATCH_NAMES = (
     "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
@@ -41,6 +43,20 @@ def chart_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
                          "or a CSV file with one column per patch")
     spectra = list(colour_science().SDS_COLOURCHECKERS[reference].values())
     return np.array([on_grid(np.asarray(sd.wavelengths), np.asarray(sd.values), grid, reference) for sd in spectra])
+
+
+def measured_chart(path: Path, grid: WavelengthGrid) -> np.ndarray:
+    """Reflectances (24, P) of one's own chart, from a file of one column per patch, dark skin first.
+
+    Raises
+    ------
+    InputError
+        If the file does not hold 24 columns of reflectances that cover the grid.
+    """
+    patches = read_reflectances(path, grid)
+    if len(patches) != len(PATCH_NAMES):
+        raise InputError(f"{path.name} holds {len(patches)} columns; 24 are needed, one per patch, dark skin first")
+    return np.array(list(patches.values()))
 
 
 def patch_centres_uv() -> np.ndarray:

@@ -7,6 +7,8 @@ from radiometry.errors import CalibrationError, InputError
 from radiometry.records import LightScale, LinearImage
 
 SAME_SETTING = 1e-6
+DIAL_DIGITS = (1, 1.25, 1.3, 1.5, 1.6, 2, 2.5, 3, 3.2, 4, 5, 6, 6.4, 8)  # of the times that cameras state: 1/125, 1/60
+LONGEST_AS_FRACTION_S = 0.26
 LARGEST_LIGHT_CONDITION = 1e8
 
 
@@ -41,8 +43,41 @@ def exposure_ratio(before: LinearImage, after: LinearImage) -> float:
     return exposure_product(after, after.source) / exposure_product(before, before.source)
 
 
-def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: LinearImage) -> LightScale:
+def rounding_error(before: LinearImage, after: LinearImage) -> float:
+    """Relative error of ``exposure_ratio`` where a camera rounds what it states: 1/60 s for 1/64 s, f/11 for f/11.3.
+
+    The difference to the ratio of the nearest thirds of a stop. It is 0 at equal settings, and of times where one of
+    them stands on no dial: those are measured or exact.
+    """
+    stops = 0.0
+    if before.exposure_s and after.exposure_s and _on_dial(before.exposure_s) and _on_dial(after.exposure_s):
+        stops += _off_third(after.exposure_s) - _off_third(before.exposure_s)
+    if before.f_number and after.f_number:
+        stops -= _off_third(after.f_number**2) - _off_third(before.f_number**2)
+    return float(abs(2**stops - 1))
+
+
+def _on_dial(exposure_s: float) -> bool:
+    shown = exposure_s if exposure_s > LONGEST_AS_FRACTION_S else 1 / exposure_s
+    digits = shown / 10 ** np.floor(np.log10(shown) + SAME_SETTING)
+    return bool(np.any(np.abs(np.array(DIAL_DIGITS) / digits - 1) < SAME_SETTING))
+
+
+def _off_third(value: float) -> float:
+    """Stops from the nearest third of a stop."""
+    stops = float(np.log2(value))
+    return stops - round(3 * stops) / 3
+
+
+def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: LinearImage,
+                    compared: bool = False) -> LightScale:
     """The light scale of another photo under the same light, by the ratio of exposures.
+
+    Parameters
+    ----------
+    compared : bool
+        A reference that both photos show will tell how the exposures compare (``light_drift.scale_after_drift``), so
+        that the rounding of what the camera states is no error.
 
     Raises
     ------
@@ -50,22 +85,30 @@ def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: Linear
         As ``exposure_ratio``.
     """
     ratio = exposure_ratio(calibrated_on, photo)
-    error = None if scale.standard_error is None else scale.standard_error * ratio
+    rounded = 0.0 if compared else rounding_error(calibrated_on, photo)
+    error = None if scale.standard_error is None else float(np.hypot(scale.standard_error, rounded * scale.value)) * ratio
     how = scale.source if abs(ratio - 1) < SAME_SETTING else f"{scale.source}, times {ratio:.4g} for the exposure"
+    if rounded > SAME_SETTING:
+        how += f", which is known to {rounded:.1%} as cameras round the settings they state"
     return LightScale(scale.value * ratio, error, scale.residuals, how)
 
 
 def scale_from_signals(measured: np.ndarray, predicted: np.ndarray, relative_error: float, source: str) -> LightScale:
     """Closed-form weighted least squares of measured (R, K) against predicted (R, K), all known to ``relative_error``.
 
-    The signal is linear in the light: a render at 2.5 times the light is 2.5 times the image.
+    The signal is linear in the light: a render at 2.5 times the light is 2.5 times the image. The standard error is the
+    largest of what ``relative_error`` says, what the scatter of all signals says, and what that of the regions says: the
+    bands of one region err together where its place, angle or paint is not as predicted, and count as one.
     """
     weight = 1 / (relative_error * measured) ** 2
     curvature = np.sum(weight * predicted**2)
     value = np.sum(weight * measured * predicted) / curvature
     residuals = 1 - value * predicted / measured
     misfit = max(np.sum(weight * (measured - value * predicted) ** 2) / max(measured.size - 1, 1), 1.0)
-    return LightScale(float(value), float(np.sqrt(misfit / curvature)), residuals, source)
+    regions = len(measured)
+    pulls = np.sum(weight * predicted * (measured - value * predicted), axis=1) / curvature
+    by_region = np.sum(pulls**2) * regions / max(regions - 1, 1)
+    return LightScale(float(value), float(np.sqrt(max(misfit / curvature, by_region))), residuals, source)
 
 
 def scales_from_signals(measured: np.ndarray, predicted: np.ndarray,

@@ -22,13 +22,14 @@ from radiometry.spectral_formats.envi import envi_header_of, is_envi_header, rea
 from radiometry.spectral_formats.field_text import is_sed, is_svc, read_sed, read_svc
 from radiometry.spectral_formats.rawtoaces import is_rawtoaces, read_rawtoaces
 from radiometry.spectral_formats.spectral_exr import MAGIC, read_spectral_exr
-from radiometry.spectral_formats.table import SpectralTable, checked_table, text_of
+from radiometry.spectral_formats.table import SpectralTable, checked_table, distinct, text_of
 from radiometry.spectral_formats.tm27 import is_tm27, read_tm27
 
-__all__ = ["SpectralTable", "column_index", "format_of", "on_grid", "read_curves", "read_spectrum", "read_table",
-           "spectrum_of", "spectrum_on_grid", "table_text"]
+__all__ = ["SpectralTable", "column_index", "format_of", "on_grid", "read_curves", "read_reflectances", "read_spectrum",
+           "read_table", "spectrum_of", "spectrum_on_grid", "table_text"]
 
 FINE_STEP_NM = 2.5          # up to here linear interpolation is within measurement error; above, shape-preserving cubic
+HOLE_STEPS, WIDEST_STEP_NM = 3.0, 20.0  # a step wider than both, among narrower ones, is a hole and no coarse grid
 LARGEST_FILE_BYTES = 1_000_000_000
 MOST_NAMED = 24             # columns in one error sentence: as many as a chart has patches
 SI_FACTORS = {"uw cm-2 sr-1 nm-1": 0.01, "µw cm-2 sr-1 nm-1": 0.01, "μw cm-2 sr-1 nm-1": 0.01,
@@ -153,6 +154,19 @@ def read_curves(path: Path, columns: Sequence[str | int] | None = None,
     return table.nm, tuple(table.names[i] for i in chosen), values
 
 
+def read_reflectances(path: Path, grid: WavelengthGrid) -> dict[str, np.ndarray]:
+    """Every reflectance (P,) of a file by name, on the grid and as a fraction of 1 whatever unit the file states.
+
+    Raises
+    ------
+    InputError
+        As ``read_spectrum``, or if one does not cover the grid.
+    """
+    table = read_table(path)
+    return {name: spectrum_on_grid(spectrum_of(table, role=Quantity.REFLECTANCE, column=index + 2), grid)
+            for index, name in enumerate(distinct(list(table.names))) if not name.startswith("standard_error")}
+
+
 def on_grid(nm: np.ndarray, values: np.ndarray, grid: WavelengthGrid, name: str) -> np.ndarray:
     """Values (..., P) at the grid's wavelengths: linear where sampled at 2.5 nm or finer, else monotone cubic.
 
@@ -172,7 +186,20 @@ def on_grid(nm: np.ndarray, values: np.ndarray, grid: WavelengthGrid, name: str)
 
 
 def spectrum_on_grid(spectrum: Spectrum, grid: WavelengthGrid) -> np.ndarray:
-    """The spectrum's values (P,) at the grid's wavelengths; see ``on_grid``."""
+    """The spectrum's values (P,) at the grid's wavelengths; see ``on_grid``.
+
+    Raises
+    ------
+    InputError
+        As ``on_grid``, or if the spectrum has a hole: steps far wider than its others, of cells that hold no number.
+    """
+    steps = np.diff(spectrum.grid.nm)
+    wide = (steps > max(HOLE_STEPS * float(np.median(steps)), WIDEST_STEP_NM)) \
+        & (spectrum.grid.nm[1:] > grid.nm[0]) & (spectrum.grid.nm[:-1] < grid.nm[-1])
+    if wide.any():
+        place = int(np.argmax(np.where(wide, steps, 0)))
+        raise InputError(f"{spectrum.source} has no values between {spectrum.grid.nm[place]:g} and "
+                         f"{spectrum.grid.nm[place + 1]:g} nm: measure or export the missing part")
     return on_grid(spectrum.grid.nm, spectrum.values, grid, spectrum.source)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from radiometry.records import Calibration, Reconstruction
 from radiometry.spectrum_files import on_grid, read_curves, spectrum_on_grid
 from reconstruct.joint_reconstruction import JointReconstruction
-from session.error_budget import relative_errors
+from session.error_budget import relative_errors, variance_shares
 from session.inputs import GRID, band_names, read_reflectance
 from session.pipeline import (
     FinishedRun,
@@ -61,7 +61,9 @@ def _material(config: SessionConfig, calibrations: list[Calibration], joint: Joi
     samples, summary = samples_of(stored, name)
     errors = relative_errors(calibrations, joint, index)
     scores = None if truth is None else score(spectrum_on_grid(truth, joint.grid), spectrum, summary, samples)
-    return MaterialResult(*known, summary, samples, errors, truth, scores)
+    by_prior = config.sampling.method == "prior" and config.sampling.through == "surface"
+    shares = variance_shares(calibrations, joint, index) if by_prior else {}
+    return MaterialResult(*known, summary, samples, errors, truth, scores, shares)
 
 
 def _chart(config: SessionConfig, run: FinishedRun) -> ChartResult | None:

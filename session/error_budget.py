@@ -10,6 +10,8 @@ from radiometry.records import Calibration
 from radiometry.response import white_signal
 from radiometry.spectrum_files import spectrum_on_grid
 from reconstruct.joint_reconstruction import JointReconstruction
+from sampling.error_budget import error_budget
+from sampling.logit_mixture import load_prior
 from sampling.spectral_samples import SpectralMeasurement
 
 
@@ -45,6 +47,17 @@ def relative_errors(calibrations: Sequence[Calibration], joint: JointReconstruct
     """Relative standard error (J,) of one material's signal, by cause."""
     return {cause: np.sqrt(np.diag(covariance)) / joint.signal[index]
             for cause, covariance in signal_covariances(calibrations, joint, index).items()}
+
+
+def variance_shares(calibrations: Sequence[Calibration], joint: JointReconstruction, index: int) -> dict[str, float]:
+    """Share of each cause in the variance of a spectrum drawn from the learnt prior, mean over wavelengths.
+
+    Metamerism is what would remain if every signal were perfect.
+    """
+    budget = error_budget(load_prior(), measurement_of(calibrations, joint, index),
+                          signal_covariances(calibrations, joint, index))
+    total = sum(float(np.mean(variance)) for variance in budget.values())
+    return {cause: float(np.mean(variance)) / total for cause, variance in budget.items()}
 
 
 def sensitivity_covariance(calibrations: Sequence[Calibration], joint: JointReconstruction, index: int) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from capture.bands import stack_bands
 from capture.developed import develop_photos
-from radiometry.chart import REFERENCES, chart_reflectances
+from radiometry.chart import REFERENCES, chart_reflectances, measured_chart
 from radiometry.errors import ClippedPhotoError, InputError
 from radiometry.grid import visible_grid
 from radiometry.records import LinearImage, Quantity, Spectrum
@@ -59,10 +59,7 @@ def read_chart_reference(config: SessionConfig) -> np.ndarray:
     name = config.chart.reference
     if name in REFERENCES or not Path(name).suffix:
         return chart_reflectances(name, GRID)
-    nm, names, values = read_curves(config.path(name))
-    if len(names) != 24:
-        raise InputError(f"{name} holds {len(names)} columns; 24 are needed, one per patch, dark skin first")
-    return on_grid(nm, values, GRID, name)
+    return measured_chart(config.path(name), GRID)
 
 
 def read_session_scene(config: SessionConfig, file: str | None = None) -> SceneFile:

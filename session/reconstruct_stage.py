@@ -46,8 +46,9 @@ def invert_photos(config: SessionConfig, device: str, photos: Sequence[LinearIma
     for shot, photo, calibration, chart in zip(config.shots, photos, calibrations, charts, strict=True):
         scene = read_session_scene(config, shot.scene)
         materials |= {material.bsdf: material for material in read_materials(config, scene)}
-        scale = _scale_of(config, photo, calibration, chart)
-        if scale is not None and drift is not None and not shot.name:
+        compared = drift is not None and not shot.name
+        scale = _scale_of(config, photo, calibration, chart, compared)
+        if scale is not None and drift is not None and compared:
             scale = scale_after_drift(scale, drift)
         views.append(View(shot.name or FIRST_VIEW, scene, photo, calibration, bands, scale,
                           {light: read_light(config, spectrum) for light, spectrum in shot.lights_by_id.items()}))
@@ -79,8 +80,11 @@ def _learnt_spectra(spectrum_prior: str) -> LearntSpectra | None:
 
 
 def _scale_of(config: SessionConfig, photo: LinearImage, calibration: Calibration,
-              chart: LinearImage | None) -> LightScale | None:
-    """Light scale of a photo from the chart under its light; None leaves it to the materials."""
+              chart: LinearImage | None, compared: bool) -> LightScale | None:
+    """Light scale of a photo from the chart under its light; None leaves it to the materials.
+
+    ``compared``: references in both photos correct it afterwards.
+    """
     if chart is None or calibration.light_scale is None or config.scale.source != "chart":
         return None
-    return scale_for_photo(calibration.light_scale, chart, photo)
+    return scale_for_photo(calibration.light_scale, chart, photo, compared)

@@ -47,6 +47,7 @@ class MaterialResult:
     error_budget: dict[str, np.ndarray]  # cause -> (K,) relative standard error of this material's signal
     truth: Spectrum | None
     scores: Scores | None
+    variance_shares: dict[str, float] = field(default_factory=dict)  # cause -> share of the spectrum's variance
 
 
 @dataclass(frozen=True)

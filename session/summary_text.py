@@ -65,7 +65,8 @@ def _material_facts(material: MaterialResult, results: SessionResults) -> dict[s
         facts |= {"band_width": float(np.mean(material.summary.upper - material.summary.lower)),
                   "level": material.summary.level, "next_measurement_nm": material.summary.next_measurement_nm,
                   "error_budget": {cause: [float(value) for value in errors]
-                                   for cause, errors in material.error_budget.items()}}
+                                   for cause, errors in material.error_budget.items()},
+                  "variance_shares": material.variance_shares}
     if material.scores is not None:
         facts |= {"rmse_mean": material.scores.rmse_mean,
                   "rmse_inverse_rendering": material.scores.rmse_inverse_rendering,

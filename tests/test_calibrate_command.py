@@ -108,3 +108,21 @@ def test_what_is_missing_is_said_with_its_exit_code(words, code, said):
     result = run("camera", "fit", *words)
     assert result.exit_code == code
     assert said in result.stderr
+
+
+def test_inputs_are_not_written_over_and_photos_not_counted_twice(chart, tmp_path):
+    given = ("camera", "fit", "--patches", chart / "patches.csv", "--light", "D65")
+    before = (chart / "patches.csv").read_bytes()
+    for words, said in (((*given, "--out", chart / "patches.csv"), "is an input of this command"),
+                        ((*given, "--out", tmp_path), "is a folder"),
+                        ((*given, "--patches", chart / "patches.csv"), "give each photo once")):
+        result = run(*words)
+        assert result.exit_code == 3 and said in result.stderr
+    assert (chart / "patches.csv").read_bytes() == before
+
+
+def test_two_bands_are_too_few(chart, tmp_path):
+    rows = [line.rpartition(",")[0] for line in (chart / "patches.csv").read_text(encoding="utf-8").splitlines()]
+    (tmp_path / "two.csv").write_text("\n".join(rows), encoding="utf-8")
+    result = run("camera", "fit", "--patches", tmp_path / "two.csv", "--light", "D65")
+    assert result.exit_code == 3 and "the photo has 2 bands; 3 or more are needed" in result.stderr

@@ -70,9 +70,12 @@ def test_patches_are_read_with_and_without_names(tmp_path, header):
     assert found.mean.shape == (24, 3) and found.mean[23, 0] == 24 and len(names) == 3
 
 
-def test_standard_errors_become_the_covariance(tmp_path):
-    rows = ["R,G,B,standard_error R,standard_error G,standard_error B", *(["1,2,3,0.1,0.2,0.3"] * 24)]
-    (tmp_path / "p.csv").write_text("\n".join(rows), encoding="utf-8")
+@pytest.mark.parametrize("names, errors", [
+    ("standard_error R,standard_error G,standard_error B", "0.1,0.2,0.3"),
+    ("standard_error B,standard_error G,standard_error R", "0.3,0.2,0.1"),
+    ("standard_error,standard_error,standard_error", "0.1,0.2,0.3")], ids=["in order", "in another order", "unnamed"])
+def test_standard_errors_become_the_covariance(tmp_path, names, errors):
+    (tmp_path / "p.csv").write_text(f"R,G,B,{names}\n" + f"1,2,3,{errors}\n" * 24, encoding="utf-8")
     found, _ = read_patches(tmp_path / "p.csv")
     np.testing.assert_allclose(found.covariance_of_mean[5], np.diag([0.01, 0.04, 0.09]), rtol=1e-12)
 
@@ -80,7 +83,10 @@ def test_standard_errors_become_the_covariance(tmp_path):
 @pytest.mark.parametrize("text, message", [
     ("1,2,3\n" * 18, "holds 18 rows of signals; 24 are needed"), ("", "p.csv is empty"),
     ("1,2,3\n" * 23 + "1,x,3\n", "in every cell"),
-    ("R,G,B,standard_error R\n" + "1,2,3,4\n" * 24, "3 bands and 1 standard errors")])
+    ("R,G,B,standard_error R\n" + "1,2,3,4\n" * 24, "3 bands and 1 standard errors"),
+    ("R,R,B\n" + "1,2,3\n" * 24, "two bands of one name"),
+    ("R,G,B,standard_error R,standard_error G,standard_error X\n" + "1,2,3,4,5,6\n" * 24, "no band of that name"),
+    ("R,G,standard_error R,standard_error G\n" + "1,2,4,-5\n" * 24, "negative standard error")])
 def test_a_bad_table_of_patches_is_refused(tmp_path, text, message):
     (tmp_path / "p.csv").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=message):

@@ -28,6 +28,16 @@ def test_the_scales_standard_error_is_the_scatter_of_repeated_photos():
     assert 0.89 < np.mean([fit.standard_error for fit in fits]) / scatter < 1.2
 
 
+@pytest.mark.parametrize("regions", [3, 24])
+def test_bands_of_a_region_that_err_together_count_as_one(regions):
+    rng = np.random.default_rng(8)
+    fits = [scale_from_signals(2.5 * PREDICTED[:regions] * (1 + 0.03 * rng.standard_normal((regions, 1))),
+                               PREDICTED[:regions], 0.01, "chart") for _ in range(600)]
+    stated = np.sqrt(np.mean([fit.standard_error**2 for fit in fits]))
+    # The standard deviation of 600 draws is known to 3 %, a mean of 600 variances of 2 degrees of freedom to 4 %.
+    assert stated == pytest.approx(np.std([fit.value for fit in fits]), rel=0.12)
+
+
 def test_the_closed_form_is_the_minimum_that_a_gradient_method_finds():
     from scipy.optimize import minimize_scalar
     measured = 1.7 * PREDICTED * (1 + 0.05 * np.random.default_rng(3).standard_normal(PREDICTED.shape))

@@ -205,7 +205,25 @@ def test_what_is_wrong_is_said_and_nothing_is_written(folder):
     said = call("pose", small, "--scene", scene, "--points", points, "--lens", folder / "lens.json", "--out", out,
                 code=3)
     assert "has 64 x 48 pixels, the lens was found at 640 x 480" in said.stderr
+    assert "0 of 3 photos show the board" in call("lens", blank, blank, blank, "--board", board, "--out",
+                                                  folder / "none.json", code=4).stderr
     assert not out.exists() and not (folder / "none.json").exists()
+
+
+def test_inputs_are_not_written_over(folder):
+    photo = bent_photo(folder, TILTS[0])
+    before = photo.read_bytes()
+    said = call("undistort", photo, "--lens", folder / "lens.json", "-o", photo, "--force", code=3)
+    assert "is an input of this command" in said.stderr and photo.read_bytes() == before
+
+
+def test_a_board_goes_into_a_new_folder_and_needs_markers_enough(folder):
+    board = folder / "board.toml"
+    call("board", "--board", board, "-o", folder / "new" / "board.png")
+    assert (folder / "new" / "board.png").is_file()
+    board.write_text(BOARD.replace("columns = 9", "columns = 60"), encoding="utf-8")
+    said = call("board", "--board", board, "-o", folder / "large.png", code=3)
+    assert "60 x 7 squares needs 210 markers and DICT_5X5_100 holds 100" in said.stderr
 
 
 @pytest.mark.parametrize("before, after, sentence", [

@@ -139,3 +139,9 @@ def test_the_command_writes_the_scene_with_the_light_where_it_was(tmp_path):
     assert facts["chi_square"] < facts["chi_square_before"] / 3
     again = CliRunner().invoke(app, [*map(str, arguments)])
     assert again.exit_code == 3 and "exists already" in again.stderr
+    lines = (tmp_path / "paints.csv").read_text(encoding="utf-8").splitlines()
+    percent = [lines[0]] + [",".join([row[0], *(str(100 * float(value)) for value in row[1:])])
+                            for row in (line.split(",") for line in lines[1:])]
+    (tmp_path / "paints.csv").write_text("\n".join(percent), encoding="utf-8")
+    percent_given = CliRunner().invoke(app, [*map(str, arguments), "--force"])
+    assert percent_given.exit_code == 3 and "looks like percent" in percent_given.stderr

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
+from radiometry.chart import measured_chart
 from radiometry.errors import InputError
 from radiometry.grid import grid_from_nm, visible_grid
-from radiometry.records import Quantity
+from radiometry.records import Quantity, Spectrum
 from radiometry.spectrum_files import (
     on_grid,
     read_curves,
@@ -121,3 +122,38 @@ def test_a_spectrum_keeps_its_own_grid():
     # Coarser than 2.5 nm: the cubic through two points is their line.
     line = 0.001 * (visible_grid().nm - 380)
     np.testing.assert_allclose(spectrum_on_grid(spectrum, visible_grid()), line, atol=1e-12)
+
+
+def test_a_hole_in_a_spectrum_is_not_bridged(tmp_path):
+    rows = [f"{nm},{'' if 500 < nm < 560 else 1}" for nm in range(380, 781, 5)]
+    spectrum = read_spectrum(write(tmp_path, "nm,value\n" + "\n".join(rows), "light.csv"), role=Quantity.RELATIVE)
+    with pytest.raises(InputError, match=r"light.csv, column value has no values between 500 and 560 nm: measure or"):
+        spectrum_on_grid(spectrum, visible_grid())
+
+
+@pytest.mark.parametrize("nm", [[400, 450, 500, 600, 700], [*range(380, 716, 5), 900], [300, *range(390, 711, 10)]])
+def test_a_coarse_grid_and_steps_outside_the_visible_are_no_holes(nm):
+    spectrum = Spectrum(grid_from_nm(np.array(nm)), np.ones(len(nm)), Quantity.RELATIVE, "light.csv")
+    # Ones interpolate to ones within round-off.
+    np.testing.assert_allclose(spectrum_on_grid(spectrum, visible_grid()), 1, rtol=1e-14)
+
+
+@pytest.mark.parametrize("unit, factor", [("1", 1.0), ("percent", 100.0)])
+def test_a_chart_of_one_s_own_is_read_in_the_unit_that_its_file_states(tmp_path, unit, factor):
+    nm = np.arange(400.0, 701.0, 5.0)
+    reflectances = np.random.default_rng(2).uniform(0.03, 0.9, (24, 1)) * np.ones(nm.size)
+    text = table_text(nm, {f"patch {i}": factor * row for i, row in enumerate(reflectances)},
+                      quantity=Quantity.REFLECTANCE, source="chart")
+    found = measured_chart(write(tmp_path, text.replace("# unit: 1", f"# unit: {unit}")), visible_grid())
+    # Nine significant digits are written.
+    np.testing.assert_allclose(found, reflectances[:, :1] * np.ones(301), rtol=1e-8)
+
+
+def test_a_chart_in_percent_that_does_not_say_so_is_refused(tmp_path):
+    nm = np.arange(400.0, 701.0, 5.0)
+    text = table_text(nm, {f"patch {i}": np.full(nm.size, 30.0) for i in range(24)}, quantity=Quantity.REFLECTANCE,
+                      source="chart")
+    with pytest.raises(InputError, match="a reflectance of 30 looks like percent"):
+        measured_chart(write(tmp_path, text), visible_grid())
+    with pytest.raises(InputError, match="holds 1 columns; 24 are needed, one per patch"):
+        measured_chart(write(tmp_path, "nm,a\n400,0.1\n700,0.2\n"), visible_grid())

@@ -70,6 +70,8 @@ def main() -> None:
     for row in table:
         print(f"{row['library']:<24} {row['curves']:5d} "
               + " ".join(f"{row[f'N={count}'][0]:7.4f}/{row[f'N={count}'][1]:.4f} " for count in SIZES))
+    if arguments.data is None:
+        print("missing: the measured libraries; give the folder that holds reflectance/ with --data")
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ def by_posterior(signals: np.ndarray, errors: np.ndarray, response: np.ndarray, 
     count = len(exponents)
     transport = LightTransport(("one", "other"), exponents, np.eye(count), None)
     problem = joint_problem(transport, response, signals[:count], errors[:count], load_prior())
-    return sample_joint(problem, 0, refuse=False).spectra
+    return sample_joint(problem, 0).spectra
 
 
 def picture(shown: dict[str, np.ndarray], truths: np.ndarray, path: Path) -> None:

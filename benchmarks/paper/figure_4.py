@@ -4,8 +4,8 @@ The object is a ball beside a flash. Its colour is what the transport engine fin
 of its box by the readings (Eq. 9); beside it exact uniform draws and the learnt prior, which are conditioned on them.
 Table of the RMSE of the mean, the standard deviation and the coverage over all spectra.
 
-Without ``--data`` the spectra are CES99 samples, which the learnt prior was not trained on. Those of the data folder
-are what it was trained on: with them its rows show how it does on what it knows, no more.
+The spectra are CES99 samples, which the learnt prior was not trained on. ``--data`` adds a table of those of the data
+folder, which are what it was trained on: there its rows show how it does on what it knows, no more.
 """
 from __future__ import annotations
 
@@ -39,30 +39,36 @@ METHODS = ("paper", "uniform", "prior")
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, help="folder with reflectance/; without it samples of CES99")
+    parser.add_argument("--data", type=Path, help="folder with reflectance/, for a second table")
     parser.add_argument("--out", type=Path, default=Path("figure_4.png"))
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     start_mitsuba("cpu")
-    truths, source = measured_spectra(arguments.data)
-    table, shown = rows(truths)
-    picture(shown, arguments.out)
+    tables: dict[str, list[dict[str, Any]]] = {}
+    for data in (None,) if arguments.data is None else (None, arguments.data):
+        truths, source = measured_spectra(data)
+        tables[source], shown = rows(truths)
+        if data is None:
+            picture(shown, arguments.out)
     if arguments.json:
-        print(json.dumps({"source": source, "rows": table, "picture": str(arguments.out)}))
+        print(json.dumps({"rows": tables, "picture": str(arguments.out)}))
         return
-    print(f"{len(truths)} spectra: {source}")
     print("Paper: two more readings bring the mean close to the truth and shrink the uncertainty.")
-    print(f"{'method':<8} {'readings':<10} {'spectra':>7} {'RMSE':>7} {'sd':>7} {'95 % holds':>11}")
-    for row in table:
-        print(f"{row['method']:<8} {'400, 700' if row['readings'] else 'none':<10} {row['spectra']:7d} "
-              f"{row['rmse']:7.4f} {row['standard_deviation']:7.4f} {row['coverage_95']:11.3f}")
+    for source, table in tables.items():
+        print(f"{SPECTRA} spectra of {source}")
+        print(f"{'method':<8} {'readings':<10} {'spectra':>7} {'RMSE':>7} {'sd':>7} {'95 % holds':>11}")
+        for row in table:
+            print(f"{row['method']:<8} {'400, 700' if row['readings'] else 'none':<10} {row['spectra']:7d} "
+                  f"{row['rmse']:7.4f} {row['standard_deviation']:7.4f} {row['coverage_95']:11.3f}")
+    if arguments.data is None:
+        print("missing: spectra of the measured libraries; give the folder that holds reflectance/ with --data")
 
 
 def measured_spectra(data: Path | None) -> tuple[np.ndarray, str]:
     """Twenty reflectances (20, P), spread over what there is, and where they come from."""
     if data is None:
         curves = test_reflectances(GRID)["CES99"]
-        return curves[np.linspace(0, len(curves) - 1, SPECTRA).astype(int)], "every fifth of CES99"
+        return curves[np.linspace(0, len(curves) - 1, SPECTRA).astype(int)], "CES99, every fifth"
     if not (data / "reflectance").is_dir():
         raise InputError(f"{data} has no folder reflectance/: give the data folder, or leave --data out")
     folders = sorted(path for path in (data / "reflectance").iterdir() if path.is_dir())

@@ -38,14 +38,15 @@ MATERIALS = (MaterialSpec(PAINT, "paint"),)
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("figure_6.png"))
-    parser.add_argument("--mesh", type=Path, default=Path("figure_6.ply"), help="where the found mesh goes")
+    parser.add_argument("--mesh", type=Path, help="where the found mesh goes; without it beside the picture")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the text")
     arguments = parser.parse_args()
+    mesh = arguments.mesh or arguments.out.with_suffix(".ply")
     start_mitsuba("cpu")
     with tempfile.TemporaryDirectory() as folder:
-        result = measure(Path(folder) / "true.ply", arguments.mesh, arguments.out)
+        result = measure(Path(folder) / "true.ply", mesh, arguments.out)
     if arguments.json:
-        print(json.dumps(result | {"picture": str(arguments.out), "mesh": str(arguments.mesh)}))
+        print(json.dumps(result | {"picture": str(arguments.out), "mesh": str(mesh)}))
         return
     print("Paper: from a black sphere, shape and appearance are found, matching the photos' colours.")
     print(f"{result['seconds']:.0f} s for {result['steps']} steps; {result['outcome']}")
@@ -54,8 +55,8 @@ def main() -> None:
         print(f"silhouettes, {name} views: IoU mean {mean:.4f}, least {least:.4f} "
               f"(start {result[f'start_iou_{name}']:.3f})")
     print("spectrum RMSE: " + ", ".join(f"{name} {value:.4f}" for name, value in result["rmse"].items()))
-    print(f"learnt prior on the found shape: 95 % of draws hold the truth at {result['coverage_95']:.3f} of wavelengths, "
-          f"standard deviation {result['standard_deviation']:.4f}")
+    print(f"learnt prior on the found shape: 95 % of draws hold the truth at {result['coverage_95']:.3f} of "
+          f"wavelengths, standard deviation {result['standard_deviation']:.4f}")
 
 
 def measure(true_mesh: Path, found_mesh: Path, out: Path) -> dict[str, Any]:
@@ -119,9 +120,8 @@ def picture(used: Sequence[View], other: Sequence[View], found: ShapeReconstruct
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(12.5, 4.8), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=(4, 3.4))
-    axes, axis = left.subplots(3, 4), right.subplots()
+    places: list[Any] = [[*(f"{row}, {column}" for column in range(4)), *3 * ["spectra"]] for row in range(3)]
+    figure, axes = plt.subplot_mosaic(places, figsize=(12.5, 5), layout="constrained")
     for column, view in enumerate([*used, *other]):
         problem = inverse_problems([wearing(view, "object", mesh)], MATERIALS, COEFFICIENTS)[0]
         rendered = render(problem.scene(found.coefficients[None]), 256, 3)[0]
@@ -129,11 +129,12 @@ def picture(used: Sequence[View], other: Sequence[View], found: ShapeReconstruct
         bright = np.percentile(view.photo.signal, 99.5)
         rows = [np.clip(image / bright, 0, 1) ** (1 / 2.2) for image in (view.photo.signal, rendered)]
         for row, image in enumerate([*rows, np.stack([b, np.minimum(a, b), a], axis=-1)]):
-            axes[row, column].imshow(image)
-            axes[row, column].set(xticks=[], yticks=[])
-        axes[0, column].set_title(view.name if column < len(used) else "view not used", fontsize=9)
+            axes[f"{row}, {column}"].imshow(image)
+            axes[f"{row}, {column}"].set(xticks=[], yticks=[])
+        axes[f"0, {column}"].set_title(view.name if column < len(used) else "view not used", fontsize=9)
     for row, name in enumerate(("photo", "found", "silhouettes")):
-        axes[row, 0].set_ylabel(name)
+        axes[f"{row}, 0"].set_ylabel(name)
+    axis = axes["spectra"]
     axis.fill_between(PRIOR_GRID.nm, *band, color="tab:green", alpha=0.2)
     for name, curve in spectra.items():
         axis.plot(GRID.nm, curve, label=name, color="black" if name == "truth" else None,

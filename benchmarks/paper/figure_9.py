@@ -155,7 +155,10 @@ def main() -> None:
     print(f"Paper: the spectra of an image-based network (MST++) are far from the truth. Stand-in network, fitted on "
           f"{len(curves)} spectra:")
     print("\n".join(line for line in text.splitlines() if line.startswith(("region", "mean of"))))
-    if arguments.data is not None and (arguments.data / "flea3_chart").is_dir():
+    if arguments.data is None:
+        print("missing: measured libraries to fit on and a real picture; give the folder that holds reflectance/ and "
+              "flea3_chart/ with --data")
+    elif (arguments.data / "flea3_chart").is_dir():
         print("A real picture made elsewhere: a chart behind seven filters (ours: RGB of the truth, no filters):")
         print("\n".join(line for line in filter_wheel(arguments.data).splitlines()
                         if line.startswith(("region", "mean of"))))

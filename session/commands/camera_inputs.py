@@ -66,14 +66,8 @@ def read_light(name: str, grid: WavelengthGrid) -> Spectrum:
 
 def read_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
     """Chart reflectances (24, P) by name or from a table of 24 columns."""
-    from radiometry.chart import chart_reflectances
-    from radiometry.spectrum_files import on_grid, read_curves
-    if not Path(reference).suffix:
-        return chart_reflectances(reference, grid)
-    nm, names, values = read_curves(Path(reference))
-    if len(names) != 24:
-        raise InputError(f"{reference} holds {len(names)} columns; 24 are needed, one per patch, dark skin first")
-    return on_grid(nm, values, grid, reference)
+    from radiometry.chart import chart_reflectances, measured_chart
+    return measured_chart(Path(reference), grid) if Path(reference).suffix else chart_reflectances(reference, grid)
 
 
 def _patches_of_picture(chart: Path, corners: str | None) -> tuple[PatchSamples, tuple[str, ...]]:

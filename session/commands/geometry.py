@@ -40,9 +40,11 @@ def board(board_file: Annotated[Path, typer.Option("--board", metavar="board.tom
         from calibrate.board import read_board
         from calibrate.geometry import board_picture
         from capture.image_files import write_png
-        _require_new(out, force)
+        from radiometry.files import writable
+        _require_new(out, force, board_file)
         picture = board_picture(read_board(board_file), square_px)
-        write_png(out, picture[..., None].repeat(3, axis=2))
+        with writable(out.parent):
+            write_png(out, picture[..., None].repeat(3, axis=2))
         answer(as_json, {"out": str(out), "size": list(picture.shape[::-1])},
                f"wrote {out}: print it without scaling, glue it flat, then measure squares and markers and write their "
                f"widths into {board_file.name}")
@@ -60,7 +62,7 @@ def lens(photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", show_d
         from calibrate.geometry import find_board, lens_from_views
         from calibrate.lens_files import lens_facts, write_lens
         from radiometry.errors import CheckError
-        _require_new(out, force)
+        _require_new(out, force, *photos, board_file)
         printed = read_board(board_file)
         views, names, skipped, sizes = [], [], [], {}
         for photo in photos:
@@ -81,7 +83,7 @@ def lens(photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", show_d
                              + "); give whole photos of one camera")
         source = f"{len(views)} views of a board, {sum(len(view[1]) for view in views)} corners"
         if len(views) < len(photos) and len(views) < 3:
-            raise CheckError("; ".join(skipped))
+            raise CheckError(f"{len(views)} of {len(photos)} photos show the board, 3 or more are needed; {skipped[0]}")
         found, by_view = lens_from_views(views, *next(iter(sizes.values())), source)
         write_lens(out, found)
         facts = {**lens_facts(found), "out": str(out), "skipped": skipped,
@@ -110,7 +112,7 @@ def pose(photo: Photo,
         from calibrate.pose import FLAT, pose_and_focal_length, pose_from_points
         from radiometry.files import write_text_whole
         from reconstruct.pose_scene import scene_with_camera
-        _require_new(out, force)
+        _require_new(out, force, photo, points_file, board_file, lens_file)
         image = _open(photo)
         names, places, points = _known_points(image, points_file, board_file)
         width, height = _whole_size(image)
@@ -141,12 +143,14 @@ def undistort(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_defaul
         from calibrate.lens_files import read_lens
         from capture.image_files import write_linear_exr
         from capture.linear import open_photo
+        from radiometry.files import writable
         if out.suffix.lower() != ".exr":
             raise InputError(f"{out} is no EXR name; give -o NAME.exr, signal needs floating point")
-        _require_new(out, force)
+        _require_new(out, force, photo)
         image = open_photo(photo)
         straight = undistorted(image, read_lens(lens_file))
-        write_linear_exr(out, straight)
+        with writable(out.parent):
+            write_linear_exr(out, straight)
         lost = float(straight.saturated.all(axis=2).mean() - image.saturated.all(axis=2).mean())
         answer(as_json, {"out": str(out), "size": [straight.signal.shape[1], straight.signal.shape[0]],
                          "outside_fraction": max(lost, 0.0)},
@@ -156,7 +160,9 @@ def undistort(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_defaul
 
 # ---- what the commands share ----------------------------------------------------------------------------------------
 
-def _require_new(out: Path, force: bool) -> None:
+def _require_new(out: Path, force: bool, *inputs: Path | None) -> None:
+    if out.resolve() in {given.resolve() for given in inputs if given is not None}:
+        raise InputError(f"{out} is an input of this command; give another name for the output")
     if out.exists() and not force:
         raise InputError(f"{out} exists already; give another name, or replace it with --force")
 

@@ -52,6 +52,8 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
         from reconstruct.scene_file import read_scene
         from session.inputs import check_aspect
         from session.progress import progress_display
+        if out.resolve() in {photo.resolve(), reflectances.resolve()}:
+            raise InputError(f"{out} is an input of this command; give another name for the output")
         if out.exists() and not force:
             raise InputError(f"{out} exists already; give another name, or replace it with --force")
         grid = visible_grid()
@@ -80,9 +82,8 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
 
 def _paints(path: Path) -> dict[str, np.ndarray]:
     from radiometry.grid import visible_grid
-    from radiometry.spectrum_files import on_grid, read_curves
-    nm, names, values = read_curves(path)
-    return dict(zip(names, on_grid(nm, values, visible_grid(), path.name), strict=True))
+    from radiometry.spectrum_files import read_reflectances
+    return read_reflectances(path, visible_grid())
 
 
 def _facts(found: LightPosition, out: Path) -> dict[str, Any]:

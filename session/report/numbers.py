@@ -48,6 +48,7 @@ def _material(material: MaterialResult, results: SessionResults) -> dict[str, An
         "inverse_rendering": {"nm": made.grid.nm, "reflectance": material.spectrum},
         "signal": material.signal, "signal_covariance": material.signal_covariance,
         "model_covariance": material.model_covariance, "error_budget": material.error_budget,
+        "variance_shares": material.variance_shares,
         "summary": _fields(material.summary, "mean", "standard_deviation", "lower", "upper", "bound_lower",
                            "bound_upper", "level", "conditional_on", "next_measurement_nm"),
         "samples": _fields(material.samples, "method", "effective_samples", "seed", "outcome"),

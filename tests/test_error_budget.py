@@ -1,0 +1,111 @@
+"""The stated covariance of a material's signal against signals recomputed with every cause perturbed."""
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from radiometry.bspline import basis_matrix
+from radiometry.grid import visible_grid
+from radiometry.records import Calibration, LightScale, Outcome, Quantity, SensitivityFit, Spectrum
+from radiometry.response import response_matrix, white_signal
+from reconstruct.joint_reconstruction import JointReconstruction
+from session.error_budget import measurement_of, relative_errors, sensitivity_covariance, signal_covariances
+
+GRID = visible_grid(5)
+BASIS = basis_matrix(GRID.nm, 12)
+LIGHTS = np.array([np.ones(GRID.nm.size), 0.2 + ((GRID.nm - 400) / 300) ** 2])
+SCALE_ERRORS = (0.01, 0.03)
+REFLECTANCE = 0.1 + 0.6 / (1 + np.exp((580 - GRID.nm) / 20))
+DRAWS = 20_000
+
+
+def curves_and_covariance():
+    """Coefficients (3, 12) of three bands, and a covariance that ties neighbours and bands together."""
+    places = np.linspace(400, 700, 12)
+    coefficients = np.exp(-0.5 * ((places - np.array([[600.0], [540.0], [460.0]])) / 40) ** 2)
+    rng = np.random.default_rng(5)
+    mixed = rng.standard_normal((36, 50))
+    return coefficients, (0.004**2 / 50) * mixed @ mixed.T
+
+
+def calibration(light, coefficients, covariance):
+    fit = SensitivityFit(GRID, coefficients @ BASIS.T, BASIS, coefficients, covariance, None, None, None, None,
+                         "given", Outcome.CONVERGED)
+    return Calibration(fit, Spectrum(GRID, light, Quantity.RELATIVE, "lamp"), None, 0.01**2 * np.eye(3), ())
+
+
+def joint(coefficients, photo=None, model=None):
+    """Two photos of one material under two lights."""
+    bands = np.vstack([response_matrix(GRID, coefficients @ BASIS.T, light) for light in LIGHTS])
+    response = bands / white_signal(bands)[:, None]
+    views = tuple(SimpleNamespace(light_scale=LightScale(2.0, 2.0 * error, None, "chart")) for error in SCALE_ERRORS)
+    zero = np.zeros((1, 6, 6))
+    return JointReconstruction(
+        views, ("a", "b"), ("paint",), (False,), GRID, REFLECTANCE[None], tuple("RGBrgb"), np.repeat([0, 1], 3),
+        response, (response @ REFLECTANCE)[None], zero if photo is None else photo, zero if model is None else model)
+
+
+def signals_of(coefficients):
+    """Signals (T, 6) relative to white that curves of coefficients (T, 3, 12) predict, by plain sums."""
+    curves = coefficients @ BASIS.T
+    rows = [np.einsum("tkp,p->tk", curves, light * GRID.weights_nm * spectrum) for light in LIGHTS
+            for spectrum in (REFLECTANCE, np.ones_like(REFLECTANCE))]
+    return np.hstack([rows[0] / rows[1], rows[2] / rows[3]])
+
+
+def test_the_error_of_the_curves_is_that_of_signals_with_perturbed_curves():
+    coefficients, covariance = curves_and_covariance()
+    calibrations = [calibration(light, coefficients, covariance) for light in LIGHTS]
+    stated = sensitivity_covariance(calibrations, joint(coefficients), 0)
+    draws = np.random.default_rng(1).multivariate_normal(coefficients.ravel(), covariance, DRAWS)
+    scatter = np.cov(signals_of(draws.reshape(DRAWS, 3, 12)), rowvar=False)
+    errors = np.sqrt(np.diag(scatter))
+    # 20 000 draws tell a variance to 0.5 % of its root (1 sigma); the first order costs 1 %.
+    np.testing.assert_allclose(np.sqrt(np.diag(stated)), errors, rtol=0.03)
+    # Correlations, also between the two photos: 0.7 % (1 sigma) by the draws.
+    np.testing.assert_allclose(stated / np.outer(errors, errors), scatter / np.outer(errors, errors), atol=0.03)
+
+
+def test_all_causes_together_are_the_scatter_of_photos_read_with_wrong_scales_and_curves():
+    coefficients, covariance = curves_and_covariance()
+    calibrations = [calibration(light, coefficients, covariance) for light in LIGHTS]
+    photo = np.diag(np.square([0.002, 0.003, 0.001, 0.004, 0.002, 0.003]))
+    model = np.kron(np.eye(2), 0.01**2 * (0.5 + 0.5 * np.eye(3)))
+    answer = joint(coefficients, photo[None], model[None])
+    rng = np.random.default_rng(2)
+    truth = answer.signal[0]
+    noise = rng.multivariate_normal(np.zeros(6), photo, DRAWS)
+    disagreement = rng.multivariate_normal(np.zeros(6), model, DRAWS)
+    scale = 1 + np.repeat(rng.standard_normal((DRAWS, 2)) * SCALE_ERRORS, 3, axis=1)
+    curves = rng.multivariate_normal(coefficients.ravel(), covariance, DRAWS).reshape(DRAWS, 3, 12)
+    # What the photo seems to say, less what the right spectrum predicts: what a sampler takes for noise.
+    read = (truth * (1 + disagreement) + noise) / scale - signals_of(curves)
+    stated = measurement_of(calibrations, answer, 0).noise_covariance
+    scatter = np.cov(read, rowvar=False)
+    errors = np.sqrt(np.diag(scatter))
+    # As above: 2 % is 4 sigma; dividing by a scale that errs by 3 % is first order to 1 %.
+    np.testing.assert_allclose(np.sqrt(np.diag(stated)), errors, rtol=0.03)
+    np.testing.assert_allclose(stated / np.outer(errors, errors), scatter / np.outer(errors, errors), atol=0.05)
+    parts = signal_covariances(calibrations, answer, 0)
+    total = np.sqrt(np.sum([np.square(part) for part in relative_errors(calibrations, answer, 0).values()], axis=0))
+    # Round-off.
+    np.testing.assert_allclose(total, np.sqrt(np.diag(sum(parts.values()))) / truth, rtol=1e-12)
+
+
+def test_the_scale_of_one_photo_says_nothing_of_another():
+    coefficients, covariance = curves_and_covariance()
+    parts = signal_covariances([calibration(light, coefficients, covariance) for light in LIGHTS],
+                               joint(coefficients), 0)
+    scale = parts["light scale"]
+    np.testing.assert_array_equal(scale[:3, 3:], 0)
+    relative = np.sqrt(np.diag(scale)) / joint(coefficients).signal[0]
+    # Round-off.
+    assert relative == pytest.approx(np.repeat(SCALE_ERRORS, 3), rel=1e-12)
+
+
+def test_curves_without_covariance_err_by_the_stated_share_of_the_brightest_band():
+    coefficients, _ = curves_and_covariance()
+    answer = joint(coefficients)
+    covariance = sensitivity_covariance([calibration(light, coefficients, None) for light in LIGHTS], answer, 0)
+    brightest = np.repeat([answer.signal[0, :3].max(), answer.signal[0, 3:].max()], 3)
+    np.testing.assert_allclose(covariance, np.diag((0.01 * brightest) ** 2), rtol=1e-12)  # round-off
