@@ -20,7 +20,7 @@ from calibrate.sensitivity import (
     scale_of_photo,
 )
 from calibrate.spline_fit import SPLINE_BANDS
-from calibrate.trust import other_reading, sentences
+from calibrate.trust import chart_colour_differences, other_reading, sentences
 from radiometry.chart import patch_centres_uv
 from radiometry.errors import CheckError, InputError
 from radiometry.light_scale import scale_from_signals
@@ -49,6 +49,8 @@ class ChartCalibration(Record):
     scale: LightScale                               # also where the geometry is unknown and the calibration has none
     predicted: Annotated[np.ndarray, "I K"]
     held_out: Annotated[np.ndarray, "I K"]          # each patch predicted from the others
+    delta_e: Annotated[np.ndarray, "I"]             # CIEDE2000 of each patch, fitted
+    held_out_delta_e: Annotated[np.ndarray, "I"]    # the same, the patch left out of the fit
     found: PriorFit | None                          # of the method ``prior``
 
 
@@ -127,9 +129,14 @@ def calibrate_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spec
     held_out = fit.residuals if fit.held_out_residuals is None else fit.held_out_residuals
     assert held_out is not None
     covariance = relative_prediction_covariance(held_out, samples)
-    checks = (*_checks(fit, covariance, scale), *unseen, *said)
+    without = samples.mean * (1 - held_out)
+    delta_e, delta_e_without = (chart_colour_differences(samples.mean, signal, reflectances, grid)
+                                for signal in (predicted, without))
+    checks = (f"chart colour difference {delta_e.mean():.2f} CIEDE2000"
+              + ("" if curves is not None else f", {delta_e_without.mean():.2f} for patches left out of the fit"),
+              *_checks(fit, covariance, scale), *unseen, *said)
     calibration = Calibration(fit, light, scale if scaled else None, covariance, checks)
-    return ChartCalibration(calibration, scale, predicted, samples.mean * (1 - held_out), found)
+    return ChartCalibration(calibration, scale, predicted, without, delta_e, delta_e_without, found)
 
 
 def prior_calibration(photos: list[ChartPhoto], grid: WavelengthGrid, prior: CameraPrior | None = None) -> PriorFit:

@@ -9,7 +9,6 @@ import numpy as np
 from calibrate.calibration import ChartCalibration, ChartShot, calibrate_chart
 from calibrate.camera_prior import CameraPrior
 from calibrate.curve_posterior import draw_curves
-from calibrate.trust import chart_colour_differences
 from radiometry.errors import InputError
 from radiometry.records import PatchSamples, Spectrum, WavelengthGrid
 from radiometry.shaped import Record
@@ -68,9 +67,7 @@ def answer_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectru
     elif fit.standard_error is not None:
         lower = np.maximum(fit.curves - NORMAL_QUANTILE * fit.standard_error, 0)
         upper = fit.curves + NORMAL_QUANTILE * fit.standard_error
-    fitted, held_out = (chart_colour_differences(samples.mean, signal, reflectances, grid)
-                        for signal in (made.predicted, made.held_out))
-    return ChartAnswer(made, fit.curves, lower, upper, draws, fitted, held_out)
+    return ChartAnswer(made, fit.curves, lower, upper, draws, made.delta_e, made.held_out_delta_e)
 
 
 def facts_of(result: ChartAnswer, grid: WavelengthGrid) -> dict[str, Any]:

@@ -68,13 +68,15 @@ def sentences(found: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     for band in range(len(held)):
         if held[band].any():
             said.append(f"band {band + 1} rests on the prior over {_ranges(held[band], grid)}")
-    state = found.photos[0]
-    said.append(f"illumination over the chart found to run from {state.field.min() / state.field.mean():.2f} to "
-                f"{state.field.max() / state.field.mean():.2f} of its mean")
-    glare = float(np.max(np.abs(state.glare) / state.predicted.max(axis=0)))
-    if glare > MUCH_GLARE:
-        said.append(f"glare or a wrong black level of {glare:.0%} of the brightest patch was found and taken off: "
-                    "shade the lens and check the dark frame")
+    for number, state in enumerate(found.photos, start=1):
+        which = "" if len(found.photos) == 1 else f"photo {number}: "
+        if np.ptp(state.field) > 0:
+            low, high = np.array([state.field.min(), state.field.max()]) / state.field.mean()
+            said.append(f"{which}illumination over the chart found to run from {low:.2f} to {high:.2f} of its mean")
+        glare = float(np.max(np.abs(state.glare) / state.predicted.max(axis=0)))
+        if glare > MUCH_GLARE:
+            said.append(f"{which}glare or a wrong black level of {glare:.0%} of the brightest patch was found and "
+                        "taken off: shade the lens and check the dark frame")
     return tuple(said)
 
 

@@ -9,6 +9,7 @@ from radiometry.records import LightScale, LinearImage
 SAME_SETTING = 1e-6
 DIAL_DIGITS = (1, 1.25, 1.3, 1.5, 1.6, 2, 2.5, 3, 3.2, 4, 5, 6, 6.4, 8)  # of the times that cameras state: 1/125, 1/60
 LONGEST_AS_FRACTION_S = 0.26
+MOST_ROUNDING_STOPS = 0.1    # 1/60 s is 1/64 s, by 0.093
 LARGEST_LIGHT_CONDITION = 1e8
 
 
@@ -64,9 +65,10 @@ def _on_dial(exposure_s: float) -> bool:
 
 
 def _off_third(value: float) -> float:
-    """Stops from the nearest third of a stop."""
+    """Stops from the nearest third of a stop; 0 where that is further than cameras round, as with half stops."""
     stops = float(np.log2(value))
-    return stops - round(3 * stops) / 3
+    off = stops - round(3 * stops) / 3
+    return off if abs(off) < MOST_ROUNDING_STOPS else 0.0
 
 
 def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: LinearImage,
@@ -86,7 +88,9 @@ def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: Linear
     """
     ratio = exposure_ratio(calibrated_on, photo)
     rounded = 0.0 if compared else rounding_error(calibrated_on, photo)
-    error = None if scale.standard_error is None else float(np.hypot(scale.standard_error, rounded * scale.value)) * ratio
+    error = scale.standard_error
+    if error is not None:
+        error = float(np.hypot(error, rounded * scale.value)) * ratio
     how = scale.source if abs(ratio - 1) < SAME_SETTING else f"{scale.source}, times {ratio:.4g} for the exposure"
     if rounded > SAME_SETTING:
         how += f", which is known to {rounded:.1%} as cameras round the settings they state"
@@ -97,8 +101,8 @@ def scale_from_signals(measured: np.ndarray, predicted: np.ndarray, relative_err
     """Closed-form weighted least squares of measured (R, K) against predicted (R, K), all known to ``relative_error``.
 
     The signal is linear in the light: a render at 2.5 times the light is 2.5 times the image. The standard error is the
-    largest of what ``relative_error`` says, what the scatter of all signals says, and what that of the regions says: the
-    bands of one region err together where its place, angle or paint is not as predicted, and count as one.
+    largest of what ``relative_error`` says, what the scatter of all signals says, and what that of the regions says:
+    the bands of one region err together where its place, angle or paint is not as predicted, and count as one.
     """
     weight = 1 / (relative_error * measured) ** 2
     curvature = np.sum(weight * predicted**2)

@@ -88,3 +88,21 @@ def test_measured_curves_that_are_wrong_are_said(wrong):
 def test_measured_curves_in_another_order_are_refused():
     with pytest.raises(CheckError, match=r"the measured curves do not explain.*bands in reverse order \(BGR\)"):
         calibrated(chart(), curves=TRUTH[::-1])
+
+
+def test_the_record_says_how_well_the_chart_is_reproduced():
+    made = calibrated(chart(), prior=prior())
+    fitted, without = made.delta_e.mean(), made.held_out_delta_e.mean()
+    said = f"chart colour difference {fitted:.2f} CIEDE2000, {without:.2f} for patches left out of the fit"
+    assert made.calibration.checks[0].startswith(said)
+    # 0.3 % of noise in the signals is about 0.2 CIEDE2000.
+    assert made.delta_e.mean() < 0.5
+
+
+def test_fall_off_is_said_of_each_photo_that_may_have_one():
+    fall = np.linspace(1.1, 0.9, 6)[np.arange(24) % 6][:, None]
+    checks = calibrated(chart(), (chart(seed=4) * fall, daylight()), prior=prior()).calibration.checks
+    assert any(check.startswith("photo 2: illumination over the chart found to run from 0.9") for check in checks)
+    known = calibrate_chart(samples(chart()), SURFACES, lamp(daylight()), np.full(24, np.pi), GRID, scaled=True,
+                            prior=prior())
+    assert not any("illumination" in check for check in known.calibration.checks)

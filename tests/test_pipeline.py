@@ -111,7 +111,7 @@ def hear_interrupts():
 
 
 def test_control_c_ends_a_run_with_130_and_the_run_can_go_on(captured):
-    edit(captured, "steps = 80", "steps = 4000\nengine = \"gradient\"")
+    edit(captured, "steps = 80", "steps = 4000\nspp = 512\nengine = \"gradient\"")
     process = subprocess.Popen([sys.executable, "-m", "session.cli", "run", str(captured), "--device", "cpu"], cwd=ROOT,
                                stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, preexec_fn=hear_interrupts)
     for line in process.stderr:

@@ -53,7 +53,7 @@ def test_a_spectrum_may_name_its_column(tmp_path):
     (("[scene]", '[scale]\nfrom = "material"\n[scene]'), "no material has a known spectrum"),
     (("[scene]", "[reconstruct]\nwidth = 5\n[scene]"), "reconstruct.width is 5; 16 to 1024 is possible"),
     (("[scene]", "[sampling]\nlevel = 2\n[scene]"), "sampling.level is 2; 0.5 to 0.999 is possible"),
-    (("[scene]", "[reconstruct]\nengine = \"warp\"\n[scene]"), "reconstruct.engine is 'warp'; transport, gradient"),
+    (("[scene]", "[reconstruct]\nengine = \"warp\"\n[scene]"), "reconstruct.engine is 'warp'; auto, transport, gradient"),
     (("[scene]", "[sampling]\nmethod = \"dice\"\n[scene]"), "sampling.method is 'dice'; prior, uniform"),
     (("[scene]", "[chart.x]\n[scene]"), "unknown key 'x' in [chart]"),
     (('bsdf = "white"', 'bsdf = "white"\nknown = "spectra/w.csv"'), "every material is known"),

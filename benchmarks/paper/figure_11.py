@@ -115,6 +115,9 @@ def picture(shown: dict[str, tuple[np.ndarray, dict[str, np.ndarray], np.ndarray
         axis.plot(nm, found["descent"], color="tab:orange", linestyle="--")
         axis.plot(nm, truth, color="black")
         axis.set(title=name, xlim=(400, 700), ylim=(0, 1))
+    figure.suptitle("black: measured; green, grey: mean and 95 % of our draws; dashed: the paper's descent", fontsize=9)
+    figure.supxlabel("wavelength (nm)", fontsize=9)
+    figure.supylabel("reflectance", fontsize=9)
     figure.tight_layout()
     figure.savefig(path, dpi=80)
 

@@ -169,7 +169,6 @@ def _prior(path: Path) -> CameraPrior:
 
 def _fit_text(result: ChartAnswer, names: tuple[str, ...], out: Path | None) -> str:
     lines = [f"bands {', '.join(names)}: {result.made.calibration.sensitivity.method}",
-             f"chart colour difference {result.delta_e.mean():.2f} CIEDE2000, {result.held_out_delta_e.mean():.2f} for "
-             "patches left out of the fit", *(f"- {check}" for check in result.made.calibration.checks),
+             *(f"- {check}" for check in result.made.calibration.checks),
              result.made.calibration.sensitivity.outcome.value]
     return "\n".join([*lines, f"wrote {out}"] if out is not None else lines)
