@@ -89,7 +89,7 @@ def methods(steps: int) -> dict[str, InversionSettings]:
     told = replace(ours, errors_from_scene=True)
     learnt = replace(told, spectrum_prior="learnt", learnt=learnt_spectra())
     return {"paper: gradient, 7 coefficients": InversionSettings(7, steps=steps, spp=16, engine="gradient"),
-            "ours: defaults (smooth, 1 % gains)": ours,
+            "ours: smooth prior, 1 % gains": ours,
             "ours: errors from the scene": told,
             LEARNT: learnt,
             MIXED: replace(learnt, mixing_error=MIXING)}

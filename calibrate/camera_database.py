@@ -1,6 +1,7 @@
 """Measured camera curves from a folder: rawtoaces JSON, camspec text, CSV."""
 from __future__ import annotations
 
+import difflib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,7 +44,8 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
     Raises
     ------
     InputError
-        If the folder is missing, or no camera in it can be read. One broken file is skipped and named.
+        If the folder is missing, no camera in it can be read, or one to be left out is not there. A broken file, and a
+        camera that another file held already, are skipped and named.
     """
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give a folder of measured camera curves")
@@ -52,9 +54,16 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
     skipped = []
     for path in sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES):
         try:
-            cameras.update(_read_file(path, grid))
+            found = _read_file(path, grid)
         except InputError as error:
             skipped.append(str(error))
+            continue
+        skipped += [f"{path.name} holds {name} once more; the first is kept" for name in found if name in cameras]
+        cameras = found | cameras
+    if absent := [name for name in leave_out if name not in cameras]:
+        near = difflib.get_close_matches(absent[0], cameras, n=3)
+        raise InputError(f"{folder} holds no camera {absent[0]!r} to leave out"
+                         + (f"; nearest are {', '.join(near)}" if near else ""))
     kept = {name: curves for name, curves in cameras.items() if name not in leave_out}
     if not kept:
         raise InputError(f"{folder} holds no camera that can be read"

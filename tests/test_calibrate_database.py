@@ -60,6 +60,18 @@ def test_a_camera_can_be_left_out(tmp_path):
     for index, curves in enumerate(cameras(3, 4)):
         write_rawtoaces(tmp_path / f"{index}.json", curves, str(index))
     assert read_camera_database(tmp_path, leave_out=("Maker 1",)).names == ("Maker 0", "Maker 2")
+    with pytest.raises(InputError, match="no camera 'Maker1' to leave out; nearest are Maker"):
+        read_camera_database(tmp_path, leave_out=("Maker1",))
+
+
+def test_a_camera_that_two_files_hold_is_taken_once_and_said(tmp_path):
+    first, second = cameras(2, 4)
+    write_rawtoaces(tmp_path / "a.json", first, "0")
+    write_rawtoaces(tmp_path / "b.json", second, "0")
+    write_rawtoaces(tmp_path / "c.json", second, "1")
+    found = read_camera_database(tmp_path)
+    assert found.names == ("Maker 0", "Maker 1") and found.skipped == ("b.json holds Maker 0 once more; the first is kept",)
+    np.testing.assert_allclose(found.curves[0], first, atol=1e-6)  # as many digits as the file holds
 
 
 @pytest.mark.parametrize("header", ["", "R,G,B\n", "patch,R,G,B\n"])
