@@ -203,5 +203,6 @@ def _checks(fit: SensitivityFit, covariance: np.ndarray, scale: LightScale) -> t
     if fit.condition_number is not None:
         checks.append(f"condition number {fit.condition_number:.4g}")
     if scale.standard_error is not None:
-        checks.append(f"light scale known to {scale.standard_error / scale.value:.2%}")
+        checks.append(f"light scale and curves together, as a band reads white, known to "
+                      f"{scale.standard_error / scale.value:.2%}")
     return tuple(checks)

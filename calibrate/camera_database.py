@@ -59,7 +59,7 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
             skipped.append(str(error))
             continue
         skipped += [f"{path.name} holds {name} once more; the first is kept" for name in found if name in cameras]
-        cameras = found | cameras
+        cameras |= {name: curves for name, curves in found.items() if name not in cameras}
     if absent := [name for name in leave_out if name not in cameras]:
         near = difflib.get_close_matches(absent[0], cameras, n=3)
         raise InputError(f"{folder} holds no camera {absent[0]!r} to leave out"

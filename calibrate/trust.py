@@ -17,6 +17,7 @@ FROM_PRIOR = 0.5             # share of the prior's uncertainty that is left: mo
 MUCH_GLARE = 0.02            # of the brightest patch
 PROBABLE = 0.05              # families below are not named
 SURELY = 0.9                 # probability of a kind of camera above which something else may be wrong
+CHECK_LIGHT = "the curves are like those of no measured camera: check that the light spectrum is that of the photo"
 CLEAR_GAIN = 20.0            # of log evidence, for another reading of the photo
 
 
@@ -62,8 +63,7 @@ def sentences(found: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     likely = [(members, share) for members, share in found.families if share > PROBABLE][:3]
     said.append("most like " + "; ".join(f"{members} ({share:.0%})" for members, share in likely))
     if dict(found.families).get(UNLIKE, 0.0) > SURELY and len(found.families) > 1:
-        said.append("the curves are like those of no measured camera: check that the light spectrum is that of the "
-                    "photo")
+        said.append(CHECK_LIGHT)
     held = found.prior_share > FROM_PRIOR
     for band in range(len(held)):
         if held[band].any():

@@ -8,10 +8,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from radiometry.errors import InputError
-from radiometry.light_scale import exposure_ratio, light_drift
+from radiometry.light_scale import exposure_ratio, light_drift, rounding_error
 from radiometry.records import LightScale, LinearImage
 from radiometry.shaped import Record
 
+NOTABLE_ROUNDING = 0.001
 SIGNIFICANCE = 1e-3         # of a change of colour: a sound pair of photos is called changed once in a thousand
 
 
@@ -56,7 +57,7 @@ def drift_between(chart_photo: LinearImage, chart_signals: np.ndarray, object_ph
     colour_error = _colour_error(before, after, relative_error)
     changed = bool(np.sum((colour / colour_error) ** 2) > chi2.isf(SIGNIFICANCE, max(len(ratio) - 1, 1)))
     return LightDrift(ratio, error, level, level_error, colour, changed,
-                      _sentence(level, level_error, colour, changed))
+                      _sentence(level, level_error, colour, changed, rounding_error(chart_photo, object_photo)))
 
 
 def scale_after_drift(scale: LightScale, drift: LightDrift) -> LightScale:
@@ -81,10 +82,12 @@ def _colour_error(before: np.ndarray, after: np.ndarray, relative_error: float) 
     return np.maximum(scatter / free, np.sqrt(2) * relative_error) / np.sqrt(len(own))
 
 
-def _sentence(level: float, error: float, colour: np.ndarray, changed: bool) -> str:
+def _sentence(level: float, error: float, colour: np.ndarray, changed: bool, rounded: float) -> str:
     word = "brighter" if level > 1 else "dimmer"
     said = (f"the light was {abs(level - 1):.2%} {word} in the object photo than in the chart photo "
             f"(standard error {error:.2%}); the light scale takes it into account")
+    if rounded > NOTABLE_ROUNDING:
+        said += f"; {rounded:.1%} of it may be how the camera rounds the exposures it states"
     if changed:
         said += (f"; its colour changed by up to {np.abs(colour).max():.2%}, which widens every error: let the lamp "
                  "warm up, take both photos closer in time, or measure its spectrum at both")

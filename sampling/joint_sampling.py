@@ -121,7 +121,7 @@ def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, k
                                    "noise, or use each material's own signal")
     cumulative = np.cumsum(weights) / weights.sum()
     chosen = np.searchsorted(cumulative, (np.arange(kept) + rng.random()) / kept).clip(max=len(weights) - 1)
-    spectra = reflectance(np.concatenate(logits)[chosen])
+    spectra = reflectance(np.concatenate(logits)[rng.permutation(chosen)])  # else mode after mode
     proposals = int(counts.sum())
     return JointSamples(problem.materials, spectra, effective, tail, proposals, 1 - len(weights) / proposals, seed)
 

@@ -12,7 +12,9 @@ from radiometry.spectrum_files import spectrum_on_grid
 from reconstruct.joint_reconstruction import JointReconstruction
 from sampling.error_budget import error_budget
 from sampling.logit_mixture import load_prior
-from sampling.spectral_samples import SpectralMeasurement
+from sampling.spectral_samples import SpectralMeasurement, linear_between
+
+DARK = 1e-12             # of the light's strongest wavelength
 
 
 def measurement_of(calibrations: Sequence[Calibration], joint: JointReconstruction, index: int) -> SpectralMeasurement:
@@ -38,6 +40,7 @@ def signal_covariances(calibrations: Sequence[Calibration], joint: JointReconstr
     alike = joint.view_of_band[:, None] == joint.view_of_band
     return {"photo and rendering noise": joint.signal_covariance[index],
             "sensitivities": sensitivity_covariance(calibrations, joint, index),
+            "light spectrum": light_covariance(calibrations, joint, index),
             "light scale": np.where(alike, np.square(relative)[joint.view_of_band], 0.0) * both,
             "photo and model disagree": joint.model_covariance[index] * both}
 
@@ -47,6 +50,24 @@ def relative_errors(calibrations: Sequence[Calibration], joint: JointReconstruct
     """Relative standard error (J,) of one material's signal, by cause."""
     return {cause: np.sqrt(np.diag(covariance)) / joint.signal[index]
             for cause, covariance in signal_covariances(calibrations, joint, index).items()}
+
+
+def light_covariance(calibrations: Sequence[Calibration], joint: JointReconstruction, index: int) -> np.ndarray:
+    """Covariance (J, J) of a signal, relative to white, by the stated errors of each light's readings, all apart.
+
+    To first order, as for the curves; zero for lights whose error nobody stated. Photos under one light err alike.
+    """
+    rows, signal = [], joint.signal[index]
+    for view in np.unique(joint.view_of_band):
+        light, mine = calibrations[view].light, joint.view_of_band == view
+        if light.standard_error is None:
+            rows.append(np.zeros((int(mine.sum()), 1)))
+            continue
+        power = spectrum_on_grid(light, joint.grid)
+        by_nm = (joint.spectra[index] - signal[mine, None]) * joint.response[mine]
+        by_reading = by_nm / np.maximum(power, DARK * power.max()) @ linear_between(light.grid, joint.grid)
+        rows.append(by_reading * light.standard_error)
+    return block_diag(*(row @ row.T for row in rows))
 
 
 def variance_shares(calibrations: Sequence[Calibration], joint: JointReconstruction, index: int) -> dict[str, float]:

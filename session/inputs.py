@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from capture.bands import stack_bands
-from capture.developed import develop_photos
+from capture.bands import stack_bands, strongest_channel
+from capture.developed import develop_photos, open_any
 from radiometry.chart import REFERENCES, chart_reflectances, measured_chart
 from radiometry.errors import ClippedPhotoError, InputError
 from radiometry.grid import visible_grid
@@ -98,8 +98,15 @@ def read_photo(config: SessionConfig, photo: dict[str, tuple[str, ...]]) -> tupl
         return images[0], tuple(notes)
     exposures = [image.exposure_s for image in images]
     shortest = None if None in exposures else min(exposure for exposure in exposures if exposure is not None)
-    stacked = stack_bands(images, list(photo), exposures_s=None if shortest is None else [shortest] * len(images))
+    stacked = stack_bands(images, list(photo), _channels(config),
+                          exposures_s=None if shortest is None else [shortest] * len(images))
     return dataclasses.replace(stacked, exposure_s=shortest), tuple(notes)
+
+
+def _channels(config: SessionConfig) -> list[int]:
+    """Channel of each band, the same in all photos: a scene of other colours may tip the balance between two."""
+    first = next(iter([shot.chart for shot in config.chart_shots] + [config.shots[0].photo]))
+    return [strongest_channel(open_any(config.path(files[0]), config.photos.not_linear)) for files in first.values()]
 
 
 def require_exposed(photo: LinearImage, name: str) -> None:

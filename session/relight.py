@@ -97,7 +97,9 @@ def _spread(name: str, mean: np.ndarray, draws: Any, grid: WavelengthGrid, power
     lab = colour.XYZ_to_Lab(_tristimulus(mean, grid, power, matching), white)
     median = upper = None
     if draws is not None:
-        spectra = np.array([np.interp(grid.nm, draws.grid.nm, draw) for draw in draws.spectra[:DRAWS]])
+        # From all over: samplers of several modes give their draws mode after mode.
+        some = np.linspace(0, len(draws.spectra) - 1, min(DRAWS, len(draws.spectra))).astype(int)
+        spectra = np.array([np.interp(grid.nm, draws.grid.nm, draws.spectra[index]) for index in some])
         others = colour.XYZ_to_Lab(_tristimulus(spectra, grid, power, matching), white)
         apart = colour.delta_E(others, np.broadcast_to(lab, others.shape), method="CIE 2000")
         median, upper = float(np.median(apart)), float(np.quantile(apart, 0.95))

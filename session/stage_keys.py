@@ -10,7 +10,7 @@ from reconstruct.scene_file import SceneFile
 from sampling.logit_mixture import SHIPPED
 from session.inputs import read_chart_scene, read_session_scene
 from session.provenance import DECISIVE, code_digest, versions
-from session.session_schema import SessionConfig
+from session.session_schema import ONE_PHOTO, SessionConfig
 from session.store import fingerprint
 
 CODE_OF = {"chart": ("radiometry", "capture"), "photo": ("radiometry", "capture"),
@@ -57,6 +57,8 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
                                       "photos": {shot.name: shot.chart for shot in config.chart_shots},
                                       "lights": lights} | developing} | made_by("chart")
     photos = [name for shot in shots for name in shot.photo_files]
+    if config.chart_shots and ONE_PHOTO not in shots[0].photo:
+        photos += config.chart_shots[0].chart_files  # the channel of each band is chosen there
     keys["photo"] = {"files": files(*photos, *correcting, *scenes, config.camera.lens),
                      "settings": {"width": config.reconstruct.width,
                                   "photos": {shot.name: shot.photo for shot in shots}} | developing

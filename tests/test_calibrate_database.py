@@ -70,7 +70,8 @@ def test_a_camera_that_two_files_hold_is_taken_once_and_said(tmp_path):
     write_rawtoaces(tmp_path / "b.json", second, "0")
     write_rawtoaces(tmp_path / "c.json", second, "1")
     found = read_camera_database(tmp_path)
-    assert found.names == ("Maker 0", "Maker 1") and found.skipped == ("b.json holds Maker 0 once more; the first is kept",)
+    assert found.names == ("Maker 0", "Maker 1")
+    assert found.skipped == ("b.json holds Maker 0 once more; the first is kept",)
     np.testing.assert_allclose(found.curves[0], first, atol=1e-6)  # as many digits as the file holds
 
 

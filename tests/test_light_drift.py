@@ -47,6 +47,13 @@ def test_a_setting_that_only_one_photo_states_is_not_taken_for_drift(setting):
         drift(1.0, **{setting: None})
 
 
+def test_rounded_exposures_are_not_blamed_on_the_light_alone():
+    chart, thing = photo(exposure_s=1 / 60), photo(64 / 60 * 250 / 256, exposure_s=1 / 250)
+    found = drift_between(chart, region_signals(chart, (LEFT,)), thing, region_signals(thing, (LEFT,)), ERROR)
+    assert "4.17% brighter" in found.sentence and "; 4.0% of it may be how the camera rounds" in found.sentence
+    assert "rounds" not in drift(1.03).sentence
+
+
 def test_the_scale_follows_the_light_with_its_error():
     scale = scale_after_drift(LightScale(2.0, 0.01, None, "chart photo"), drift(0.9))
     assert scale.value == pytest.approx(1.8, rel=1e-6)

@@ -1,5 +1,6 @@
 """The recovered scene under another light."""
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import OpenImageIO as oiio
@@ -9,7 +10,7 @@ from radiometry.colour_science import colour_science
 from radiometry.named_spectra import light, sensitivities
 from radiometry.spectrum_files import spectrum_on_grid
 from session.inputs import GRID, read_reflectance
-from session.relight import OBSERVER
+from session.relight import OBSERVER, _spread
 from session.session_file import read_session
 from tests.test_command_line import call
 
@@ -52,3 +53,15 @@ def test_an_unknown_light_is_named(finished):
     outcome = call("relight", finished, "--light", "FL99", "--device", "cpu")
     assert outcome.exit_code == 3
     assert "'FL99' is no light that is known; nearest are" in outcome.output
+
+
+def test_draws_that_stand_mode_after_mode_spread_as_shuffled_ones_do():
+    rng = np.random.default_rng(4)
+    modes = np.where(np.arange(2000) < 1000, 0.3, 0.6)[:, None] * np.ones((1, GRID.nm.size))
+    spectra = modes * (1 + 0.05 * rng.standard_normal((2000, 1)))
+    power, matching = light("A", GRID), sensitivities(OBSERVER, GRID)
+    found = [_spread("paint", spectra.mean(axis=0), SimpleNamespace(grid=GRID, spectra=order), GRID, power, matching)
+             for order in (spectra, rng.permutation(spectra))]
+    # 400 draws tell a median to about 5 % of the spread.
+    assert found[0].delta_e00_95 == pytest.approx(found[1].delta_e00_95, rel=0.1)
+    assert found[0].delta_e00_median == pytest.approx(found[1].delta_e00_median, rel=0.15)
