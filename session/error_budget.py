@@ -35,14 +35,24 @@ def signal_covariances(calibrations: Sequence[Calibration], joint: JointReconstr
     """
     signal = joint.signal[index]
     both = np.outer(signal, signal)
-    relative = [0.0 if view.light_scale.standard_error is None
-                else view.light_scale.standard_error / view.light_scale.value for view in joint.views]
-    alike = joint.view_of_band[:, None] == joint.view_of_band
     return {"photo and rendering noise": joint.signal_covariance[index],
             "sensitivities": sensitivity_covariance(calibrations, joint, index),
             "light spectrum": light_covariance(calibrations, joint, index),
-            "light scale": np.where(alike, np.square(relative)[joint.view_of_band], 0.0) * both,
+            "light scale": block_diag(*(scale_covariance(calibrations[view], joint, view)
+                                        for view in np.unique(joint.view_of_band))) * both,
             "photo and model disagree": joint.model_covariance[index] * both}
+
+
+def scale_covariance(calibration: Calibration, joint: JointReconstruction, view: int) -> np.ndarray:
+    """Relative covariance (K, K) of what the bands of one view read of white.
+
+    A known material sets one scale for all bands. A chart to which the curves are fitted too gives every band its own:
+    their errors on white are uncorrelated within what benchmarks/bench_white_signal.py can tell.
+    """
+    scale, bands = joint.views[view].light_scale, int(np.count_nonzero(joint.view_of_band == view))
+    relative = 0.0 if scale.standard_error is None else scale.standard_error / scale.value
+    fitted = calibration.light_scale is not None and calibration.sensitivity.covariance is not None
+    return relative**2 * (np.eye(bands) if fitted else np.ones((bands, bands)))
 
 
 def relative_errors(calibrations: Sequence[Calibration], joint: JointReconstruction,

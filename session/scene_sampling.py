@@ -12,6 +12,7 @@ from reconstruct.region_transport import RegionTransport
 from sampling.logit_mixture import GRID as PRIOR_GRID
 from sampling.scene_draws import draw_scene, shared_errors
 from sampling.spectral_samples import SpectralSamples, linear_between
+from session.error_budget import scale_covariance
 
 KEPT = 1e-4              # of the largest variance of a direction of the sensitivities' error
 
@@ -49,13 +50,11 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
     products = np.exp(regions.transport.exponents.astype(float) @ np.log(np.maximum(spectra, 1e-6)))
     received = regions.transport.coefficients @ products
     signal = received @ response.T
-    scale = view.light_scale
-    relative = 0.0 if scale.standard_error is None else scale.standard_error / scale.value
     known_curves = calibration.sensitivity.covariance is None or calibration.sensitivity.basis is None
     of_curves = _of_tails(calibration, joint, regions, signal / white_signal(response)) * white_signal(response) \
         if known_curves else _of_curves(calibration, received, response, view.light_scale.value, joint)
     return np.concatenate([of_curves, shared_errors(
-        signal, np.zeros((signal.shape[1],) * 2), relative, regions.surface, regions.colour_error,
+        signal, scale_covariance(calibration, joint, 0), 0.0, regions.surface, regions.colour_error,
         regions.brightness_error)])
 
 

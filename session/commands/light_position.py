@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from radiometry.errors import InputError
+from radiometry.errors import ConvergenceError, InputError
 from session.command_line import Debug, Device, Json, answer, check_device, command
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
         from radiometry.grid import visible_grid
         from radiometry.named_spectra import light as spectrum_of_light
         from radiometry.named_spectra import sensitivities
+        from radiometry.records import Outcome
         from radiometry.response import response_matrix
         from reconstruct.light_place import light_number
         from reconstruct.light_position import refine_light_position
@@ -78,6 +79,8 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
                                           progress=lambda done, message: show("light", done, message))
         write_text_whole(out, scene_with_light_moved(scene, number, found.offset, out.parent))
         answer(as_json, _facts(found, out), _text(found, out))
+        if found.outcome is Outcome.STEP_LIMIT:
+            raise typer.Exit(ConvergenceError.exit_code)
 
 
 def _paints(path: Path) -> dict[str, np.ndarray]:
