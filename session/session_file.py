@@ -11,9 +11,17 @@ from typing import Any
 
 from radiometry.errors import InputError
 from session.session_rules import inconsistencies
-from session.session_schema import FILE_NAME, LIMITS, NAMED_TABLES, SECTIONS, CurvesRef, SessionConfig, SpectrumRef
+from session.session_schema import (
+    FILE_NAME,
+    LIMITS,
+    NAMED_TABLES,
+    SECTIONS,
+    WRITTEN_AS,
+    CurvesRef,
+    SessionConfig,
+    SpectrumRef,
+)
 
-WRITTEN_AS = {"source": "from"}  # "from" is a word of Python
 WORDS = {tuple: "list", dict: "table"}
 
 

@@ -3,40 +3,18 @@ from __future__ import annotations
 
 import re
 
-from session.session_schema import (
-    CURVE_METHODS,
-    ENGINES,
-    FILE_NAME,
-    ONE_PHOTO,
-    SAMPLERS,
-    SPECTRUM_PRIORS,
-    THROUGH,
-    SessionConfig,
-    by_band,
-)
+from session.session_schema import CHOICES, FILE_NAME, ONE_PHOTO, WRITTEN_AS, SessionConfig, by_band
 
 
 def inconsistencies(config: SessionConfig) -> list[str]:
     """A sentence for every pair of keys that do not go together."""
     problems = []
-    if config.scale.source not in ("chart", "material"):
-        problems.append(f"{FILE_NAME}: scale.from is {config.scale.source!r}; \"chart\" or \"material\" is possible")
-    if config.sensitivity.method not in (None, *CURVE_METHODS):
-        problems.append(f"{FILE_NAME}: sensitivity.method is {config.sensitivity.method!r}; "
-                        f"{', '.join(CURVE_METHODS)} are possible")
-    if config.reconstruct.engine not in ENGINES:
-        problems.append(f"{FILE_NAME}: reconstruct.engine is {config.reconstruct.engine!r}; "
-                        f"{', '.join(ENGINES)} are possible")
-    if config.reconstruct.spectrum_prior not in SPECTRUM_PRIORS:
-        problems.append(f"{FILE_NAME}: reconstruct.spectrum_prior is {config.reconstruct.spectrum_prior!r}; "
-                        f"{', '.join(SPECTRUM_PRIORS)} are possible")
-    if config.sampling.method not in SAMPLERS:
-        problems.append(f"{FILE_NAME}: sampling.method is {config.sampling.method!r}; "
-                        f"{', '.join(SAMPLERS)} are possible")
-    if config.sampling.through not in THROUGH:
-        problems.append(f"{FILE_NAME}: sampling.through is {config.sampling.through!r}; "
-                        f"{' or '.join(THROUGH)} is possible")
-    elif config.sampling.through == "transport" and config.sampling.method != "prior":
+    for (table, key), options in CHOICES.items():
+        chosen = getattr(getattr(config, table), key)
+        if chosen is not None and chosen not in options:
+            problems.append(f"{FILE_NAME}: {table}.{WRITTEN_AS.get(key, key)} is {chosen!r}; "
+                            f"{', '.join(options)} are possible")
+    if config.sampling.through == "transport" and config.sampling.method != "prior":
         problems.append(f"{FILE_NAME}: sampling.through = \"transport\" draws from the learnt prior alone; set "
                         f"sampling.method = \"prior\" in place of {config.sampling.method!r}")
     if config.needs_chart and config.photos.chart is None:

@@ -248,11 +248,12 @@ class SessionConfig:
         return path
 
 
-ENGINES = ("auto", "transport", "gradient", "per-wavelength", "single-bounce")
-CURVE_METHODS = ("prior", "smooth", "nonnegative", "paper")
-SPECTRUM_PRIORS = ("learnt", "smooth", "none")
-THROUGH = ("surface", "transport")
-SAMPLERS = ("prior", "uniform", "paper")
+WRITTEN_AS = {"source": "from"}  # "from" is a word of Python
+CHOICES = {
+    ("scale", "source"): ("chart", "material"), ("sensitivity", "method"): ("prior", "smooth", "nonnegative", "paper"),
+    ("reconstruct", "engine"): ("auto", "transport", "gradient", "per-wavelength", "single-bounce"),
+    ("reconstruct", "spectrum_prior"): ("learnt", "smooth", "none"),
+    ("sampling", "method"): ("prior", "uniform", "paper"), ("sampling", "through"): ("surface", "transport")}
 NAMED_TABLES = {"materials": MaterialSection, "views": ViewSection}
 SECTIONS = {f.name: f for f in dataclasses.fields(SessionConfig) if f.name not in ("folder", "allow_outside")}
 LIMITS: dict[tuple[str, str], tuple[float, float]] = {
