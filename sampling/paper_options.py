@@ -11,11 +11,10 @@ from radiometry.errors import InputError
 from radiometry.records import Outcome, SpectrumSamples
 from sampling.logit_mixture import GRID
 from sampling.more_measurements import MoreMeasurement, measured_rows
-from sampling.per_axis_box import axis_intervals
+from sampling.per_axis_box import draw_in_box
 from sampling.ranking import best_by_signals
 from sampling.refinement import lifting, residual_directions
 from sampling.spectral_samples import SpectralMeasurement, SpectralSamples
-from sampling.tilted_rejection import collect
 
 
 def ranked(samples: SpectralSamples, base: SpectralMeasurement, more: list[MoreMeasurement],
@@ -60,13 +59,6 @@ def refined_as_published(measurement: SpectralMeasurement, coarse: int, fine: in
     if not directions.shape[1]:
         raise InputError(f"refining {coarse} coefficients to {fine} leaves no direction that the camera does not see; "
                          "refine to more")
-    low, high = axis_intervals(start, directions)
-    rng = np.random.default_rng(seed)
-
-    def propose(proposals: int) -> np.ndarray:
-        c = start + (low + (high - low) * rng.random((proposals, low.size))) @ directions.T
-        return c[np.all((c >= 0) & (c <= 1), axis=1)]
-
-    coefficients, acceptance = collect(propose, draws)
+    coefficients, acceptance = draw_in_box(start, directions, draws, seed)
     method = f"one solution of {coarse} coefficients refined to {fine} as published (far too narrow)"
     return SpectrumSamples(coefficients, None, method, acceptance, float(draws), seed, Outcome.CONVERGED)

@@ -51,14 +51,7 @@ def sample_per_axis(operator: MeasurementOperator, c0: np.ndarray, draws: int, s
                          "as bounded least squares gives")
     start = np.clip(c0, 0, 1)
     directions = null_space(operator, start).directions
-    low, high = axis_intervals(start, directions)
-    rng = np.random.default_rng(seed)
-
-    def propose(proposals: int) -> np.ndarray:
-        c = start + (low + (high - low) * rng.random((proposals, low.size))) @ directions.T
-        return c[np.all((c >= 0) & (c <= 1), axis=1)]
-
-    coefficients, acceptance = collect(propose, draws)
+    coefficients, acceptance = draw_in_box(start, directions, draws, seed)
     # 1e-6 of white: the accuracy to which a least-squares start reproduces a signal that is within reach.
     fits = np.allclose(operator.A @ start, operator.y, rtol=0, atol=1e-6)
     return SpectrumSamples(coefficients, None, METHOD, acceptance, float(draws), seed,
@@ -70,3 +63,16 @@ def axis_intervals(c0: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, 
     moves = np.where(np.abs(directions) < np.finfo(float).eps, np.finfo(float).eps, directions)
     at_zero, at_one = -c0[:, None] / moves, (1 - c0[:, None]) / moves
     return np.minimum(at_zero, at_one).max(axis=0), np.maximum(at_zero, at_one).min(axis=0)
+
+
+def draw_in_box(start: np.ndarray, directions: np.ndarray, draws: int, seed: int) -> tuple[np.ndarray, float]:
+    """Coefficients (T, N) in [0, 1] drawn evenly in the box of ``axis_intervals``, and the share that was accepted."""
+    low, high = axis_intervals(start, directions)
+    rng = np.random.default_rng(seed)
+
+    def propose(proposals: int) -> np.ndarray:
+        c = start + (low + (high - low) * rng.random((proposals, low.size))) @ directions.T
+        return c[np.all((c >= 0) & (c <= 1), axis=1)]
+
+    coefficients, acceptance = collect(propose, draws)
+    return coefficients, acceptance
