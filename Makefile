@@ -23,11 +23,11 @@ $(VENV)/bin/python:
 	  status=$$?; rm -rf .virtualenv; [ $$status = 0 ] \
 	  || { rm -rf $(VENV); echo "cannot make a virtual environment: apt install python3-venv, then run make again" >&2; exit 7; }
 
-$(STAMP): requirements.lock pyproject.toml reconstruct/llvm.py | $(VENV)/bin/python
+$(STAMP): requirements.lock pyproject.toml reconstruct/rendering/llvm.py | $(VENV)/bin/python
 	@echo "setting up $(VENV) from locked versions"
 	@$(PY) -m pip install -q --disable-pip-version-check --require-hashes --only-binary :all: -r requirements.lock
 	@$(PY) -m pip install -q --disable-pip-version-check --no-deps -e .
-	@$(PY) -m reconstruct.llvm
+	@$(PY) -m spectrabox.reconstruct.rendering.llvm
 	@touch $@
 
 demo: $(STAMP)

@@ -1,7 +1,9 @@
-"""Bulk uniform draws: circuit hit-and-run against tilted rejection and, where it is installed, hopsy, in one process.
+"""Bulk uniform draws: circuit hit-and-run against tilted rejection and, where it is installed,
+hopsy, in one process.
 
-Also exact bounds against HiGHS, draws from the learnt prior per second, and a million pixels through the table. The
-camera is synthetic; run with OMP_NUM_THREADS=1 and NUMBA_NUM_THREADS=1 for one thread.
+Also exact bounds against HiGHS, draws from the learnt prior per second, and a million pixels
+through the table. The camera is synthetic; run with OMP_NUM_THREADS=1 and NUMBA_NUM_THREADS=1 for
+one thread.
 """
 from __future__ import annotations
 
@@ -13,19 +15,19 @@ from typing import Any
 
 import numpy as np
 
-from radiometry.bspline import basis_matrix
-from radiometry.grid import visible_grid
-from radiometry.records import MeasurementOperator
-from sampling.bounds import reflectance_bounds
-from sampling.circuit_hit_and_run import STARTS, plan_moves, run_chains
-from sampling.diagnostics import diagnose
-from sampling.logit_mixture import GRID, load_prior
-from sampling.prior_draws import prior_spectra
-from sampling.simplex_bounds import exact_bounds, walk
-from sampling.spectral_samples import SpectralMeasurement
-from sampling.tilt import max_entropy_tilt
-from sampling.tilted_rejection import collect, sample_spectra, tilted_proposals
-from sampling.uplift import build_table, uplift_pixels
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import MeasurementOperator
+from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.polytope.bounds import reflectance_bounds
+from spectrabox.sampling.polytope.circuit_hit_and_run import STARTS, plan_moves, run_chains
+from spectrabox.sampling.polytope.diagnostics import diagnose
+from spectrabox.sampling.polytope.simplex_bounds import exact_bounds, walk
+from spectrabox.sampling.polytope.tilt import max_entropy_tilt
+from spectrabox.sampling.polytope.tilted_rejection import collect, sample_spectra, tilted_proposals
+from spectrabox.sampling.prior.draws import prior_spectra
+from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.prior.tables import build_table, uplift_pixels
 
 NM = GRID.nm
 REPEATS = 5
@@ -72,16 +74,20 @@ def bulk_row(coefficients: int, draws: int) -> dict[str, Any]:
     reference = sample_spectra(operator, independent, 1).coefficients @ basis.T
     rejection = (time.perf_counter() - started) / independent * draws
     spread = (ends @ basis.T).std(axis=0) / reference.std(axis=0)
-    return {"coefficients": coefficients, "steps": len(order), "plan_ms": 1e3 * planned, "set_up_ms": 1e3 * set_up,
-            "ms_one_thread": 1e3 * one, "ms_all_threads": 1e3 * both, "r_hat": found.r_hat,
+    return {"coefficients": coefficients, "steps": len(order), "plan_ms": 1e3 * planned,
+            "set_up_ms": 1e3 * set_up, "ms_one_thread": 1e3 * one, "ms_all_threads": 1e3 * both,
+            "r_hat": found.r_hat,
             "effective_share": found.effective_samples / draws, "rejection_ms": 1e3 * rejection,
-            "ratio": rejection / one, "drift": float(np.abs(ends @ operator.A.T - operator.y).max() / operator.y.max()),
+            "ratio": rejection / one,
+            "drift": float(np.abs(ends @ operator.A.T - operator.y).max() / operator.y.max()),
             "sigma_ratio": [float(spread.min()), float(spread.max())],
             "effective_per_s": found.effective_samples / one, "hopsy": hopsy_row(operator, basis)}
 
 
 def hopsy_row(operator: MeasurementOperator, basis: np.ndarray) -> dict[str, float] | None:
-    """Effective draws per second of hopsy's uniform coordinate hit-and-run on the rounded polytope, or None."""
+    """Effective draws per second of hopsy's uniform coordinate hit-and-run on the rounded polytope,
+    or None.
+    """
     try:
         import hopsy  # a peer to compare with, no dependency of the project
     except ImportError:
@@ -89,19 +95,24 @@ def hopsy_row(operator: MeasurementOperator, basis: np.ndarray) -> dict[str, flo
     from scipy.linalg import null_space
     point, Z = max_entropy_tilt(operator).c, null_space(operator.A)
     started = time.perf_counter()
-    problem = hopsy.Problem(np.vstack([Z, -Z]), np.r_[1 - point, point], starting_point=np.zeros(Z.shape[1]))
+    problem = hopsy.Problem(np.vstack([Z, -Z]), np.r_[1 - point, point],
+                            starting_point=np.zeros(Z.shape[1]))
     problem = hopsy.round(problem)
     rounding = time.perf_counter() - started
     chain = hopsy.MarkovChain(problem, hopsy.UniformCoordinateHitAndRunProposal)
     started = time.perf_counter()
-    _, states = hopsy.sample(chain, hopsy.RandomNumberGenerator(1), n_samples=20_000, thinning=Z.shape[1])
+    _, states = hopsy.sample(chain, hopsy.RandomNumberGenerator(1), n_samples=20_000,
+                             thinning=Z.shape[1])
     taken = time.perf_counter() - started
     spectra = (point + np.asarray(states)[0] @ Z.T) @ basis.T
-    return {"effective_per_s": float(effective_sample_size(spectra[:, None]).min() / taken), "rounding_s": rounding}
+    return {"effective_per_s": float(effective_sample_size(spectra[:, None]).min() / taken),
+            "rounding_s": rounding}
 
 
 def effective_sample_size(values: np.ndarray) -> np.ndarray:
-    """Effective number of draws (D,) of one chain's values (steps, 1, D), by Geyer's initial positive sequence."""
+    """Effective number of draws (D,) of one chain's values (steps, 1, D), by Geyer's initial
+    positive sequence.
+    """
     steps = len(values)
     spectrum = np.fft.rfft(values - values.mean(axis=0), 2 * steps, axis=0)
     correlation = np.fft.irfft(np.abs(spectrum)**2, axis=0)[:steps].mean(axis=1)
@@ -120,8 +131,9 @@ def bounds_row(coefficients: int) -> dict[str, float]:
     started = time.perf_counter()
     theirs = reflectance_bounds(operator, basis)
     highs = time.perf_counter() - started
-    return {"coefficients": coefficients, "us": 1e6 * ours, "with_checks_us": 1e6 * whole, "highs_us": 1e6 * highs,
-            "ratio": highs / ours, "difference": float(np.abs(np.array(exact_bounds(operator, basis)) - theirs).max())}
+    return {"coefficients": coefficients, "us": 1e6 * ours, "with_checks_us": 1e6 * whole,
+            "highs_us": 1e6 * highs, "ratio": highs / ours,
+            "difference": float(np.abs(np.array(exact_bounds(operator, basis)) - theirs).max())}
 
 
 def prior_row(draws: int) -> dict[str, float]:
@@ -135,7 +147,7 @@ def prior_row(draws: int) -> dict[str, float]:
 
 def map_row(pixels: int, side: int) -> dict[str, float]:
     """Mean and spread at 61 wavelengths of many pixels."""
-    from sampling.uplift import table_error
+    from spectrabox.sampling.prior.tables import table_error
 
     one, prior = measurement(), load_prior()
     started = time.perf_counter()
@@ -143,8 +155,10 @@ def map_row(pixels: int, side: int) -> dict[str, float]:
     built = time.perf_counter() - started
     rng = np.random.default_rng(0)
     means = 1 / (1 + np.exp(-np.array([rng.multivariate_normal(prior.means[c], prior.covariances[c])
-                                       for c in rng.choice(prior.weights.size, 300, p=prior.weights)])))
-    signals = np.repeat(means @ one.response.T, pixels // 300 + 1, axis=0)[:pixels].astype(np.float32)
+                                       for c in rng.choice(prior.weights.size, 300,
+                                                           p=prior.weights)])))
+    signals = np.repeat(means @ one.response.T, pixels // 300 + 1,
+                        axis=0)[:pixels].astype(np.float32)
     taken = seconds(lambda: uplift_pixels(table, signals))
     return {"pixels": pixels, "side": side, "build_s": built, "s": taken,
             **table_error(table, prior, means @ one.response.T)}
@@ -163,25 +177,30 @@ def main() -> None:
     if arguments.json:
         print(json.dumps(found))
         return
-    print(f"{'N':>3} {'steps':>5} {'plan':>6} {'set-up':>7} {'1 thread':>9} {'all':>6} {'R-hat':>8} {'ESS/n':>6} "
-          f"{'rejection ms':>12} {'ratio':>6} {'drift':>8} {'sigma ratio':>13} {'hopsy ESS/s':>12} {'ratio':>6}")
+    print(f"{'N':>3} {'steps':>5} {'plan':>6} {'set-up':>7} {'1 thread':>9} {'all':>6} "
+          f"{'R-hat':>8} {'ESS/n':>6} {'rejection ms':>12} {'ratio':>6} {'drift':>8} "
+          f"{'sigma ratio':>13} {'hopsy ESS/s':>12} {'ratio':>6}")
     for row in found["bulk"]:
         peer = row["hopsy"]
-        text = (f"{peer['effective_per_s']:12.3g} {row['effective_per_s'] / peer['effective_per_s']:6.0f}" if peer
+        text = (f"{peer['effective_per_s']:12.3g} "
+                f"{row['effective_per_s'] / peer['effective_per_s']:6.0f}" if peer
                 else f"{'absent':>12} {'':>6}")
-        print(f"{row['coefficients']:3d} {row['steps']:5d} {row['plan_ms']:6.1f} {row['set_up_ms']:7.1f} "
-              f"{row['ms_one_thread']:9.1f} {row['ms_all_threads']:6.1f} {row['r_hat']:8.5f} "
-              f"{row['effective_share']:6.3f} {row['rejection_ms']:12.0f} {row['ratio']:6.0f} {row['drift']:8.1e} "
+        print(f"{row['coefficients']:3d} {row['steps']:5d} {row['plan_ms']:6.1f} "
+              f"{row['set_up_ms']:7.1f} {row['ms_one_thread']:9.1f} {row['ms_all_threads']:6.1f} "
+              f"{row['r_hat']:8.5f} {row['effective_share']:6.3f} {row['rejection_ms']:12.0f} "
+              f"{row['ratio']:6.0f} {row['drift']:8.1e} "
               f"{row['sigma_ratio'][0]:6.3f}-{row['sigma_ratio'][1]:.3f} {text}")
-    print(f"\n{'N':>3} {'bounds us':>10} {'with checks':>12} {'HiGHS us':>10} {'ratio':>7} {'difference':>11}")
+    print(f"\n{'N':>3} {'bounds us':>10} {'with checks':>12} {'HiGHS us':>10} {'ratio':>7} "
+          f"{'difference':>11}")
     for row in found["bounds"]:
-        print(f"{row['coefficients']:3d} {row['us']:10.0f} {row['with_checks_us']:12.0f} {row['highs_us']:10.0f} "
-              f"{row['ratio']:7.0f} {row['difference']:11.1e}")
+        print(f"{row['coefficients']:3d} {row['us']:10.0f} {row['with_checks_us']:12.0f} "
+              f"{row['highs_us']:10.0f} {row['ratio']:7.0f} {row['difference']:11.1e}")
     one, image = found["prior"], found["map"]
-    print(f"\nlearnt prior: {one['per_second']:.0f} draws per second, signal kept to {one['misfit']:.0e}")
-    print(f"{image['pixels']} pixels, mean and spread at 61 wavelengths: {image['s']:.2f} s (table of side "
-          f"{image['side']} built in {image['build_s']:.1f} s); mean within {image['mean']:.4f} rms, spread within "
-          f"{100 * image['standard_deviation']:.0f} %")
+    print(f"\nlearnt prior: {one['per_second']:.0f} draws per second, signal kept to "
+          f"{one['misfit']:.0e}")
+    print(f"{image['pixels']} pixels, mean and spread at 61 wavelengths: {image['s']:.2f} s (table "
+          f"of side {image['side']} built in {image['build_s']:.1f} s); mean within "
+          f"{image['mean']:.4f} rms, spread within {100 * image['standard_deviation']:.0f} %")
 
 
 if __name__ == "__main__":

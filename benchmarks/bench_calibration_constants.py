@@ -1,9 +1,9 @@
 """How far a learnt prior on sensitivities should reach: its constants from measured curves alone.
 
-The score is the mean log density that a prior gives to the curves of cameras it was not made from: each camera left
-out alone (two thirds of the score), and with every camera of its maker (one third). First the departures are found,
-from makers left out and the broad level only, then weights and reach of all levels. Nelder-Mead, some minutes; no photo
-is simulated.
+The score is the mean log density that a prior gives to the curves of cameras it was not made from:
+each camera left out alone (two thirds of the score), and with every camera of its maker (one
+third). First the departures are found, from makers left out and the broad level only, then weights
+and reach of all levels. Nelder-Mead, some minutes; no photo is simulated.
 """
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import logsumexp, softmax
 
-from calibrate.camera_database import CameraDatabase, read_camera_database
-from calibrate.camera_prior import CameraPrior
-from calibrate.learnt_prior import CONSTANTS, PriorConstants, build_prior
+from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.learnt_prior import CONSTANTS, PriorConstants, build_prior
 
 KNOWN_MAKER = 2 / 3         # how often a camera's maker is in the database: an assumption
 SHAPE_STEPS, REACH_STEPS = 500, 250
-Fold = tuple[CameraPrior, np.ndarray]       # a prior, and the vectors (n, D) of cameras that it does not know
+# a prior, and the vectors (n, D) of cameras that it does not know
+Fold = tuple[CameraPrior, np.ndarray]
 
 
 def makers_of(database: CameraDatabase) -> np.ndarray:
@@ -44,10 +45,12 @@ def with_constants(prior: CameraPrior, constants: PriorConstants) -> CameraPrior
     sizes = prior.weights[:families] / prior.weights[:families].sum() if families else np.zeros(0)
     family, kin = (constants.family_weight, constants.kin_weight) if families else (0.0, 0.0)
     scales = np.ones((3, 6))
-    scales[:, ::2] = [[constants.family_departure], [constants.kin_departure], [constants.broad_departure]]
+    scales[:, ::2] = [[constants.family_departure], [constants.kin_departure],
+                      [constants.broad_departure]]
     return dataclasses.replace(
         prior, weights=np.concatenate([family * sizes, kin * sizes, [1 - family - kin]]),
-        shares=np.array([[1.0, constants.family_between], [1.0, constants.kin_between], [0.0, 1.0]]),
+        shares=np.array([[1.0, constants.family_between], [1.0, constants.kin_between],
+                         [0.0, 1.0]]),
         departures=scales * constants.departures)
 
 
@@ -76,13 +79,15 @@ def choose(database: CameraDatabase, scored: np.ndarray) -> tuple[PriorConstants
     """
     makers, every = makers_of(database), np.arange(len(database.names))
     alone = [fold(database, every != camera, every == camera) for camera in every[scored]]
-    brands = [fold(database, makers != maker, (makers == maker) & scored) for maker in np.unique(makers[scored])]
+    brands = [fold(database, makers != maker, (makers == maker) & scored)
+              for maker in np.unique(makers[scored])]
     broad_only = dataclasses.replace(CONSTANTS, family_weight=0.0, kin_weight=0.0)
 
     def of_shape(logs: np.ndarray) -> PriorConstants:
         return dataclasses.replace(broad_only, departures=tuple(np.exp(logs)))
 
-    shape = _search(lambda logs: mean_score(brands, of_shape(logs)), np.log(CONSTANTS.departures), SHAPE_STEPS)
+    shape = _search(lambda logs: mean_score(brands, of_shape(logs)), np.log(CONSTANTS.departures),
+                    SHAPE_STEPS)
 
     def of_reach(state: np.ndarray) -> PriorConstants:
         weights = softmax(np.append(state[:2], 0.0))
@@ -98,7 +103,8 @@ def choose(database: CameraDatabase, scored: np.ndarray) -> tuple[PriorConstants
 
 
 def _search(score, start: np.ndarray, steps: int) -> np.ndarray:  # type: ignore[no-untyped-def]
-    return minimize(lambda state: -score(state), start, method="Nelder-Mead", options={"maxfev": steps}).x
+    return minimize(lambda state: -score(state), start, method="Nelder-Mead",
+                    options={"maxfev": steps}).x
 
 
 def main() -> None:

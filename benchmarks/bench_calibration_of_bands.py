@@ -1,8 +1,10 @@
-"""Do the bands hold the truth, library by library, and how far is the mean: the learnt prior against other methods.
+"""Do the bands hold the truth, library by library, and how far is the mean: the learnt prior
+against other methods.
 
-Every training library is judged by a prior that was not trained on it; the sets that colour-science ships were never
-trained on. Otsu, Smits, Mallett and Jakob see the same tristimulus values (CIE 1931, D65); the uniform prior is drawn
-exactly at N = 7. Noise rows add Gaussian noise to the signals and state it.
+Every training library is judged by a prior that was not trained on it; the sets that colour-science
+ships were never trained on. Otsu, Smits, Mallett and Jakob see the same tristimulus values (CIE
+1931, D65); the uniform prior is drawn exactly at N = 7. Noise rows add Gaussian noise to the
+signals and state it.
 """
 from __future__ import annotations
 
@@ -13,17 +15,21 @@ from typing import Any
 
 import numpy as np
 
-from radiometry.colour_upsampling import upsampled
-from radiometry.grid import visible_grid
-from radiometry.named_spectra import relative_response, test_reflectances
-from sampling.certificate import Certificate, certify
-from sampling.logit_mixture import GRID, LogitMixture, load_prior
-from sampling.methods import into_reach
-from sampling.prior_training import balanced, calibrated, enriched, fit_mixture, judge
-from sampling.reflectance_libraries import ReflectanceLibrary, read_library, without_near_duplicates
-from sampling.scores import rmse
-from sampling.spectral_samples import SpectralMeasurement, linear_between
-from sampling.tilted_rejection import sample_spectra
+from spectrabox.radiometry.colour_upsampling import upsampled
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
+from spectrabox.sampling.judge.certificate import Certificate, certify
+from spectrabox.sampling.judge.scores import rmse
+from spectrabox.sampling.measurement import SpectralMeasurement, linear_between
+from spectrabox.sampling.methods import into_reach
+from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
+from spectrabox.sampling.prior.libraries import (
+    ReflectanceLibrary,
+    read_library,
+    without_near_duplicates,
+)
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
+from spectrabox.sampling.prior.training import balanced, calibrated, enriched, fit_mixture, judge
 
 TRAINING = ("cassava", "kremer_pigments", "ntu_watercolour", "rawtoaces190", "usgs_minerals")
 PEERS = ("Otsu 2018", "Smits 1999", "Mallett 2019")
@@ -41,42 +47,51 @@ def eight_bands() -> np.ndarray:
     return bands / bands.sum(axis=1, keepdims=True)
 
 
-def left_out_priors(libraries: list[ReflectanceLibrary], response: np.ndarray) -> dict[str, LogitMixture]:
+def left_out_priors(libraries: list[ReflectanceLibrary],
+                    response: np.ndarray) -> dict[str, LogitMixture]:
     """For every library the prior trained on the others, with the factors of the shipped one."""
     shipped, rng = load_prior(), np.random.default_rng(0)
-    shares = {one.name: balanced(without_near_duplicates(one.reflectances), rng) for one in libraries}
+    shares = {one.name: balanced(without_near_duplicates(one.reflectances), rng)
+              for one in libraries}
     priors = {}
     for one in libraries:
         others = np.concatenate([share for name, share in shares.items() if name != one.name])
         plain = fit_mixture(enriched(others))
-        priors[one.name] = LogitMixture(plain.nm, plain.weights, plain.means, plain.covariances, shipped.levels,
-                                        shipped.band_factors, shipped.curve_factor, shipped.familiar_surprise, "")
+        priors[one.name] = LogitMixture(plain.nm, plain.weights, plain.means, plain.covariances,
+                                        shipped.levels, shipped.band_factors, shipped.curve_factor,
+                                        shipped.familiar_surprise, "")
     return priors
 
 
 def in_domain(libraries: list[ReflectanceLibrary], response: np.ndarray) -> Certificate:
-    """Random thirds: trained on one, calibrated on another, judged on the last; near-duplicates removed first."""
+    """Random thirds: trained on one, calibrated on another, judged on the last; near-duplicates
+    removed first.
+    """
     rng = np.random.default_rng(0)
     pooled = np.concatenate([without_near_duplicates(one.reflectances)[:600] for one in libraries])
     first, second, third = np.array_split(pooled[rng.permutation(len(pooled))], 3)
     prior = fit_mixture(enriched(first))
     judged = judge(prior, "in-domain", response, second)
     plain = calibrated(prior, [judged])
-    # Within one population the plain quantile is the calibration; the slack is for libraries never seen.
-    factors = np.array([np.quantile(scores, level) for scores, level in zip(judged.scores, plain.levels, strict=True)])
-    exact = LogitMixture(prior.nm, prior.weights, prior.means, prior.covariances, plain.levels, factors,
-                         plain.curve_factor, plain.familiar_surprise, "")
+    # Within one population the plain quantile is the calibration; the slack is for libraries never
+    # seen.
+    factors = np.array([np.quantile(scores, level) for scores, level in zip(judged.scores,
+                                                                            plain.levels,
+                                                                            strict=True)])
+    exact = LogitMixture(prior.nm, prior.weights, prior.means, prior.covariances, plain.levels,
+                         factors, plain.curve_factor, plain.familiar_surprise, "")
     return certify(exact, ReflectanceLibrary("in-domain third", third, {}), response)
 
 
 def uniform_row(reflectances: np.ndarray, response: np.ndarray) -> tuple[float, float]:
     """RMSE of the mean and 95 % coverage of exact uniform draws at N = 7."""
-    from radiometry.bspline import basis_matrix
+    from spectrabox.radiometry.bspline import basis_matrix
 
     basis = basis_matrix(GRID.nm, 7)
     errors, held = [], []
     for curve in reflectances:
-        operator, _ = into_reach(SpectralMeasurement(GRID, response, response @ curve, np.zeros((3, 3))).operator(7))
+        operator, _ = into_reach(SpectralMeasurement(GRID, response, response @ curve,
+                                                     np.zeros((3, 3))).operator(7))
         spectra = sample_spectra(operator, 1000, 0).coefficients @ basis.T
         lower, upper = np.quantile(spectra, [0.025, 0.975], axis=0)
         errors.append(np.sqrt(np.mean((spectra.mean(axis=0) - curve)**2)))
@@ -86,8 +101,8 @@ def uniform_row(reflectances: np.ndarray, response: np.ndarray) -> tuple[float, 
 
 def peers(reflectances: np.ndarray, observer: np.ndarray) -> dict[str, float]:
     """RMSE of other authors' single spectra."""
-    return {method: float(np.mean([rmse(upsampled(observer @ curve, GRID, method), curve) for curve in reflectances]))
-            for method in PEERS}
+    return {method: float(np.mean([rmse(upsampled(observer @ curve, GRID, method),
+                                        curve) for curve in reflectances])) for method in PEERS}
 
 
 def facts(one: Certificate) -> dict[str, Any]:
@@ -105,9 +120,12 @@ def some(library: ReflectanceLibrary, most: int) -> ReflectanceLibrary:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, help="folder with reflectance/; without it only the shipped sets")
-    parser.add_argument("--most", type=int, default=300, help="curves of one library that are judged")
-    parser.add_argument("--peers", type=int, default=25, help="curves of one library given to the other methods")
+    parser.add_argument("--data", type=Path,
+                        help="folder with reflectance/; without it only the shipped sets")
+    parser.add_argument("--most", type=int, default=300,
+                        help="curves of one library that are judged")
+    parser.add_argument("--peers", type=int, default=25,
+                        help="curves of one library given to the other methods")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     response, prior = response_of("CIE 1931 2 Degree Standard Observer", "D65"), load_prior()
@@ -125,31 +143,37 @@ def main() -> None:
         few = judged.reflectances[:arguments.peers]
         row["uniform_rmse"], row["uniform_coverage"] = uniform_row(few, response)
         row["peers"] = peers(few, response)
-        row["rmse_of_those"] = float(certify(priors.get(library.name, prior), ReflectanceLibrary("", few, {}),
-                                             response).rmse)
+        row["rmse_of_those"] = float(certify(priors.get(library.name, prior),
+                                             ReflectanceLibrary("", few, {}), response).rmse)
         rows.append(row)
-    noisy = [{**facts(certify(prior, some(ReflectanceLibrary(name, values, {}), arguments.most), matrix, noise)),
-              "bands": len(matrix)}
-             for name, values in (("BabelColor Average", test_reflectances(GRID)["BabelColor Average"]),
-                                  ("NIST CQS test colours", test_reflectances(GRID)["NIST CQS test colours"]))
+    noisy = [{**facts(certify(prior, some(ReflectanceLibrary(name, values, {}), arguments.most),
+                              matrix, noise)), "bands": len(matrix)}
+             for name, values in (("BabelColor Average", test_reflectances(GRID)["BabelColor "
+                                                                                 "Average"]),
+                                  ("NIST CQS test colours", test_reflectances(GRID)["NIST CQS test "
+                                                                                    "colours"]))
              for matrix in (response, eight_bands()) for noise in (0.0, 0.003, 0.01, 0.03)]
     inside = facts(in_domain(libraries, response)) if libraries else None
     if arguments.json:
         print(json.dumps({"libraries": rows, "noise": noisy, "in_domain": inside}))
         return
-    print(f"{'library (not trained on)':<26} {'n':>4} {'RMSE':>7} {'95 % holds':>11} {'width':>6} {'curves':>7} "
-          f"{'Winkler':>8} | like for like: {'ours':>6} " + " ".join(f"{name:>12}" for name in PEERS)
+    print(f"{'library (not trained on)':<26} {'n':>4} {'RMSE':>7} {'95 % holds':>11} {'width':>6} "
+          f"{'curves':>7} {'Winkler':>8} | like for like: {'ours':>6} "
+          + " ".join(f"{name:>12}" for name in PEERS)
           + f" {'uniform N=7':>12} {'its 95 %':>9}")
     for row in rows:
-        print(f"{row['name']:<26} {row['curves']:4d} {row['rmse']:7.4f} {row['coverage']:6.3f}+-{row['error']:.3f} "
-              f"{row['width']:6.3f} {row['curve_coverage']:7.3f} {row['winkler']:8.3f} | {row['rmse_of_those']:21.4f} "
+        print(f"{row['name']:<26} {row['curves']:4d} {row['rmse']:7.4f} "
+              f"{row['coverage']:6.3f}+-{row['error']:.3f} {row['width']:6.3f} "
+              f"{row['curve_coverage']:7.3f} {row['winkler']:8.3f} | {row['rmse_of_those']:21.4f} "
               + " ".join(f"{row['peers'][name]:12.4f}" for name in PEERS)
               + f" {row['uniform_rmse']:12.4f} {row['uniform_coverage']:9.3f}")
     wins = sum(row["rmse_of_those"] < row["peers"]["Otsu 2018"] for row in rows)
-    print(f"mean width {np.mean([row['width'] for row in rows]):.3f}; below Otsu on {wins} of {len(rows)} sets")
+    print(f"mean width {np.mean([row['width'] for row in rows]):.3f}; below Otsu on {wins} of "
+          f"{len(rows)} sets")
     if inside:
-        print(f"in-domain third: {inside['coverage']:.3f} +- {inside['error']:.3f} of wavelengths, whole curves "
-              f"{inside['curve_coverage']:.3f}, width {inside['width']:.3f}, RMSE {inside['rmse']:.4f}")
+        print(f"in-domain third: {inside['coverage']:.3f} +- {inside['error']:.3f} of wavelengths, "
+              f"whole curves {inside['curve_coverage']:.3f}, width {inside['width']:.3f}, RMSE "
+              f"{inside['rmse']:.4f}")
     print(f"\n{'set':<26} {'K':>2} {'noise %':>8} {'RMSE':>7} {'95 % holds':>11} {'width':>6}")
     for row in noisy:
         print(f"{row['name']:<26} {row['bands']:2d} {100 * row['noise']:8.1f} {row['rmse']:7.4f} "

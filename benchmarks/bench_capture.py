@@ -1,4 +1,5 @@
-"""Decoding against ``rawpy.postprocess`` (time, memory), noise against the truth, damaged files, a 7-band capture.
+"""Decoding against ``rawpy.postprocess`` (time, memory), noise against the truth, damaged files, a
+7-band capture.
 
 The 7-band capture is the folder ``flea3_chart`` under --data; without it that part is left out.
 """
@@ -19,29 +20,31 @@ import numpy as np
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-from capture.bands import stack_bands, strongest_channel
-from capture.bracket import merge_exposures
-from capture.chart_detection import find_chart
-from capture.chart_field import fit_light_field
-from capture.chart_reference import TYPICAL_SIGNALS
-from capture.dark import mean_dark, subtract_dark
-from capture.linear import open_photo
-from capture.mosaic_file import read_mosaic
-from capture.noise import PhotonTransfer
-from capture.patches import sample_patches
-from fixtures.chart_scene import GRID_MM, chart_scene, mosaic
-from fixtures.dng import BAYER_TILES, write_dng
-from radiometry.errors import InputError
+from spectrabox.capture.chart.detection import find_chart
+from spectrabox.capture.chart.patches import sample_patches
+from spectrabox.capture.chart.reference import TYPICAL_SIGNALS
+from spectrabox.capture.chart_field import fit_light_field
+from spectrabox.capture.develop.bands import stack_bands, strongest_channel
+from spectrabox.capture.develop.bracket import merge_exposures
+from spectrabox.capture.develop.dark import mean_dark, subtract_dark
+from spectrabox.capture.photo.linear import open_photo
+from spectrabox.capture.photo.noise import PhotonTransfer
+from spectrabox.fixtures.chart_scene import GRID_MM, chart_scene, mosaic
+from spectrabox.fixtures.dng import BAYER_TILES, write_dng
+from spectrabox.radiometry.errors import InputError
+
+from benchmarks.mosaic_file import read_mosaic
 
 UNIT = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 CAMERA_GAIN = np.array([0.4, 0.7, 0.5])
 BLACK, WHITE, ELECTRONS, READ_DN = np.array([512.0, 510.25, 514.5, 516.0]), 16383, 20000, 4.0
 NANOMETRES = range(400, 701, 50)
-PASS_NM = 40  # to either side of the name of a filter; beyond it the measured filter curves hold noise only
+# to either side of the name of a filter; beyond it the measured filter curves hold noise only
+PASS_NM = 40
 PEAK_OF_DECODING = """
 import resource, sys, numpy
-from capture.linear import open_photo
-import capture.bracket
+from spectrabox.capture.photo.linear import open_photo
+import spectrabox.capture.develop.bracket
 with open("/proc/self/clear_refs", "w") as file: file.write("5")
 def peak(): return int(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1]) / 1024
 before = peak(); image = open_photo(sys.argv[1]); print(before, peak())
@@ -49,7 +52,9 @@ before = peak(); image = open_photo(sys.argv[1]); print(before, peak())
 
 
 def decoding(folder: Path, megapixels: float, repeats: int) -> dict[str, Any]:
-    """Seconds of decoding to signal, noise and saturation, and of postprocess, in turn; peak memory of decoding."""
+    """Seconds of decoding to signal, noise and saturation, and of postprocess, in turn; peak memory
+    of decoding.
+    """
     import rawpy
     height = int(np.sqrt(megapixels * 1e6 / 1.5) / 2) * 2
     width = int(height * 1.5 / 2) * 2
@@ -66,13 +71,15 @@ def decoding(folder: Path, megapixels: float, repeats: int) -> dict[str, Any]:
         with rawpy.imread(str(path)) as raw:
             raw.postprocess()
         theirs.append(time.perf_counter() - start)
-    before, peak = map(float, subprocess.run([sys.executable, "-c", PEAK_OF_DECODING, str(path)], check=True, text=True,
+    before, peak = map(float, subprocess.run([sys.executable, "-c", PEAK_OF_DECODING, str(path)],
+                                             check=True, text=True,
                                              capture_output=True).stdout.split())
     mosaic_mb = 2 * width * height / 2**20
     path.unlink()
     return {"megapixels": width * height / 1e6, "seconds": float(np.median(ours)),
-            "postprocess_seconds": float(np.median(theirs)), "ratio": float(np.median(theirs) / np.median(ours)),
-            "peak_mb": peak - before, "mosaic_mb": mosaic_mb, "peak_over_mosaic": (peak - before) / mosaic_mb}
+            "postprocess_seconds": float(np.median(theirs)),
+            "ratio": float(np.median(theirs) / np.median(ours)), "peak_mb": peak - before,
+            "mosaic_mb": mosaic_mb, "peak_over_mosaic": (peak - before) / mosaic_mb}
 
 
 def chart_command(folder: Path, repeats: int) -> dict[str, float]:
@@ -80,26 +87,29 @@ def chart_command(folder: Path, repeats: int) -> dict[str, float]:
     corners = (UNIT - 0.5) * GRID_MM * 2400 / GRID_MM[0] + np.array([3000, 2000])
     scene = chart_scene(4000, 6000, CAMERA_GAIN * TYPICAL_SIGNALS, corners, 0.2, subsamples=1)
     path = folder / "chart24.dng"
-    write_dng(path, mosaic(scene, "RGGB", np.round(BLACK), WHITE, ELECTRONS, READ_DN, np.random.default_rng(1)),
-              black=np.round(BLACK))
+    write_dng(path, mosaic(scene, "RGGB", np.round(BLACK), WHITE, ELECTRONS, READ_DN,
+                           np.random.default_rng(1)), black=np.round(BLACK))
     seconds = []
     for _ in range(repeats):
         start = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "session.cli", "chart", str(path), "--json"], check=True,
-                       capture_output=True)
+        subprocess.run([sys.executable, "-m", "spectrabox", "chart", str(path), "--json"],
+                       check=True, capture_output=True)
         seconds.append(time.perf_counter() - start)
     path.unlink()
     return {"median_seconds": float(np.median(seconds)), "best_seconds": min(seconds)}
 
 
 def noise_accuracy(folder: Path) -> dict[str, Any]:
-    """Stated variance / true variance in flat shades, over four tile orders and four bit depths; patch chi-square."""
+    """Stated variance / true variance in flat shades, over four tile orders and four bit depths;
+    patch chi-square.
+    """
     ratios, worst_mean_dn, distances = [], 0.0, []
     for index, (pattern, bits) in enumerate(zip(BAYER_TILES, (10, 12, 14, 16), strict=True)):
         white = 2**bits - 1
         black, read_dn = BLACK * white / WHITE, max(READ_DN * white / WHITE, 0.6)
         rng = np.random.default_rng([5, index])
-        scene = np.repeat(np.linspace(0.02, 0.85, 1200)[None, :, None], 800, axis=0) * np.array([0.6, 1.0, 0.8])
+        scene = np.repeat(np.linspace(0.02, 0.85, 1200)[None, :, None], 800,
+                          axis=0) * np.array([0.6, 1.0, 0.8])
         counts = mosaic(scene, pattern, black, white, ELECTRONS, read_dn, rng)
         write_dng(folder / "ramp.dng", counts, pattern=pattern, black=black, white=white, bits=bits)
         image = open_photo(folder / "ramp.dng")
@@ -112,18 +122,22 @@ def noise_accuracy(folder: Path) -> dict[str, Any]:
         distances.append(_patch_distance(folder, pattern, bits, white, black, read_dn, rng))
         worst_mean_dn = max(worst_mean_dn, _noiseless_error_dn(folder, pattern, bits, white, black))
     total, freedom = sum(distances), 72 * len(distances)
-    return {"variance_ratio": ratios, "worst_variance_error": float(np.max(np.abs(np.array(ratios) - 1))),
-            "worst_patch_mean_error_dn": worst_mean_dn, "chi_square": float(total), "degrees_of_freedom": freedom,
+    return {"variance_ratio": ratios,
+            "worst_variance_error": float(np.max(np.abs(np.array(ratios) - 1))),
+            "worst_patch_mean_error_dn": worst_mean_dn, "chi_square": float(total),
+            "degrees_of_freedom": freedom,
             "p_value": float(2 * min(chi2.cdf(total, freedom), chi2.sf(total, freedom)))}
 
 
-def _chart_photo(folder: Path, pattern: str, bits: int, white: int, black: np.ndarray, counts: np.ndarray) -> Any:
+def _chart_photo(folder: Path, pattern: str, bits: int, white: int, black: np.ndarray,
+                 counts: np.ndarray) -> Any:
     write_dng(folder / "chart.dng", counts, pattern=pattern, black=black, white=white, bits=bits)
     image = open_photo(folder / "chart.dng")
     return sample_patches(image, find_chart(image, TYPICAL_SIGNALS))
 
 
-def _patch_distance(folder: Path, pattern: str, bits: int, white: int, black: np.ndarray, read_dn: float,
+def _patch_distance(folder: Path, pattern: str, bits: int, white: int, black: np.ndarray,
+                    read_dn: float,
                     rng: np.random.Generator) -> float:
     scene, signals = _scene()
     samples = _chart_photo(folder, pattern, bits, white, black,
@@ -132,7 +146,8 @@ def _patch_distance(folder: Path, pattern: str, bits: int, white: int, black: np
                      in zip(samples.mean - signals, samples.covariance_of_mean, strict=True)))
 
 
-def _noiseless_error_dn(folder: Path, pattern: str, bits: int, white: int, black: np.ndarray) -> float:
+def _noiseless_error_dn(folder: Path, pattern: str, bits: int, white: int,
+                        black: np.ndarray) -> float:
     scene, signals = _scene()
     counts = np.empty(scene.shape[:2])
     for position, band in enumerate(BAYER_TILES[pattern]):
@@ -149,7 +164,9 @@ def _scene() -> tuple[np.ndarray, np.ndarray]:
 
 
 def damaged_files(folder: Path, files: int) -> dict[str, int]:
-    """What becomes of truncated, bit-flipped and mislabelled raws: refused in a sentence, unchanged, or changed."""
+    """What becomes of truncated, bit-flipped and mislabelled raws: refused in a sentence,
+    unchanged, or changed.
+    """
     content = np.random.default_rng(2).integers(500, 16000, (96, 128)).astype(np.uint16)
     write_dng(folder / "whole.dng", content)
     whole, rng = (folder / "whole.dng").read_bytes(), np.random.default_rng(3)
@@ -166,7 +183,8 @@ def damaged_files(folder: Path, files: int) -> dict[str, int]:
         path.write_bytes(damaged)
         try:
             image = open_photo(path)
-            same = image.signal.shape == intact.shape and np.allclose(image.signal, intact, atol=1e-6)
+            same = image.signal.shape == intact.shape and np.allclose(image.signal, intact,
+                                                                      atol=1e-6)
             counts["unchanged" if same else "changed"] += 1
         except InputError as error:
             counts["refused"] += 1
@@ -175,7 +193,9 @@ def damaged_files(folder: Path, files: int) -> dict[str, int]:
 
 
 def seven_bands(folder: Path) -> dict[str, Any]:
-    """Patch signals of a 7-band capture against filter-weighted measured reflectances, as shares of the maximum."""
+    """Patch signals of a 7-band capture against filter-weighted measured reflectances, as shares of
+    the maximum.
+    """
     captured = folder / "captured_images"
     darks: dict[float, list[Any]] = {}
     for path in sorted((captured / "dark_frames").iterdir()):
@@ -186,9 +206,10 @@ def seven_bands(folder: Path) -> dict[str, Any]:
     images = []
     for nm in NANOMETRES:
         frames = [_flea_frame(path) for path in
-                  sorted((captured / "images_filtered_light" / "color_checker").glob(f"*_{nm}nm_*"))]
-        images.append(merge_exposures([subtract_dark(frame, dark[frame.exposure_s], noise) for frame in frames],
-                                      spills=True)[0])
+                  sorted((captured / "images_filtered_light"
+                          / "color_checker").glob(f"*_{nm}nm_*"))]
+        images.append(merge_exposures([subtract_dark(frame, dark[frame.exposure_s],
+                                                     noise) for frame in frames], spills=True)[0])
     image = stack_bands(images, [f"{nm} nm" for nm in NANOMETRES])
     predicted = _filter_weighted(folder / "spectra_averaged.csv")
     detection = find_chart(image, predicted)
@@ -196,14 +217,15 @@ def seven_bands(folder: Path) -> dict[str, Any]:
     rms, largest, without = [], [], []
     for band in range(len(images)):
         pick = slice(band, band + 1)
-        gain = float((means[:, band] @ predicted[:, band]) / (predicted[:, band] @ predicted[:, band]))
+        gain = float((means[:, band] @ predicted[:, band])
+                     / (predicted[:, band] @ predicted[:, band]))
         residual = (means[:, band] - gain * predicted[:, band]) / means[:, band].max()
         field = fit_light_field(means[:, pick], predicted[:, pick], centres)
         rms.append(float(np.sqrt(np.mean(field.residuals**2))))
         largest.append(float(np.abs(field.residuals).max()))
         without.append(float(np.sqrt(np.mean(residual**2))))
-    return {"nm": list(NANOMETRES), "channel": [strongest_channel(one) for one in images], "rms_of_maximum": rms,
-            "largest_of_maximum": largest, "rms_without_field": without}
+    return {"nm": list(NANOMETRES), "channel": [strongest_channel(one) for one in images],
+            "rms_of_maximum": rms, "largest_of_maximum": largest, "rms_without_field": without}
 
 
 def _flea_frame(path: Path) -> Any:
@@ -251,10 +273,12 @@ def main() -> None:
     print(f"spectrabox chart on 24 megapixels: {command['median_seconds']:.2f} s "
           f"(best {command['best_seconds']:.2f} s)")
     noise = facts["noise"]
-    print(f"variance: stated / true - 1 at most {noise['worst_variance_error']:.1%} over 4 tile orders, 10 to 16 bits; "
-          f"noiseless patch means off by at most {noise['worst_patch_mean_error_dn']:.2f} DN; chi-square "
-          f"{noise['chi_square']:.1f} of {noise['degrees_of_freedom']} (p = {noise['p_value']:.2f})")
-    print("damaged raws: " + ", ".join(f"{count} {what}" for what, count in facts["damaged"].items()))
+    print(f"variance: stated / true - 1 at most {noise['worst_variance_error']:.1%} over 4 tile "
+          "orders, 10 to 16 bits; noiseless patch means off by at most "
+          f"{noise['worst_patch_mean_error_dn']:.2f} DN; chi-square {noise['chi_square']:.1f} of "
+          f"{noise['degrees_of_freedom']} (p = {noise['p_value']:.2f})")
+    print("damaged raws: " + ", ".join(f"{count} {what}" for what,
+                                       count in facts["damaged"].items()))
     if "seven_bands" in facts:
         bands = facts["seven_bands"]
         print(f"{'band nm':>10}{'channel':>9}{'rms / max':>11}{'largest':>9}{'without field':>15}")

@@ -1,7 +1,9 @@
-"""Every instrument x every fault of a serial line x several places: is a wrong spectrum ever accepted?
+"""Every instrument x every fault of a serial line x several places: is a wrong spectrum ever
+accepted?
 
-A naive driver, which believes the first reading that parses, is the alternative in the same run: each trial in which
-only the second reading or the luminance showed the fault is one that it would have got wrong.
+A naive driver, which believes the first reading that parses, is the alternative in the same run:
+each trial in which only the second reading or the luminance showed the fault is one that it would
+have got wrong.
 
     python benchmarks/bench_fault_matrix.py [--places 8] [--json]
 """
@@ -14,23 +16,27 @@ import time
 from collections import Counter
 from unittest import mock
 
-from capture import measurement
-from capture.transcript import read_transcript
-from capture.transcript_trials import DEADLINE_S, Subject, Trial, run_all, subject_of
-from fixtures.meter_transcripts import FOLDER, clean_meters
+from spectrabox.capture.meter import measurement
+from spectrabox.capture.transcripts.transcript import read_transcript
+from spectrabox.fixtures.meter_transcripts import FOLDER, clean_meters
+
+from benchmarks.transcript_trials import DEADLINE_S, Subject, Trial, run_all, subject_of
 
 
 def subjects() -> list[Subject]:
     """The synthetic recordings with their truth."""
-    return [subject_of(read_transcript(FOLDER / f"{meter.name}.transcript"), meter.values, meter.change, meter.leave)
-            for meter in clean_meters() if meter.values is not None]
+    return [subject_of(read_transcript(FOLDER / f"{meter.name}.transcript"), meter.values,
+                       meter.change, meter.leave) for meter in clean_meters() if meter.values
+            is not None]
 
 
 def cell(trials: list[Trial]) -> str:
     """One cell of the table: spectra / errors, and what went wrong in words."""
     good = sum(trial.result == "spectrum" for trial in trials)
-    marks = "".join(sign for sign, bad in (("W", any(t.wrong for t in trials)), ("L", not all(t.left for t in trials)),
-                                           ("T", any(t.seconds > DEADLINE_S for t in trials))) if bad)
+    marks = "".join(sign for sign, bad in (("W", any(t.wrong for t in trials)),
+                                           ("L", not all(t.left for t in trials)),
+                                           ("T", any(t.seconds > DEADLINE_S for t in trials)))
+                    if bad)
     return f"{good}/{len(trials) - good}{marks}"
 
 
@@ -39,7 +45,8 @@ def table(trials: list[Trial]) -> str:
     instruments = list(dict.fromkeys(trial.instrument for trial in trials))
     rows = [f"{'spectra/errors':<17}" + "".join(f"{name:>13}" for name in instruments)]
     for fault in dict.fromkeys(trial.fault for trial in trials):
-        cells = [[t for t in trials if (t.fault, t.instrument) == (fault, name)] for name in instruments]
+        cells = [[t for t in trials if (t.fault, t.instrument) == (fault, name)]
+                 for name in instruments]
         rows.append(f"{fault:<17}" + "".join(f"{cell(chosen):>13}" for chosen in cells))
     return "\n".join(rows)
 
@@ -53,7 +60,8 @@ def naive_run(places: int, workers: int) -> list[Trial]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--places", type=int, default=8, help="places in the exchange for each fault")
+    parser.add_argument("--places", type=int, default=8,
+                        help="places in the exchange for each fault")
     parser.add_argument("--workers", type=int, default=8, help="trials at a time; they mostly wait")
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     arguments = parser.parse_args()
@@ -65,10 +73,13 @@ def main() -> int:
              "not_given_back": sum(not trial.left for trial in trials),
              "past_deadline": sum(trial.seconds > DEADLINE_S for trial in trials),
              "longest_s": round(max(trial.seconds for trial in trials), 2),
-             "right_spectra": sum(trial.result == "spectrum" and not trial.wrong for trial in trials),
+             "right_spectra": sum(trial.result == "spectrum" and not trial.wrong
+                                  for trial in trials),
              "naive_wrong_spectra": sum(trial.wrong for trial in naive),
-             "naive_right_spectra": sum(trial.result == "spectrum" and not trial.wrong for trial in naive),
-             "errors": dict(Counter(trial.result for trial in trials if trial.result != "spectrum")),
+             "naive_right_spectra": sum(trial.result == "spectrum" and not trial.wrong
+                                        for trial in naive),
+             "errors": dict(Counter(trial.result for trial in trials if trial.result
+                                    != "spectrum")),
              "seconds": round(seconds, 1)}
     if arguments.json:
         print(json.dumps({**facts, "matrix": [vars(trial) for trial in trials]}))

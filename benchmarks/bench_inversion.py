@@ -1,17 +1,20 @@
-"""Inversion of a Cornell box: one traced light transport against gradient descent and against the brute force.
+"""Inversion of a Cornell box: one traced light transport against gradient descent and against the
+brute force.
 
-Three unknown materials, 7 coefficients each, 64 x 64 pixels, 6 bounces, all in one run. The photo is made of the true
-spectra with at least 4096 paths per pixel that no engine sees; the image error is that of the same paths with the found
-spectra, root mean square over the surfaces, relative to the mean (bench_transport.py holds such an image against
-Mitsuba's spectral film). Seeds scatter widely: medians are over 7 seeds of the transport engine and 3 of the gradient
-engine, which takes exactly ``--steps`` steps with a step size that falls over all of them, the best of the schedules
+Three unknown materials, 7 coefficients each, 64 x 64 pixels, 6 bounces, all in one run. The photo
+is made of the true spectra with at least 4096 paths per pixel that no engine sees; the image error
+is that of the same paths with the found spectra, root mean square over the surfaces, relative to
+the mean (bench_transport.py holds such an image against Mitsuba's spectral film). Seeds scatter
+widely: medians are over 7 seeds of the transport engine and 3 of the gradient engine, which takes
+exactly ``--steps`` steps with a step size that falls over all of them, the best of the schedules
 tried. ``--large``: 5 materials, 8 bounces, 256 x 256 pixels.
 
-The transport engine's trace may use every core, since its sums are the same in any order; the gradient engine's
-gradients are not, so it keeps to one. ``--cores 1`` holds both to one.
+The transport engine's trace may use every core, since its sums are the same in any order; the
+gradient engine's gradients are not, so it keeps to one. ``--cores 1`` holds both to one.
 
-The per-wavelength engine gets one path per pixel, wavelength and step, which favours it: 16 times fewer per image than
-the others. One step in 20 is run, the time multiplied by 20; the error is that of the steps that ran.
+The per-wavelength engine gets one path per pixel, wavelength and step, which favours it: 16 times
+fewer per image than the others. One step in 20 is run, the time multiplied by 20; the error is that
+of the steps that ran.
 """
 from __future__ import annotations
 
@@ -28,11 +31,11 @@ from typing import Any
 import colour
 import numpy as np
 
-from fixtures.cornell_box import BLOCKS, MATERIALS, cornell_box_xml
-from radiometry.chart import PATCH_NAMES, chart_reflectances
-from radiometry.grid import visible_grid
-from radiometry.interreflection import band_products, exponents_up_to, signal
-from radiometry.records import (
+from spectrabox.fixtures.cornell_box import BLOCKS, MATERIALS, cornell_box_xml
+from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.interreflection import band_products, exponents_up_to, signal
+from spectrabox.radiometry.records import (
     Calibration,
     LightScale,
     LinearImage,
@@ -43,21 +46,27 @@ from radiometry.records import (
     Spectrum,
     WavelengthGrid,
 )
-from reconstruct import gradient
-from reconstruct.inverse_problem import InverseProblem, InversionSettings, MaterialSpec, inverse_problem
-from reconstruct.per_wavelength import descend, monochrome_job
-from reconstruct.regions import block_regions
-from reconstruct.renderer import start_mitsuba
-from reconstruct.scene_file import read_scene
-from reconstruct.transport import TracedTransport, shaded_image, trace_transport
-from reconstruct.transport_engine import fit_problem, unit_scene
-from reconstruct.transport_fit import FitPriors
+from spectrabox.reconstruct.engines import gradient
+from spectrabox.reconstruct.engines.per_wavelength import descend, monochrome_job
+from spectrabox.reconstruct.engines.transport_engine import fit_problem, unit_scene
+from spectrabox.reconstruct.fit.transport_fit import FitPriors
+from spectrabox.reconstruct.problem import (
+    InverseProblem,
+    InversionSettings,
+    MaterialSpec,
+    inverse_problem,
+)
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.scene.regions import block_regions
+from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.tracer.transport import TracedTransport, shaded_image, trace_transport
 
 COEFFICIENTS, STEPS, GRADIENT_SPP, TRACE_SPP, PHOTO_SPP = 7, 200, 16, 64, 4096
 SHORTER = 20            # the per-wavelength engine runs this share of the steps
 RUNS = 7                # of the transport engine, each with another seed; medians are printed
 GRADIENT_SEEDS = (3, 4, 5)
-PATCHES = {"white": "white 9.5", "green": "green", "red": "red", "small": "blue", "large": "orange yellow"}
+PATCHES = {"white": "white 9.5", "green": "green", "red": "red", "small": "blue",
+           "large": "orange yellow"}
 
 
 @dataclass(frozen=True)
@@ -70,7 +79,9 @@ class Judged:
 
 
 def cornell_problem(width: int, bounces: int, blocks: bool, photo_spp: int) -> Judged:
-    """The inversion of a box with chart colours on its walls, under a constant light, and the paths of its photo."""
+    """The inversion of a box with chart colours on its walls, under a constant light, and the paths
+    of its photo.
+    """
     problem = box_problem(width, bounces, blocks)
     truth = true_spectra(problem)
     one_surface = problem.surface >= 0
@@ -81,7 +92,8 @@ def cornell_problem(width: int, bounces: int, blocks: bool, photo_spp: int) -> J
     return Judged(box_problem(width, bounces, blocks, photo), truth, judge)
 
 
-def box_problem(width: int, bounces: int, blocks: bool, photo: np.ndarray | None = None) -> InverseProblem:
+def box_problem(width: int, bounces: int, blocks: bool,
+                photo: np.ndarray | None = None) -> InverseProblem:
     """The box, whose photo (H, W, 3) is blank where none is given."""
     names = (*MATERIALS, *(BLOCKS if blocks else ()))
     with tempfile.TemporaryDirectory() as folder:
@@ -90,16 +102,19 @@ def box_problem(width: int, bounces: int, blocks: bool, photo: np.ndarray | None
         scene_file = read_scene(path)
     shape = (width, width, 3)
     image = LinearImage(np.ones(shape, np.float32) if photo is None else photo.astype(np.float32),
-                        np.full(shape, 1e-12), np.zeros(shape, bool), 1.0, None, None, None, PhotoKind.LINEAR_FILE, "",
-                        "rendered", "")
-    return inverse_problem(scene_file, image, measured_camera(visible_grid()), LightScale(1.0, None, None, "given"),
-                           tuple(MaterialSpec(name, name) for name in names), ("R", "G", "B"), COEFFICIENTS)
+                        np.full(shape, 1e-12), np.zeros(shape, bool), 1.0, None, None, None,
+                        PhotoKind.LINEAR_FILE, "", "rendered", "")
+    return inverse_problem(scene_file, image, measured_camera(visible_grid()),
+                           LightScale(1.0, None, None, "given"),
+                           tuple(MaterialSpec(name, name) for name in names), ("R", "G", "B"),
+                           COEFFICIENTS)
 
 
 def true_spectra(problem: InverseProblem) -> np.ndarray:
     """Chart colours (M, P) of the problem's materials."""
     chart = chart_reflectances("BabelColor Average", problem.grid)
-    return np.array([chart[PATCH_NAMES.index(PATCHES[material.name])] for material in problem.materials])
+    return np.array([chart[PATCH_NAMES.index(PATCHES[material.name])]
+                     for material in problem.materials])
 
 
 def measured_camera(grid: WavelengthGrid) -> Calibration:
@@ -107,20 +122,24 @@ def measured_camera(grid: WavelengthGrid) -> Calibration:
     camera = colour.MSDS_CAMERA_SENSITIVITIES["Nikon 5100 (NPL)"]
     curves = np.array([np.interp(grid.nm, camera.wavelengths, curve) for curve in camera.values.T])
     light = Spectrum(grid, np.ones(grid.nm.size), Quantity.RADIANCE, "constant")
-    fit = SensitivityFit(grid, curves / curves.max(), None, None, None, None, None, None, None, "measured",
-                         Outcome.CONVERGED)
+    fit = SensitivityFit(grid, curves / curves.max(), None, None, None, None, None, None, None,
+                         "measured", Outcome.CONVERGED)
     return Calibration(fit, light, None, np.zeros((3, 3)), ())
 
 
-def traced(problem: InverseProblem, region: np.ndarray, spp: int, seed: int, passes: int = 4) -> TracedTransport:
+def traced(problem: InverseProblem, region: np.ndarray, spp: int, seed: int,
+           passes: int = 4) -> TracedTransport:
     """Transport of the regions with the scene's own number of bounces."""
-    return trace_transport(unit_scene(problem), {material.bsdf: material.name for material in problem.materials},
-                           problem.size, region, bounces=problem.scene_file.max_depth - 1, spp=spp, seed=seed,
-                           passes=passes)
+    return trace_transport(unit_scene(problem),
+                           {material.bsdf: material.name for material in problem.materials},
+                           problem.size, region, bounces=problem.scene_file.max_depth - 1, spp=spp,
+                           seed=seed, passes=passes)
 
 
 def by_transport(problem: InverseProblem, seed: int = 5) -> tuple[np.ndarray, float, float]:
-    """Coefficients, seconds of tracing and seconds of fitting; the scene is loaded within the time."""
+    """Coefficients, seconds of tracing and seconds of fitting; the scene is loaded within the
+    time.
+    """
     start = time.perf_counter()
     region, group = block_regions(problem.surface, problem.used)
     transport = traced(problem, region, TRACE_SPP, seed)
@@ -130,20 +149,26 @@ def by_transport(problem: InverseProblem, seed: int = 5) -> tuple[np.ndarray, fl
 
 
 def by_gradient(problem: InverseProblem, steps: int, seed: int = 3) -> tuple[np.ndarray, float]:
-    """Coefficients and seconds of the paper's method: Adam through differentiable rendering, ``steps`` steps."""
-    gradient.WINDOW, gradient.TAIL = steps + 1, 1.0  # no stop by itself; the step size falls from first to last
+    """Coefficients and seconds of the paper's method: Adam through differentiable rendering,
+    ``steps`` steps.
+    """
+    # no stop by itself; the step size falls from first to last
+    gradient.WINDOW, gradient.TAIL = steps + 1, 1.0
     start = time.perf_counter()
     fit = gradient.fit_by_gradient(
-        problem.scene(), tuple(material.bsdf for material in problem.unknown), problem.basis, problem.measured,
-        problem.used[..., None] / problem.variance, scale=1.0, known_surface=None, steps=steps, spp=GRADIENT_SPP,
-        seed=seed, progress=lambda done, what: None)
+        problem.scene(), tuple(material.bsdf for material in problem.unknown), problem.basis,
+        problem.measured, problem.used[..., None] / problem.variance, scale=1.0, known_surface=None,
+        steps=steps, spp=GRADIENT_SPP, seed=seed, progress=lambda done, what: None)
     return fit.coefficients, time.perf_counter() - start
 
 
 def by_wavelengths(problem: InverseProblem, steps: int) -> tuple[np.ndarray, float]:
-    """Coefficients and seconds of one monochrome rendering per wavelength and step; its process starts in the time."""
+    """Coefficients and seconds of one monochrome rendering per wavelength and step; its process
+    starts in the time.
+    """
     start = time.perf_counter()
-    fit = descend(monochrome_job(problem, InversionSettings(COEFFICIENTS, steps, 1, 3)), lambda done, what: None)
+    fit = descend(monochrome_job(problem, InversionSettings(COEFFICIENTS, steps, 1, 3)),
+                  lambda done, what: None)
     return fit.coefficients, time.perf_counter() - start
 
 
@@ -154,7 +179,8 @@ def errors(judged: Judged, coefficients: np.ndarray) -> dict[str, Any]:
     true, found = (signal(reflected, judge.exponents, rows, judged.problem.response)
                    for rows in (judged.truth, spectra))
     rmse = np.sqrt(np.mean((spectra - judged.truth) ** 2, axis=1))
-    return {"image_error": float(np.sqrt(np.mean((found - true) ** 2)) / true.mean()), "rmse": rmse.tolist()}
+    return {"image_error": float(np.sqrt(np.mean((found - true) ** 2)) / true.mean()),
+            "rmse": rmse.tolist()}
 
 
 def median_errors(judged: Judged, found: list[np.ndarray]) -> dict[str, Any]:
@@ -171,8 +197,9 @@ def small(steps: int) -> dict[str, Any]:
     problem = judged.problem
     _, cold_trace, cold_fit = by_transport(problem)
     runs = [by_transport(problem, seed) for seed in range(RUNS)]
-    ours = {"trace_s": float(np.median([run[1] for run in runs])), "fit_s": float(np.median([run[2] for run in runs])),
-            "first_call_s": cold_trace + cold_fit, "seconds": float(np.median([run[1] + run[2] for run in runs])),
+    ours = {"trace_s": float(np.median([run[1] for run in runs])),
+            "fit_s": float(np.median([run[2] for run in runs])), "first_call_s": cold_trace
+            + cold_fit, "seconds": float(np.median([run[1] + run[2] for run in runs])),
             **median_errors(judged, [run[0] for run in runs])}
     by_gradient(problem, 4)  # compiles its kernels, which are not counted
     descents = [by_gradient(problem, steps, seed) for seed in GRADIENT_SEEDS]
@@ -193,8 +220,10 @@ def large() -> dict[str, Any]:
     blank = box_problem(256, 8, True)
     truth = true_spectra(blank)
     exponents = exponents_up_to(len(truth), 8)
-    photo = shaded_image(unit_scene(blank), {material.bsdf: material.name for material in blank.materials}, blank.size,
-                         exponents, band_products(exponents, truth, blank.response), bounces=8, spp=64, seed=77)
+    photo = shaded_image(unit_scene(blank),
+                         {material.bsdf: material.name for material in blank.materials}, blank.size,
+                         exponents, band_products(exponents, truth, blank.response), bounces=8,
+                         spp=64, seed=77)
     problem = box_problem(256, 8, True, photo)
     coefficients, trace_s, fit_s = by_transport(problem)
     rmse = np.sqrt(np.mean((problem.spectra(coefficients) - truth) ** 2, axis=1))
@@ -205,8 +234,10 @@ def large() -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, default=STEPS, help="of the two descents")
-    parser.add_argument("--large", action="store_true", help="only the larger box: 5 materials, 8 bounces, 256 x 256")
-    parser.add_argument("--cores", type=int, help="that the trace may use; all of this process without it")
+    parser.add_argument("--large", action="store_true",
+                        help="only the larger box: 5 materials, 8 bounces, 256 x 256")
+    parser.add_argument("--cores", type=int,
+                        help="that the trace may use; all of this process without it")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     if arguments.cores and hasattr(os, "sched_setaffinity"):
@@ -217,17 +248,20 @@ def main() -> None:
         print(json.dumps(result))
         return
     if arguments.large:
-        print(f"5 materials, 8 bounces, 256 x 256: trace {result['trace_s']:.1f} s, fit {result['fit_s']:.1f} s, "
-              f"peak of the whole process {result['process_peak_gib']:.2f} GiB")
+        print(f"5 materials, 8 bounces, 256 x 256: trace {result['trace_s']:.1f} s, fit "
+              f"{result['fit_s']:.1f} s, peak of the whole process "
+              f"{result['process_peak_gib']:.2f} GiB")
         return
     print(f"{'engine':<16} {'seconds':>8} {'ratio':>7} {'image error':>12}   spectra RMSE")
-    for name, key in (("transport", None), ("gradient", "ratio_gradient"), ("per_wavelength", "ratio_per_wavelength")):
+    for name, key in (("transport", None), ("gradient", "ratio_gradient"),
+                      ("per_wavelength", "ratio_per_wavelength")):
         row = result[name]
-        print(f"{name:<16} {row['seconds']:8.2f} {result[key] if key else 1:7.0f} {row['image_error']:12.2%}   "
+        print(f"{name:<16} {row['seconds']:8.2f} {result[key] if key else 1:7.0f} "
+              f"{row['image_error']:12.2%}   "
               + " ".join(f"{value:.3f}" for value in row["rmse"]))
     ours = result["transport"]
-    print(f"transport: trace {ours['trace_s']:.3f} s, fit {ours['fit_s']:.3f} s, first call in a process "
-          f"{ours['first_call_s']:.2f} s")
+    print(f"transport: trace {ours['trace_s']:.3f} s, fit {ours['fit_s']:.3f} s, first call in a "
+          f"process {ours['first_call_s']:.2f} s")
     for name in ("transport", "gradient"):
         print(f"{name}: image errors", *(f"{value:.2%}" for value in result[name]["image_errors"]))
 

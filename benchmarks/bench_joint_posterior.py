@@ -1,9 +1,11 @@
-"""What interreflection tells: joint posterior of three materials of a box against each material's own signal.
+"""What interreflection tells: joint posterior of three materials of a box against each material's
+own signal.
 
-A unit cube whose six walls are cut into patches; form factors between patches from their centres with exact
-reciprocity, light falling on the floor and the walls. Two opposite walls have materials of their own, the rest shares
-one. Light transport up to six reflections. Truths are measured reflectances that the prior was not trained on: chart
-patches and test colours, or with --data artists' paints.
+A unit cube whose six walls are cut into patches; form factors between patches from their centres
+with exact reciprocity, light falling on the floor and the walls. Two opposite walls have materials
+of their own, the rest shares one. Light transport up to six reflections. Truths are measured
+reflectances that the prior was not trained on: chart patches and test colours, or with --data
+artists' paints.
 """
 from __future__ import annotations
 
@@ -15,25 +17,28 @@ from pathlib import Path
 
 import numpy as np
 
-from radiometry.named_spectra import relative_response, test_reflectances
-from radiometry.records import LightTransport
-from sampling.joint_labels import find_modes
-from sampling.joint_posterior import information_bits, joint_problem
-from sampling.joint_sampling import sample_joint
-from sampling.logit_mixture import GRID, LogitMixture, load_prior
-from sampling.prior_draws import sample_prior
-from sampling.prior_training import balanced, enriched, fit_mixture
-from sampling.reflectance_libraries import read_library, without_near_duplicates
-from sampling.spectral_samples import SpectralMeasurement
+from spectrabox.radiometry.records import LightTransport
+from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
+from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.prior.draws import sample_prior
+from spectrabox.sampling.prior.libraries import read_library, without_near_duplicates
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
+from spectrabox.sampling.prior.training import balanced, enriched, fit_mixture
+from spectrabox.sampling.scene.labels import find_modes
+from spectrabox.sampling.scene.posterior import information_bits, joint_problem
+from spectrabox.sampling.scene.sampling import sample_joint
 
 BOUNCES, CUTS = 6, 8
 PIXELS = 64 * 64     # of the photo; each patch is the mean of its share of them
 ALONE = 1e-3        # relative error of each material's own signal
-PAINTS, OTHERS = ("kremer_pigments", "ntu_watercolour"), ("cassava", "rawtoaces190", "usgs_minerals")
+PAINTS, OTHERS = ("kremer_pigments", "ntu_watercolour"), ("cassava", "rawtoaces190",
+                                                          "usgs_minerals")
 
 
 def box_transport(cuts: int = CUTS, bounces: int = BOUNCES) -> LightTransport:
-    """Transport (6 cuts^2 patches, 84 products) of the cube: wall x=0 is material 0, x=1 is 1, the others are 2."""
+    """Transport (6 cuts^2 patches, 84 products) of the cube: wall x=0 is material 0, x=1 is 1, the
+    others are 2.
+    """
     place, normal, wall = _patches(cuts)
     toward = place[None] - place[:, None]
     distance = np.linalg.norm(toward, axis=2) + np.eye(len(place))
@@ -43,7 +48,8 @@ def box_transport(cuts: int = CUTS, bounces: int = BOUNCES) -> LightTransport:
     form /= np.maximum(form.sum(axis=1, keepdims=True), 1e-12)   # a closed box: every ray arrives
     lamp = np.array([0.5, 0.5, 0.9])
     to_lamp = lamp - place
-    direct = np.maximum(np.einsum("pi,pi->p", to_lamp, normal), 0) / np.linalg.norm(to_lamp, axis=1)**3
+    direct = np.maximum(np.einsum("pi,pi->p", to_lamp, normal), 0) / np.linalg.norm(to_lamp,
+                                                                                    axis=1)**3
     direct /= direct.mean()
     materials = np.where(wall == 0, 0, np.where(wall == 1, 1, 2))
     arrived = {(0, 0, 0): direct}
@@ -53,12 +59,14 @@ def box_transport(cuts: int = CUTS, bounces: int = BOUNCES) -> LightTransport:
         for exponents, light in arrived.items():
             for m in range(3):
                 key = tuple(int(n + (m == k)) for k, n in enumerate(exponents))
-                radiance[key] = radiance.get(key, np.zeros(len(place))) + np.where(materials == m, light, 0)
+                radiance[key] = radiance.get(key, np.zeros(len(place))) + np.where(materials == m,
+                                                                                   light, 0)
         for key, value in radiance.items():
             left[key] = left.get(key, np.zeros(len(place))) + value
         arrived = {key: form @ value for key, value in radiance.items()}
     keys = sorted(left, key=lambda key: (sum(key), key))
-    return LightTransport(("left", "right", "white"), np.array(keys), np.array([left[key] for key in keys]).T, None)
+    return LightTransport(("left", "right", "white"), np.array(keys),
+                          np.array([left[key] for key in keys]).T, None)
 
 
 def _patches(cuts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -78,12 +86,17 @@ def _patches(cuts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def charts() -> np.ndarray:
-    """Reflectances (n, 61) of chart patches and test colours, which the shipped prior was not trained on."""
-    return np.concatenate([values for name, values in test_reflectances(GRID).items() if name != "CES99"])
+    """Reflectances (n, 61) of chart patches and test colours, which the shipped prior was not
+    trained on.
+    """
+    return np.concatenate([values for name, values in test_reflectances(GRID).items()
+                           if name != "CES99"])
 
 
 def artists_paints(data: Path) -> tuple[LogitMixture, np.ndarray]:
-    """A prior learnt without artists' paints, and the paints (n, 61): Kremer pigments and NTU watercolours."""
+    """A prior learnt without artists' paints, and the paints (n, 61): Kremer pigments and NTU
+    watercolours.
+    """
     libraries = {name: read_library(data / "reflectance" / name) for name in (*PAINTS, *OTHERS)}
     different = {name: without_near_duplicates(one.reflectances) for name, one in libraries.items()}
     rng = np.random.default_rng(0)
@@ -97,40 +110,49 @@ def direct_only() -> LightTransport:
     return LightTransport(("left", "right", "white"), np.eye(3, dtype=int), np.eye(3), None)
 
 
-def scene(transport: LightTransport, prior: LogitMixture, response: np.ndarray, truth: np.ndarray, noise: float,
+def scene(transport: LightTransport, prior: LogitMixture, response: np.ndarray, truth: np.ndarray,
+          noise: float,
           seed: int) -> dict[str, float]:
-    """RMSE, width and coverage of the joint posterior and of each material alone (its signal known to 0.1 %)."""
+    """RMSE, width and coverage of the joint posterior and of each material alone (its signal known
+    to 0.1 %).
+    """
     rng = np.random.default_rng(seed)
     clean = transport.coefficients @ (np.exp(transport.exponents @ np.log(truth)) @ response.T)
     noise /= np.sqrt(PIXELS / len(clean))
     photo = clean * (1 + noise * rng.standard_normal(clean.shape))
     started = time.perf_counter()
-    problem = joint_problem(transport, response, photo, noise * np.maximum(clean, 1e-3 * clean.max()), prior)
+    problem = joint_problem(transport, response, photo,
+                            noise * np.maximum(clean, 1e-3 * clean.max()), prior)
     find_modes(problem)
     map_seconds = time.perf_counter() - started
     samples = sample_joint(problem, seed, refuse=False)
     seconds = time.perf_counter() - started
     alone, alone_bits = each_alone(prior, response, truth, rng)
     bits = information_bits(problem) - alone_bits
-    return {**_judge(samples.spectra, truth, "joint"), **_judge(alone, truth, "alone"), "bits": float(bits.mean()),
-            "map_s": map_seconds, "draws_s": seconds, "converged": float(samples.converged),
-            "effective": samples.effective_samples, "tail": samples.tail, "unsolved": samples.unsolved}
+    return {**_judge(samples.spectra, truth, "joint"), **_judge(alone, truth, "alone"),
+            "bits": float(bits.mean()), "map_s": map_seconds, "draws_s": seconds,
+            "converged": float(samples.converged),
+            "effective": samples.effective_samples, "tail": samples.tail,
+            "unsolved": samples.unsolved}
 
 
 def each_alone(prior: LogitMixture, response: np.ndarray, truth: np.ndarray,
                rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Draws (T, 3, P) of each material from its own signal, known to 0.1 %, under the same prior; bits it tells."""
+    """Draws (T, 3, P) of each material from its own signal, known to 0.1 %, under the same prior;
+    bits it tells.
+    """
     own = truth @ response.T
     signal = own * (1 + ALONE * rng.standard_normal(own.shape))
-    draws = [sample_prior(SpectralMeasurement(GRID, response, values, np.diag((ALONE * values)**2)), 4000, 1,
-                          prior).spectra for values in signal]
+    draws = [sample_prior(SpectralMeasurement(GRID, response, values, np.diag((ALONE * values)**2)),
+                          4000, 1, prior).spectra for values in signal]
     problem = joint_problem(direct_only(), response, signal, ALONE * own, prior)
     return np.array(draws).transpose(1, 0, 2), information_bits(problem)
 
 
 def _judge(spectra: np.ndarray, truth: np.ndarray, name: str) -> dict[str, float]:
     lower, upper = np.quantile(spectra, [0.025, 0.975], axis=0)
-    return {f"{name}_rmse": float(np.sqrt(np.mean((spectra.mean(axis=0) - truth)**2, axis=1)).mean()),
+    return {f"{name}_rmse": float(np.sqrt(np.mean((spectra.mean(axis=0) - truth)**2,
+                                                  axis=1)).mean()),
             f"{name}_coverage": float(np.mean((truth >= lower) & (truth <= upper))),
             f"{name}_width": float(np.mean(upper - lower))}
 
@@ -140,33 +162,38 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=20)
     parser.add_argument("--noise", type=float, nargs="+", default=[0.01, 0.05])
     parser.add_argument("--light", default="LED-B3")
-    parser.add_argument("--data", type=Path, help="folder with reflectance/: truths are then artists' paints, and the "
-                        "prior is learnt on the other libraries")
-    parser.add_argument("--seed", type=int, default=0, help="which scenes; 0 is what the documentation reports")
+    parser.add_argument("--data", type=Path, help="folder with reflectance/: truths are then "
+                        "artists' paints, and the prior is learnt on the other libraries")
+    parser.add_argument("--seed", type=int, default=0,
+                        help="which scenes; 0 is what the documentation reports")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     transport = box_transport()
     fine = relative_response("Nikon 5100 (NPL)", arguments.light)
-    response = fine @ np.array([np.interp(np.arange(400, 701), GRID.nm, unit) for unit in np.eye(GRID.nm.size)]).T
-    prior, paints = (load_prior(), charts()) if arguments.data is None else artists_paints(arguments.data)
+    response = fine @ np.array([np.interp(np.arange(400, 701), GRID.nm,
+                                          unit) for unit in np.eye(GRID.nm.size)]).T
+    prior, paints = (load_prior(),
+                     charts()) if arguments.data is None else artists_paints(arguments.data)
     paints = np.clip(paints, 0.005, 0.995)
     table = []
     for noise in arguments.noise:
         rng = np.random.default_rng(arguments.seed)
-        rows = [scene(transport, prior, response, paints[rng.choice(len(paints), 3, replace=False)], noise,
+        rows = [scene(transport, prior, response, paints[rng.choice(len(paints), 3, replace=False)],
+                      noise,
                       1000 * arguments.seed + number) for number in range(arguments.scenes)]
         mean = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
         mean |= {"noise": noise, "map_s_max": max(row["map_s"] for row in rows),
                  "draws_s_max": max(row["draws_s"] for row in rows)}
-        mean["coverage_error"] = float(np.std([row["joint_coverage"] for row in rows]) / np.sqrt(len(rows)))
+        mean["coverage_error"] = float(np.std([row["joint_coverage"] for row in rows])
+                                       / np.sqrt(len(rows)))
         mean["rmse_ratio"] = mean["joint_rmse"] / mean["alone_rmse"]
         mean["width_ratio"] = mean["joint_width"] / mean["alone_width"]
         table.append(mean)
     if arguments.json:
         print(json.dumps({"scenes": arguments.scenes, "rows": table}))
         return
-    print(f"{'noise':>6} {'RMSE joint/alone':>18} {'ratio':>6} {'width joint/alone':>18} {'ratio':>6} "
-          f"{'coverage':>20} {'bits':>5} {'MAP ms':>7} {'draws s (max)':>13}")
+    print(f"{'noise':>6} {'RMSE joint/alone':>18} {'ratio':>6} {'width joint/alone':>18} "
+          f"{'ratio':>6} {'coverage':>20} {'bits':>5} {'MAP ms':>7} {'draws s (max)':>13}")
     for row in table:
         print(f"{row['noise']:6.2f} {row['joint_rmse']:9.4f}/{row['alone_rmse']:.4f} {row['rmse_ratio']:8.2f} "
               f"{row['joint_width']:9.3f}/{row['alone_width']:.3f} {row['width_ratio']:9.2f} "

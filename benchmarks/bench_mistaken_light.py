@@ -1,7 +1,9 @@
-"""A chart photo with the spectrum of another lamp: is it refused, does the fit say that something is wrong, or nothing?
+"""A chart photo with the spectrum of another lamp: is it refused, does the fit say that something
+is wrong, or nothing?
 
-Every second camera of a folder of measured cameras, left out of the prior, photographs the 24 BabelColor patches under
-one light with 1 % of noise that nobody states, and is fitted as if under another.
+Every second camera of a folder of measured cameras, left out of the prior, photographs the 24
+BabelColor patches under one light with 1 % of noise that nobody states, and is fitted as if under
+another.
 """
 from __future__ import annotations
 
@@ -10,24 +12,26 @@ from pathlib import Path
 
 import numpy as np
 
+from spectrabox.calibrate.chart_photo import chart_photo
+from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
+from spectrabox.calibrate.sensitivity import fit_with_prior
+from spectrabox.calibrate.trust import CHECK_LIGHT, sentences
+from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import PatchSamples
+from spectrabox.radiometry.spectra.named_spectra import light
+from spectrabox.radiometry.spectra.spectrum_files import on_grid
+
 from benchmarks.bench_calibration import others
-from calibrate.camera_database import CameraDatabase, read_camera_database
-from calibrate.chart_photo import chart_photo
-from calibrate.sensitivity import fit_with_prior
-from calibrate.trust import CHECK_LIGHT, sentences
-from radiometry.chart import chart_reflectances, patch_centres_uv
-from radiometry.grid import visible_grid
-from radiometry.named_spectra import light
-from radiometry.records import PatchSamples
-from radiometry.spectrum_files import on_grid
 
 GRID = visible_grid()
-PAIRS = (("D65", "D65"), ("LED-B3", "LED-B3"), ("LED-B3", "A"), ("LED-B3", "D65"), ("D65", "A"), ("A", "LED-B3"),
-         ("LED-B3", "LED-B2"), ("D65", "D50"))
+PAIRS = (("D65", "D65"), ("LED-B3", "LED-B3"), ("LED-B3", "A"), ("LED-B3", "D65"), ("D65", "A"),
+         ("A", "LED-B3"), ("LED-B3", "LED-B2"), ("D65", "D50"))
 NOISE = 0.01
 
 
-def judged(database: CameraDatabase, camera: int, true: str, claimed: str, rng: np.random.Generator) -> str:
+def judged(database: CameraDatabase, camera: int, true: str, claimed: str,
+           rng: np.random.Generator) -> str:
     """``refused``, ``said`` or ``silent``."""
     curves = on_grid(database.nm, database.curves[camera], GRID, database.names[camera])
     reflectances = chart_reflectances("BabelColor Average", GRID)
@@ -51,7 +55,8 @@ def main() -> None:
     for true, claimed in PAIRS:
         found = [judged(database, camera, true, claimed, rng) for camera in range(0, len(database.names), 2)]
         print(f"{true:<10}{claimed:<12}" + "".join(f"{found.count(verdict):8d}"
-                                                   for verdict in ("refused", "said", "silent")), flush=True)
+                                                   for verdict in ("refused", "said", "silent")),
+              flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Damaged spectral files of every format: a sentence, or a well-formed table?
 
-With ``--data`` and pyASDReader installed, damaged copies of a real ASD file go through both readers.
+With ``--data`` and pyASDReader installed, damaged copies of a real ASD file go through both
+readers.
 
     python benchmarks/bench_mutated_files.py [--copies 10000] [--format ASD] [--data DIR] [--json]
 """
@@ -18,10 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fixtures.mutations import mutated
-from fixtures.spectral_files import write_examples
-from radiometry.errors import InputError
-from radiometry.spectrum_files import read_table
+from spectrabox.fixtures.mutations import mutated
+from spectrabox.fixtures.spectral_files import write_examples
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.spectra.spectrum_files import read_table
 
 
 def tally(path: Path, original: Path, content: bytes, copies: int) -> dict[str, float]:
@@ -39,11 +40,13 @@ def tally(path: Path, original: Path, content: bytes, copies: int) -> dict[str, 
         except Exception as error:  # noqa: BLE001  what must not happen is what is counted here
             counts[f"CRASH {type(error).__name__}"] += 1
         else:
-            sound = table.values.shape == (len(table.names), table.nm.size) and bool(np.all(np.diff(table.nm) > 0))
+            sound = table.values.shape == (len(table.names),
+                                           table.nm.size) and bool(np.all(np.diff(table.nm) > 0))
             same = table.values.shape == truth.values.shape and np.array_equal(table.values, truth.values,
                                                                                equal_nan=True) \
                 and np.array_equal(table.nm, truth.nm)
-            counts["unchanged" if sound and same else "what the file now says" if sound else "MALFORMED"] += 1
+            counts["unchanged" if sound and same else "what the file now says" if sound
+                   else "MALFORMED"] += 1
         longest = max(longest, time.perf_counter() - started)
     return {**counts, "longest_ms": round(1000 * longest, 1)}
 
@@ -94,18 +97,21 @@ def main() -> int:
                 original.write_bytes(content)
                 if name.startswith("ENVI"):
                     for suffix in (".hdr", ".sli"):
-                        original.with_suffix(suffix).write_bytes(examples["ENVI"].with_suffix(suffix).read_bytes())
+                        original.with_suffix(suffix).write_bytes(
+                            examples["ENVI"].with_suffix(suffix).read_bytes())
                 results[name] = tally(path, original, content, arguments.copies)
                 path.write_bytes(content)
         if arguments.data is not None:
-            results |= real_asd(sorted((arguments.data / "asd").glob("*.asd"))[-1], Path(folder), arguments.copies)
+            results |= real_asd(sorted((arguments.data / "asd").glob("*.asd"))[-1], Path(folder),
+                                arguments.copies)
     bad = sum(int(count) for name, result in results.items() if "pyASD" not in name
               for key, count in result.items() if key.startswith(("CRASH", "MALFORMED")))
     if arguments.json:
         print(json.dumps({"copies": arguments.copies, "bad": bad, "formats": results}))
     else:
         for name, result in results.items():
-            print(f"{name:<20}" + "   ".join(f"{key} {value:g}" for key, value in sorted(result.items())))
+            print(f"{name:<20}" + "   ".join(f"{key} {value:g}" for key,
+                                             value in sorted(result.items())))
         read = arguments.copies * sum("pyASD" not in name for name in results)
         print(f"{bad} of {read} ended in anything but a sentence or a well-formed table")
     return int(bad > 0)

@@ -1,9 +1,11 @@
-"""The traced transport against Mitsuba's own renderings: bias and Z-test, by ``specfilm`` and by 31 monochrome images.
+"""The traced transport against Mitsuba's own renderings: bias and Z-test, by ``specfilm`` and by 31
+monochrome images.
 
-A Cornell box of three chart colours, 4 x 4 blocks of a 32 x 32 image, three bands. Every renderer runs several times
-with other seeds; the scatter of the runs gives the standard errors. The threshold of the largest |Z| is the 1 % level
-of Student's law, Sidak-corrected for the number of blocks and bands. Mitsuba draws with its ``independent`` sampler,
-since ``ldsampler`` is low by 0.3 % (docs/reconstruction.md). "Bias at most": largest |bias| plus 2.33 standard errors.
+A Cornell box of three chart colours, 4 x 4 blocks of a 32 x 32 image, three bands. Every renderer
+runs several times with other seeds; the scatter of the runs gives the standard errors. The
+threshold of the largest |Z| is the 1 % level of Student's law, Sidak-corrected for the number of
+blocks and bands. Mitsuba draws with its ``independent`` sampler, since ``ldsampler`` is low by 0.3
+% (docs/reconstruction.md). "Bias at most": largest |bias| plus 2.33 standard errors.
 """
 from __future__ import annotations
 
@@ -18,13 +20,13 @@ import numpy as np
 from bench_inversion import cornell_problem, traced
 from scipy.stats import t as student
 
-from radiometry.grid import grid_from_nm
-from radiometry.interreflection import signal
-from radiometry.response import response_matrix
-from reconstruct.inverse_problem import InverseProblem
-from reconstruct.llvm import ensure_llvm
-from reconstruct.per_wavelength import VARIANT, WAVELENGTHS, monochrome_xml
-from reconstruct.renderer import all_cores, load_scene, render, start_mitsuba
+from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.interreflection import signal
+from spectrabox.radiometry.response import response_matrix
+from spectrabox.reconstruct.engines.per_wavelength import VARIANT, WAVELENGTHS, monochrome_xml
+from spectrabox.reconstruct.problem import InverseProblem
+from spectrabox.reconstruct.rendering.llvm import ensure_llvm
+from spectrabox.reconstruct.rendering.renderer import all_cores, load_scene, render, start_mitsuba
 
 WIDTH, BLOCK, BOUNCES, LEVEL = 32, 8, 6, 0.01
 
@@ -35,11 +37,15 @@ def blocks(image: np.ndarray) -> np.ndarray:
     return image.reshape(count, BLOCK, count, BLOCK, -1).mean(axis=(1, 3))
 
 
-def by_transport(problem: InverseProblem, spectra: np.ndarray, response: np.ndarray, runs: int, spp: int) -> np.ndarray:
-    """Block means (runs, n, n, K) of the traced transport, for any response (K, P) and spectra (M, P)."""
+def by_transport(problem: InverseProblem, spectra: np.ndarray, response: np.ndarray, runs: int,
+                 spp: int) -> np.ndarray:
+    """Block means (runs, n, n, K) of the traced transport, for any response (K, P) and spectra (M,
+    P).
+    """
     pixels = np.arange(WIDTH * WIDTH).reshape(WIDTH, WIDTH)
     found = (traced(problem, pixels, spp, 500 + run, passes=1) for run in range(runs))
-    return np.array([blocks(signal(one.coefficients, one.exponents, spectra, response).reshape(WIDTH, WIDTH, -1))
+    return np.array([blocks(signal(one.coefficients, one.exponents, spectra,
+                                   response).reshape(WIDTH, WIDTH, -1))
                      for one in found])
 
 
@@ -51,7 +57,8 @@ def by_film(problem: InverseProblem, spectra: np.ndarray, runs: int, spp: int) -
         return np.array([blocks(render(scene, spp, 900 + run)[0]) for run in range(runs)])
 
 
-def by_wavelengths(job: tuple[str, tuple[str, ...], np.ndarray, np.ndarray, int, int]) -> np.ndarray:
+def by_wavelengths(job: tuple[str, tuple[str, ...], np.ndarray, np.ndarray, int,
+                              int]) -> np.ndarray:
     """The same of one monochrome rendering per wavelength; runs in a process of its own."""
     xml, bsdfs, spectra, response, runs, spp = job
     ensure_llvm()
@@ -67,13 +74,16 @@ def by_wavelengths(job: tuple[str, tuple[str, ...], np.ndarray, np.ndarray, int,
             parameters[key] = mi.Float(float(values[wavelength]))
         parameters.update()
         for run in range(runs):
-            plane = np.array(mi.render(scene, spp=spp, seed=run * WAVELENGTHS + wavelength))[:, :, :1]
+            plane = np.array(mi.render(scene, spp=spp, seed=run * WAVELENGTHS + wavelength))[:, :,
+                                                                                             :1]
             images[run] += plane * response[:, wavelength]
     return np.array([blocks(image) for image in images])
 
 
 def compared(ours: np.ndarray, theirs: np.ndarray) -> dict[str, Any]:
-    """Bias of the whole image per band with its standard error, and the largest |Z| with its threshold."""
+    """Bias of the whole image per band with its standard error, and the largest |Z| with its
+    threshold.
+    """
     error = np.sqrt(ours.var(axis=0, ddof=1) / len(ours) + theirs.var(axis=0, ddof=1) / len(theirs))
     z = np.abs(ours.mean(axis=0) - theirs.mean(axis=0)) / error
     whole = [image.mean(axis=(1, 2)) for image in (ours, theirs)]
@@ -83,7 +93,8 @@ def compared(ours: np.ndarray, theirs: np.ndarray) -> dict[str, Any]:
     level = 1 - (1 - LEVEL) ** (1 / z.size)
     threshold = student.isf(level / 2, len(ours) + len(theirs) - 2)
     return {"bias": bias.tolist(), "bias_standard_error": bias_error.tolist(),
-            "bias_at_most": float((np.abs(bias) + 2.33 * bias_error).max()), "largest_z": float(z.max()),
+            "bias_at_most": float((np.abs(bias) + 2.33 * bias_error).max()),
+            "largest_z": float(z.max()),
             "threshold_z": float(threshold), "agrees": bool(z.max() < threshold)}
 
 
@@ -97,15 +108,16 @@ def print_row(name: str, row: dict[str, Any]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=16, help="of each renderer")
-    parser.add_argument("--spp", type=int, default=4096, help="paths per pixel and run; an eighth per wavelength")
+    parser.add_argument("--spp", type=int, default=4096,
+                        help="paths per pixel and run; an eighth per wavelength")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     start_mitsuba("cpu")
     judged = cornell_problem(WIDTH, BOUNCES, False, 1024)
     problem, truth = judged.problem, judged.truth
     if not arguments.json:
-        print(f"{'against':<12} {'bias R, G, B (standard error) %':<48} {'bias at most':>12} {'largest |Z|':>11} "
-              f"{'1 % level':>10}", flush=True)
+        print(f"{'against':<12} {'bias R, G, B (standard error) %':<48} {'bias at most':>12} "
+              f"{'largest |Z|':>11} {'1 % level':>10}", flush=True)
     start = time.perf_counter()
     ours = by_transport(problem, truth, problem.response, arguments.runs, arguments.spp)
     seconds = time.perf_counter() - start
@@ -117,14 +129,15 @@ def main() -> None:
     curves = np.array([np.interp(grid.nm, problem.grid.nm, row) for row in problem.sensitivities])
     response = response_matrix(grid, curves, np.ones(grid.nm.size))
     bsdfs = tuple(material.bsdf for material in problem.materials)
-    job = (monochrome_xml(problem), bsdfs, coarse, response, arguments.runs, max(arguments.spp // 8, 1))
+    job = (monochrome_xml(problem), bsdfs, coarse, response, arguments.runs,
+           max(arguments.spp // 8, 1))
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         mono = pool.submit(by_wavelengths, job).result()
     same = by_transport(problem, coarse, response, arguments.runs, arguments.spp)
     row = compared(same, mono)
     if arguments.json:
-        print(json.dumps({"specfilm": film, "monochrome": row, "transport_seconds": seconds, "runs": arguments.runs,
-                          "spp": arguments.spp}))
+        print(json.dumps({"specfilm": film, "monochrome": row, "transport_seconds": seconds,
+                          "runs": arguments.runs, "spp": arguments.spp}))
         return
     print_row("monochrome", row)
 

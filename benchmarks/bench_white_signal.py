@@ -1,9 +1,11 @@
-"""How well a calibration knows what the camera will read: of white, and of colours relative to white.
+"""How well a calibration knows what the camera will read: of white, and of colours relative to
+white.
 
-Leave one camera out over a folder of measured cameras: it photographs the 24 BabelColor patches in known geometry under
-LED-B3, with noise that nobody states. The fit's light scale and curves then predict what the camera reads of a white
-surface (error stated: that of the light scale) and of the CES99 test colours (that, and the covariance of the curves).
-The table has the median absolute error, its rms in stated standard errors, and how often 95 % intervals hold.
+Leave one camera out over a folder of measured cameras: it photographs the 24 BabelColor patches in
+known geometry under LED-B3, with noise that nobody states. The fit's light scale and curves then
+predict what the camera reads of a white surface (error stated: that of the light scale) and of the
+CES99 test colours (that, and the covariance of the curves). The table has the median absolute
+error, its rms in stated standard errors, and how often 95 % intervals hold.
 """
 from __future__ import annotations
 
@@ -12,14 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
+from spectrabox.calibrate.calibration import ChartCalibration, calibrate_chart
+from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
+from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum
+from spectrabox.radiometry.spectra.named_spectra import light, test_reflectances
+from spectrabox.radiometry.spectra.spectrum_files import on_grid
+
 from benchmarks.bench_calibration import others
-from calibrate.calibration import ChartCalibration, calibrate_chart
-from calibrate.camera_database import CameraDatabase, read_camera_database
-from radiometry.chart import chart_reflectances, patch_centres_uv
-from radiometry.grid import visible_grid
-from radiometry.named_spectra import light, test_reflectances
-from radiometry.records import PatchSamples, Quantity, Spectrum
-from radiometry.spectrum_files import on_grid
 
 GRID = visible_grid()
 NOISES = (0.005, 0.01, 0.02)
@@ -34,10 +37,12 @@ def photographed(database: CameraDatabase, camera: int, noise: float, power: np.
     truth /= truth.max()
     reflectances = chart_reflectances("BabelColor Average", GRID)
     irradiance = 0.05 * (1 + 0.2 * patch_centres_uv()[:, 0])
-    signal = SCALE * reflectances @ (truth * power * GRID.weights_nm).T * (irradiance / np.pi)[:, None]
+    signal = SCALE * reflectances @ (truth * power * GRID.weights_nm).T * (irradiance / np.pi)[:,
+                                                                                               None]
     signal *= 1 + noise * rng.standard_normal(signal.shape)
     bands = signal.shape[1]
-    samples = PatchSamples(signal, np.zeros((24, bands, bands)), np.ones(24), 0 * signal, 0 * signal)
+    samples = PatchSamples(signal, np.zeros((24, bands, bands)), np.ones(24), 0 * signal,
+                           0 * signal)
     lamp = Spectrum(GRID, power, Quantity.RADIANCE, "lamp")
     return truth, calibrate_chart(samples, reflectances, lamp, irradiance, GRID, scaled=True,
                                   prior=others(database, camera, by_brand=False))
@@ -45,7 +50,9 @@ def photographed(database: CameraDatabase, camera: int, noise: float, power: np.
 
 def errors_of(truth: np.ndarray, made: ChartCalibration, power: np.ndarray,
               surfaces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Relative errors of the signals (S, K) of surfaces (S, P), and their stated standard errors."""
+    """Relative errors of the signals (S, K) of surfaces (S, P), and their stated standard
+    errors.
+    """
     fit, weight = made.calibration.sensitivity, power * GRID.weights_nm
     assert fit.basis is not None and fit.covariance is not None and made.scale.standard_error is not None
     seen = made.scale.value * surfaces @ (fit.curves * weight).T
@@ -53,8 +60,10 @@ def errors_of(truth: np.ndarray, made: ChartCalibration, power: np.ndarray,
     blocks = fit.covariance.reshape(len(white), fit.basis.shape[1], len(white), -1)
     variance = np.empty(seen.shape)
     for band in range(len(white)):
-        contrast = (surfaces - seen[:, band, None] / white[band]) * weight @ fit.basis * made.scale.value
-        variance[:, band] = np.einsum("sn,nm,sm->s", contrast, blocks[band, :, band], contrast) / seen[:, band] ** 2
+        contrast = (surfaces - seen[:, band, None]
+                    / white[band]) * weight @ fit.basis * made.scale.value
+        variance[:, band] = np.einsum("sn,nm,sm->s", contrast, blocks[band, :, band],
+                                      contrast) / seen[:, band] ** 2
     relative = made.scale.standard_error / made.scale.value
     return seen / (SCALE * surfaces @ (truth * weight).T) - 1, np.sqrt(variance + relative**2)
 
@@ -69,7 +78,8 @@ def main() -> None:
     print(f"{'noise':<8}{'white: error':>14}{'rms / stated':>14}{'95 % hold':>11}"
           f"{'colours: error':>17}{'rms / stated':>14}{'95 % hold':>11}")
     for noise in NOISES:
-        photos = [photographed(database, camera, noise, power, rng) for camera in range(len(database.names))]
+        photos = [photographed(database, camera, noise, power,
+                               rng) for camera in range(len(database.names))]
         found = [errors_of(truth, made, power, surfaces) for truth, made in photos]
         error, stated = (np.array(part) for part in zip(*found, strict=True))
         cells = "".join(f"{np.median(np.abs(error[:, rows])):{width}.2%}"

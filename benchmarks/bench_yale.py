@@ -1,15 +1,18 @@
-"""Spectra of a painted box from two photos, against measured paints: ours beside the paper's method.
+"""Spectra of a painted box from two photos, against measured paints: ours beside the paper's
+method.
 
-Data: the paper's own physical experiment (folder with two photos, their scenes, the paints and the flash measured with
-a spectroradiometer, and the sensitivities that the authors fitted). RMSE over 430-670 nm. Nothing is chosen by the
-measured paints: the errors of light and geometry are read off the photo itself, where surfaces of one paint disagree;
-the prior on spectra was learnt from other reflectances; the band mixing is allowed because the photos are JPEGs.
-"photo aligned" moves the camera's principal point by the shift that the edges show, white known.
+Data: the paper's own physical experiment (folder with two photos, their scenes, the paints and the
+flash measured with a spectroradiometer, and the sensitivities that the authors fitted). RMSE over
+430-670 nm. Nothing is chosen by the measured paints: the errors of light and geometry are read off
+the photo itself, where surfaces of one paint disagree; the prior on spectra was learnt from other
+reflectances; the band mixing is allowed because the photos are JPEGs. "photo aligned" moves the
+camera's principal point by the shift that the edges show, white known.
 
-"white known" gives every method the white paint's spectrum, which sets the light scale. "nothing known" gives it the
-light scale that "white known" found with the same method, and no spectrum; "no scale" not even that: interreflection
-and the prior must tell brightness of light from brightness of paint. Band mixing needs a known surface: without one
-it cannot be told from the colours of the paints, so its row "nothing known" is there to show just that.
+"white known" gives every method the white paint's spectrum, which sets the light scale. "nothing
+known" gives it the light scale that "white known" found with the same method, and no spectrum; "no
+scale" not even that: interreflection and the prior must tell brightness of light from brightness of
+paint. Band mixing needs a known surface: without one it cannot be told from the colours of the
+paints, so its row "nothing known" is there to show just that.
 """
 from __future__ import annotations
 
@@ -24,15 +27,16 @@ from typing import Any
 
 import numpy as np
 
-from calibrate.calibration import calibration_from_curves
-from capture.binning import bin_image, render_size
-from capture.linear import open_photo
-from radiometry.grid import visible_grid
-from radiometry.records import Quantity, Reconstruction
-from radiometry.spectrum_files import on_grid, read_curves, read_spectrum
-from reconstruct.agreement import misalignment, scene_errors
-from reconstruct.inverse_problem import inverse_problem
-from reconstruct.inverse_rendering import (
+from spectrabox.calibrate.calibration import calibration_from_curves
+from spectrabox.capture.photo.binning import bin_image, render_size
+from spectrabox.capture.photo.linear import open_photo
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import Quantity, Reconstruction
+from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, read_spectrum
+from spectrabox.reconstruct.agreement import misalignment, scene_errors
+from spectrabox.reconstruct.engines.transport_engine import fit_priors, trace_problem
+from spectrabox.reconstruct.fit.traced_fit import TracedView, fit_traced
+from spectrabox.reconstruct.inverse_rendering import (
     InversionSettings,
     LearntSpectra,
     MaterialSpec,
@@ -40,12 +44,11 @@ from reconstruct.inverse_rendering import (
     reconstruct,
     reconstruct_views,
 )
-from reconstruct.regions import block_regions
-from reconstruct.renderer import start_mitsuba
-from reconstruct.scene_file import read_scene
-from reconstruct.traced_fit import TracedView, fit_traced
-from reconstruct.transport_engine import fit_priors, trace_problem
-from sampling.logit_mixture import load_prior, reflectance_moments
+from spectrabox.reconstruct.problem import inverse_problem
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.scene.regions import block_regions
+from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.sampling.prior.mixture import load_prior, reflectance_moments
 
 GRID = visible_grid()
 JUDGED = (GRID.nm >= 430) & (GRID.nm <= 670)
@@ -57,10 +60,13 @@ MIXING = 0.1            # a camera's colour matrix departs from the identity by 
 
 
 def read_box(folder: Path, which: str) -> tuple[View, dict[str, np.ndarray]]:
-    """One photo with its scene, and the measured paints by BSDF id; the cube is ``grey_cube`` or ``yellow_cube``."""
+    """One photo with its scene, and the measured paints by BSDF id; the cube is ``grey_cube`` or
+    ``yellow_cube``.
+    """
     scene = read_scene(folder / f"cbox_spectral_{which}.xml")
     cube = f"{which}_cube"
-    for node in scene.root.iter():  # the two cubes are two materials, though both scenes call theirs "cubecolor"
+    # the two cubes are two materials, though both scenes call theirs "cubecolor"
+    for node in scene.root.iter():
         if node.get("id") == "cubecolor":
             node.set("id", cube)
     scene = replace(scene, surfaces={shape: cube if bsdf == "cubecolor" else bsdf
@@ -88,7 +94,8 @@ def methods(steps: int) -> dict[str, InversionSettings]:
     ours = InversionSettings(coefficients=9)
     told = replace(ours, errors_from_scene=True)
     learnt = replace(told, spectrum_prior="learnt", learnt=learnt_spectra())
-    return {"paper: gradient, 7 coefficients": InversionSettings(7, steps=steps, spp=16, engine="gradient"),
+    return {"paper: gradient, 7 coefficients": InversionSettings(7, steps=steps, spp=16,
+                                                                 engine="gradient"),
             "ours: smooth prior, 1 % gains": ours,
             "ours: errors from the scene": told,
             LEARNT: learnt,
@@ -96,11 +103,14 @@ def methods(steps: int) -> dict[str, InversionSettings]:
 
 
 def specs(truth: dict[str, np.ndarray], known: tuple[str, ...]) -> tuple[MaterialSpec, ...]:
-    return tuple(MaterialSpec(name, name, paint if name in known else None) for name, paint in truth.items())
+    return tuple(MaterialSpec(name, name, paint if name in known else None) for name,
+                 paint in truth.items())
 
 
 def aligned(view: View, shift: tuple[float, float]) -> View:
-    """The view with its camera's principal point moved, so that the rendering shifts by that many pixels."""
+    """The view with its camera's principal point moved, so that the rendering shifts by that many
+    pixels.
+    """
     root = copy.deepcopy(view.scene_file.root)
     sensor = root.find("sensor")
     assert sensor is not None
@@ -112,7 +122,8 @@ def aligned(view: View, shift: tuple[float, float]) -> View:
 
 def errors(found: Reconstruction, truth: dict[str, np.ndarray]) -> dict[str, float]:
     """RMSE of each unknown material."""
-    return {name: rmse(found.spectra[place], truth[name]) for place, name in enumerate(found.materials)
+    return {name: rmse(found.spectra[place], truth[name]) for place,
+            name in enumerate(found.materials)
             if not found.known[place]}
 
 
@@ -120,16 +131,18 @@ def rmse(spectrum: np.ndarray, truth: np.ndarray) -> float:
     return float(np.sqrt(np.mean((spectrum - truth)[JUDGED] ** 2)))
 
 
-def one_photo(view: View, truth: dict[str, np.ndarray], settings: InversionSettings) -> list[dict[str, Any]]:
+def one_photo(view: View, truth: dict[str, np.ndarray],
+              settings: InversionSettings) -> list[dict[str, Any]]:
     """White known, then nothing known but the light scale that this gave."""
     rows = []
     for case, known in (("white known", ("white",)), ("nothing known", ())):
         start = time.perf_counter()
-        found = reconstruct(view.scene_file, view.photo, view.calibration, view.light_scale, specs(truth, known),
-                            view.bands, settings, lambda done, what: None)
+        found = reconstruct(view.scene_file, view.photo, view.calibration, view.light_scale,
+                            specs(truth, known), view.bands, settings, lambda done, what: None)
         seconds = time.perf_counter() - start
         view = replace(view, light_scale=found.light_scale)
-        rows.append({"photo": view.name, "case": case, "seconds": seconds, "rmse": errors(found, truth),
+        rows.append({"photo": view.name, "case": case, "seconds": seconds,
+                     "rmse": errors(found, truth),
                      "scale": found.light_scale.value, "found": found})
     return rows
 
@@ -138,19 +151,21 @@ def without_scale(view: View, truth: dict[str, np.ndarray], given: Reconstructio
                   settings: InversionSettings) -> dict[str, Any]:
     """Neither spectrum nor scale: what interreflection and the prior tell of the light scale."""
     start = time.perf_counter()
-    problem = inverse_problem(view.scene_file, view.photo, view.calibration, given.light_scale, specs(truth, ()),
-                              view.bands, settings.coefficients)
+    problem = inverse_problem(view.scene_file, view.photo, view.calibration, given.light_scale,
+                              specs(truth, ()), view.bands, settings.coefficients)
     region, group = block_regions(problem.surface, problem.used)
-    traced = trace_problem(problem, region, problem.scene_file.max_depth - 1, 1, lambda done, what: None)
+    traced = trace_problem(problem, region, problem.scene_file.max_depth - 1, 1, lambda done,
+                           what: None)
     shown = scene_errors(given.agreement, frozenset(), len(group))
     assert shown is not None
     priors = replace(fit_priors(settings, problem), scale=None, brightness_error=shown.brightness,
                      gain_error=shown.colour, block_error=shown.block)
     fit = fit_traced([TracedView(problem, traced, region, group)], [priors])
     spectra = problem.spectra(fit.coefficients)
-    return {"photo": view.name, "case": "no scale", "seconds": time.perf_counter() - start, "scale": fit.scale,
-            "scale_error": fit.views[0].scale_error,
-            "rmse": {name: rmse(spectra[place], paint) for place, (name, paint) in enumerate(truth.items())}}
+    return {"photo": view.name, "case": "no scale", "seconds": time.perf_counter() - start,
+            "scale": fit.scale, "scale_error": fit.views[0].scale_error,
+            "rmse": {name: rmse(spectra[place], paint) for place,
+                     (name, paint) in enumerate(truth.items())}}
 
 
 def row(one: dict[str, Any]) -> str:
@@ -165,7 +180,8 @@ def row(one: dict[str, Any]) -> str:
 def inconsistencies(found: Reconstruction) -> list[str]:
     """What photo and scene contradict each other in."""
     shift = misalignment(found.measured, found.rendered)
-    lines = [f"shift of the photo against the rendering: {shift[0]:+.1f}, {shift[1]:+.1f} of {WIDTH} pixels"]
+    lines = [f"shift of the photo against the rendering: {shift[0]:+.1f}, {shift[1]:+.1f} of "
+             f"{WIDTH} pixels"]
     lines += [f"{name}: photo / rendering {' '.join(f'{value:.2f}' for value in ratio)}"
               for name, ratio in zip(found.agreement.names, found.agreement.ratio, strict=True)]
     return lines + [note for note in found.notes if "does not fit" in note or "mixed" in note]
@@ -190,19 +206,23 @@ def main() -> None:
             if method == LEARNT:
                 rows.append(without_scale(view, truth, rows[1]["found"], settings))
                 shift = misalignment(rows[0]["found"].measured, rows[0]["found"].rendered)
-                rows.append(one_photo(aligned(view, shift), truth, settings)[0] | {"case": "photo aligned"})
-            result += [{"method": method} | {key: value for key, value in one.items() if key != "found"}
+                rows.append(one_photo(aligned(view, shift), truth, settings)[0]
+                            | {"case": "photo aligned"})
+            result += [{"method": method} | {key: value for key, value in one.items()
+                                             if key != "found"}
                        for one in rows]
     truth = boxes[0][1] | boxes[1][1]
     for method in (LEARNT, MIXED):
         start = time.perf_counter()
-        joint = reconstruct_views([view for view, _ in boxes], specs(truth, ("white",)), chosen[method],
+        joint = reconstruct_views([view for view, _ in boxes], specs(truth, ("white",)),
+                                  chosen[method],
                                   lambda done, what: None)
         seconds = time.perf_counter() - start
         result.append({"method": method, "photo": "both", "case": "white known", "seconds": seconds,
                        "scale": joint.views[0].light_scale.value,
                        "rmse": {name: rmse(joint.spectra[place], truth[name])
-                                for place, name in enumerate(joint.materials) if not joint.known[place]}})
+                                for place, name in enumerate(joint.materials)
+                                if not joint.known[place]}})
     if arguments.json:
         print(json.dumps({"rows": result, "contradictions": contradictions}))
         return

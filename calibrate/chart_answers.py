@@ -1,4 +1,6 @@
-"""The answer to one chart photo: curves with their 90 % band and the figures that say whether to trust them."""
+"""The answer to one chart photo: curves with their 90 % band and the figures that say whether to
+trust them.
+"""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -6,12 +8,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from calibrate.calibration import ChartCalibration, ChartShot, calibrate_chart
-from calibrate.camera_prior import CameraPrior
-from calibrate.curve_posterior import draw_curves
-from radiometry.errors import InputError
-from radiometry.records import PatchSamples, Spectrum, WavelengthGrid
-from radiometry.shaped import Record
+from spectrabox.calibrate.calibration import ChartCalibration, ChartShot, calibrate_chart
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.curve_posterior import draw_curves
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import PatchSamples, Spectrum, WavelengthGrid
+from spectrabox.radiometry.shaped import Record
 
 LEVEL = 0.9
 NORMAL_QUANTILE = 1.6449
@@ -21,7 +23,9 @@ FEWEST_BANDS = 3
 
 @dataclass(frozen=True, eq=False)
 class ChartAnswer(Record):
-    """Curves of largest value 1 and their pointwise 90 % band; band and draws are None for measured curves."""
+    """Curves of largest value 1 and their pointwise 90 % band; band and draws are None for measured
+    curves.
+    """
 
     made: ChartCalibration
     curves: Annotated[np.ndarray, "K P"]
@@ -32,9 +36,11 @@ class ChartAnswer(Record):
     held_out_delta_e: Annotated[np.ndarray, "I"]    # the same, the patch left out of the fit
 
 
-def answer_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectrum, grid: WavelengthGrid, *,
-                 method: str | None = None, prior: CameraPrior | None = None, curves: np.ndarray | None = None,
-                 irradiance: np.ndarray | None = None, more: tuple[ChartShot, ...] = (), seed: int = 0) -> ChartAnswer:
+def answer_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectrum,
+                 grid: WavelengthGrid, *,
+                 method: str | None = None, prior: CameraPrior | None = None,
+                 curves: np.ndarray | None = None, irradiance: np.ndarray | None = None,
+                 more: tuple[ChartShot, ...] = (), seed: int = 0) -> ChartAnswer:
     """Everything that one chart photo, or several, say of a camera.
 
     Parameters
@@ -54,11 +60,13 @@ def answer_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectru
     """
     bands = samples.mean.shape[1]
     if bands < FEWEST_BANDS:
-        raise InputError(f"the photo has {bands} band{'s' * (bands > 1)}; {FEWEST_BANDS} or more are needed: stack "
-                         "photos that were taken through different filters into one of several bands")
+        raise InputError(f"the photo has {bands} band{'s' * (bands > 1)}; {FEWEST_BANDS} or more "
+                         "are needed: stack photos that were taken through different filters into "
+                         "one of several bands")
     even = np.full(len(samples.mean), np.pi)
-    made = calibrate_chart(samples, reflectances, light, even if irradiance is None else irradiance, grid,
-                           method=method, prior=prior, curves=curves, scaled=irradiance is not None, more=more)
+    made = calibrate_chart(samples, reflectances, light, even if irradiance is None else irradiance,
+                           grid, method=method, prior=prior, curves=curves,
+                           scaled=irradiance is not None, more=more)
     fit = made.calibration.sensitivity
     draws = lower = upper = None
     if made.found is not None:
@@ -78,14 +86,17 @@ def facts_of(result: ChartAnswer, grid: WavelengthGrid) -> dict[str, Any]:
         "lower": None if result.lower is None else result.lower.tolist(),
         "upper": None if result.upper is None else result.upper.tolist(),
         "level": LEVEL, "condition_number": calibration.sensitivity.condition_number,
-        "chart_delta_e00": float(result.delta_e.mean()), "held_out_delta_e00": float(result.held_out_delta_e.mean()),
+        "chart_delta_e00": float(result.delta_e.mean()),
+        "held_out_delta_e00": float(result.held_out_delta_e.mean()),
         "chart_delta_e00_patches": result.delta_e.tolist(),
-        "light_scale": result.made.scale.value, "light_scale_standard_error": result.made.scale.standard_error,
+        "light_scale": result.made.scale.value,
+        "light_scale_standard_error": result.made.scale.standard_error,
         "method": calibration.sensitivity.method, "checks": list(calibration.checks),
         "outcome": calibration.sensitivity.outcome.value}
     if found is not None:
         facts |= {"model_error": found.model_error, "chi_square": found.chi_square,
                   "prior_share": found.prior_share.tolist(), "photos": len(found.photos),
                   "field": found.photos[0].field.tolist(), "glare": found.photos[0].glare.tolist(),
-                  "nearest_cameras": [{"cameras": members, "probability": share} for members, share in found.families]}
+                  "nearest_cameras": [{"cameras": members, "probability": share} for members,
+                                      share in found.families]}
     return facts

@@ -1,9 +1,11 @@
-"""One chart photo as equations: what a band would read of each patch, and how that moves with what is unknown.
+"""One chart photo as equations: what a band would read of each patch, and how that moves with what
+is unknown.
 
     signal(i, k) = exp(exposure + field(i)) irradiance(i) / pi  integral reflectance(i) light sensitivity(k) + glare(k)
 
-``field`` is a quadratic polynomial of the patch's place on the chart, ``glare`` one offset a band (stray light, black
-level). Where the geometry is known the irradiance is given (Eq. 17) and the field may be switched off.
+``field`` is a quadratic polynomial of the patch's place on the chart, ``glare`` one offset a band
+(stray light, black level). Where the geometry is known the irradiance is given (Eq. 17) and the
+field may be switched off.
 """
 from __future__ import annotations
 
@@ -12,10 +14,10 @@ from typing import Annotated
 
 import numpy as np
 
-from radiometry.records import PatchSamples, WavelengthGrid
-from radiometry.shaped import Record
+from spectrabox.radiometry.records import PatchSamples, WavelengthGrid
+from spectrabox.radiometry.shaped import Record
 
-FIELD_SD = 0.15              # of each quadratic term of the log irradiance; one term spans the chart
+FIELD_SD = 0.15  # of each quadratic term of the log irradiance; one term spans the chart
 GLARE_SD = 0.01              # of the brightest patch of the band
 DARK_SHARE = 0.03            # of the brightest patch: below it an error is no longer relative
 
@@ -27,15 +29,18 @@ class ChartPhoto(Record):
     signal: Annotated[np.ndarray, "I K"]
     covariance: Annotated[np.ndarray, "I K K"]      # of the mean signal, from the pixels
     reflectances: Annotated[np.ndarray, "I P"]
-    power: Annotated[np.ndarray, "P"]               # light x integration weight, on the working grid
+    power: Annotated[np.ndarray, "P"]  # light x integration weight, on the working grid
     irradiance: Annotated[np.ndarray, "I"]
-    places: Annotated[np.ndarray, "I E"]            # terms of the field at each patch; E = 0: no field
+    places: Annotated[np.ndarray, "I E"]  # terms of the field at each patch; E = 0: no field
     glare: bool
-    relative_exposure_sd: float | None = None       # of the log exposure relative to the first photo; None: not known
+    # of the log exposure relative to the first photo; None: not known
+    relative_exposure_sd: float | None = None
 
 
-def chart_photo(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarray, irradiance: np.ndarray,
-                grid: WavelengthGrid, *, places: np.ndarray | None = None, glare: bool = True) -> ChartPhoto:
+def chart_photo(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
+                irradiance: np.ndarray,
+                grid: WavelengthGrid, *, places: np.ndarray | None = None,
+                glare: bool = True) -> ChartPhoto:
     """Bring one photo into the form that every fit takes.
 
     Parameters
@@ -48,12 +53,14 @@ def chart_photo(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarr
         Whether to allow an unknown offset in each band.
     """
     terms = np.zeros((len(samples.mean), 0)) if places is None else field_terms(places)
-    return ChartPhoto(samples.mean, samples.covariance_of_mean, reflectances, light * grid.weights_nm, irradiance,
-                      terms, glare)
+    return ChartPhoto(samples.mean, samples.covariance_of_mean, reflectances,
+                      light * grid.weights_nm, irradiance, terms, glare)
 
 
 def field_terms(places: np.ndarray) -> np.ndarray:
-    """Linear and quadratic terms (I, 5) of the patch places (I, 2), each of zero mean and unit spread."""
+    """Linear and quadratic terms (I, 5) of the patch places (I, 2), each of zero mean and unit
+    spread.
+    """
     centred = (places - places.mean(axis=0)) / places.std(axis=0)
     x, y = centred.T
     terms = np.column_stack([x, y, x**2, y**2, x * y])
@@ -61,7 +68,9 @@ def field_terms(places: np.ndarray) -> np.ndarray:
 
 
 def unlit_design(photo: ChartPhoto, basis: np.ndarray) -> np.ndarray:
-    """Signal (I, N) of each patch for each coefficient of one band, before exposure, field and glare."""
+    """Signal (I, N) of each patch for each coefficient of one band, before exposure, field and
+    glare.
+    """
     return (photo.reflectances * photo.power * (photo.irradiance / np.pi)[:, None]) @ basis
 
 
@@ -71,7 +80,8 @@ def nuisance_sd(photo: ChartPhoto) -> np.ndarray:
     return np.concatenate([np.full(photo.places.shape[1], FIELD_SD), glare])
 
 
-def predicted_signal(photo: ChartPhoto, design: np.ndarray, coefficients: np.ndarray, exposure: float,
+def predicted_signal(photo: ChartPhoto, design: np.ndarray, coefficients: np.ndarray,
+                     exposure: float,
                      nuisance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signal (I K,) patch after patch, and its derivatives (I K, K N + 1 + nuisances)."""
     patches, bands = photo.signal.shape
@@ -79,7 +89,8 @@ def predicted_signal(photo: ChartPhoto, design: np.ndarray, coefficients: np.nda
     lit = np.exp(exposure + photo.places @ nuisance[:terms])
     bare = lit[:, None] * (design @ coefficients.T)
     glare = nuisance[terms:] if photo.glare else np.zeros(bands)
-    by_curve = np.einsum("in,kl->ikln", lit[:, None] * design, np.eye(bands)).reshape(patches * bands, -1)
+    by_curve = np.einsum("in,kl->ikln", lit[:, None] * design, np.eye(bands)).reshape(patches
+                                                                                      * bands, -1)
     by_exposure = bare.reshape(-1, 1)
     by_field = (bare[:, :, None] * photo.places[:, None, :]).reshape(patches * bands, terms)
     by_glare = np.tile(np.eye(bands), (patches, 1))[:, :nuisance.size - terms]
@@ -87,7 +98,9 @@ def predicted_signal(photo: ChartPhoto, design: np.ndarray, coefficients: np.nda
 
 
 def noise_covariance(photo: ChartPhoto, relative_error: float) -> np.ndarray:
-    """Covariance (I K, I K) of the signals: that of the pixels, and a relative error of every patch and band."""
+    """Covariance (I K, I K) of the signals: that of the pixels, and a relative error of every patch
+    and band.
+    """
     patches, bands = photo.signal.shape
     total = np.zeros((patches, bands, patches, bands))
     index = np.arange(patches)

@@ -1,4 +1,6 @@
-"""CIELAB and CIEDE2000 of many patches at once, numpy only [CIE 15:2018; Sharma, Wu & Dalal 2005]."""
+"""CIELAB and CIEDE2000 of many patches at once, numpy only [CIE 15:2018; Sharma, Wu & Dalal
+2005].
+"""
 from __future__ import annotations
 
 import numpy as np
@@ -15,8 +17,11 @@ def lab_from_xyz(xyz: np.ndarray, white: np.ndarray) -> np.ndarray:
 
 
 def ciede2000(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """CIEDE2000 (...) between L*a*b* values (..., 3), all weights 1; symbols as in Sharma et al., Eqs. 2-22."""
-    (L1, a1, b1), (L2, a2, b2) = (np.moveaxis(np.asarray(lab, dtype=float), -1, 0) for lab in (first, second))
+    """CIEDE2000 (...) between L*a*b* values (..., 3), all weights 1; symbols as in Sharma et al.,
+    Eqs. 2-22.
+    """
+    (L1, a1, b1), (L2, a2, b2) = (np.moveaxis(np.asarray(lab, dtype=float), -1, 0)
+                                  for lab in (first, second))
     C_mean = (np.hypot(a1, b1) + np.hypot(a2, b2)) / 2
     G = 0.5 * (1 - np.sqrt(C_mean**7 / (C_mean**7 + 25.0**7)))
     a1, a2 = (1 + G) * a1, (1 + G) * a2
@@ -27,7 +32,8 @@ def ciede2000(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     dL, dC, dH = L2 - L1, C2 - C1, 2 * np.sqrt(C1 * C2) * np.sin(np.radians(turn / 2))
     L, C = (L1 + L2) / 2, (C1 + C2) / 2
     far = np.abs(h1 - h2) > 180
-    h = np.where(grey, h1 + h2, (h1 + h2 + np.where(far, np.where(h1 + h2 < 360, 360, -360), 0)) / 2)
+    h = np.where(grey, h1 + h2, (h1 + h2 + np.where(far, np.where(h1 + h2 < 360, 360, -360), 0))
+                 / 2)
     T = (1 - 0.17 * np.cos(np.radians(h - 30)) + 0.24 * np.cos(np.radians(2 * h))
          + 0.32 * np.cos(np.radians(3 * h + 6)) - 0.20 * np.cos(np.radians(4 * h - 63)))
     S_L = 1 + 0.015 * (L - 50) ** 2 / np.sqrt(20 + (L - 50) ** 2)

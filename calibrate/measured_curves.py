@@ -1,19 +1,21 @@
-"""Measured curves held against a chart photo: do they explain it, exposure, illumination and glare being unknown?"""
+"""Measured curves held against a chart photo: do they explain it, exposure, illumination and glare
+being unknown?
+"""
 from __future__ import annotations
 
 import numpy as np
 
-from calibrate.camera_prior import CameraPrior
-from calibrate.chart_photo import ChartPhoto
-from calibrate.photo_checks import refuse_disagreement
-from calibrate.sensitivity import fit_with_prior
-from calibrate.trust import other_reading
-from radiometry.records import WavelengthGrid
+from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate.photo_checks import refuse_disagreement
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.sensitivity import fit_with_prior
+from spectrabox.calibrate.trust import other_reading
+from spectrabox.radiometry.records import WavelengthGrid
 
 STEP_NM = 5.0
-DOUBTFUL = 1.5               # chi-square per signal, 72 of them: chance gives as much once in 200 photos
-# What a measurement may be off by: two laboratories that measure one camera differ by about 8 %. Added to each band
-# (of the largest value, nm), multiplied with each band, with all bands alike.
+DOUBTFUL = 1.5  # chi-square per signal, 72 of them: chance gives as much once in 200 photos
+# What a measurement may be off by: two laboratories that measure one camera differ by about 8 %.
+# Added to each band (of the largest value, nm), multiplied with each band, with all bands alike.
 LABORATORY = (0.01, 20.0, 0.06, 60.0, 0.06, 120.0)
 
 
@@ -23,19 +25,21 @@ def check_measured_curves(photo: ChartPhoto, curves: np.ndarray, grid: Wavelengt
     Raises
     ------
     CheckError
-        If they do not, but would if the photo were read in another way: mirrored, bands reversed, encoded.
+        If they do not, but would if the photo were read in another way: mirrored, bands reversed,
+        encoded.
     """
     known = _about(curves, grid)
     found = fit_with_prior([photo], known, grid)
     if found.chi_square < DOUBTFUL and not found.disagrees:
-        return (f"measured curves and photo agree within {found.model_error:.1%} (chi-square {found.chi_square:.2f} "
-                "per signal)")
+        return (f"measured curves and photo agree within {found.model_error:.1%} (chi-square "
+                f"{found.chi_square:.2f} per signal)")
     reading = other_reading(photo, known, grid) if found.disagrees else None
     if reading is not None:
-        refuse_disagreement("the measured curves do not explain the chart photo", found.model_error, found.chi_square,
-                            reading)
-    return (f"the measured curves do not explain the chart photo (chi-square {found.chi_square:.1f} per signal): check "
-            "that they are of this camera and their columns in the photo's order, and light, chart and glare")
+        refuse_disagreement("the measured curves do not explain the chart photo", found.model_error,
+                            found.chi_square, reading)
+    return ("the measured curves do not explain the chart photo (chi-square "
+            f"{found.chi_square:.1f} per signal): check that they are of this camera and their "
+            "columns in the photo's order, and light, chart and glare")
 
 
 def _about(curves: np.ndarray, grid: WavelengthGrid) -> CameraPrior:
@@ -43,5 +47,6 @@ def _about(curves: np.ndarray, grid: WavelengthGrid) -> CameraPrior:
     nm = np.arange(grid.nm[0], grid.nm[-1] + 1, STEP_NM)
     mean = np.array([np.interp(nm, grid.nm, curve) for curve in curves]).ravel()
     none = np.zeros((mean.size, 0))
-    return CameraPrior(nm, np.ones(1), mean[None], np.zeros(1, int), np.zeros((1, 2)), np.array([LABORATORY]),
-                       np.ones(1), none, none, ("the measured camera",), "measured curves", "none")
+    return CameraPrior(nm, np.ones(1), mean[None], np.zeros(1, int), np.zeros((1, 2)),
+                       np.array([LABORATORY]), np.ones(1), none, none, ("the measured camera",),
+                       "measured curves", "none")

@@ -1,4 +1,6 @@
-"""Patch signals from a text file: one row per patch, one column per band, standard errors if known."""
+"""Patch signals from a text file: one row per patch, one column per band, standard errors if
+known.
+"""
 from __future__ import annotations
 
 import csv
@@ -6,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from radiometry.errors import InputError
-from radiometry.records import PatchSamples
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import PatchSamples
 
 PATCHES = 24
 ERROR_PREFIX = "standard_error"
@@ -16,15 +18,15 @@ ERROR_PREFIX = "standard_error"
 def read_patches(path: Path) -> tuple[PatchSamples, tuple[str, ...]]:
     """Signals of the 24 patches, dark skin first, and the names of the bands.
 
-    The first row may name the columns; a column ``standard_error NAME`` holds the standard errors of band NAME, and
-    where such columns name no bands they stand in the bands' order. Without names, every column is a band. A first
-    column of words (patch names) is left out.
+    The first row may name the columns; a column ``standard_error NAME`` holds the standard errors
+    of band NAME, and where such columns name no bands they stand in the bands' order. Without
+    names, every column is a band. A first column of words (patch names) is left out.
 
     Raises
     ------
     InputError
-        If the file is missing, does not hold 24 rows, a cell is not a number, two bands have one name, or a standard
-        error is negative or of no band.
+        If the file is missing, does not hold 24 rows, a cell is not a number, two bands have one
+        name, or a standard error is negative or of no band.
     """
     rows = _rows(path)
     header = rows.pop(0) if not any(_is_number(cell) for cell in rows[0]) else None
@@ -32,41 +34,48 @@ def read_patches(path: Path) -> tuple[PatchSamples, tuple[str, ...]]:
         rows = [row[1:] for row in rows]
         header = header[1:] if header is not None else None
     if len(rows) != PATCHES:
-        raise InputError(f"{path.name} holds {len(rows)} rows of signals; {PATCHES} are needed, one per patch, dark "
-                         "skin first, black last")
-    if len({len(row) for row in rows}) != 1 or not all(_is_number(cell) for row in rows for cell in row):
-        raise InputError(f"{path.name}: some rows are shorter than others or hold words; give a number in every cell")
+        raise InputError(f"{path.name} holds {len(rows)} rows of signals; {PATCHES} are needed, "
+                         "one per patch, dark skin first, black last")
+    if len({len(row) for row in rows}) != 1 or not all(_is_number(cell) for row in rows
+                                                       for cell in row):
+        raise InputError(f"{path.name}: some rows are shorter than others or hold words; give a "
+                         "number in every cell")
     values = np.array(rows, dtype=float)
-    names = [name.strip() for name in header or (f"band {column + 1}" for column in range(values.shape[1]))]
+    names = [name.strip() for name in header or (f"band {column + 1}"
+                                                 for column in range(values.shape[1]))]
     bands = [index for index, name in enumerate(names) if not name.startswith(ERROR_PREFIX)]
     errors = [index for index, name in enumerate(names) if name.startswith(ERROR_PREFIX)]
     if errors and len(errors) != len(bands):
-        raise InputError(f"{path.name} holds {len(bands)} bands and {len(errors)} standard errors; give one for each "
-                         "band, or none")
+        raise InputError(f"{path.name} holds {len(bands)} bands and {len(errors)} standard errors; "
+                         "give one for each band, or none")
     band_names = [names[index] for index in bands]
     if len(set(band_names)) < len(bands):
-        raise InputError(f"{path.name} holds two bands of one name ({', '.join(band_names)}); name each column once")
+        raise InputError(f"{path.name} holds two bands of one name ({', '.join(band_names)}); name "
+                         "each column once")
     error = _errors(values, names, band_names, errors, path.name) if errors else np.zeros((PATCHES, len(bands)))
     return _samples(values[:, bands], error), tuple(band_names)
 
 
-def _errors(values: np.ndarray, names: list[str], band_names: list[str], columns: list[int], file: str) -> np.ndarray:
+def _errors(values: np.ndarray, names: list[str], band_names: list[str], columns: list[int],
+            file: str) -> np.ndarray:
     """Standard errors (24, K) in the order of the bands."""
     of_band = {names[column].removeprefix(ERROR_PREFIX).strip(" _"): column for column in columns}
     if set(of_band) == set(band_names):
         columns = [of_band[name] for name in band_names]
     elif set(of_band) & set(band_names):
         stray = next(name for name in of_band if name not in band_names)
-        raise InputError(f"{file} has the column {ERROR_PREFIX} {stray!r} and no band of that name; the bands are "
-                         f"{', '.join(band_names)}")
+        raise InputError(f"{file} has the column {ERROR_PREFIX} {stray!r} and no band of that "
+                         f"name; the bands are {', '.join(band_names)}")
     if values[:, columns].min() < 0:
-        raise InputError(f"{file} holds a negative standard error; they are 0 or greater, in the unit of the signals")
+        raise InputError(f"{file} holds a negative standard error; they are 0 or greater, in the "
+                         "unit of the signals")
     return values[:, columns]
 
 
 def _samples(signal: np.ndarray, error: np.ndarray) -> PatchSamples:
     covariance = np.einsum("ik,kl->ikl", error**2, np.eye(signal.shape[1]))
-    return PatchSamples(signal, covariance, np.ones(PATCHES), np.zeros(signal.shape), np.zeros(signal.shape))
+    return PatchSamples(signal, covariance, np.ones(PATCHES), np.zeros(signal.shape),
+                        np.zeros(signal.shape))
 
 
 def _rows(path: Path) -> list[list[str]]:
@@ -75,7 +84,8 @@ def _rows(path: Path) -> list[list[str]]:
     except FileNotFoundError:
         raise InputError(f"{path} is missing; give a CSV of 24 rows of signals") from None
     except (UnicodeDecodeError, IsADirectoryError):
-        raise InputError(f"{path.name} is not a text file; give a CSV of 24 rows of signals") from None
+        raise InputError(
+            f"{path.name} is not a text file; give a CSV of 24 rows of signals") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
     if not rows:

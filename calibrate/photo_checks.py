@@ -5,15 +5,15 @@ from typing import NoReturn
 
 import numpy as np
 
-from radiometry.errors import CalibrationError, CheckError, InputError
-from radiometry.records import Quantity, Spectrum, WavelengthGrid
-from radiometry.spectrum_files import spectrum_on_grid
+from spectrabox.radiometry.errors import CalibrationError, CheckError, InputError
+from spectrabox.radiometry.records import Quantity, Spectrum, WavelengthGrid
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 FEWEST_PATCHES = 8
 ALIKE = 1e-3                 # relative spread of the ratio of two bands over the patches
 DARK_LIGHT = 1e-3            # of the light's largest value
 LARGEST_IRRADIANCE = 50.0    # W m-2 nm-1; the sun gives 1.5
-WORST_MODEL_ERROR = 0.05     # patches that disagree by more than this were not explained by any camera
+WORST_MODEL_ERROR = 0.05  # patches that disagree by more than this were not explained by any camera
 WORST_CHI_SQUARE = 3.0
 
 
@@ -25,11 +25,13 @@ def require_patches(signal: np.ndarray) -> None:
     CalibrationError
     """
     if len(signal) < FEWEST_PATCHES:
-        raise CalibrationError(f"{len(signal)} patches are too few to find sensitivities; {FEWEST_PATCHES} are needed")
+        raise CalibrationError(f"{len(signal)} patches are too few to find sensitivities; "
+                               f"{FEWEST_PATCHES} are needed")
     bad = np.flatnonzero(~(np.isfinite(signal).all(axis=1) & (signal > 0).all(axis=1)))
     if bad.size:
-        raise CalibrationError(f"patch {bad[0] + 1} has no positive signal in every band; check the black level of the "
-                               "photo, and that each column of a table of patches is a band")
+        raise CalibrationError(f"patch {bad[0] + 1} has no positive signal in every band; check "
+                               "the black level of the photo, and that each column of a table of "
+                               "patches is a band")
 
 
 def require_apart(signal: np.ndarray) -> None:
@@ -43,8 +45,9 @@ def require_apart(signal: np.ndarray) -> None:
     for first in range(signal.shape[1]):
         for second in range(first):
             if np.std(balanced[:, first] / balanced[:, second]) < ALIKE:
-                raise CalibrationError(f"bands {second + 1} and {first + 1} read alike on every patch; the photo is "
-                                       "grey or a band was written twice: give a colour photo")
+                raise CalibrationError(f"bands {second + 1} and {first + 1} read alike on every "
+                                       "patch; the photo is grey or a band was written twice: give "
+                                       "a colour photo")
 
 
 def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -57,14 +60,16 @@ def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tupl
     """
     power = spectrum_on_grid(light, grid)
     if power.max() <= 0 or power.min() < -0.01 * power.max():
-        raise InputError(f"{light.source}: a light spectrum must be positive; it runs from {power.min():.3g} to "
-                         f"{power.max():.3g} over {grid.nm[0]:g}-{grid.nm[-1]:g} nm")
+        raise InputError(f"{light.source}: a light spectrum must be positive; it runs from "
+                         f"{power.min():.3g} to {power.max():.3g} over "
+                         f"{grid.nm[0]:g}-{grid.nm[-1]:g} nm")
     if light.quantity is Quantity.IRRADIANCE and power.max() > LARGEST_IRRADIANCE:
-        raise InputError(f"{light.source}: {power.max():.3g} W m-2 nm-1 is more than any lamp gives; "
-                         "state the unit, for example '# unit: uW cm-2 nm-1'")
+        raise InputError(f"{light.source}: {power.max():.3g} W m-2 nm-1 is more than any lamp "
+                         "gives; state the unit, for example '# unit: uW cm-2 nm-1'")
     power = np.maximum(power, 0.0)
-    return power, tuple(f"the light has no power (below {DARK_LIGHT:.1%} of its largest) over {low:g}-{high:g} nm: "
-                        "the photo says nothing of the curves there" for low, high in dark_ranges(power, grid))
+    return power, tuple(f"the light has no power (below {DARK_LIGHT:.1%} of its largest) over "
+                        f"{low:g}-{high:g} nm: the photo says nothing of the curves there" for low,
+                        high in dark_ranges(power, grid))
 
 
 def unlit(power: np.ndarray) -> np.ndarray:
@@ -76,10 +81,12 @@ def dark_ranges(power: np.ndarray, grid: WavelengthGrid) -> list[tuple[float, fl
     """Wavelength ranges (nm) in which the light (P,) has practically no power."""
     dark = np.concatenate([[False], unlit(power), [False]])
     edges = np.flatnonzero(np.diff(dark.astype(int)))
-    return [(float(grid.nm[start]), float(grid.nm[stop - 1])) for start, stop in edges.reshape(-1, 2)]
+    return [(float(grid.nm[start]), float(grid.nm[stop - 1])) for start, stop in edges.reshape(-1,
+                                                                                               2)]
 
 
-def refuse_disagreement(said: str, model_error: float, chi_square: float, reading: str | None) -> NoReturn:
+def refuse_disagreement(said: str, model_error: float, chi_square: float,
+                        reading: str | None) -> NoReturn:
     """Say that a photo is not explained, and what may be the cause.
 
     Parameters
@@ -96,6 +103,7 @@ def refuse_disagreement(said: str, model_error: float, chi_square: float, readin
     CheckError
     """
     hint = (f"read as {reading} the patches would agree: correct that" if reading is not None else
-            "check the chart reference, the light spectrum, glare, and that the photo is linear (not a JPEG)")
-    raise CheckError(f"{said}: its patches disagree with the reference by {model_error:.0%} or more "
-                     f"(chi-square {chi_square:.1f} per signal); {hint}")
+            "check the chart reference, the light spectrum, glare, and that the photo is linear "
+            "(not a JPEG)")
+    raise CheckError(f"{said}: its patches disagree with the reference by {model_error:.0%} or "
+                     f"more (chi-square {chi_square:.1f} per signal); {hint}")

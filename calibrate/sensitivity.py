@@ -1,7 +1,7 @@
 """Camera sensitivities from the patches of chart photos: one interface for every method.
 
-``prior`` joins the photo with a prior learnt from measured cameras (prior_fit.py); ``paper``, ``nonnegative`` and
-``smooth`` know nothing of other cameras (spline_fit.py).
+``prior`` joins the photo with a prior learnt from measured cameras (prior_fit.py); ``paper``,
+``nonnegative`` and ``smooth`` know nothing of other cameras (spline_fit.py).
 """
 from __future__ import annotations
 
@@ -12,16 +12,39 @@ import numpy as np
 from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from calibrate.camera_prior import CameraPrior, shipped_prior
-from calibrate.chart_photo import ChartPhoto, chart_photo
-from calibrate.curve_posterior import PhotoState, curve_moments, curve_variance, photo_states, prior_share
-from calibrate.photo_checks import WORST_CHI_SQUARE, WORST_MODEL_ERROR, require_apart, require_patches, unlit
-from calibrate.prior_fit import MODEL_ERRORS, CurvePosterior, held_out_signals, posterior_of_curves
-from calibrate.smooth_prior import smooth_prior
-from calibrate.spline_fit import SPLINE_METHODS, BandFits, fit_bands
-from radiometry.errors import CalibrationError, InputError
-from radiometry.records import LightScale, Outcome, PatchSamples, SensitivityFit, WavelengthGrid
-from radiometry.shaped import Record
+from spectrabox.calibrate.chart_photo import ChartPhoto, chart_photo
+from spectrabox.calibrate.photo_checks import (
+    WORST_CHI_SQUARE,
+    WORST_MODEL_ERROR,
+    require_apart,
+    require_patches,
+    unlit,
+)
+from spectrabox.calibrate.prior.camera_prior import CameraPrior, shipped_prior
+from spectrabox.calibrate.prior.curve_posterior import (
+    PhotoState,
+    curve_moments,
+    curve_variance,
+    photo_states,
+    prior_share,
+)
+from spectrabox.calibrate.prior.prior_fit import (
+    MODEL_ERRORS,
+    CurvePosterior,
+    held_out_signals,
+    posterior_of_curves,
+)
+from spectrabox.calibrate.prior.smooth_prior import smooth_prior
+from spectrabox.calibrate.spline_fit import SPLINE_METHODS, BandFits, fit_bands
+from spectrabox.radiometry.errors import CalibrationError, InputError
+from spectrabox.radiometry.records import (
+    LightScale,
+    Outcome,
+    PatchSamples,
+    SensitivityFit,
+    WavelengthGrid,
+)
+from spectrabox.radiometry.shaped import Record
 
 METHODS = ("prior", *SPLINE_METHODS)
 CHART_ERROR = 0.01           # relative: one chart against the published average
@@ -33,16 +56,19 @@ SPLINE_COEFFICIENTS = 10     # for the condition number of every method
 
 @dataclass(frozen=True, eq=False)
 class PriorFit(Record):
-    """Everything the joint estimate says. ``photos`` and ``held_out`` in the order of the photos given."""
+    """Everything the joint estimate says. ``photos`` and ``held_out`` in the order of the photos
+    given.
+    """
 
     sensitivity: SensitivityFit
     posterior: CurvePosterior
     photos: tuple[PhotoState, ...]
-    held_out: tuple[np.ndarray, ...]                # (I, K) signals predicted from all other patches
-    prior_share: Annotated[np.ndarray, "K P"]       # standard deviation left by the photos over that of the prior;
-                                                    # 1 where no photo had light
-    families: tuple[tuple[str, float], ...]         # members of each family and its probability, likeliest first
-    model_error: float                              # relative disagreement of patches and model that was found
+    held_out: tuple[np.ndarray, ...]  # (I, K) signals predicted from all other patches
+    # standard deviation left by the photos over that of the prior; 1 where no photo had light
+    prior_share: Annotated[np.ndarray, "K P"]
+    # members of each family and its probability, likeliest first
+    families: tuple[tuple[str, float], ...]
+    model_error: float  # relative disagreement of patches and model that was found
     chi_square: float                               # per datum, about 1 where everything agrees
 
     @property
@@ -52,20 +78,23 @@ class PriorFit(Record):
 
 
 def default_prior(photos: list[ChartPhoto], grid: WavelengthGrid) -> CameraPrior:
-    """The shipped prior where it has as many bands as the photos, else one that knows smoothness only."""
+    """The shipped prior where it has as many bands as the photos, else one that knows smoothness
+    only.
+    """
     shipped = shipped_prior()
     return shipped if photos[0].signal.shape[1] == shipped.bands else smooth_prior(photos, grid)
 
 
 def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior | None, grid: WavelengthGrid, *,
                    model_errors: tuple[float, ...] = MODEL_ERRORS) -> PriorFit:
-    """Curves, exposure, field and glare from any number of chart photos of one camera, with calibrated errors.
+    """Curves, exposure, field and glare from any number of chart photos of one camera, with
+    calibrated errors.
 
     Parameters
     ----------
     photos : list of ChartPhoto
-        Charts, lights and exposures may differ. Field, glare and exposure are each photo's own, unless
-        ``relative_exposure_sd`` ties an exposure to that of the first.
+        Charts, lights and exposures may differ. Field, glare and exposure are each photo's own,
+        unless ``relative_exposure_sd`` ties an exposure to that of the first.
     prior : CameraPrior or None
         None: see ``default_prior``.
 
@@ -82,9 +111,11 @@ def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior | None, grid: Wa
     prior = default_prior(photos, grid) if prior is None else prior
     for photo in photos:
         if photo.signal.shape[1] != prior.bands:
-            raise InputError(f"the prior is for cameras of {prior.bands} bands, the photo has {photo.signal.shape[1]}; "
-                             "give a prior made from such cameras, or none")
-    with threadpool_limits(1, "blas"):  # matrices of 200 rows: more threads wait for each other, ten times as long
+            raise InputError(f"the prior is for cameras of {prior.bands} bands, the photo has "
+                             f"{photo.signal.shape[1]}; give a prior made from such cameras, or "
+                             "none")
+    # matrices of 200 rows: more threads wait for each other, ten times as long
+    with threadpool_limits(1, "blas"):
         posterior = posterior_of_curves(photos, prior, grid, model_errors=model_errors)
         held_out, chi_square = held_out_signals(photos, prior, grid, posterior)
         moments = curve_moments(posterior, prior.bands)
@@ -99,15 +130,18 @@ def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior | None, grid: Wa
     fit = SensitivityFit(grid, curves, posterior.basis, moments.coefficients, moments.covariance,
                          error, 1 - states[0].predicted / first if of_chart else None,
                          1 - held_out[0] / first if of_chart else None, condition,
-                         f"joint estimate with a Gaussian mixture prior ({prior.source})", Outcome.CONVERGED)
+                         f"joint estimate with a Gaussian mixture prior ({prior.source})",
+                         Outcome.CONVERGED)
     order = np.argsort(-posterior.families)
     families = tuple((prior.members[index], float(posterior.families[index])) for index in order)
     return PriorFit(fit, posterior, tuple(states), tuple(held_out), shares, families,
                     posterior.model_error, chi_square)
 
 
-def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np.ndarray, irradiance: np.ndarray,
-                      grid: WavelengthGrid, coefficients: int = SPLINE_COEFFICIENTS, *, method: str = "prior",
+def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
+                      irradiance: np.ndarray,
+                      grid: WavelengthGrid, coefficients: int = SPLINE_COEFFICIENTS, *,
+                      method: str = "prior",
                       prior: CameraPrior | None = None,
                       places: np.ndarray | None = None) -> tuple[SensitivityFit, LightScale]:
     """Sensitivities with their largest value 1, and the factor that was divided out.
@@ -129,7 +163,8 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
     prior : CameraPrior or None
         None takes the one that comes with the project.
     places : (24, 2) array or None
-        Of the patches on the chart, where the illumination is not known: ``prior`` then finds a smooth field.
+        Of the patches on the chart, where the illumination is not known: ``prior`` then finds a
+        smooth field.
 
     Returns
     -------
@@ -141,7 +176,8 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
     Raises
     ------
     CalibrationError
-        If the light leaves fewer independent directions than coefficients, a band does not respond, or two are alike.
+        If the light leaves fewer independent directions than coefficients, a band does not respond,
+        or two are alike.
     InputError
         If the method is not known.
     """
@@ -168,8 +204,9 @@ def scale_of_photo(found: PriorFit, index: int) -> LightScale:
 def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamples) -> np.ndarray:
     """Covariance (K, K) of (photo - predicted) / photo for a surface that was not in the fit.
 
-    From the residuals of patches that were left out, about zero and over patches bright enough to have a relative
-    error; it holds the error of curves, chart and light together, for reflectances like the chart's.
+    From the residuals of patches that were left out, about zero and over patches bright enough to
+    have a relative error; it holds the error of curves, chart and light together, for reflectances
+    like the chart's.
     """
     bright = (patches.mean > DIM_PATCH * patches.mean.max(axis=0)).all(axis=1)
     used = fit_residuals[bright]
@@ -185,15 +222,17 @@ def _normalised(bands: BandFits, patches: PatchSamples, grid: WavelengthGrid,
     if dead.size:
         raise CalibrationError(f"band {dead[0] + 1} does not respond to the chart; "
                                "check that photo and light belong together")
-    error = np.sqrt(np.clip(np.einsum("pn,knm,pm->kp", bands.basis, bands.covariance, bands.basis), 0, None)) / peak
+    error = np.sqrt(np.clip(np.einsum("pn,knm,pm->kp", bands.basis, bands.covariance, bands.basis),
+                            0, None)) / peak
     residuals = 1 - bands.design @ bands.coefficients.T / patches.mean
     held_out = 1 - bands.predicted_without / patches.mean
     outcome = Outcome.ILL_POSED if bands.condition_number > ILL_POSED_CONDITION else Outcome.CONVERGED
-    names = {"paper": "splines with zero ends, paper Eqs. 18-20", "nonnegative": "non-negative splines with zero ends",
+    names = {"paper": "splines with zero ends, paper Eqs. 18-20",
+             "nonnegative": "non-negative splines with zero ends",
              "smooth": "non-negative splines, smoothness by cross-validation"}
     fit = SensitivityFit(grid, curves / peak, bands.basis, bands.coefficients / peak,
-                         block_diag(*bands.covariance) / peak**2, error, residuals, held_out, bands.condition_number,
-                         names[method], outcome)
+                         block_diag(*bands.covariance) / peak**2, error, residuals, held_out,
+                         bands.condition_number, names[method], outcome)
     covariance = relative_prediction_covariance(held_out, patches)
     # Of one band's mean relative residual over held-out patches: bands are fitted, and err, apart.
     relative = np.sqrt(np.trace(covariance) / len(covariance) / len(held_out))
@@ -207,7 +246,10 @@ def _patch_sigma(patches: PatchSamples) -> np.ndarray:
 
 
 def _condition_number(photo: ChartPhoto, grid: WavelengthGrid) -> float:
-    """Of the paper's fit with 10 coefficients: how much chart and light alone determine, whatever the method."""
-    from radiometry.bspline import basis_matrix
-    design = (photo.reflectances * photo.power) @ basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
+    """Of the paper's fit with 10 coefficients: how much chart and light alone determine, whatever
+    the method.
+    """
+    from spectrabox.radiometry.bspline import basis_matrix
+    design = (photo.reflectances * photo.power) @ basis_matrix(grid.nm,
+                                                               SPLINE_COEFFICIENTS)[:, 1:-1]
     return float(np.linalg.cond(design))

@@ -1,11 +1,13 @@
-"""Camera sensitivities as splines fitted band by band (paper Eqs. 18-20), without knowledge of other cameras.
+"""Camera sensitivities as splines fitted band by band (paper Eqs. 18-20), without knowledge of
+other cameras.
 
-``paper``: 10 clamped cubic coefficients, zero at 400 and 700 nm, plain least squares. ``nonnegative``: the same with
-coefficients that are not negative, each patch weighted by its error. ``smooth``: 24 coefficients with free ends and a
-penalty on second differences, whose weight is the one that best predicts patches left out of the fit.
+``paper``: 10 clamped cubic coefficients, zero at 400 and 700 nm, plain least squares.
+``nonnegative``: the same with coefficients that are not negative, each patch weighted by its error.
+``smooth``: 24 coefficients with free ends and a penalty on second differences, whose weight is the
+one that best predicts patches left out of the fit.
 
-The stated error of the first two holds the noise of the patches alone: that a few splines cannot draw the steep flanks
-of a camera (7 to 10 % of the curve) is not in it.
+The stated error of the first two holds the noise of the patches alone: that a few splines cannot
+draw the steep flanks of a camera (7 to 10 % of the curve) is not in it.
 """
 from __future__ import annotations
 
@@ -17,19 +19,21 @@ from typing import Annotated
 import numpy as np
 from scipy.optimize import nnls
 
-from radiometry.bspline import basis_matrix
-from radiometry.errors import CalibrationError
-from radiometry.records import WavelengthGrid
-from radiometry.shaped import Record
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.errors import CalibrationError
+from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.shaped import Record
 
 SPLINE_METHODS = ("paper", "nonnegative", "smooth")
 SPLINE_BANDS = {
-    "paper": "the band holds the noise of the patches only, not what ten splines cannot draw: it is too narrow",
-    "nonnegative": "the band holds the noise of the patches only, not what ten splines cannot draw: it is too narrow",
-    "smooth": "the band is that of smooth curves of which nothing else is known"}
+    "paper": "the band holds the noise of the patches only, not what ten splines cannot draw: it "
+    "is too narrow", "nonnegative": "the band holds the noise of the patches only, not what ten "
+    "splines cannot draw: it is too narrow", "smooth": "the band is that of smooth curves of which "
+    "nothing else is known"}
 Solver = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 SMOOTH_COEFFICIENTS = 24
-PENALTIES = tuple(10.0 ** power for power in np.arange(-8, 3.1, 0.5))  # of the mean information of a coefficient
+# of the mean information of a coefficient
+PENALTIES = tuple(10.0 ** power for power in np.arange(-8, 3.1, 0.5))
 LARGEST_CONDITION = 1e8
 
 
@@ -45,7 +49,8 @@ class BandFits(Record):
     condition_number: float
 
 
-def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarray, grid: WavelengthGrid,
+def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarray,
+              grid: WavelengthGrid,
               coefficients: int) -> BandFits:
     """Fit every band by one of ``SPLINE_METHODS``.
 
@@ -60,7 +65,8 @@ def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarr
     Raises
     ------
     CalibrationError
-        If there are fewer patches than coefficients, or the light leaves fewer independent directions.
+        If there are fewer patches than coefficients, or the light leaves fewer independent
+        directions.
     """
     full = basis_matrix(grid.nm, SMOOTH_COEFFICIENTS if method == "smooth" else coefficients)
     basis = full if method == "smooth" else full[:, 1:-1]  # b_400 c = b_700 c = 0
@@ -69,14 +75,17 @@ def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarr
     if method != "smooth":
         _require_determined(design, condition, coefficients)
     solvers: dict[str, Solver] = {"paper": _solve_paper, "nonnegative": _solve_nonnegative}
-    solve = solvers[method] if method in solvers else partial(_solve_smooth, roughness=_best_roughness(design, signal,
-                                                                                                       sigma))
+    solve = solvers[method] if method in solvers else partial(_solve_smooth,
+                                                              roughness=_best_roughness(design,
+                                                                                        signal,
+                                                                                        sigma))
     found, covariance, without = _fit_each(solve, design, signal, sigma)
     if method == "smooth":
         return BandFits(full, found, covariance, design, without, condition)
     inner = np.zeros((len(covariance), coefficients, coefficients))
     inner[:, 1:-1, 1:-1] = covariance
-    return BandFits(full, np.pad(found, ((0, 0), (1, 1))), inner, np.pad(design, ((0, 0), (1, 1))), without, condition)
+    return BandFits(full, np.pad(found, ((0, 0), (1, 1))), inner, np.pad(design, ((0, 0), (1, 1))),
+                    without, condition)
 
 
 def _require_determined(design: np.ndarray, condition: float, coefficients: int) -> None:
@@ -84,8 +93,9 @@ def _require_determined(design: np.ndarray, condition: float, coefficients: int)
         raise CalibrationError(f"{len(design)} usable patches cannot determine {coefficients} coefficients a band; "
                                "use method \"prior\", or shoot the chart again")
     if not np.isfinite(condition) or condition > LARGEST_CONDITION:
-        raise CalibrationError(f"the chart under this light cannot determine {coefficients} coefficients "
-                               f"(condition number {condition:.1e}); check that the light covers 400-700 nm")
+        raise CalibrationError(f"the chart under this light cannot determine {coefficients} "
+                               f"coefficients (condition number {condition:.1e}); check that the "
+                               "light covers 400-700 nm")
 
 
 def _fit_each(solve: Solver, design: np.ndarray, signal: np.ndarray,
@@ -98,10 +108,12 @@ def _fit_each(solve: Solver, design: np.ndarray, signal: np.ndarray,
         for band in range(signal.shape[1]):
             coefficients, _ = solve(design[rest], signal[rest, band], sigma[rest, band])
             without[patch, band] = design[patch] @ coefficients
-    return np.array([found for found, _ in solved]), np.array([block for _, block in solved]), without
+    return np.array([found for found, _ in solved]), np.array([block for _,
+                                                               block in solved]), without
 
 
-def _solve_paper(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _solve_paper(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray,
+                                                                                     np.ndarray]:
     """Plain least squares (Eq. 20); its covariance from the residuals."""
     solution, *_ = np.linalg.lstsq(design, signal, rcond=None)
     freedom = max(signal.size - solution.size, 1)
@@ -109,7 +121,8 @@ def _solve_paper(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray) -> t
     return solution, variance * np.linalg.pinv(design.T @ design)
 
 
-def _solve_nonnegative(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _solve_nonnegative(design: np.ndarray, signal: np.ndarray,
+                       sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Non-negative coefficients, and their covariance over those that are not held at zero."""
     weighted = design / sigma[:, None]
     solution, norm = nnls(weighted, signal / sigma)
@@ -117,7 +130,8 @@ def _solve_nonnegative(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray
     covariance = np.zeros((solution.size,) * 2)
     freedom = max(signal.size - np.count_nonzero(free), 1)
     misfit = max(norm**2 / freedom, 1.0)  # never surer than the stated patch errors
-    covariance[np.ix_(free, free)] = misfit * np.linalg.pinv(weighted[:, free].T @ weighted[:, free])
+    covariance[np.ix_(free, free)] = misfit * np.linalg.pinv(weighted[:, free].T
+                                                             @ weighted[:, free])
     return solution, covariance
 
 
@@ -125,9 +139,10 @@ def _solve_smooth(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray, *,
                   roughness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Non-negative coefficients under a roughness penalty (N, N).
 
-    The covariance is that of the penalised estimate as a Bayesian reads it, whatever is held at zero: the penalty is
-    the only thing known of the curve between the directions that the patches see. Its size follows the misfit that was
-    found, below the assumed patch errors too: those are for unknown charts, and held with them the band is too wide.
+    The covariance is that of the penalised estimate as a Bayesian reads it, whatever is held at
+    zero: the penalty is the only thing known of the curve between the directions that the patches
+    see. Its size follows the misfit that was found, below the assumed patch errors too: those are
+    for unknown charts, and held with them the band is too wide.
     """
     weighted, target = design / sigma[:, None], signal / sigma
     precision = weighted.T @ weighted + roughness
@@ -143,14 +158,19 @@ def _best_roughness(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray) -
     """Penalty (N, N), one for all bands, that best predicts each patch from the others."""
     size = design.shape[1]
     differences = np.diff(np.eye(size), 2, axis=0)
-    rough = differences.T @ differences + 1e-9 * np.eye(size)  # a straight line is not penalised: keep it invertible
+    # a straight line is not penalised: keep it invertible
+    rough = differences.T @ differences + 1e-9 * np.eye(size)
     unit = float(np.sum((design / sigma.mean(axis=1, keepdims=True)) ** 2)) / size
-    errors = [_left_out_error(design, signal, sigma, penalty * unit * rough) for penalty in PENALTIES]
+    errors = [_left_out_error(design, signal, sigma, penalty * unit * rough)
+              for penalty in PENALTIES]
     return PENALTIES[int(np.argmin(errors))] * unit * rough
 
 
-def _left_out_error(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray, roughness: np.ndarray) -> float:
-    """Sum of squares of left-out residuals in standard errors, in closed form (the signs are not constrained here)."""
+def _left_out_error(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray,
+                    roughness: np.ndarray) -> float:
+    """Sum of squares of left-out residuals in standard errors, in closed form (the signs are not
+    constrained here).
+    """
     total = 0.0
     for band in range(signal.shape[1]):
         weighted, target = design / sigma[:, band, None], signal[:, band] / sigma[:, band]

@@ -1,22 +1,24 @@
-"""Whether to trust a fit: colour differences, what the light cannot see, where the curve comes from."""
+"""Whether to trust a fit: colour differences, what the light cannot see, where the curve comes
+from.
+"""
 from __future__ import annotations
 
 import numpy as np
 
-from calibrate.camera_prior import CameraPrior
-from calibrate.chart_photo import ChartPhoto
-from calibrate.colour_difference import ciede2000, lab_from_xyz
-from calibrate.learnt_prior import UNLIKE
-from calibrate.prior_fit import posterior_of_curves
-from calibrate.sensitivity import PriorFit, fit_with_prior
-from radiometry.appearance import tristimulus
-from radiometry.chart import COLUMNS, ROWS
-from radiometry.records import WavelengthGrid
+from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate.colour_difference import ciede2000, lab_from_xyz
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.learnt_prior import UNLIKE
+from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
+from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
+from spectrabox.radiometry.appearance import tristimulus
+from spectrabox.radiometry.chart import COLUMNS, ROWS
+from spectrabox.radiometry.records import WavelengthGrid
 
-FROM_PRIOR = 0.5             # share of the prior's uncertainty that is left: more, and the photo hardly spoke
+FROM_PRIOR = 0.5  # share of the prior's uncertainty that is left: more, and the photo hardly spoke
 MUCH_GLARE = 0.02            # of the brightest patch
 PROBABLE = 0.05              # families below are not named
-SURELY = 0.9                 # probability of a kind of camera above which something else may be wrong
+SURELY = 0.9  # probability of a kind of camera above which something else may be wrong
 CHECK_LIGHT = "the curves are like those of no measured camera: check that the light spectrum is that of the photo"
 CLEAR_GAIN = 20.0            # of log evidence, for another reading of the photo
 
@@ -25,20 +27,22 @@ def chart_colour_differences(measured: np.ndarray, predicted: np.ndarray, reflec
                              grid: WavelengthGrid) -> np.ndarray:
     """CIEDE2000 (I,) between what the photo shows and what the fit predicts, under D65.
 
-    Signals (I, K) are turned into colours by the linear map that best takes the predicted signals to the tristimulus
-    values of the reference reflectances (I, P).
+    Signals (I, K) are turned into colours by the linear map that best takes the predicted signals
+    to the tristimulus values of the reference reflectances (I, P).
     """
     true = np.array([tristimulus(grid.nm, reflectance) for reflectance in reflectances])
     white = tristimulus(grid.nm, np.ones(grid.nm.size))
     to_xyz, *_ = np.linalg.lstsq(predicted, true, rcond=None)
-    return ciede2000(lab_from_xyz(measured @ to_xyz, white), lab_from_xyz(predicted @ to_xyz, white))
+    return ciede2000(lab_from_xyz(measured @ to_xyz, white),
+                     lab_from_xyz(predicted @ to_xyz, white))
 
 
 def other_reading(photo: ChartPhoto, prior: CameraPrior, grid: WavelengthGrid) -> str | None:
-    """How a photo that no camera explains would be explained: mirrored, turned, encoded, with glare taken off; or None.
+    """How a photo that no camera explains would be explained: mirrored, turned, encoded, with glare
+    taken off; or None.
 
-    The reading that gains most evidence is named only if the fit then agrees: of a wrong chart one reading is always
-    the best, and none is right.
+    The reading that gains most evidence is named only if the fit then agrees: of a wrong chart one
+    reading is always the best, and none is right.
     """
     if len(photo.signal) != ROWS * COLUMNS:
         return None
@@ -59,7 +63,8 @@ def other_reading(photo: ChartPhoto, prior: CameraPrior, grid: WavelengthGrid) -
 
 def sentences(found: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     """What the operator should know before trusting the curves."""
-    said = [f"patches and model agree within {found.model_error:.1%} (chi-square {found.chi_square:.2f} per signal)"]
+    said = [f"patches and model agree within {found.model_error:.1%} (chi-square "
+            f"{found.chi_square:.2f} per signal)"]
     likely = [(members, share) for members, share in found.families if share > PROBABLE][:3]
     said.append("most like " + "; ".join(f"{members} ({share:.0%})" for members, share in likely))
     if dict(found.families).get(UNLIKE, 0.0) > SURELY and len(found.families) > 1:
@@ -72,31 +77,37 @@ def sentences(found: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
         which = "" if len(found.photos) == 1 else f"photo {number}: "
         if np.ptp(state.field) > 0:
             low, high = np.array([state.field.min(), state.field.max()]) / state.field.mean()
-            said.append(f"{which}illumination over the chart found to run from {low:.2f} to {high:.2f} of its mean")
+            said.append(f"{which}illumination over the chart found to run from {low:.2f} to "
+                        f"{high:.2f} of its mean")
         glare = float(np.max(np.abs(state.glare) / state.predicted.max(axis=0)))
         if glare > MUCH_GLARE:
-            said.append(f"{which}glare or a wrong black level of {glare:.0%} of the brightest patch was found and "
-                        "taken off: shade the lens and check the dark frame")
+            said.append(f"{which}glare or a wrong black level of {glare:.0%} of the brightest "
+                        "patch was found and taken off: shade the lens and check the dark frame")
     return tuple(said)
 
 
 def _ranges(chosen: np.ndarray, grid: WavelengthGrid) -> str:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int))).reshape(-1, 2)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int))).reshape(
+        -1, 2)
     return ", ".join(f"{grid.nm[start]:g}-{grid.nm[stop - 1]:g} nm" for start, stop in edges)
 
 
-def _evidence(photo: ChartPhoto, signal: np.ndarray, prior: CameraPrior, grid: WavelengthGrid) -> float:
-    logarithms = np.log(np.maximum(signal, 1e-12)).sum()  # of log signals, so that readings of any scale compare
+def _evidence(photo: ChartPhoto, signal: np.ndarray, prior: CameraPrior,
+              grid: WavelengthGrid) -> float:
+    # of log signals, so that readings of any scale compare
+    logarithms = np.log(np.maximum(signal, 1e-12)).sum()
     return posterior_of_curves([_read(photo, signal)], prior, grid).log_evidence + float(logarithms)
 
 
 def _read(photo: ChartPhoto, signal: np.ndarray) -> ChartPhoto:
-    return ChartPhoto(signal, photo.covariance, photo.reflectances, photo.power, photo.irradiance, photo.places,
-                      photo.glare)
+    return ChartPhoto(signal, photo.covariance, photo.reflectances, photo.power, photo.irradiance,
+                      photo.places, photo.glare)
 
 
 def _without_glare(photo: ChartPhoto) -> np.ndarray:
-    """Signals less an offset in each band that leaves the darkest patch what it reflects of the lightest's light."""
+    """Signals less an offset in each band that leaves the darkest patch what it reflects of the
+    lightest's light.
+    """
     grey = photo.reflectances.mean(axis=1)
     darkest, lightest = int(np.argmin(grey)), int(np.argmax(grey))
     ratio = grey[darkest] / grey[lightest]

@@ -1,7 +1,8 @@
-"""What a reflectance looks like: its sRGB colour and CIEDE2000 differences (D65, CIE 1931 2 degree observer).
+"""What a reflectance looks like: its sRGB colour and CIEDE2000 differences (D65, CIE 1931 2 degree
+observer).
 
-Reflectances are extended beyond their first and last wavelength by their end values, as CIE 15 recommends, so a
-perfect white is exactly the D65 white.
+Reflectances are extended beyond their first and last wavelength by their end values, as CIE 15
+recommends, so a perfect white is exactly the D65 white.
 """
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ import functools
 
 import numpy as np
 
-from radiometry.colour_science import colour_science
+from spectrabox.radiometry.colour_science import colour_science
 
 
 def reflectance_to_srgb(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from radiometry.colour_science import colour_science
-from radiometry.errors import InputError
-from radiometry.records import WavelengthGrid
-from radiometry.spectrum_files import on_grid, read_reflectances
+from spectrabox.radiometry.colour_science import colour_science
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_reflectances
 
 PATCH_NAMES = (
     "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
@@ -18,20 +18,23 @@ PATCH_NAMES = (
 )
 ROWS, COLUMNS = 4, 6
 
-# The printed card: its size, the side of a patch and the distance from patch to patch; the border is what remains.
+# The printed card: its size, the side of a patch and the distance from patch to patch; the border
+# is what remains.
 CARD_CM, PATCH_CM, PITCH_CM = (29.0, 20.3), 4.0, 4.35
 
 # Chart names of colour-science that cover 400-700 nm, by what an operator may write.
 REFERENCES = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta")
 
-# Peak and standard deviation (nm) of the bands of an ordinary colour camera, to know a chart when one is seen.
+# Peak and standard deviation (nm) of the bands of an ordinary colour camera, to know a chart when
+# one is seen.
 TYPICAL_BANDS_NM = ((600.0, 38.0), (535.0, 40.0), (460.0, 30.0))
 
 
 def chart_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
     """Reflectances (24, P) of a named published chart, dark skin first.
 
-    ``BabelColor Average`` is the average of 30 charts that the paper uses [Pascale 2023], shipped by colour-science.
+    ``BabelColor Average`` is the average of 30 charts that the paper uses [Pascale 2023], shipped
+    by colour-science.
 
     Raises
     ------
@@ -39,14 +42,16 @@ def chart_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
         If the reference is not known.
     """
     if reference not in REFERENCES:
-        raise InputError(f"chart reference {reference!r} is not known; known are {', '.join(REFERENCES)}, "
-                         "or a CSV file with one column per patch")
+        raise InputError(f"chart reference {reference!r} is not known; known are "
+                         f"{', '.join(REFERENCES)}, or a CSV file with one column per patch")
     spectra = list(colour_science().SDS_COLOURCHECKERS[reference].values())
-    return np.array([on_grid(np.asarray(sd.wavelengths), np.asarray(sd.values), grid, reference) for sd in spectra])
+    return np.array([on_grid(np.asarray(sd.wavelengths), np.asarray(sd.values), grid,
+                             reference) for sd in spectra])
 
 
 def measured_chart(path: Path, grid: WavelengthGrid) -> np.ndarray:
-    """Reflectances (24, P) of one's own chart, from a file of one column per patch, dark skin first.
+    """Reflectances (24, P) of one's own chart, from a file of one column per patch, dark skin
+    first.
 
     Raises
     ------
@@ -55,12 +60,15 @@ def measured_chart(path: Path, grid: WavelengthGrid) -> np.ndarray:
     """
     patches = read_reflectances(path, grid)
     if len(patches) != len(PATCH_NAMES):
-        raise InputError(f"{path.name} holds {len(patches)} columns; 24 are needed, one per patch, dark skin first")
+        raise InputError(f"{path.name} holds {len(patches)} columns; 24 are needed, one per patch, "
+                         "dark skin first")
     return np.array(list(patches.values()))
 
 
 def patch_centres_uv() -> np.ndarray:
-    """Centres (24, 2) of the patches as fractions of the card's width and height, from the dark-skin corner."""
+    """Centres (24, 2) of the patches as fractions of the card's width and height, from the
+    dark-skin corner.
+    """
     row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
     from_centre_cm = PITCH_CM * np.column_stack([column - (COLUMNS - 1) / 2, row - (ROWS - 1) / 2])
     return 0.5 + from_centre_cm / np.array(CARD_CM)
@@ -73,10 +81,12 @@ def patch_size_uv() -> tuple[float, float]:
 
 def typical_camera_signals(reflectances: np.ndarray, grid: WavelengthGrid,
                            light: np.ndarray | None = None) -> np.ndarray:
-    """Signals (24, 3) that an ordinary camera would read of reflectances (24, P), white giving about 1 in each band.
+    """Signals (24, 3) that an ordinary camera would read of reflectances (24, P), white giving
+    about 1 in each band.
 
     Only to recognise a chart and its orientation; nothing is measured with it.
     """
     power = grid.weights_nm if light is None else light * grid.weights_nm
-    bands = np.array([np.exp(-0.5 * ((grid.nm - peak) / width) ** 2) * power for peak, width in TYPICAL_BANDS_NM])
+    bands = np.array([np.exp(-0.5 * ((grid.nm - peak) / width) ** 2) * power for peak,
+                      width in TYPICAL_BANDS_NM])
     return reflectances @ (bands / bands.sum(axis=1, keepdims=True)).T

@@ -1,7 +1,9 @@
-"""The one way into colour-science: imported when first needed, and without its plotting until somebody plots.
+"""The one way into colour-science: imported when first needed, and without its plotting until
+somebody plots.
 
-Importing colour-science also imports its plotting, and with it Matplotlib's user interface: half of the three seconds
-that it takes. A stand-in puts that off to the first use, for us and for everybody else in the process.
+Importing colour-science also imports its plotting, and with it Matplotlib's user interface: half of
+the three seconds that it takes. A stand-in puts that off to the first use, for us and for everybody
+else in the process.
 """
 from __future__ import annotations
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from radiometry.colour_science import colour_science
-from radiometry.errors import InputError
-from radiometry.named_spectra import relative_response
-from radiometry.records import WavelengthGrid
+from spectrabox.radiometry.colour_science import colour_science
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.spectra.named_spectra import relative_response
 
 METHODS = ("Smits 1999", "Meng 2015", "Otsu 2018", "Jakob 2019", "Mallett 2019")
 SLOW = ("Meng 2015",)       # a second and more per colour
@@ -33,7 +33,8 @@ def upsampled(relative_xyz: np.ndarray, grid: WavelengthGrid, method: str) -> np
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         colour = colour_science()
-        white = colour.xy_to_XYZ(colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D65"])
+        white = colour.xy_to_XYZ(
+            colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D65"])
         spectrum = _recovered(colour, relative_xyz * white, method)
         shaped = spectrum.copy().align(colour.SpectralShape(380, 780, 5))
     return np.interp(grid.nm, np.asarray(shaped.wavelengths), np.asarray(shaped.values))
@@ -48,10 +49,12 @@ def _recovered(colour: Any, xyz: np.ndarray, method: str) -> Any:
         XYZ_to_sd_Otsu2018,
     )
 
-    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(colour.SpectralShape(360, 780, 5))
+    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(
+        colour.SpectralShape(360, 780, 5))
     light = colour.SDS_ILLUMINANTS["D65"].copy().align(observer.shape)
     rgb = np.clip(colour.XYZ_to_RGB(xyz, "sRGB", apply_cctf_encoding=False), 0, 1)
-    return {"Smits 1999": lambda: RGB_to_sd_Smits1999(rgb), "Mallett 2019": lambda: RGB_to_sd_Mallett2019(rgb),
+    return {"Smits 1999": lambda: RGB_to_sd_Smits1999(rgb),
+            "Mallett 2019": lambda: RGB_to_sd_Mallett2019(rgb),
             "Meng 2015": lambda: XYZ_to_sd_Meng2015(xyz, observer, light),
             "Otsu 2018": lambda: XYZ_to_sd_Otsu2018(xyz, observer, light),
             "Jakob 2019": lambda: XYZ_to_sd_Jakob2019(xyz, observer, light)}[method]()

@@ -1,4 +1,6 @@
-"""One exception per thing an operator can fix; each knows the exit code of the command that it ends."""
+"""One exception per thing an operator can fix; each knows the exit code of the command that it
+ends.
+"""
 from __future__ import annotations
 
 

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 
 
 def sha256_of(path: Path) -> str:
@@ -23,13 +23,15 @@ def sha256_of(path: Path) -> str:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except FileNotFoundError:
-        raise InputError(f"{path} is missing: add the file or correct its name in session.toml") from None
+        raise InputError(
+            f"{path} is missing: add the file or correct its name in session.toml") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
 
 
 def write_text_whole(path: Path, text: str) -> None:
-    """Write a text file that is on disk, whole, when this returns; a crash leaves the old one or none.
+    """Write a text file that is on disk, whole, when this returns; a crash leaves the old one or
+    none.
 
     Raises
     ------
@@ -68,5 +70,5 @@ def writable(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         yield
     except OSError as error:
-        raise EnvironmentProblem(f"{folder} cannot be written ({error.strerror}): free space or change its "
-                                 "permissions, then run again") from None
+        raise EnvironmentProblem(f"{folder} cannot be written ({error.strerror}): free space or "
+                                 "change its permissions, then run again") from None

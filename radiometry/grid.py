@@ -3,13 +3,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records import WavelengthGrid
 
 VISIBLE_NM = (400.0, 700.0)  # the range used throughout, as in the paper (Sec. 3.1)
 
 
 def trapezoid_weights_nm(nm: np.ndarray) -> np.ndarray:
-    """Weights (P,) such that ``weights @ f(nm)`` is the trapezoid rule, for ascending wavelengths."""
+    """Weights (P,) such that ``weights @ f(nm)`` is the trapezoid rule, for ascending
+    wavelengths.
+    """
     gaps = np.diff(nm)
     weights = np.zeros_like(nm, dtype=float)
     weights[:-1] += gaps / 2

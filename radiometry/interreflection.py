@@ -1,11 +1,14 @@
 """Evaluate a traced light transport for any reflectances, with its derivative (NumPy alone).
 
-Where the spectrum of every material only multiplies, the light along a path is (spectrum of the light) x (product of
-the reflectances met) x (geometry). The geometry has no wavelength, so a signal is a polynomial in the reflectances:
+Where the spectrum of every material only multiplies, the light along a path is (spectrum of the
+light) x (product of the reflectances met) x (geometry). The geometry has no wavelength, so a signal
+is a polynomial in the reflectances:
 
-    signal_rk = sum over e of coefficients_re * integral of sensitivity_k light prod_m reflectance_m^exponents_em dnm
+    signal_rk = sum over e of coefficients_re * integral of sensitivity_k light prod_m
+    reflectance_m^exponents_em dnm
 
-with e over the products (how often each material was met). Symbols: E products, M materials, P wavelengths, K bands.
+with e over the products (how often each material was met). Symbols: E products, M materials, P
+wavelengths, K bands.
 """
 from __future__ import annotations
 
@@ -21,20 +24,24 @@ def product_count(materials: int, bounces: int) -> int:
 
 
 def exponents_up_to(materials: int, bounces: int) -> np.ndarray:
-    """Exponents (E, M) of every product of up to ``bounces`` reflectances, fewest reflections first.
+    """Exponents (E, M) of every product of up to ``bounces`` reflectances, fewest reflections
+    first.
 
-    The first row is no reflection (the light seen directly). Within one degree the order is lexicographic.
+    The first row is no reflection (the light seen directly). Within one degree the order is
+    lexicographic.
     """
     rows: list[tuple[int, ...]] = [(0,) * materials]
     shell = rows
     for _ in range(bounces):
-        shell = sorted({(*row[:m], row[m] + 1, *row[m + 1:]) for row in shell for m in range(materials)}, reverse=True)
+        shell = sorted({(*row[:m], row[m] + 1, *row[m + 1:]) for row in shell
+                        for m in range(materials)}, reverse=True)
         rows = rows + shell
     return np.array(rows, dtype=np.int64)
 
 
 def met_next(exponents: np.ndarray) -> np.ndarray:
-    """Index (E + 1, M) of the product after one more reflection; E, which leads to itself, where it is not kept.
+    """Index (E + 1, M) of the product after one more reflection; E, which leads to itself, where it
+    is not kept.
 
     Parameters
     ----------
@@ -51,7 +58,9 @@ def met_next(exponents: np.ndarray) -> np.ndarray:
 
 
 def lower_products(exponents: np.ndarray) -> np.ndarray:
-    """Index (E, M) of the product with one reflection off m less; E where there is none to take away."""
+    """Index (E, M) of the product with one reflection off m less; E where there is none to take
+    away.
+    """
     following = met_next(exponents)
     count, materials = exponents.shape
     table = np.full((count, materials), count, dtype=np.int64)
@@ -63,21 +72,28 @@ def lower_products(exponents: np.ndarray) -> np.ndarray:
 
 
 def products(exponents: np.ndarray, reflectances: np.ndarray) -> np.ndarray:
-    """Product (E, P) of reflectances (M, P) for each row of exponents; exact where a reflectance is 0."""
+    """Product (E, P) of reflectances (M, P) for each row of exponents; exact where a reflectance is
+    0.
+    """
     values = np.ones((len(exponents) + 1, reflectances.shape[1]))
     for level, parent, material in _recurrence(exponents.tobytes(), exponents.shape):
         values[level] = values[parent] * reflectances[material]
     return values[:-1]
 
 
-def band_products(exponents: np.ndarray, reflectances: np.ndarray, response: np.ndarray) -> np.ndarray:
-    """Signal G (E, K) of each product: the integral of response (K, P) x product, weights in nm included in it."""
+def band_products(exponents: np.ndarray, reflectances: np.ndarray,
+                  response: np.ndarray) -> np.ndarray:
+    """Signal G (E, K) of each product: the integral of response (K, P) x product, weights in nm
+    included in it.
+    """
     return products(exponents, reflectances) @ response.T
 
 
 def band_products_jacobian(exponents: np.ndarray, reflectances: np.ndarray, response: np.ndarray,
-                           basis: np.ndarray, unknown: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Signal (E, K) of each product and its derivative (E, K, U, N) by the spline coefficients of unknown materials.
+                           basis: np.ndarray, unknown: tuple[int, ...]) -> tuple[np.ndarray,
+                                                                                 np.ndarray]:
+    """Signal (E, K) of each product and its derivative (E, K, U, N) by the spline coefficients of
+    unknown materials.
 
     Parameters
     ----------
@@ -100,14 +116,17 @@ def band_products_jacobian(exponents: np.ndarray, reflectances: np.ndarray, resp
 
 def signal(coefficients: np.ndarray, exponents: np.ndarray, reflectances: np.ndarray,
            response: np.ndarray) -> np.ndarray:
-    """Signal (R, K) of R regions from transport coefficients (R, E), or (R, L, E) with response (L, K, P).
+    """Signal (R, K) of R regions from transport coefficients (R, E), or (R, L, E) with response (L,
+    K, P).
 
-    Several lights: their transports are traced apart, each has its own response, and their signals add.
+    Several lights: their transports are traced apart, each has its own response, and their signals
+    add.
     """
     if coefficients.ndim == 2:
         return coefficients @ band_products(exponents, reflectances, response)
     terms = products(exponents, reflectances)
-    return np.einsum("rle,lke->rk", coefficients, np.einsum("ep,lkp->lke", terms, response), optimize=True)
+    return np.einsum("rle,lke->rk", coefficients, np.einsum("ep,lkp->lke", terms, response),
+                     optimize=True)
 
 
 def lower_table(exponents: np.ndarray) -> np.ndarray:
@@ -115,12 +134,15 @@ def lower_table(exponents: np.ndarray) -> np.ndarray:
     return _lower_table(exponents.tobytes(), exponents.shape)
 
 
-def prune(exponents: np.ndarray, coefficients: np.ndarray, brightest: float, share: float) -> tuple[np.ndarray, float]:
-    """Rows (E,) bool of the products worth keeping, and a bound on what leaving out the others drops.
+def prune(exponents: np.ndarray, coefficients: np.ndarray, brightest: float,
+          share: float) -> tuple[np.ndarray, float]:
+    """Rows (E,) bool of the products worth keeping, and a bound on what leaving out the others
+    drops.
 
-    A product can give at most coefficient x ``brightest``^degree of what a light seen through unit reflectances would
-    give. Products are dropped from the least upwards while the sum of these bounds, over all regions, stays below
-    ``share`` of the bound of the whole; a product that a kept one was reached through is kept as well.
+    A product can give at most coefficient x ``brightest``^degree of what a light seen through unit
+    reflectances would give. Products are dropped from the least upwards while the sum of these
+    bounds, over all regions, stays below ``share`` of the bound of the whole; a product that a kept
+    one was reached through is kept as well.
 
     Parameters
     ----------
@@ -154,7 +176,8 @@ def _lower_table(content: bytes, shape: tuple[int, ...]) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=8)
-def _recurrence(content: bytes, shape: tuple[int, ...]) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]:
+def _recurrence(content: bytes,
+                shape: tuple[int, ...]) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]:
     """Per degree: products of it, the product each is reached from, and the material met last."""
     exponents = np.frombuffer(content, dtype=np.int64).reshape(shape)
     degree = exponents.sum(axis=1)

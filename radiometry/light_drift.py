@@ -1,4 +1,6 @@
-"""What the light did between the chart photo and the object photo, from neutral references that both show."""
+"""What the light did between the chart photo and the object photo, from neutral references that
+both show.
+"""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -7,13 +9,14 @@ from typing import Annotated
 import numpy as np
 from scipy.stats import chi2
 
-from radiometry.errors import InputError
-from radiometry.light_scale import exposure_ratio, light_drift, rounding_error
-from radiometry.records import LightScale, LinearImage
-from radiometry.shaped import Record
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.light_scale import exposure_ratio, light_drift, rounding_error
+from spectrabox.radiometry.records import LightScale, LinearImage
+from spectrabox.radiometry.shaped import Record
 
 NOTABLE_ROUNDING = 0.001
-SIGNIFICANCE = 1e-3         # of a change of colour: a sound pair of photos is called changed once in a thousand
+# of a change of colour: a sound pair of photos is called changed once in a thousand
+SIGNIFICANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +34,8 @@ class LightDrift(Record):
 
 def drift_between(chart_photo: LinearImage, chart_signals: np.ndarray, object_photo: LinearImage,
                   object_signals: np.ndarray, relative_error: float) -> LightDrift:
-    """Drift from signals (R, K) of the same R references, standing alike towards the light, in the two photos.
+    """Drift from signals (R, K) of the same R references, standing alike towards the light, in the
+    two photos.
 
     Parameters
     ----------
@@ -41,40 +45,53 @@ def drift_between(chart_photo: LinearImage, chart_signals: np.ndarray, object_ph
     Raises
     ------
     InputError
-        If the photos show different numbers of references, or one does not say how it was exposed, or says less of it
-        than the other.
+        If the photos show different numbers of references, or one does not say how it was exposed,
+        or says less of it than the other.
     """
     if chart_signals.shape != object_signals.shape:
-        raise InputError(f"the chart photo names {len(chart_signals)} references and the object photo "
-                         f"{len(object_signals)}; name the same ones in both, in one order")
+        raise InputError(f"the chart photo names {len(chart_signals)} references and the object "
+                         f"photo {len(object_signals)}; name the same ones in both, in one order")
     before, after = chart_signals, object_signals / exposure_ratio(chart_photo, object_photo)
     ratio, error = light_drift(before, after, relative_error)
-    # A reference that stands brighter does so in all bands: its error is common to them, that of colour is not.
+    # A reference that stands brighter does so in all bands: its error is common to them, that of
+    # colour is not.
     relative = error / ratio
     level = float(np.exp(np.log(ratio).mean()))
     level_error = float(level * relative.max())
     colour = ratio / level - 1
     colour_error = _colour_error(before, after, relative_error)
-    changed = bool(np.sum((colour / colour_error) ** 2) > chi2.isf(SIGNIFICANCE, max(len(ratio) - 1, 1)))
+    changed = bool(np.sum((colour / colour_error) ** 2) > chi2.isf(SIGNIFICANCE,
+                                                                   max(len(ratio) - 1, 1)))
     return LightDrift(ratio, error, level, level_error, colour, changed,
-                      _sentence(level, level_error, colour, changed, rounding_error(chart_photo, object_photo)))
+                      _sentence(level, level_error, colour, changed,
+                                rounding_error(chart_photo, object_photo)))
 
 
 def scale_after_drift(scale: LightScale, drift: LightDrift) -> LightScale:
-    """The light scale of the object photo once the light's level has drifted, the drift's error in its own."""
+    """The light scale of the object photo once the light's level has drifted, the drift's error in
+    its own.
+    """
     known = 0.0 if scale.standard_error is None else scale.standard_error / scale.value
     value = scale.value * drift.level
-    error = None if scale.standard_error is None else value * float(np.hypot(known, drift.level_error / drift.level))
-    return LightScale(value, error, scale.residuals, f"{scale.source}, times {drift.level:.4g} for the light's drift")
+    error = None if scale.standard_error is None else value * float(np.hypot(known,
+                                                                             drift.level_error
+                                                                             / drift.level))
+    return LightScale(value, error, scale.residuals, f"{scale.source}, times {drift.level:.4g} for "
+                      "the light's drift")
 
 
 def drift_covariance(drift: LightDrift) -> np.ndarray:
-    """Relative covariance (K, K) to add to that of predicted signals: a change of colour that no scale undoes."""
-    return np.outer(drift.colour, drift.colour) if drift.colour_changed else np.zeros((drift.ratio.size,) * 2)
+    """Relative covariance (K, K) to add to that of predicted signals: a change of colour that no
+    scale undoes.
+    """
+    return np.outer(drift.colour,
+                    drift.colour) if drift.colour_changed else np.zeros((drift.ratio.size,) * 2)
 
 
 def _colour_error(before: np.ndarray, after: np.ndarray, relative_error: float) -> np.ndarray:
-    """Of one band's log ratio apart from the others': its scatter over the references, at least the stated error."""
+    """Of one band's log ratio apart from the others': its scatter over the references, at least the
+    stated error.
+    """
     logs = np.log(after / before)
     own = logs - logs.mean(axis=1, keepdims=True)
     scatter = own.std(axis=0, ddof=1) if len(own) > 1 else np.zeros(logs.shape[1])
@@ -84,11 +101,12 @@ def _colour_error(before: np.ndarray, after: np.ndarray, relative_error: float) 
 
 def _sentence(level: float, error: float, colour: np.ndarray, changed: bool, rounded: float) -> str:
     word = "brighter" if level > 1 else "dimmer"
-    said = (f"the light was {abs(level - 1):.2%} {word} in the object photo than in the chart photo "
-            f"(standard error {error:.2%}); the light scale takes it into account")
+    said = (f"the light was {abs(level - 1):.2%} {word} in the object photo than in the chart "
+            f"photo (standard error {error:.2%}); the light scale takes it into account")
     if rounded > NOTABLE_ROUNDING:
         said += f"; {rounded:.1%} of it may be how the camera rounds the exposures it states"
     if changed:
-        said += (f"; its colour changed by up to {np.abs(colour).max():.2%}, which widens every error: let the lamp "
-                 "warm up, take both photos closer in time, or measure its spectrum at both")
+        said += (f"; its colour changed by up to {np.abs(colour).max():.2%}, which widens every "
+                 "error: let the lamp warm up, take both photos closer in time, or measure its "
+                 "spectrum at both")
     return said

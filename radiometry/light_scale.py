@@ -3,11 +3,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from radiometry.errors import CalibrationError, InputError
-from radiometry.records import LightScale, LinearImage
+from spectrabox.radiometry.errors import CalibrationError, InputError
+from spectrabox.radiometry.records import LightScale, LinearImage
 
 SAME_SETTING = 1e-6
-DIAL_DIGITS = (1, 1.25, 1.3, 1.5, 1.6, 2, 2.5, 3, 3.2, 4, 5, 6, 6.4, 8)  # of the times that cameras state: 1/125, 1/60
+# of the times that cameras state: 1/125, 1/60
+DIAL_DIGITS = (1, 1.25, 1.3, 1.5, 1.6, 2, 2.5, 3, 3.2, 4, 5, 6, 6.4, 8)
 LONGEST_AS_FRACTION_S = 0.26
 MOST_ROUNDING_STOPS = 0.1    # 1/60 s is 1/64 s, by 0.093
 LARGEST_LIGHT_CONDITION = 1e8
@@ -22,8 +23,9 @@ def exposure_product(photo: LinearImage, name: str) -> float:
         If the photo does not say how it was exposed.
     """
     if photo.exposure_s is None:
-        raise InputError(f"{name} states no exposure time, so its signal cannot be compared with the chart photo's; "
-                         "take the scale from a known material instead ([scale] from = \"material\")")
+        raise InputError(f"{name} states no exposure time, so its signal cannot be compared with "
+                         "the chart photo's; take the scale from a known material instead ([scale] "
+                         "from = \"material\")")
     iso = photo.iso if photo.iso is not None else 1.0
     f_number = photo.f_number if photo.f_number else 1.0
     return photo.exposure_s * iso / f_number**2
@@ -39,19 +41,21 @@ def exposure_ratio(before: LinearImage, after: LinearImage) -> float:
     """
     for setting in ("iso", "f_number"):
         if (getattr(before, setting) is None) != (getattr(after, setting) is None):
-            raise InputError(f"only one of {before.source} and {after.source} states its {setting}; "
-                             "shoot both with the same camera settings")
+            raise InputError(f"only one of {before.source} and {after.source} states its "
+                             f"{setting}; shoot both with the same camera settings")
     return exposure_product(after, after.source) / exposure_product(before, before.source)
 
 
 def rounding_error(before: LinearImage, after: LinearImage) -> float:
-    """Relative error of ``exposure_ratio`` where a camera rounds what it states: 1/60 s for 1/64 s, f/11 for f/11.3.
+    """Relative error of ``exposure_ratio`` where a camera rounds what it states: 1/60 s for 1/64 s,
+    f/11 for f/11.3.
 
-    The difference to the ratio of the nearest thirds of a stop. It is 0 at equal settings, and of times where one of
-    them stands on no dial: those are measured or exact.
+    The difference to the ratio of the nearest thirds of a stop. It is 0 at equal settings, and of
+    times where one of them stands on no dial: those are measured or exact.
     """
     stops = 0.0
-    if before.exposure_s and after.exposure_s and _on_dial(before.exposure_s) and _on_dial(after.exposure_s):
+    if before.exposure_s and after.exposure_s and _on_dial(before.exposure_s) and _on_dial(
+        after.exposure_s):
         stops += _off_third(after.exposure_s) - _off_third(before.exposure_s)
     if before.f_number and after.f_number:
         stops -= _off_third(after.f_number**2) - _off_third(before.f_number**2)
@@ -65,7 +69,9 @@ def _on_dial(exposure_s: float) -> bool:
 
 
 def _off_third(value: float) -> float:
-    """Stops from the nearest third of a stop; 0 where that is further than cameras round, as with half stops."""
+    """Stops from the nearest third of a stop; 0 where that is further than cameras round, as with
+    half stops.
+    """
     stops = float(np.log2(value))
     off = stops - round(3 * stops) / 3
     return off if abs(off) < MOST_ROUNDING_STOPS else 0.0
@@ -78,8 +84,9 @@ def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: Linear
     Parameters
     ----------
     compared : bool
-        A reference that both photos show will tell how the exposures compare (``light_drift.scale_after_drift``), so
-        that the rounding of what the camera states is no error.
+        A reference that both photos show will tell how the exposures compare
+        (``light_drift.scale_after_drift``), so that the rounding of what the camera states is no
+        error.
 
     Raises
     ------
@@ -97,22 +104,27 @@ def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: Linear
     return LightScale(scale.value * ratio, error, scale.residuals, how)
 
 
-def scale_from_signals(measured: np.ndarray, predicted: np.ndarray, relative_error: float, source: str) -> LightScale:
-    """Closed-form weighted least squares of measured (R, K) against predicted (R, K), all known to ``relative_error``.
+def scale_from_signals(measured: np.ndarray, predicted: np.ndarray, relative_error: float,
+                       source: str) -> LightScale:
+    """Closed-form weighted least squares of measured (R, K) against predicted (R, K), all known to
+    ``relative_error``.
 
-    The signal is linear in the light: a render at 2.5 times the light is 2.5 times the image. The standard error is the
-    largest of what ``relative_error`` says, what the scatter of all signals says, and what that of the regions says:
-    the bands of one region err together where its place, angle or paint is not as predicted, and count as one.
+    The signal is linear in the light: a render at 2.5 times the light is 2.5 times the image. The
+    standard error is the largest of what ``relative_error`` says, what the scatter of all signals
+    says, and what that of the regions says: the bands of one region err together where its place,
+    angle or paint is not as predicted, and count as one.
     """
     weight = 1 / (relative_error * measured) ** 2
     curvature = np.sum(weight * predicted**2)
     value = np.sum(weight * measured * predicted) / curvature
     residuals = 1 - value * predicted / measured
-    misfit = max(np.sum(weight * (measured - value * predicted) ** 2) / max(measured.size - 1, 1), 1.0)
+    misfit = max(np.sum(weight * (measured - value * predicted) ** 2) / max(measured.size - 1, 1),
+                 1.0)
     regions = len(measured)
     pulls = np.sum(weight * predicted * (measured - value * predicted), axis=1) / curvature
     by_region = np.sum(pulls**2) * regions / max(regions - 1, 1)
-    return LightScale(float(value), float(np.sqrt(max(misfit / curvature, by_region))), residuals, source)
+    return LightScale(float(value), float(np.sqrt(max(misfit / curvature, by_region))), residuals,
+                      source)
 
 
 def scales_from_signals(measured: np.ndarray, predicted: np.ndarray,
@@ -136,21 +148,24 @@ def scales_from_signals(measured: np.ndarray, predicted: np.ndarray,
     normal = rows.T @ rows
     spread = np.sqrt(np.diag(normal))
     if np.linalg.cond(normal / np.outer(spread, spread)) > LARGEST_LIGHT_CONDITION:
-        raise CalibrationError(f"these {measured.shape[0]} regions cannot tell the {len(predicted)} lights apart; "
-                               "photograph the chart under one light at a time")
+        raise CalibrationError(f"these {measured.shape[0]} regions cannot tell the "
+                               f"{len(predicted)} lights apart; photograph the chart under one "
+                               "light at a time")
     covariance = np.linalg.inv(normal)
     values = covariance @ rows.T @ target
     misfit = np.sum((target - rows @ values) ** 2) / max(measured.size - len(predicted), 1)
     return values, covariance * max(misfit, 1.0)
 
 
-def light_drift(before: np.ndarray, after: np.ndarray, relative_error: float) -> tuple[np.ndarray, np.ndarray]:
+def light_drift(before: np.ndarray, after: np.ndarray, relative_error: float) -> tuple[np.ndarray,
+                                                                                       np.ndarray]:
     """Change of the light between two photos of the same neutral reference.
 
     Parameters
     ----------
     before, after : (R, K) arrays
-        Signals of the same R neutral regions, divided by their exposures (see ``exposure_product``).
+        Signals of the same R neutral regions, divided by their exposures (see
+        ``exposure_product``).
     relative_error : float
         Of each signal.
 

@@ -1,8 +1,9 @@
 """Every record that passes between stages, in flow order: read this file first.
 
-Shape letters: H, W pixels; P wavelengths; N spline coefficients; K camera bands (3 or more); M materials; R regions;
-E products of reflectances; T samples; S surfaces. "signal" is linear, black-subtracted, without white balance, as a
-fraction of (white - black). Wavelengths are in nm. Arrays are read-only.
+Shape letters: H, W pixels; P wavelengths; N spline coefficients; K camera bands (3 or more); M
+materials; R regions; E products of reflectances; T samples; S surfaces. "signal" is linear,
+black-subtracted, without white balance, as a fraction of (white - black). Wavelengths are in nm.
+Arrays are read-only.
 """
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from typing import Annotated
 
 import numpy as np
 
-from radiometry.shaped import Record
+from spectrabox.radiometry.shaped import Record
 
 
 class Quantity(Enum):
@@ -43,7 +44,7 @@ class PhotoKind(Enum):
     LINEAR_FILE = "image file taken as linear"
 
 
-# ---- spectra -------------------------------------------------------------------------------------------------------
+# ---- spectra -------------------------------------------------------------------------------------
 
 @dataclass(frozen=True, eq=False)
 class WavelengthGrid(Record):
@@ -64,14 +65,15 @@ class Spectrum(Record):
     standard_error: Annotated[np.ndarray, "P"] | None = None
 
 
-# ---- capture -------------------------------------------------------------------------------------------------------
+# ---- capture -------------------------------------------------------------------------------------
 
 @dataclass(frozen=True, eq=False)
 class RawFrame(Record):
     """The mosaic as the sensor gave it, in sensor orientation."""
 
     mosaic: Annotated[np.ndarray, "H W"]            # uint16 DN, visible area
-    cfa: Annotated[np.ndarray, "a b"]               # index 0 R, 1 G, 2 B of the repeating tile, from pixel (0, 0)
+    # index 0 R, 1 G, 2 B of the repeating tile, from pixel (0, 0)
+    cfa: Annotated[np.ndarray, "a b"]
     black_level: Annotated[np.ndarray, "a b"]       # DN at each position of the tile
     white_level: float                              # DN
     exposure_s: float | None
@@ -84,11 +86,13 @@ class RawFrame(Record):
 
 @dataclass(frozen=True, eq=False)
 class LinearImage(Record):
-    """Linear camera signal; one pixel covers ``sensor_step`` x ``sensor_step`` pixels of the photo."""
+    """Linear camera signal; one pixel covers ``sensor_step`` x ``sensor_step`` pixels of the
+    photo.
+    """
 
     signal: Annotated[np.ndarray, "H W K"]          # float32
     variance: Annotated[np.ndarray, "H W K"]        # float32, signal squared
-    saturated: Annotated[np.ndarray, "H W K"]       # bool: any contributing sample at the clip point
+    saturated: Annotated[np.ndarray, "H W K"]  # bool: any contributing sample at the clip point
     sensor_step: float
     exposure_s: float | None                        # None where the file does not say
     iso: float | None
@@ -101,10 +105,13 @@ class LinearImage(Record):
 
 @dataclass(frozen=True, eq=False)
 class ChartDetection(Record):
-    """Where the 24 patches lie. Corners in full-resolution sensor pixels, (0, 0) the centre of the top-left pixel."""
+    """Where the 24 patches lie. Corners in full-resolution sensor pixels, (0, 0) the centre of the
+    top-left pixel.
+    """
 
-    corners_px: Annotated[np.ndarray, "24 4 2"]     # the sampled quadrilateral of each patch, chart order
-    confidence: float                               # 0 to 1: agreement of the patches with the reference
+    # the sampled quadrilateral of each patch, chart order
+    corners_px: Annotated[np.ndarray, "24 4 2"]
+    confidence: float  # 0 to 1: agreement of the patches with the reference
     mirrored: bool
     how_found: str
 
@@ -120,7 +127,7 @@ class PatchSamples(Record):
     gradient: Annotated[np.ndarray, "24 K"]         # relative change of the signal across the patch
 
 
-# ---- calibrate -----------------------------------------------------------------------------------------------------
+# ---- calibrate -----------------------------------------------------------------------------------
 
 @dataclass(frozen=True, eq=False)
 class SensitivityFit(Record):
@@ -128,12 +135,14 @@ class SensitivityFit(Record):
 
     grid: WavelengthGrid
     curves: Annotated[np.ndarray, "K P"]
-    basis: Annotated[np.ndarray, "P N"] | None      # None where the curves were measured and read from a file
+    # None where the curves were measured and read from a file
+    basis: Annotated[np.ndarray, "P N"] | None
     coefficients: Annotated[np.ndarray, "K N"] | None
     covariance: Annotated[np.ndarray, "D D"] | None  # D = K N, band after band
     standard_error: Annotated[np.ndarray, "K P"] | None
     residuals: Annotated[np.ndarray, "24 K"] | None  # (photo - fit) / photo of each patch
-    held_out_residuals: Annotated[np.ndarray, "24 K"] | None  # the same, each patch left out of its own fit
+    # the same, each patch left out of its own fit
+    held_out_residuals: Annotated[np.ndarray, "24 K"] | None
     condition_number: float | None
     method: str
     outcome: Outcome
@@ -141,7 +150,9 @@ class SensitivityFit(Record):
 
 @dataclass(frozen=True, eq=False)
 class LightScale(Record):
-    """Factor from rendered signal (light spectrum as given, sensitivities peaking at 1) to the photo's signal."""
+    """Factor from rendered signal (light spectrum as given, sensitivities peaking at 1) to the
+    photo's signal.
+    """
 
     value: float
     standard_error: float | None
@@ -151,20 +162,25 @@ class LightScale(Record):
 
 @dataclass(frozen=True, eq=False)
 class Calibration(Record):
-    """All that turns rendered spectra into camera signal. ``relative_covariance`` is the error of predicted signals."""
+    """All that turns rendered spectra into camera signal. ``relative_covariance`` is the error of
+    predicted signals.
+    """
 
     sensitivity: SensitivityFit
     light: Spectrum
-    light_scale: LightScale | None                  # None: to be found from a known material of the scene
-    relative_covariance: Annotated[np.ndarray, "K K"]  # of (photo - predicted) / photo for surfaces like the chart's
+    light_scale: LightScale | None  # None: to be found from a known material of the scene
+    # of (photo - predicted) / photo for surfaces like the chart's
+    relative_covariance: Annotated[np.ndarray, "K K"]
     checks: tuple[str, ...]
 
 
-# ---- reconstruct ---------------------------------------------------------------------------------------------------
+# ---- reconstruct ---------------------------------------------------------------------------------
 
 @dataclass(frozen=True, eq=False)
 class LightTransport(Record):
-    """Light transport as a polynomial: signal of region r is the sum over e of coefficients[r, e] x product e."""
+    """Light transport as a polynomial: signal of region r is the sum over e of coefficients[r, e] x
+    product e.
+    """
 
     materials: tuple[str, ...]
     exponents: Annotated[np.ndarray, "E M"]         # how often each material is met
@@ -180,7 +196,7 @@ class SurfaceAgreement(Record):
     materials: tuple[str, ...]                      # S material names
     pixels: Annotated[np.ndarray, "S"]
     ratio: Annotated[np.ndarray, "S K"]             # photo / rendering, summed over the surface
-    spread: Annotated[np.ndarray, "S K"]            # standard deviation of log(photo / rendering) over blocks
+    spread: Annotated[np.ndarray, "S K"]  # standard deviation of log(photo / rendering) over blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,10 +209,13 @@ class Reconstruction(Record):
     basis: Annotated[np.ndarray, "P N"]
     coefficients: Annotated[np.ndarray, "M N"]      # NaN rows where known
     spectra: Annotated[np.ndarray, "M P"]
-    white_signal: Annotated[np.ndarray, "K"]        # integral of sensitivity x light: what reflectance 1 gives
+    # integral of sensitivity x light: what reflectance 1 gives
+    white_signal: Annotated[np.ndarray, "K"]
     signal: Annotated[np.ndarray, "M K"]            # of each material, relative to white
-    signal_covariance: Annotated[np.ndarray, "M K K"]  # photo noise and Monte Carlo noise of the fit
-    model_covariance: Annotated[np.ndarray, "M K K"]   # photo and model disagree: relative, by surface
+    # photo noise and Monte Carlo noise of the fit
+    signal_covariance: Annotated[np.ndarray, "M K K"]
+    # photo and model disagree: relative, by surface
+    model_covariance: Annotated[np.ndarray, "M K K"]
     measured: Annotated[np.ndarray, "H W K"]        # photo at the render's size
     rendered: Annotated[np.ndarray, "H W K"]
     used: Annotated[np.ndarray, "H W"]              # bool: pixels that entered the fit
@@ -211,11 +230,13 @@ class Reconstruction(Record):
     notes: tuple[str, ...] = ()                     # what is data and what is prior, in sentences
 
 
-# ---- sampling ------------------------------------------------------------------------------------------------------
+# ---- sampling ------------------------------------------------------------------------------------
 
 @dataclass(frozen=True, eq=False)
 class MeasurementOperator(Record):
-    """What the camera said of one surface: ``y = A c + noise``, relative to white (reflectance 1 gives 1)."""
+    """What the camera said of one surface: ``y = A c + noise``, relative to white (reflectance 1
+    gives 1).
+    """
 
     A: Annotated[np.ndarray, "K N"]
     y: Annotated[np.ndarray, "K"]
@@ -253,8 +274,9 @@ class SpectrumSummary(Record):
     standard_deviation: Annotated[np.ndarray, "P"]
     lower: Annotated[np.ndarray, "P"]               # pointwise band at ``level``
     upper: Annotated[np.ndarray, "P"]
-    bound_lower: Annotated[np.ndarray, "P"]         # exact lowest and highest over all spectra of the class
+    # exact lowest and highest over all spectra of the class
+    bound_lower: Annotated[np.ndarray, "P"]
     bound_upper: Annotated[np.ndarray, "P"]
     level: float
     conditional_on: str
-    next_measurement_nm: float                      # one more reading here would narrow the band most
+    next_measurement_nm: float  # one more reading here would narrow the band most

@@ -1,7 +1,8 @@
 """Frozen records whose arrays are checked against letters and kept read-only.
 
-A field is declared as ``mean: Annotated[np.ndarray, "24 K"]``. A letter is any size, the same wherever it stands in
-the record; a number is that size. ``None`` passes where the annotation allows it.
+A field is declared as ``mean: Annotated[np.ndarray, "24 K"]``. A letter is any size, the same
+wherever it stands in the record; a number is that size. ``None`` passes where the annotation allows
+it.
 """
 from __future__ import annotations
 
@@ -14,7 +15,9 @@ import numpy as np
 
 
 class Record:
-    """Base of the frozen records: checks shapes, makes read-only copies of what could be changed from outside."""
+    """Base of the frozen records: checks shapes, makes read-only copies of what could be changed
+    from outside.
+    """
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
@@ -45,11 +48,13 @@ def _letters(hint: Any) -> str | None:
     return found[0] if found else None
 
 
-def _check_shape(record: str, field: str, shape: tuple[int, ...], letters: list[str], sizes: dict[str, int]) -> None:
+def _check_shape(record: str, field: str, shape: tuple[int, ...], letters: list[str],
+                 sizes: dict[str, int]) -> None:
     wanted = " ".join(letters)
     if len(shape) != len(letters):
         raise ValueError(f"{record}.{field} has shape {shape}; ({wanted}) is needed")
     for size, letter in zip(shape, letters, strict=True):
         expected = int(letter) if letter.isdigit() else sizes.setdefault(letter, size)
         if size != expected:
-            raise ValueError(f"{record}.{field} has shape {shape}; ({wanted}) with {letter} = {expected} is needed")
+            raise ValueError(f"{record}.{field} has shape {shape}; ({wanted}) with {letter} = "
+                             f"{expected} is needed")

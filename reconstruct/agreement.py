@@ -5,29 +5,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radiometry.light_scale import scale_from_signals
-from radiometry.records import LightScale, LinearImage, SurfaceAgreement
+from spectrabox.radiometry.light_scale import scale_from_signals
+from spectrabox.radiometry.records import LightScale, LinearImage, SurfaceAgreement
 
-EDGE_CONTRAST = 0.6      # (max - min) / mean within 3 x 3 pixels: above, an edge or a shadow boundary runs through
+# (max - min) / mean within 3 x 3 pixels: above, an edge or a shadow boundary runs through
+EDGE_CONTRAST = 0.6
 DARKEST_SIGNAL = 1e-4    # of the photo's 99th percentile: below, a ratio says nothing
 SCALE_ERROR = 0.01       # relative: weight of a surface's mean in the light scale
 FIELD_TERMS = 5          # of a quadratic field over a surface, its mean left out
 LEAST_SHIFT = 0.5        # pixels
-LIKE_EDGES = 0.3         # correlation of the edges of photo and rendering, below which they show different things
+# correlation of the edges of photo and rendering, below which they show different things
+LIKE_EDGES = 0.3
 BETTER_EDGES = 0.05      # by which a shift must make them more alike
 BLOCK = 4                # pixels: blocks over which the spread of photo / rendering is taken
 
 
 def usable_pixels(photo: LinearImage, surface: np.ndarray) -> np.ndarray:
-    """Pixels (H, W) that one surface fills, unsaturated, lit, and not on an edge or shadow boundary of the photo."""
+    """Pixels (H, W) that one surface fills, unsaturated, lit, and not on an edge or shadow boundary
+    of the photo.
+    """
     signal = photo.signal
     floor = DARKEST_SIGNAL * np.percentile(signal, 99, axis=(0, 1))
     return ((surface >= 0) & ~photo.saturated.any(axis=2) & (signal > floor).all(axis=2)
             & (_local_contrast(signal.mean(axis=2)) < EDGE_CONTRAST))
 
 
-def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measured: np.ndarray, rendered: np.ndarray,
-                      surface: np.ndarray, used: np.ndarray) -> SurfaceAgreement:
+def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measured: np.ndarray,
+                      rendered: np.ndarray, surface: np.ndarray,
+                      used: np.ndarray) -> SurfaceAgreement:
     """Ratio of photo to rendering of each surface and the scatter of that ratio within it.
 
     Parameters
@@ -41,27 +46,34 @@ def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measur
     Returns
     -------
     SurfaceAgreement
-        Of the surfaces that have usable pixels, in the given order; one that the rendering leaves dark has no ratio.
+        Of the surfaces that have usable pixels, in the given order; one that the rendering leaves
+        dark has no ratio.
     """
     rows = []
     for index, (name, material) in enumerate(zip(names, materials, strict=True)):
         mask = used & (surface == index)
-        if mask.any() and np.all(rendered[mask].sum(axis=0) > DARKEST_SIGNAL * measured[mask].sum(axis=0)):
+        if mask.any() and np.all(rendered[mask].sum(axis=0) > DARKEST_SIGNAL
+                                 * measured[mask].sum(axis=0)):
             ratio = measured[mask].sum(axis=0) / rendered[mask].sum(axis=0)
             rows.append((f"{material} / {name}", material, int(mask.sum()), ratio,
                          _block_spread(measured, rendered, mask)))
-    kept, kept_materials, pixels, ratios, spreads = zip(*rows, strict=True) if rows else ((), (), (), (), ())
+    kept, kept_materials, pixels, ratios, spreads = zip(*rows, strict=True) if rows else ((), (),
+                                                                                          (), (),
+                                                                                          ())
     bands = measured.shape[2]
-    return SurfaceAgreement(kept, kept_materials, np.array(pixels, dtype=int), np.array(ratios).reshape(-1, bands),
+    return SurfaceAgreement(kept, kept_materials, np.array(pixels, dtype=int),
+                            np.array(ratios).reshape(-1, bands),
                             np.array(spreads).reshape(-1, bands))
 
 
 def surface_covariance(agreement: SurfaceAgreement, known: frozenset[str]) -> np.ndarray:
-    """Covariance (K, K) between surfaces of log(photo / rendering): errors of light, pose and geometry.
+    """Covariance (K, K) between surfaces of log(photo / rendering): errors of light, pose and
+    geometry.
 
-    A material that was fitted absorbs the mean error of its surfaces, so it tells only by the differences between
-    them; a known material tells by every surface. The covariance is pooled over the scene, since such errors befall
-    all surfaces alike. Zeros where the scene has no surface to tell from.
+    A material that was fitted absorbs the mean error of its surfaces, so it tells only by the
+    differences between them; a known material tells by every surface. The covariance is pooled over
+    the scene, since such errors befall all surfaces alike. Zeros where the scene has no surface to
+    tell from.
     """
     offset = np.log(agreement.ratio)
     total, freedom = np.zeros((offset.shape[1],) * 2), 0
@@ -75,18 +87,23 @@ def surface_covariance(agreement: SurfaceAgreement, known: frozenset[str]) -> np
 
 @dataclass(frozen=True)
 class SceneErrors:
-    """Standard deviations of log(photo / rendering) that a scene shows where its materials allow no excuse."""
+    """Standard deviations of log(photo / rendering) that a scene shows where its materials allow no
+    excuse.
+    """
 
     brightness: float       # of a surface, all bands alike
     colour: float           # of a surface, in each band apart
     block: float            # of a block of pixels, as if blocks erred apart
 
 
-def scene_errors(agreement: SurfaceAgreement, known: frozenset[str], regions: int) -> SceneErrors | None:
-    """What errors the surfaces of known materials show, and surfaces of one unknown material among themselves.
+def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
+                 regions: int) -> SceneErrors | None:
+    """What errors the surfaces of known materials show, and surfaces of one unknown material among
+    themselves.
 
-    Neighbouring blocks err alike: the pattern within a surface is taken to have as many independent parts as a
-    quadratic field has terms (``FIELD_TERMS``), whatever the number of blocks, so each block weighs less.
+    Neighbouring blocks err alike: the pattern within a surface is taken to have as many independent
+    parts as a quadratic field has terms (``FIELD_TERMS``), whatever the number of blocks, so each
+    block weighs less.
 
     Parameters
     ----------
@@ -109,16 +126,19 @@ def scene_errors(agreement: SurfaceAgreement, known: frozenset[str], regions: in
     bands = deviation.shape[1]
     within = float(np.sqrt(np.mean(agreement.spread**2)))
     return SceneErrors(float(np.sqrt(np.sum(grey**2) / freedom)),
-                       float(np.sqrt(np.sum((deviation - grey) ** 2) / (freedom * max(bands - 1, 1)))),
+                       float(np.sqrt(np.sum((deviation - grey) ** 2)
+                                     / (freedom * max(bands - 1, 1)))),
                        within * float(np.sqrt(max(regions / len(deviation) / FIELD_TERMS, 1.0))))
 
 
-def model_covariance(agreement: SurfaceAgreement, material: str, known: frozenset[str]) -> np.ndarray:
+def model_covariance(agreement: SurfaceAgreement, material: str,
+                     known: frozenset[str]) -> np.ndarray:
     """Relative covariance (K, K) of one material's signal by which photo and model disagree.
 
-    Three parts: the scatter between the scene's surfaces, divided by the number of this material's; the second moment
-    of its own mean log(photo / rendering), which a fit could not absorb; and the scatter within its surfaces, which
-    is not divided by the number of pixels, since neighbours err alike.
+    Three parts: the scatter between the scene's surfaces, divided by the number of this material's;
+    the second moment of its own mean log(photo / rendering), which a fit could not absorb; and the
+    scatter within its surfaces, which is not divided by the number of pixels, since neighbours err
+    alike.
     """
     mine = [index for index, name in enumerate(agreement.materials) if name == material]
     if not mine:
@@ -129,8 +149,10 @@ def model_covariance(agreement: SurfaceAgreement, material: str, known: frozense
     return surface_covariance(agreement, known) / len(mine) + np.outer(mean, mean) + within
 
 
-def scale_from_surfaces(measured: np.ndarray, rendered: np.ndarray, surface: np.ndarray, source: str) -> LightScale:
-    """Light scale from the sums over each surface of known spectrum, with every band of every surface counting alike.
+def scale_from_surfaces(measured: np.ndarray, rendered: np.ndarray, surface: np.ndarray,
+                        source: str) -> LightScale:
+    """Light scale from the sums over each surface of known spectrum, with every band of every
+    surface counting alike.
 
     Sums, not pixels: a fit to single pixels is biased by the noise of the rendering.
 
@@ -140,23 +162,29 @@ def scale_from_surfaces(measured: np.ndarray, rendered: np.ndarray, surface: np.
     surface : (H, W) int
         Index of the surface, -1 where a pixel does not count.
     """
-    return scale_from_signals(_sums(measured, surface), _sums(rendered, surface), SCALE_ERROR, source)
+    return scale_from_signals(_sums(measured, surface), _sums(rendered, surface), SCALE_ERROR,
+                              source)
 
 
 def _sums(image: np.ndarray, surface: np.ndarray) -> np.ndarray:
     mask = surface >= 0
     members = np.unique(surface[mask], return_inverse=True)[1]
-    return np.stack([np.bincount(members, image[mask][:, band]) for band in range(image.shape[2])], axis=1)
+    return np.stack([np.bincount(members, image[mask][:, band]) for band in range(image.shape[2])],
+                    axis=1)
 
 
 def _local_contrast(grey: np.ndarray) -> np.ndarray:
     padded = np.pad(grey, 1, mode="edge")
-    shifts = np.stack([padded[i:i + grey.shape[0], j:j + grey.shape[1]] for i in range(3) for j in range(3)])
-    return (shifts.max(axis=0) - shifts.min(axis=0)) / np.maximum(np.abs(shifts).mean(axis=0), 1e-12)
+    shifts = np.stack([padded[i:i + grey.shape[0], j:j + grey.shape[1]] for i in range(3)
+                       for j in range(3)])
+    return (shifts.max(axis=0) - shifts.min(axis=0)) / np.maximum(np.abs(shifts).mean(axis=0),
+                                                                  1e-12)
 
 
 def _block_spread(measured: np.ndarray, rendered: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Standard deviation (K,) of log(photo / rendering) over blocks; 0 where there are fewer than two blocks."""
+    """Standard deviation (K,) of log(photo / rendering) over blocks; 0 where there are fewer than
+    two blocks.
+    """
     row, column = np.nonzero(mask)
     block = (row // BLOCK) * (mask.shape[1] // BLOCK + 1) + column // BLOCK
     _, member, count = np.unique(block, return_inverse=True, return_counts=True)
@@ -171,31 +199,36 @@ def _block_spread(measured: np.ndarray, rendered: np.ndarray, mask: np.ndarray) 
 
 
 def misalignment(measured: np.ndarray, rendered: np.ndarray) -> tuple[float, float]:
-    """Shift (x, y) in pixels that the photo shows against the rendering, by the correlation of their edges.
+    """Shift (x, y) in pixels that the photo shows against the rendering, by the correlation of
+    their edges.
 
-    Both (H, W, K). The peak of the correlation is refined by a parabola; a rendering of another scene gives a number
-    without meaning: ``shift_sentence`` says only what the edges bear out.
+    Both (H, W, K). The peak of the correlation is refined by a parabola; a rendering of another
+    scene gives a number without meaning: ``shift_sentence`` says only what the edges bear out.
     """
     return _shift_of(_edge_correlation(measured, rendered))
 
 
 def shift_sentence(measured: np.ndarray, rendered: np.ndarray) -> str:
-    """By how much the photo is shifted against its scene, where the edges agree clearly better so; else nothing."""
+    """By how much the photo is shifted against its scene, where the edges agree clearly better so;
+    else nothing.
+    """
     correlation = _edge_correlation(measured, rendered)
     right, down = _shift_of(correlation)
     best = correlation.max()
     if np.hypot(right, down) < LEAST_SHIFT or best < LIKE_EDGES or best - correlation[0, 0] < BETTER_EDGES:
         return ""
-    return (f"the photo is shifted against the scene by {right:+.1f} pixels to the right and {down:+.1f} down, of "
-            f"{measured.shape[1]} across (its edges then agree with a correlation of {best:.2f}, unmoved "
-            f"{correlation[0, 0]:.2f}): check the camera's pose, or whether the photo was cropped")
+    return (f"the photo is shifted against the scene by {right:+.1f} pixels to the right and "
+            f"{down:+.1f} down, of {measured.shape[1]} across (its edges then agree with a "
+            f"correlation of {best:.2f}, unmoved {correlation[0, 0]:.2f}): check the camera's "
+            "pose, or whether the photo was cropped")
 
 
 def _edge_correlation(measured: np.ndarray, rendered: np.ndarray) -> np.ndarray:
     """Correlation coefficient (H, W) of the edges for every cyclic shift of the rendering."""
     a, b = (_edges(image) for image in (measured, rendered))
     size = np.linalg.norm(a) * np.linalg.norm(b)
-    found: np.ndarray = np.fft.ifft2(np.fft.fft2(a) * np.conj(np.fft.fft2(b))).real / (size if size else 1.0)
+    found: np.ndarray = np.fft.ifft2(np.fft.fft2(a) * np.conj(np.fft.fft2(b))).real / (size if size
+                                                                                       else 1.0)
     return found
 
 
@@ -213,7 +246,9 @@ def _shift_of(correlation: np.ndarray) -> tuple[float, float]:
 
 
 def _edges(image: np.ndarray) -> np.ndarray:
-    """Strength (H, W) of the edges of a picture, relative to its brightness there, without the frame's."""
+    """Strength (H, W) of the edges of a picture, relative to its brightness there, without the
+    frame's.
+    """
     grey = np.log(np.maximum(image.mean(axis=2), 1e-3 * np.percentile(image, 95)))
     edges = np.zeros(grey.shape)
     edges[1:-1, 1:-1] = np.hypot(grey[2:, 1:-1] - grey[:-2, 1:-1], grey[1:-1, 2:] - grey[1:-1, :-2])

@@ -1,4 +1,6 @@
-"""Several photos of the same materials as one answer: each photo's own record, and the bands of all of them stacked."""
+"""Several photos of the same materials as one answer: each photo's own record, and the bands of all
+of them stacked.
+"""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -7,28 +9,31 @@ from typing import Annotated
 
 import numpy as np
 
-from radiometry.records import Outcome, Reconstruction, WavelengthGrid
-from radiometry.response import relative_operator, white_signal
-from radiometry.shaped import Record
-from reconstruct.identifiability import band_signals, identifiability, sentences
-from reconstruct.inverse_problem import EngineAnswer, InverseProblem
-from reconstruct.region_transport import RegionTransport
-from reconstruct.traced_fit import unknown_materials
-from reconstruct.transport_engine import ViewsAnswer
-from reconstruct.transport_fit import TransportFit
+from spectrabox.radiometry.records import Outcome, Reconstruction, WavelengthGrid
+from spectrabox.radiometry.response import relative_operator, white_signal
+from spectrabox.radiometry.shaped import Record
+from spectrabox.reconstruct.engines.transport_engine import ViewsAnswer
+from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
+from spectrabox.reconstruct.fit.region_transport import RegionTransport
+from spectrabox.reconstruct.fit.traced_fit import unknown_materials
+from spectrabox.reconstruct.fit.transport_fit import TransportFit
+from spectrabox.reconstruct.problem import EngineAnswer, InverseProblem
 
 SAME = 1e-9             # relative: responses closer than this are one
-REDUNDANT = 1e-4        # of white: error given to every stacked signal, so that bands which repeat others stay regular
+# of white: error given to every stacked signal, so that bands which repeat others stay regular
+REDUNDANT = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class JointReconstruction(Record):
-    """Spectra that explain V photos. J bands: those of every view, without the views that repeat an earlier response.
+    """Spectra that explain V photos. J bands: those of every view, without the views that repeat an
+    earlier response.
 
-    Two photos that differ in exposure or viewpoint alone have the same response, and add no band but better signals.
+    Two photos that differ in exposure or viewpoint alone have the same response, and add no band
+    but better signals.
     """
 
-    views: tuple[Reconstruction, ...]               # of each photo; coefficients and spectra are the same in all
+    views: tuple[Reconstruction, ...]  # of each photo; coefficients and spectra are the same in all
     names: tuple[str, ...]                          # of the views
     materials: tuple[str, ...]                      # M, of all views
     known: tuple[bool, ...]
@@ -39,11 +44,13 @@ class JointReconstruction(Record):
     response: Annotated[np.ndarray, "J P"]          # of each band; rows sum to 1
     signal: Annotated[np.ndarray, "M J"]            # of each material, relative to white
     signal_covariance: Annotated[np.ndarray, "M J J"]
-    model_covariance: Annotated[np.ndarray, "M J J"]   # relative; bands of different views err apart
-    regions: tuple[RegionTransport, ...] = ()       # of each view; none where an engine other than transport found it
+    model_covariance: Annotated[np.ndarray, "M J J"]  # relative; bands of different views err apart
+    # of each view; none where an engine other than transport found it
+    regions: tuple[RegionTransport, ...] = ()
 
 
-def engine_answers(problems: Sequence[InverseProblem], answer: ViewsAnswer) -> tuple[EngineAnswer, ...]:
+def engine_answers(problems: Sequence[InverseProblem], answer: ViewsAnswer) -> tuple[EngineAnswer,
+                                                                                     ...]:
     """What each photo's record needs of a joint fit."""
     fit, unknown = answer.fit, unknown_materials(problems)
     names = [material.bsdf for material in unknown]
@@ -57,15 +64,19 @@ def engine_answers(problems: Sequence[InverseProblem], answer: ViewsAnswer) -> t
         signals, covariance = band_signals(fit, _operator(problem), len(names))
         view = fit.views[number]
         answers.append(EngineAnswer(
-            fit.coefficients[mine], signals[mine], covariance[mine], answer.rendered[number], fit.cost_history,
-            answer.engines[number], answer.spp[number], outcome,
-            sentences(found) + view.sentences(problem.bands, [name for name, in problem.light_groups]),
-            (view.scale, view.scale_error)))
+                           fit.coefficients[mine], signals[mine], covariance[mine],
+                           answer.rendered[number], fit.cost_history, answer.engines[number],
+                           answer.spp[number], outcome,
+                           sentences(found) + view.sentences(problem.bands,
+                                                             [name for name,
+                                                              in problem.light_groups]),
+                           (view.scale, view.scale_error)))
     return tuple(answers)
 
 
 def joint_record(problems: Sequence[InverseProblem], views: Sequence[Reconstruction],
-                 fit: TransportFit | None, regions: Sequence[RegionTransport | None] = ()) -> JointReconstruction:
+                 fit: TransportFit | None,
+                 regions: Sequence[RegionTransport | None] = ()) -> JointReconstruction:
     """The views' records with their bands stacked.
 
     Parameters
@@ -78,11 +89,13 @@ def joint_record(problems: Sequence[InverseProblem], views: Sequence[Reconstruct
     """
     distinct = [number for number, problem in enumerate(problems)
                 if not any(_alike(problem, other) for other in problems[:number])]
-    shown = {name: (view, place) for view in reversed(views) for place, name in enumerate(view.materials)}
+    shown = {name: (view, place) for view in reversed(views) for place,
+             name in enumerate(view.materials)}
     materials = tuple(dict.fromkeys(name for view in views for name in view.materials))
     spectra = np.array([shown[name][0].spectra[shown[name][1]] for name in materials])
     known = tuple(shown[name][0].known[shown[name][1]] for name in materials)
-    response = np.vstack([problems[number].response / white_signal(problems[number].response)[:, None]
+    response = np.vstack([problems[number].response / white_signal(problems[number].response)[:,
+                                                                                              None]
                           for number in distinct])
     view_of_band = np.repeat(distinct, [len(problems[number].bands) for number in distinct])
     signal = spectra @ response.T
@@ -97,15 +110,20 @@ def joint_record(problems: Sequence[InverseProblem], views: Sequence[Reconstruct
     model = np.zeros_like(covariance)
     for number in distinct:
         bands = np.flatnonzero(view_of_band == number)
-        alike = [view for problem, view in zip(problems, views, strict=True) if _alike(problem, problems[number])]
+        alike = [view for problem, view in zip(problems, views, strict=True) if _alike(problem,
+                                                                                       problems[
+                                                                                           number])]
         for place, name in enumerate(materials):
-            parts = [view.model_covariance[view.materials.index(name)] for view in alike if name in view.materials]
-            if parts:  # the mean, not divided by their number: what is wrong with one is wrong with the other
+            parts = [view.model_covariance[view.materials.index(name)] for view in alike
+                     if name in view.materials]
+            # the mean, not divided by their number: what is wrong with one is wrong with the other
+            if parts:
                 model[place][np.ix_(bands, bands)] = np.mean(parts, axis=0)
     return JointReconstruction(
-        tuple(views), tuple(problem.name for problem in problems), materials, known, problems[0].grid, spectra,
-        tuple(f"{problems[number].name}: {band}" for number in distinct for band in problems[number].bands),
-        view_of_band, response, signal,
+        tuple(views), tuple(problem.name for problem in problems), materials, known,
+        problems[0].grid, spectra, tuple(f"{problems[number].name}: {band}" for number in distinct
+                                         for band in problems[number].bands), view_of_band,
+        response, signal,
         covariance + (REDUNDANT**2 * np.eye(len(response)) if len(problems) > 1 else 0.0), model,
         tuple(one for one in regions if one is not None))
 

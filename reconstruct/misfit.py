@@ -1,11 +1,12 @@
-"""Which surfaces do not fit: tests of every surface and band, together wrong in at most one scene of a hundred.
+"""Which surfaces do not fit: tests of every surface and band, together wrong in at most one scene
+of a hundred.
 
-Two tests for each surface and band. Level: is the surface as a whole brighter or darker than the rendering by more
-than its noise and the stated error of a surface explain (normal)? Shape: do its blocks scatter more than noise and the
-stated error of the photo explain (chi-square), as a lamp in the wrong place or vignetting makes them? The noise of
-photo and rendering together is read off the differences of neighbouring pixels, to which nothing smooth adds. A fit
-absorbs part of a deviation, so the tests err towards silence. Holm's correction (1979) bounds the chance of any false
-alarm.
+Two tests for each surface and band. Level: is the surface as a whole brighter or darker than the
+rendering by more than its noise and the stated error of a surface explain (normal)? Shape: do its
+blocks scatter more than noise and the stated error of the photo explain (chi-square), as a lamp in
+the wrong place or vignetting makes them? The noise of photo and rendering together is read off the
+differences of neighbouring pixels, to which nothing smooth adds. A fit absorbs part of a deviation,
+so the tests err towards silence. Holm's correction (1979) bounds the chance of any false alarm.
 """
 from __future__ import annotations
 
@@ -31,15 +32,19 @@ class SurfaceTest:
     deviation: float        # level: photo / rendering - 1; shape: scatter of the blocks
     expected: float         # standard deviation that noise and stated errors explain
     p: float
-    adjusted: float         # Holm's: below the chance of a false alarm that one accepts, the surface does not fit
+    # Holm's: below the chance of a false alarm that one accepts, the surface does not fit
+    adjusted: float
 
     @property
     def fits(self) -> bool:
-        """False where the deviation is beyond chance at ``FALSE_ALARM``, over all tests of the scene."""
+        """False where the deviation is beyond chance at ``FALSE_ALARM``, over all tests of the
+        scene.
+        """
         return self.adjusted >= FALSE_ALARM or abs(self.deviation) < LEAST_SHOWN
 
 
-def surface_tests(names: Sequence[str], measured: np.ndarray, rendered: np.ndarray, surface: np.ndarray,
+def surface_tests(names: Sequence[str], measured: np.ndarray, rendered: np.ndarray,
+                  surface: np.ndarray,
                   used: np.ndarray, surface_error: float) -> tuple[SurfaceTest, ...]:
     """Tests of every surface that has enough usable pixels, in all bands.
 
@@ -65,22 +70,29 @@ def surface_tests(names: Sequence[str], measured: np.ndarray, rendered: np.ndarr
             noise = _relative_noise(photo, model * ratio, mask)
             level = np.hypot(noise / np.sqrt(mask.sum()), surface_error)
             score = np.log(ratio) / level if level > 0 else np.inf
-            found.append((name, band, "level", float(ratio - 1), float(level), float(2 * norm.sf(abs(score)))))
+            found.append((name, band, "level", float(ratio - 1), float(level),
+                          float(2 * norm.sf(abs(score)))))
             blocks, pixels = _blocks(photo, model * ratio, mask)
             if len(blocks) > 1:
                 variance = noise**2 / pixels + SHAPE_ERROR**2
                 centre = np.sum(blocks / variance) / np.sum(1 / variance)
-                found.append((name, band, "shape", float(blocks.std(ddof=1)), float(np.sqrt(variance.mean())),
-                              float(chi2.sf(np.sum((blocks - centre) ** 2 / variance), len(blocks) - 1))))
+                found.append((name, band, "shape", float(blocks.std(ddof=1)),
+                              float(np.sqrt(variance.mean())),
+                              float(chi2.sf(np.sum((blocks - centre) ** 2 / variance),
+                                            len(blocks) - 1))))
     adjusted = holm(np.array([row[-1] for row in found]))
-    return tuple(SurfaceTest(*row, adjusted=float(p)) for row, p in zip(found, adjusted, strict=True))
+    return tuple(SurfaceTest(*row, adjusted=float(p)) for row,
+                 p in zip(found, adjusted, strict=True))
 
 
 def holm(p: np.ndarray) -> np.ndarray:
-    """Holm's adjusted p-values (T,): the chance of any false alarm at or below each, whatever the tests share."""
+    """Holm's adjusted p-values (T,): the chance of any false alarm at or below each, whatever the
+    tests share.
+    """
     order = np.argsort(p)
     adjusted = np.empty_like(p)
-    adjusted[order] = np.minimum(np.maximum.accumulate(p[order] * (p.size - np.arange(p.size))), 1.0)
+    adjusted[order] = np.minimum(np.maximum.accumulate(p[order] * (p.size - np.arange(p.size))),
+                                 1.0)
     return adjusted
 
 
@@ -88,24 +100,29 @@ def misfit_notes(tests: Sequence[SurfaceTest], bands: Sequence[str]) -> tuple[st
     """One sentence for each surface that does not fit, worst first."""
     wrong = [test for test in tests if not test.fits]
     by_surface: dict[str, list[SurfaceTest]] = {}
-    for test in sorted(wrong, key=lambda test: (test.adjusted, -abs(test.deviation) / max(test.expected, 1e-12))):
+    for test in sorted(wrong,
+                       key=lambda test: (test.adjusted, -abs(test.deviation) / max(test.expected,
+                                                                                   1e-12))):
         by_surface.setdefault(test.surface, []).append(test)
     sentences = []
     for surface, mine in by_surface.items():
-        level = [f"{abs(test.deviation):.0%} {'brighter' if test.deviation > 0 else 'darker'} in {bands[test.band]}"
-                 for test in sorted(mine, key=lambda test: test.band) if test.kind == "level"]
+        level = [f"{abs(test.deviation):.0%} {'brighter' if test.deviation > 0 else 'darker'} in "
+                 f"{bands[test.band]}" for test in sorted(mine, key=lambda test: test.band)
+                 if test.kind == "level"]
         shape = max((test.deviation for test in mine if test.kind == "shape"), default=0.0)
         said = [f"the photo is {', '.join(level)} than the rendering"] if level else []
         said += [f"its parts differ among themselves by {shape:.0%}"] if shape else []
         p = min(test.adjusted for test in mine)
         sentences.append(f"{surface} does not fit: {'; '.join(said)} "
-                         f"({f'p = {p:.1g}' if p > 1e-6 else 'p < 1e-6'} after Holm's correction): check its light, "
-                         "place and paint")
+                         f"({f'p = {p:.1g}' if p > 1e-6 else 'p < 1e-6'} after Holm's correction): "
+                         "check its light, place and paint")
     return tuple(sentences)
 
 
 def _relative_noise(photo: np.ndarray, model: np.ndarray, mask: np.ndarray) -> float:
-    """Standard deviation of photo - model, relative to the surface's mean, from neighbours' differences."""
+    """Standard deviation of photo - model, relative to the surface's mean, from neighbours'
+    differences.
+    """
     residual = photo - model
     across = (residual[:, 1:] - residual[:, :-1])[mask[:, 1:] & mask[:, :-1]]
     down = (residual[1:] - residual[:-1])[mask[1:] & mask[:-1]]
@@ -115,13 +132,18 @@ def _relative_noise(photo: np.ndarray, model: np.ndarray, mask: np.ndarray) -> f
     return float(np.sqrt(np.mean(steps**2) / 2) / photo[mask].mean())
 
 
-def _blocks(photo: np.ndarray, model: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Relative deviation (B,) of the blocks of a surface that have ``FEWEST`` pixels, and their pixels (B,)."""
+def _blocks(photo: np.ndarray, model: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray,
+                                                                             np.ndarray]:
+    """Relative deviation (B,) of the blocks of a surface that have ``FEWEST`` pixels, and their
+    pixels (B,).
+    """
     row, column = np.nonzero(mask)
-    member = np.unique((row // BLOCK) * mask.shape[1] + column // BLOCK, return_inverse=True)[1].ravel()
+    member = np.unique((row // BLOCK) * mask.shape[1] + column // BLOCK,
+                       return_inverse=True)[1].ravel()
     pixels = np.bincount(member)
     sums = [np.bincount(member, image[mask]) for image in (photo, model)]
     full = (pixels >= FEWEST) & (sums[1] > 0)
-    # Relative to the surface's mean where a block is darker than it: noise does not shrink with the light.
+    # Relative to the surface's mean where a block is darker than it: noise does not shrink with the
+    # light.
     scale = np.maximum(sums[1] / pixels, photo[mask].mean())[full]
     return ((sums[0] - sums[1]) / pixels)[full] / scale, pixels[full]

@@ -9,14 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from calibrate.lens_files import read_lens
-from capture.chart_detection import find_chart
-from capture.patches import require_unclipped, sample_patches
-from radiometry.chart import PATCH_NAMES, typical_camera_signals
-from radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
-from radiometry.records import LinearImage
-from radiometry.spectrum_files import spectrum_on_grid
-from session.inputs import (
+from spectrabox.calibrate.geometry.lens_files import read_lens
+from spectrabox.capture.chart.detection import find_chart
+from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.radiometry.chart import PATCH_NAMES, typical_camera_signals
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
+from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.session.config.session_file import try_read_session
+from spectrabox.session.config.session_schema import SessionConfig, Shot, SpectrumRef
+from spectrabox.session.stages.inputs import (
     GRID,
     chart_corners,
     check_aspect,
@@ -30,8 +32,6 @@ from session.inputs import (
     require_exposed,
     require_materials,
 )
-from session.session_file import try_read_session
-from session.session_schema import SessionConfig, Shot, SpectrumRef
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,8 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
     config, sentences = try_read_session(folder, allow_outside)
     problems += [Problem(sentence, InputError.exit_code) for sentence in sentences]
     if folder.is_dir() and not os.access(folder, os.W_OK):
-        problems.append(Problem(f"{folder} cannot be written: change its permissions", EnvironmentProblem.exit_code))
+        problems.append(Problem(f"{folder} cannot be written: change its permissions",
+                                EnvironmentProblem.exit_code))
     if config is None:
         return problems
 
@@ -57,7 +58,8 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
         try:
             return read(*arguments)
         except SpectraboxError as error:
-            problems.extend(Problem(sentence, error.exit_code) for sentence in str(error).splitlines()
+            problems.extend(Problem(sentence, error.exit_code)
+                            for sentence in str(error).splitlines()
                             if sentence not in [problem.sentence for problem in problems])
             return None
 
@@ -73,7 +75,8 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
     if config.camera.lens is not None:
         attempt(lambda: read_lens(config.path(config.camera.lens or "")))
     for shot in config.shots:
-        light, scene = attempt(read_light, config, shot.light), attempt(read_session_scene, config, shot.scene)
+        light, scene = attempt(read_light, config, shot.light), attempt(read_session_scene, config,
+                                                                        shot.scene)
         if scene is not None:
             attempt(require_materials, scene, bsdfs)
         for spectrum in shot.all_lights[1:]:
@@ -94,6 +97,7 @@ def _reflectances(config: SessionConfig) -> list[SpectrumRef]:
     return [reference for pair in both for reference in pair if reference is not None]
 
 
-def _check_chart(config: SessionConfig, shot: Shot, chart: LinearImage, signals: np.ndarray) -> None:
+def _check_chart(config: SessionConfig, shot: Shot, chart: LinearImage,
+                 signals: np.ndarray) -> None:
     detection = find_chart(chart, signals, chart_corners(config, shot))
     require_unclipped(sample_patches(chart, detection), PATCH_NAMES, shot.chart_files[0])

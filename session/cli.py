@@ -6,20 +6,31 @@ from types import TracebackType
 
 import typer
 
-from session.command_line import INTERRUPTED
-from session.commands import camera, capture, geometry, meter, sampling, session, spectrum
+from spectrabox.session.command_line import INTERRUPTED
+from spectrabox.session.commands import (
+    camera,
+    capture,
+    geometry,
+    meter,
+    sampling,
+    session,
+    spectrum,
+)
 
-app = typer.Typer(name="spectrabox", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
-                  rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]},
-                  help="Ordinary camera captures to calibrated reflectance spectra, with honest uncertainty.")
+app = typer.Typer(name="spectrabox", no_args_is_help=True, add_completion=False,
+                  pretty_exceptions_enable=False, rich_markup_mode=None,
+                  context_settings={"help_option_names": ["-h", "--help"]},
+                  help="Ordinary camera captures to calibrated reflectance spectra, with honest "
+                  "uncertainty.")
 for subject in (session, capture, geometry, camera, sampling, meter, spectrum):
     subject.register(app)
 
 
-def say_unexpected(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
+def say_unexpected(kind: type[BaseException], error: BaseException,
+                   traceback: TracebackType | None) -> None:
     """One line for an error that nobody foresaw; Python then leaves with exit code 1."""
-    print(f"spectrabox: unexpected {kind.__name__}: {error}; run again with --debug and report what it shows",
-          file=sys.stderr)
+    print(f"spectrabox: unexpected {kind.__name__}: {error}; run again with --debug and report "
+          "what it shows", file=sys.stderr)
 
 
 def main() -> None:

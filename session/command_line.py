@@ -10,12 +10,15 @@ from typing import Annotated, Any
 
 import typer
 
-from radiometry.errors import SpectraboxError
+from spectrabox.radiometry.errors import SpectraboxError
 
-Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.", show_default=False)]
-Json = Annotated[bool, typer.Option("--json", help="One machine-readable object on standard output.")]
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.",
+                                        show_default=False)]
+Json = Annotated[bool, typer.Option("--json",
+                                    help="One machine-readable object on standard output.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
-Outside = Annotated[bool, typer.Option("--allow-outside", help="Let the session name files outside its folder.")]
+Outside = Annotated[bool, typer.Option("--allow-outside",
+                                       help="Let the session name files outside its folder.")]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda: where Mitsuba renders.")]
 INTERRUPTED = 130
 STOPPED = "interrupted: finished stages are kept, run the same command again to go on"

@@ -3,9 +3,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fixtures.demo_session import write_demo_session
-from session.progress import progress_display
-from session.session_schema import FILE_NAME
+from spectrabox.fixtures.demo_session import write_demo_session
+from spectrabox.session.config.session_schema import FILE_NAME
+from spectrabox.session.stages.progress import progress_display
 
 
 def make_demo(folder: Path, seed: int) -> None:
@@ -14,5 +14,6 @@ def make_demo(folder: Path, seed: int) -> None:
         return
     with progress_display() as progress:
         progress("capture", 0.0, "")
-        write_demo_session(folder, seed, lambda message, fraction: progress("capture", min(fraction, 0.99), message))
+        write_demo_session(folder, seed, lambda message,
+                           fraction: progress("capture", min(fraction, 0.99), message))
         progress("capture", 1.0, "synthetic photos, spectra and scenes written")

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from radiometry.errors import InputError
-from radiometry.light_drift import LightDrift
-from radiometry.records import (
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.light_drift import LightDrift
+from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
     LinearImage,
@@ -18,15 +18,21 @@ from radiometry.records import (
     Reconstruction,
     SpectrumSummary,
 )
-from reconstruct.joint_reconstruction import JointReconstruction
-from sampling.spectral_samples import SpectralSamples
-from session.calibrate_stage import calibrate_shots
-from session.photo_stages import bin_object_photos, find_and_sample_charts
-from session.reconstruct_stage import drift_of_light, invert_photos
-from session.sample_stage import sample_materials
-from session.session_schema import SessionConfig, Shot
-from session.stage_keys import Key, as_stored, stage_keys
-from session.store import StoredStage, load_stage, save_stage, stage_folder, why_stale
+from spectrabox.reconstruct.joint_reconstruction import JointReconstruction
+from spectrabox.sampling.measurement import SpectralSamples
+from spectrabox.session.config.session_schema import SessionConfig, Shot
+from spectrabox.session.keys import Key, as_stored, stage_keys
+from spectrabox.session.stages.calibrate_stage import calibrate_shots
+from spectrabox.session.stages.photo_stages import bin_object_photos, find_and_sample_charts
+from spectrabox.session.stages.reconstruct_stage import drift_of_light, invert_photos
+from spectrabox.session.stages.sample_stage import sample_materials
+from spectrabox.session.store.store import (
+    StoredStage,
+    load_stage,
+    save_stage,
+    stage_folder,
+    why_stale,
+)
 
 TRACE = ".trace.npz"      # in the results, while a trace goes on and where it was stopped
 STAGES = ("chart", "photo", "calibrate", "reconstruct", "sample")
@@ -45,7 +51,9 @@ class StageState:
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """The stages of a run: stored results by name, and which were made now ("run") or found right ("kept")."""
+    """The stages of a run: stored results by name, and which were made now ("run") or found right
+    ("kept").
+    """
 
     stored: dict[str, StoredStage]
     states: dict[str, str]
@@ -66,7 +74,8 @@ def stage_states(config: SessionConfig) -> list[StageState]:
     return states
 
 
-def run_stages(config: SessionConfig, *, device: str, only: str | None, force: bool, progress: Progress) -> FinishedRun:
+def run_stages(config: SessionConfig, *, device: str, only: str | None, force: bool,
+               progress: Progress) -> FinishedRun:
     """Run every stage whose inputs changed; results are replaced stage by stage, each whole.
 
     Parameters
@@ -94,7 +103,8 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
             if stored is not None and (fresh or STAGES.index(name) > STAGES.index(only)):
                 finished.stored[name], finished.states[name] = stored, "kept" if fresh else "stale"
             elif STAGES.index(name) < STAGES.index(only):
-                raise InputError(f"stage {name!r}, which comes before {only!r}, is not up to date: run without --only")
+                raise InputError(f"stage {name!r}, which comes before {only!r}, is not up to date: "
+                                 "run without --only")
             continue
         wanted = force and only in (None, name)
         if stored is not None and fresh and not wanted:
@@ -136,7 +146,8 @@ def calibration_of(stored: dict[str, StoredStage]) -> Calibration:
 
 def calibrations_of(config: SessionConfig, stored: dict[str, StoredStage]) -> list[Calibration]:
     """The calibration of every shot."""
-    return [stored["calibrate"].record(Calibration, shot.record("calibration")) for shot in config.shots]
+    return [stored["calibrate"].record(Calibration, shot.record("calibration"))
+            for shot in config.shots]
 
 
 def joint_of(stored: dict[str, StoredStage]) -> JointReconstruction:
@@ -152,7 +163,8 @@ def reconstruction_of(stored: dict[str, StoredStage]) -> Reconstruction:
 
 def photo_of(stored: dict[str, StoredStage], shot: Shot | None = None) -> LinearImage:
     """The object photo at the render's size; of the first shot unless another is named."""
-    photo: LinearImage = stored["photo"].record(LinearImage, shot.record("photo") if shot else "photo")
+    photo: LinearImage = stored["photo"].record(LinearImage, shot.record("photo") if shot
+                                                else "photo")
     return photo
 
 
@@ -168,27 +180,32 @@ def chart_of(stored: dict[str, StoredStage],
             stage.record(LinearImage, thumbnail))
 
 
-def samples_of(stored: dict[str, StoredStage], material: str) -> tuple[SpectralSamples, SpectrumSummary]:
+def samples_of(stored: dict[str, StoredStage], material: str) -> tuple[SpectralSamples,
+                                                                       SpectrumSummary]:
     """Draws and summary of one unknown material."""
     stage = stored["sample"]
-    return stage.record(SpectralSamples, f"samples {material}"), stage.record(SpectrumSummary, f"summary {material}")
+    return stage.record(SpectralSamples, f"samples {material}"), stage.record(SpectrumSummary,
+                                                                              f"summary {material}")
 
 
 def _drift(config: SessionConfig, stored: dict[str, StoredStage]) -> LightDrift | None:
-    """Change of the light between the first chart photo and object photo, where both show references."""
+    """Change of the light between the first chart photo and object photo, where both show
+    references.
+    """
     if not config.drift.chart_px:
         return None
     chart = chart_of(stored)
     assert chart is not None
-    return drift_of_light(config, chart[2], stored["chart"].record(np.ndarray, "references"), photo_of(stored),
-                          stored["photo"].record(np.ndarray, "references"))
+    return drift_of_light(config, chart[2], stored["chart"].record(np.ndarray, "references"),
+                          photo_of(stored), stored["photo"].record(np.ndarray, "references"))
 
 
 def _chart_under_light(config: SessionConfig, stored: dict[str, StoredStage],
                        shot: Shot) -> tuple[ChartDetection, PatchSamples, LinearImage] | None:
     """The shot's own chart photo, else the first shot's where the light is the same."""
     first = config.shots[0]
-    return chart_of(stored, shot) or (chart_of(stored, first) if shot.light == first.light else None)
+    return chart_of(stored, shot) or (chart_of(stored, first) if shot.light == first.light
+                                      else None)
 
 
 def notes_of(stored: dict[str, StoredStage]) -> list[str]:
@@ -203,7 +220,8 @@ def array_of(stage: StoredStage, name: str) -> np.ndarray | None:
     return array
 
 
-def _run_stage(config: SessionConfig, name: str, key: Key, device: str, stored: dict[str, StoredStage],
+def _run_stage(config: SessionConfig, name: str, key: Key, device: str,
+               stored: dict[str, StoredStage],
                progress: Progress) -> StoredStage:
     start = time.perf_counter()
     progress(name, 0.0, "")
@@ -218,15 +236,19 @@ def _run_stage(config: SessionConfig, name: str, key: Key, device: str, stored: 
             records = bin_object_photos(config, folder, report)
         elif name == "calibrate":
             charts = [chart_of(stored, shot) for shot in config.shots]
-            records = calibrate_shots(config, device, [chart and chart[1] for chart in charts], report)
+            records = calibrate_shots(config, device, [chart and chart[1] for chart in charts],
+                                      report)
         elif name == "reconstruct":
             charts = [_chart_under_light(config, stored, shot) for shot in config.shots]
             drift = _drift(config, stored)
             records = {"drift": drift, "joint": invert_photos(
-                config, device, [photo_of(stored, shot) for shot in config.shots], calibrations_of(config, stored),
-                [chart and chart[2] for chart in charts], drift, results_folder(config) / TRACE, report)}
+                           config, device, [photo_of(stored, shot) for shot in config.shots],
+                           calibrations_of(config, stored),
+                           [chart and chart[2] for chart in charts], drift,
+                           results_folder(config) / TRACE, report)}
         else:
-            records = sample_materials(config, calibrations_of(config, stored), joint_of(stored), report)
+            records = sample_materials(config, calibrations_of(config, stored), joint_of(stored),
+                                       report)
         save_stage(folder, as_stored(key), records, time.perf_counter() - start, {"stage": name})
     finished = load_stage(results_folder(config), name)
     assert finished is not None

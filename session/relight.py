@@ -1,7 +1,8 @@
-"""The scene of a finished session under another light, as an observer would see it, and how far the draws differ there.
+"""The scene of a finished session under another light, as an observer would see it, and how far the
+draws differ there.
 
-Spectra that one camera cannot tell apart under its light may look different under another: the spread of colours of
-the draws says by how much, before anybody measures.
+Spectra that one camera cannot tell apart under its light may look different under another: the
+spread of colours of the draws says by how much, before anybody measures.
 """
 from __future__ import annotations
 
@@ -10,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from radiometry.colour_science import colour_science
-from radiometry.named_spectra import light as named_light
-from radiometry.named_spectra import sensitivities as named_observer
-from radiometry.records import WavelengthGrid
-from radiometry.spectrum_files import spectrum_on_grid
-from reconstruct.renderer import load_scene, render, start_mitsuba
-from reconstruct.scene_xml import scene_xml
-from session.inputs import read_session_scene
-from session.pipeline import FinishedRun, calibrations_of, joint_of, samples_of
-from session.session_schema import SessionConfig
+from spectrabox.radiometry.colour_science import colour_science
+from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.spectra.named_spectra import light as named_light
+from spectrabox.radiometry.spectra.named_spectra import sensitivities as named_observer
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.scene.scene_xml import scene_xml
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.pipeline import FinishedRun, calibrations_of, joint_of, samples_of
+from spectrabox.session.stages.inputs import read_session_scene
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 BRIGHTEST = 99.5            # percentile of luminance that the picture shows as white
@@ -28,24 +29,30 @@ DRAWS = 400                 # of each material whose colours are compared
 
 @dataclass(frozen=True)
 class ColourSpread:
-    """Colour of one material under the light: of the mean spectrum, and how far its draws lie from it."""
+    """Colour of one material under the light: of the mean spectrum, and how far its draws lie from
+    it.
+    """
 
     name: str
-    lab: tuple[float, float, float]     # of the mean, white being reflectance 1 under the same light
-    delta_e00_median: float | None      # CIEDE2000 of the draws against the mean; None where the spectrum was given
+    lab: tuple[float, float, float]  # of the mean, white being reflectance 1 under the same light
+    # CIEDE2000 of the draws against the mean; None where the spectrum was given
+    delta_e00_median: float | None
     delta_e00_95: float | None
 
 
 @dataclass(frozen=True)
 class Relit:
-    """X, Y, Z (H, W, 3), Y being 1 for a perfect white as bright as ``BRIGHTEST``, and the materials' colours."""
+    """X, Y, Z (H, W, 3), Y being 1 for a perfect white as bright as ``BRIGHTEST``, and the
+    materials' colours.
+    """
 
     xyz: np.ndarray
-    picture: np.ndarray                 # (H, W, 3) uint8, sRGB, adapted from the light's white to D65
+    picture: np.ndarray  # (H, W, 3) uint8, sRGB, adapted from the light's white to D65
     colours: tuple[ColourSpread, ...]
 
 
-def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, observer: str, size: tuple[int, int],
+def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, observer: str,
+            size: tuple[int, int],
             spp: int, device: str) -> Relit:
     """Render the scene with the means of the draws.
 
@@ -68,22 +75,25 @@ def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, obser
     matching = named_observer(observer, grid)
     drawn = {name: samples_of(run.stored, name)[0] for place, name in enumerate(joint.materials)
              if not joint.known[place]}
-    means = {name: np.interp(grid.nm, drawn[name].grid.nm, drawn[name].spectra.mean(axis=0)) if name in drawn
+    means = {name: np.interp(grid.nm, drawn[name].grid.nm, drawn[name].spectra.mean(axis=0))
+             if name in drawn
              else joint.spectra[place] for place, name in enumerate(joint.materials)}
     scene = read_session_scene(config)
     start_mitsuba(device)
     xml = scene_xml(scene, reflectances={config.materials[name].bsdf: np.clip(mean, 0, 1)
                                          for name, mean in means.items()},
-                    light=power, bands=dict(zip("XYZ", matching, strict=True)), range_nm=(grid.nm[0], grid.nm[-1]),
-                    size=size)
+                    light=power, bands=dict(zip("XYZ", matching, strict=True)),
+                    range_nm=(grid.nm[0], grid.nm[-1]), size=size)
     xyz, _ = render(load_scene(xml), spp, config.session.seed)
     xyz = xyz / np.percentile(xyz[..., 1], BRIGHTEST)
     white = _tristimulus(np.ones_like(grid.nm), grid, power, matching)
-    colours = tuple(_spread(name, means[name], drawn.get(name), grid, power, matching) for name in means)
+    colours = tuple(_spread(name, means[name], drawn.get(name), grid, power, matching)
+                    for name in means)
     return Relit(xyz, _picture(xyz, white), colours)
 
 
-def _tristimulus(reflectances: np.ndarray, grid: WavelengthGrid, power: np.ndarray, matching: np.ndarray) -> np.ndarray:
+def _tristimulus(reflectances: np.ndarray, grid: WavelengthGrid, power: np.ndarray,
+                 matching: np.ndarray) -> np.ndarray:
     """X, Y, Z (..., 3), Y being 1 for a reflectance of 1."""
     weights = matching * power * grid.weights_nm
     xyz: np.ndarray = reflectances @ weights.T / weights[1].sum()
@@ -99,7 +109,8 @@ def _spread(name: str, mean: np.ndarray, draws: Any, grid: WavelengthGrid, power
     if draws is not None:
         # From all over: samplers of several modes give their draws mode after mode.
         some = np.linspace(0, len(draws.spectra) - 1, min(DRAWS, len(draws.spectra))).astype(int)
-        spectra = np.array([np.interp(grid.nm, draws.grid.nm, draws.spectra[index]) for index in some])
+        spectra = np.array([np.interp(grid.nm, draws.grid.nm, draws.spectra[index])
+                            for index in some])
         others = colour.XYZ_to_Lab(_tristimulus(spectra, grid, power, matching), white)
         apart = colour.delta_E(others, np.broadcast_to(lab, others.shape), method="CIE 2000")
         median, upper = float(np.median(apart)), float(np.quantile(apart, 0.95))

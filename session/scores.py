@@ -3,10 +3,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from radiometry.appearance import delta_e00
-from radiometry.records import SpectrumSummary
-from sampling.spectral_samples import SpectralSamples
-from session.results import Scores
+from spectrabox.radiometry.appearance import delta_e00
+from spectrabox.radiometry.records import SpectrumSummary
+from spectrabox.sampling.measurement import SpectralSamples
+from spectrabox.session.store.results import Scores
 
 
 def score(truth: np.ndarray, inverse_rendering: np.ndarray, summary: SpectrumSummary,

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from session.report.verdict import judge, median_surface_error
-from session.report.words import percent
-from session.results import MaterialResult, SessionResults
+from spectrabox.session.report.verdict import judge, median_surface_error
+from spectrabox.session.report.words import percent
+from spectrabox.session.store.results import MaterialResult, SessionResults
 
 
 def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
@@ -32,15 +32,16 @@ def run_text(results: SessionResults, report: Path) -> str:
     from rich.table import Table
 
     table = Table(title=results.name, title_justify="left", title_style="bold")
-    for heading in ("material", "RMSE mean", "RMSE inverse rendering", "95 % band holds", "band width", "dE00",
-                    "measure next"):
+    for heading in ("material", "RMSE mean", "RMSE inverse rendering", "95 % band holds",
+                    "band width", "dE00", "measure next"):
         table.add_column(heading, justify="left" if heading == "material" else "right")
     for material in results.materials:
         table.add_row(material.name, *_cells(material))
     stream = io.StringIO()
     Console(file=stream, width=110).print(table)
     lines = [stream.getvalue().rstrip(),
-             f"rendered signal within {percent(median_surface_error(results.reconstruction.agreement))} of the photo "
+             "rendered signal within "
+             f"{percent(median_surface_error(results.reconstruction.agreement))} of the photo "
              "(worst band, median over surfaces)",
              f"verdict: {judge(results).status.name}"]
     lines += [f"warning: {sentence}" for sentence in results.warnings]
@@ -55,22 +56,24 @@ def _cells(material: MaterialResult) -> list[str]:
     if material.scores is None:
         return ["", "", "", width, "", following]
     scores = material.scores
-    return [f"{scores.rmse_mean:.4f}", f"{scores.rmse_inverse_rendering:.4f}", f"{scores.coverage_95:.0%}", width,
-            f"{scores.delta_e00_mean:.2f}", following]
+    return [f"{scores.rmse_mean:.4f}", f"{scores.rmse_inverse_rendering:.4f}",
+            f"{scores.coverage_95:.0%}", width, f"{scores.delta_e00_mean:.2f}", following]
 
 
 def _material_facts(material: MaterialResult, results: SessionResults) -> dict[str, Any]:
     facts: dict[str, Any] = {"name": material.name, "known": material.summary is None}
     if material.summary is not None:
         facts |= {"band_width": float(np.mean(material.summary.upper - material.summary.lower)),
-                  "level": material.summary.level, "next_measurement_nm": material.summary.next_measurement_nm,
+                  "level": material.summary.level,
+                  "next_measurement_nm": material.summary.next_measurement_nm,
                   "error_budget": {cause: [float(value) for value in errors]
                                    for cause, errors in material.error_budget.items()},
                   "variance_shares": material.variance_shares}
     if material.scores is not None:
         facts |= {"rmse_mean": material.scores.rmse_mean,
                   "rmse_inverse_rendering": material.scores.rmse_inverse_rendering,
-                  "coverage_95": material.scores.coverage_95, "coverage_bounds": material.scores.coverage_bounds,
+                  "coverage_95": material.scores.coverage_95,
+                  "coverage_bounds": material.scores.coverage_bounds,
                   "delta_e00_mean": material.scores.delta_e00_mean}
     return facts
 

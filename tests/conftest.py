@@ -6,19 +6,20 @@ import pytest
 
 @pytest.fixture(scope="session")
 def _captured(tmp_path_factory):
-    from fixtures.demo_session import write_demo_session
+    from spectrabox.fixtures.demo_session import write_demo_session
     folder = tmp_path_factory.mktemp("capture") / "box"
     write_demo_session(folder, 1, size=(208, 312), spp=4)
     text = (folder / "session.toml").read_text(encoding="utf-8")
-    text = text.replace("width = 96", "width = 40\nsteps = 80").replace("draws = 4000", "draws = 1000")
+    text = text.replace("width = 96", "width = 40\nsteps = 80").replace("draws = 4000",
+                                                                        "draws = 1000")
     (folder / "session.toml").write_text(text, encoding="utf-8")
     return folder
 
 
 @pytest.fixture(scope="session")
 def _finished(_captured, tmp_path_factory):
-    from session.pipeline import run_stages
-    from session.session_file import read_session
+    from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.pipeline import run_stages
     folder = tmp_path_factory.mktemp("finished") / "box"
     shutil.copytree(_captured, folder)
     run_stages(read_session(folder), device="cpu", only=None, force=False, progress=lambda *_: None)

@@ -3,9 +3,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fixtures.cornell_box import MATERIALS, cornell_box_xml
-from radiometry.grid import visible_grid
-from radiometry.records import (
+from spectrabox.fixtures.cornell_box import MATERIALS, cornell_box_xml
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import (
     Calibration,
     LightScale,
     LinearImage,
@@ -15,13 +15,14 @@ from radiometry.records import (
     SensitivityFit,
     Spectrum,
 )
-from reconstruct.inverse_problem import MaterialSpec
-from reconstruct.scene_file import read_scene
+from spectrabox.reconstruct.problem import MaterialSpec
+from spectrabox.reconstruct.scene.scene_file import read_scene
 
 GRID = visible_grid(5)
 WIDTH = 32
 BANDS = ("R", "G", "B")
-TRUTH = {"white": 0.75 + 0.1 * np.sin((GRID.nm - 400) / 90), "green": 0.1 + 0.4 * np.exp(-((GRID.nm - 530) / 40) ** 2),
+TRUTH = {"white": 0.75 + 0.1 * np.sin((GRID.nm - 400) / 90),
+         "green": 0.1 + 0.4 * np.exp(-((GRID.nm - 530) / 40) ** 2),
          "red": 0.08 + 0.5 / (1 + np.exp((600 - GRID.nm) / 15))}
 
 
@@ -29,8 +30,10 @@ def camera(light=None):
     """Three Gaussian bands; the light rises from 400 to 700 nm unless one is given."""
     curves = np.exp(-0.5 * ((GRID.nm - np.array([[600.0], [540.0], [460.0]])) / 30) ** 2)
     light = 1 + (GRID.nm - 400) / 300 if light is None else light
-    fit = SensitivityFit(GRID, curves, None, None, None, None, None, None, None, "given", Outcome.CONVERGED)
-    return Calibration(fit, Spectrum(GRID, light, Quantity.RADIANCE, "given"), None, np.zeros((3, 3)), ())
+    fit = SensitivityFit(GRID, curves, None, None, None, None, None, None, None, "given",
+                         Outcome.CONVERGED)
+    return Calibration(fit, Spectrum(GRID, light, Quantity.RADIANCE, "given"), None,
+                       np.zeros((3, 3)), ())
 
 
 def scene(folder, xml=None, **options):
@@ -44,13 +47,14 @@ def photo_of(signal, variance=None, saturated=None):
     """A photo with this signal (H, W, K)."""
     variance = np.full(signal.shape, 1e-8) if variance is None else variance
     saturated = np.zeros(signal.shape, dtype=bool) if saturated is None else saturated
-    return LinearImage(signal.astype(np.float32), variance.astype(np.float32), saturated, 1.0, None, None, None,
-                       PhotoKind.LINEAR_FILE, "", "box.exr", "")
+    return LinearImage(signal.astype(np.float32), variance.astype(np.float32), saturated, 1.0, None,
+                       None, None, PhotoKind.LINEAR_FILE, "", "box.exr", "")
 
 
 def specs(known=()):
     """The three materials; those named are given their true spectrum."""
-    return tuple(MaterialSpec(name, name, TRUTH[name] if name in known else None) for name in MATERIALS)
+    return tuple(MaterialSpec(name, name, TRUTH[name] if name in known else None)
+                 for name in MATERIALS)
 
 
 SCALE_ONE = LightScale(1.0, None, None, "given")

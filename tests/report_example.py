@@ -1,4 +1,6 @@
-"""A synthetic finished session: records that hang together, made from a fixed seed, small enough for tests."""
+"""A synthetic finished session: records that hang together, made from a fixed seed, small enough
+for tests.
+"""
 from __future__ import annotations
 
 from pathlib import Path
@@ -6,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib import image as raster
 
-from radiometry.bspline import basis_matrix
-from radiometry.grid import visible_grid
-from radiometry.records import (
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
     LightScale,
@@ -23,41 +25,53 @@ from radiometry.records import (
     SpectrumSummary,
     SurfaceAgreement,
 )
-from sampling.spectral_samples import SpectralSamples
-from session.results import ChartResult, MaterialResult, Scores, SessionResults
+from spectrabox.sampling.measurement import SpectralSamples
+from spectrabox.session.store.results import ChartResult, MaterialResult, Scores, SessionResults
 
 GRID = visible_grid(5.0)
 COEFFICIENTS = 12
 BASIS = basis_matrix(GRID.nm, COEFFICIENTS)
 HEIGHT, WIDTH = 36, 48
-SURFACES = ("back wall", "left wall", "right wall", "floor", "tall box / front")  # painted in this order
+# painted in this order
+SURFACES = ("back wall", "left wall", "right wall", "floor", "tall box / front")
 WORST_RATIO = 1.13  # photo / rendering on the left wall in the first band
 
 
-def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), chart: bool = True, truth: bool = True,
-                    materials: tuple[str, ...] = ("white", "red paint", "green paint"), name: str = "Yellow box",
+def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), chart: bool = True,
+                    truth: bool = True, materials: tuple[str, ...] = ("white", "red paint",
+                                                                      "green paint"),
+                    name: str = "Yellow box",
                     notes: str = "Second session of the day.") -> SessionResults:
-    """A session of a box with a back wall, two side walls, a floor and a box; the last material is a given one."""
+    """A session of a box with a back wall, two side walls, a floor and a box; the last material is
+    a given one.
+    """
     rng = np.random.default_rng(5)
     made = _reconstruction(rng, len(bands), materials)
     fit = _sensitivity(rng, len(bands), chart)
-    light = Spectrum(GRID, 0.8 + 0.3 * np.sin(GRID.nm / 60), Quantity.RELATIVE, "reading of the lamp on a white tile",
-                     np.full(GRID.nm.size, 0.01))
+    light = Spectrum(GRID, 0.8 + 0.3 * np.sin(GRID.nm / 60), Quantity.RELATIVE,
+                     "reading of the lamp on a white tile", np.full(GRID.nm.size, 0.01))
     raster.imsave(folder / "overlay.png", rng.uniform(size=(40, 60, 3)))
     raster.imsave(folder / "preview.png", np.clip(made.measured[..., :3] * 1.6, 0, 1).repeat(4, 0).repeat(4, 1))
     return SessionResults(
         folder=folder, name=name, operator="A. Operator", notes=notes, bands=bands,
-        inputs=[{"role": "object photo", "file": "photos/scene.dng", "sha256": "9f" * 32, "bytes": 25_000_123,
-                 "exposure_s": 1 / 60, "iso": 100.0, "camera": "Maker Model 1234", "clipped": 0.004},
+        inputs=[{"role": "object photo", "file": "photos/scene.dng", "sha256": "9f" * 32,
+                 "bytes": 25_000_123, "exposure_s": 1 / 60, "iso": 100.0,
+                 "camera": "Maker Model 1234", "clipped": 0.004},
                 {"role": "light", "file": "spectra/lamp.csv", "sha256": "0a" * 32, "bytes": 4321}],
         chart=_chart(rng, len(bands), folder) if chart else None,
-        calibration=Calibration(fit, light, made.light_scale, np.eye(len(bands)) * 1e-4, ("light covers 400-700 nm",)),
+        calibration=Calibration(fit, light, made.light_scale, np.eye(len(bands)) * 1e-4, ("light "
+                                                                                          "covers "
+                                                                                          "400-700 "
+                                                                                          "nm",)),
         sensitivity_truth=(GRID.nm, fit.curves * 0.98) if truth else None,
-        light_scale=made.light_scale, photo=_photo(made), photo_preview=folder / "preview.png", reconstruction=made,
-        materials=[_material(rng, made, m, truth) for m in range(len(materials))], signal_bands=bands,
+        light_scale=made.light_scale, photo=_photo(made), photo_preview=folder / "preview.png",
+        reconstruction=made,
+        materials=[_material(rng, made, m, truth) for m in range(len(materials))],
+        signal_bands=bands,
         stages=[{"name": "chart", "seconds": 2.31, "state": "run"},
                 {"name": "sample", "seconds": 0.8, "state": "kept"}],
-        provenance={"spectrabox": "0.1.0", "numpy": np.__version__, "command": "spectrabox run session", "seed": 7,
+        provenance={"spectrabox": "0.1.0", "numpy": np.__version__,
+                    "command": "spectrabox run session", "seed": 7,
                     "machine": {"cores": 2, "gpu": False}},
         warnings=[])
 
@@ -77,11 +91,12 @@ def _sensitivity(rng: np.random.Generator, bands: int, chart: bool) -> Sensitivi
     return SensitivityFit(
         GRID, curves, None, None, None, 0.01 + 0.02 * curves if chart else None, residuals,
         None if residuals is None else 1.7 * residuals, 41.2 if chart else None,
-        "smooth spline fit to the 24 chart patches" if chart else "measured with a monochromator, read from camera.csv",
-        Outcome.CONVERGED)
+        "smooth spline fit to the 24 chart patches" if chart
+        else "measured with a monochromator, read from camera.csv", Outcome.CONVERGED)
 
 
-def _reconstruction(rng: np.random.Generator, bands: int, materials: tuple[str, ...]) -> Reconstruction:
+def _reconstruction(rng: np.random.Generator, bands: int,
+                    materials: tuple[str, ...]) -> Reconstruction:
     surface = np.full((HEIGHT, WIDTH), 0)
     column, row = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     surface[column < 0.25 * WIDTH], surface[column > 0.75 * WIDTH] = 1, 2
@@ -92,24 +107,28 @@ def _reconstruction(rng: np.random.Generator, bands: int, materials: tuple[str, 
     ratio[1, 0] = WORST_RATIO
     signal = rng.uniform(0.15, 0.5, (len(SURFACES) + 1, bands))
     rendered = signal[surface] * (1 - 0.3 * row / HEIGHT)[..., None]
-    measured = rendered * np.r_[ratio, np.ones((1, bands))][surface] * rng.normal(1, 0.01, (HEIGHT, WIDTH, bands))
+    measured = rendered * np.r_[ratio, np.ones((1, bands))][surface] * rng.normal(1, 0.01,
+                                                                                  (HEIGHT, WIDTH,
+                                                                                   bands))
     count = len(materials)
     known = tuple(m == count - 1 for m in range(count))
     return Reconstruction(
-        materials, known, GRID, BASIS, np.full((count, COEFFICIENTS), 0.5), _spectra(count), np.full(bands, 1.0),
-        rng.uniform(0.1, 0.8, (count, bands)), np.array([np.eye(bands) * 1e-5] * count),
+        materials, known, GRID, BASIS, np.full((count, COEFFICIENTS), 0.5), _spectra(count),
+        np.full(bands, 1.0), rng.uniform(0.1, 0.8, (count, bands)),
+        np.array([np.eye(bands) * 1e-5] * count),
         np.array([np.eye(bands) * 4e-5] * count), measured, rendered, surface >= 0, surface,
         SurfaceAgreement(SURFACES, tuple(materials[s % count] for s in range(len(SURFACES))),
                          np.array([(surface == s).sum() for s in range(len(SURFACES))]), ratio,
                          np.full((len(SURFACES), bands), 0.012)),
-        LightScale(0.8123, 0.0042, None, "chart photo, exposure ratio applied"), 3e-2 * 0.8 ** np.arange(40.0) + 1e-5,
-        "transport", 256, 7, Outcome.CONVERGED)
+        LightScale(0.8123, 0.0042, None, "chart photo, exposure ratio applied"),
+        3e-2 * 0.8 ** np.arange(40.0) + 1e-5, "transport", 256, 7, Outcome.CONVERGED)
 
 
 def _photo(made: Reconstruction) -> LinearImage:
     saturated = np.zeros(made.measured.shape, dtype=bool)
     saturated[:2, :3] = True
-    return LinearImage(made.measured, made.measured * 1e-4, saturated, 40.0, 1 / 60, 100.0, 8.0, PhotoKind.RAW,
+    return LinearImage(made.measured, made.measured * 1e-4, saturated, 40.0, 1 / 60, 100.0, 8.0,
+                       PhotoKind.RAW,
                        "Maker Model 1234", "photos/scene.dng", "9f" * 32)
 
 
@@ -121,13 +140,15 @@ def _chart(rng: np.random.Generator, bands: int, folder: Path) -> ChartResult:
                            np.zeros((24, bands)), np.full((24, bands), 0.01))
     fall_off = np.linspace(1, 0.88, 6) * np.linspace(1, 0.96, 4)[:, None]
     return ChartResult(ChartDetection(corners, 0.97, False, "neural detector"), samples,
-                       measured * rng.normal(1, 0.01, measured.shape), fall_off.ravel(), folder / "overlay.png")
+                       measured * rng.normal(1, 0.01, measured.shape), fall_off.ravel(),
+                       folder / "overlay.png")
 
 
-def _material(rng: np.random.Generator, made: Reconstruction, m: int, truth: bool) -> MaterialResult:
+def _material(rng: np.random.Generator, made: Reconstruction, m: int,
+              truth: bool) -> MaterialResult:
     name, estimate = made.materials[m], made.spectra[m]
-    measured = Spectrum(GRID, np.clip(estimate + 0.012 * np.cos(GRID.nm / 25), 0, 1), Quantity.REFLECTANCE,
-                        "spectroradiometer") if truth else None
+    measured = Spectrum(GRID, np.clip(estimate + 0.012 * np.cos(GRID.nm / 25), 0, 1),
+                        Quantity.REFLECTANCE, "spectroradiometer") if truth else None
     known = (name, estimate, made.signal[m], made.signal_covariance[m], made.model_covariance[m])
     if made.known[m]:
         return MaterialResult(*known, None, None, {}, measured, None)
@@ -137,12 +158,16 @@ def _material(rng: np.random.Generator, made: Reconstruction, m: int, truth: boo
     lower, upper = np.quantile(draws, [0.025, 0.975], axis=0)
     summary = SpectrumSummary(GRID, draws.mean(axis=0), draws.std(axis=0), lower, upper,
                               np.clip(lower - 0.12, 0, 1), np.clip(upper + 0.12, 0, 1), 0.95,
-                              "12 cubic B-splines between 0 and 1, the stated noise, uniform prior", 423.0)
-    samples = SpectralSamples(GRID, draws, coefficients, "hit-and-run", 180.0, 7, Outcome.EXACT.value)
+                              "12 cubic B-splines between 0 and 1, the stated noise, uniform prior",
+                              423.0)
+    samples = SpectralSamples(GRID, draws, coefficients, "hit-and-run", 180.0, 7,
+                              Outcome.EXACT.value)
     bands = made.signal.shape[1]
     budget = {cause: rng.uniform(0.2, 1) * size * rng.uniform(0.7, 1.3, bands)
-              for cause, size in {"photo noise": 2e-3, "Monte Carlo noise": 3e-3, "sensitivities": 8e-3,
+              for cause, size in {"photo noise": 2e-3, "Monte Carlo noise": 3e-3,
+                                  "sensitivities": 8e-3,
                                   "light": 5e-3, "photo and model disagree": 1.2e-2}.items()}
-    scores = Scores(rmse_mean=0.0112, rmse_inverse_rendering=0.0151, coverage=0.93, coverage_95=0.93,
-                    coverage_bounds=1.0, band_width=float((upper - lower).mean()), delta_e00_mean=0.84)
+    scores = Scores(rmse_mean=0.0112, rmse_inverse_rendering=0.0151, coverage=0.93,
+                    coverage_95=0.93, coverage_bounds=1.0, band_width=float((upper - lower).mean()),
+                    delta_e00_mean=0.84)
     return MaterialResult(*known, summary, samples, budget, measured, scores if truth else None)

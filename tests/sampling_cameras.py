@@ -1,11 +1,11 @@
 """Synthetic cameras and measurements shared by the tests of sampling."""
 import numpy as np
 
-from radiometry.bspline import basis_matrix
-from radiometry.grid import visible_grid
-from radiometry.records import MeasurementOperator
-from radiometry.response import relative_operator, response_matrix
-from sampling.spectral_samples import SpectralMeasurement
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import MeasurementOperator
+from spectrabox.radiometry.response import relative_operator, response_matrix
+from spectrabox.sampling.measurement import SpectralMeasurement
 
 
 def curves(nm, bands=3):
@@ -17,7 +17,8 @@ def curves(nm, bands=3):
 def camera(coefficients, bands=3):
     """A (K, N) relative to white."""
     grid = visible_grid(5)
-    return relative_operator(response_matrix(grid, *curves(grid.nm, bands)), basis_matrix(grid.nm, coefficients))
+    return relative_operator(response_matrix(grid, *curves(grid.nm, bands)),
+                             basis_matrix(grid.nm, coefficients))
 
 
 def response(bands=3, step_nm=5):

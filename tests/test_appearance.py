@@ -4,7 +4,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radiometry.appearance import delta_e00, reflectance_to_srgb, tristimulus
+from spectrabox.radiometry.appearance import delta_e00, reflectance_to_srgb, tristimulus
 
 NM = np.arange(400.0, 701.0, 5.0)
 RED = 0.05 + 0.6 / (1 + np.exp(-(NM - 600) / 10))
@@ -41,11 +41,13 @@ def test_colour_difference_is_zero_to_itself_symmetric_and_grows():
 
 
 def test_two_greys_differ_by_their_weighted_lightness():
-    # For neutral colours CIEDE2000 is |dL| / S_L with S_L = 1 + 0.015 (L - 50)^2 / sqrt(20 + (L - 50)^2), L the mean.
+    # For neutral colours CIEDE2000 is |dL| / S_L with S_L = 1 + 0.015 (L - 50)^2 / sqrt(20 + (L -
+    # 50)^2), L the mean.
     a, b = 0.2, 0.25
     lightness = [116 * y ** (1 / 3) - 16 for y in (a, b)]
     offset = np.mean(lightness) - 50
     expected = (lightness[1] - lightness[0]) / (1 + 0.015 * offset ** 2 / np.sqrt(20 + offset ** 2))
     grey = np.ones(NM.size)
-    # White in chromaticity coordinates is rounded nowhere; 1e-3 leaves room for a residual chroma of round-off size.
+    # White in chromaticity coordinates is rounded nowhere; 1e-3 leaves room for a residual chroma
+    # of round-off size.
     assert delta_e00(NM, a * grey, b * grey) == pytest.approx(expected, rel=1e-3)

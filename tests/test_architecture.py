@@ -9,11 +9,17 @@ STAGES = ("capture", "calibrate", "reconstruct", "sampling")
 PACKAGES = ("radiometry", *STAGES, "session", "fixtures")
 MAY_IMPORT = {"radiometry": {"radiometry"}, **{stage: {"radiometry", stage} for stage in STAGES},
               "session": {*PACKAGES}, "fixtures": {"fixtures", "radiometry"}}
-EXCEPTIONS = {("fixtures/box_render.py", "reconstruct.llvm"): "drjit aborts on a wrong LLVM, whoever imports it"}
-OWNERS = {"serial": ("capture/serial_line.py",), "rawpy": ("capture/raw.py",), "exifread": ("capture/metadata.py",),
-          "cv2": ("capture/chart_detection.py", "calibrate/geometry.py"),  # pixels of a chart; a lens and its pose
-          "OpenImageIO": ("capture/image_files.py",), "colour": ("radiometry/",),
-          "mitsuba": ("reconstruct/", "fixtures/"), "drjit": ("reconstruct/", "fixtures/"),
+EXCEPTIONS = {("fixtures/box_render.py", "spectrabox.reconstruct.rendering.llvm"):
+              "drjit aborts on a wrong LLVM, whoever imports it"}
+OWNERS = {"serial": ("capture/meter/serial_line.py",),
+          "rawpy": ("capture/photo/raw.py",),
+          "exifread": ("capture/photo/metadata.py",),
+          "cv2": ("capture/chart/detection.py",           # pixels of a chart
+                  "calibrate/geometry/projection.py"),    # a lens and its pose
+          "OpenImageIO": ("capture/photo/image_files.py",),
+          "colour": ("radiometry/",),
+          "mitsuba": ("reconstruct/", "fixtures/"),
+          "drjit": ("reconstruct/", "fixtures/"),
           "typer": ("session/cli.py", "session/command_line.py", "session/commands/")}
 EXTRA_OWNERS = {("fixtures/demo_photos.py", "colour"), ("fixtures/paints.py", "colour"),
                 ("fixtures/lamp.py", "colour"), ("fixtures/demo_session.py", "colour")}
@@ -21,6 +27,11 @@ EXTRA_OWNERS = {("fixtures/demo_photos.py", "colour"), ("fixtures/paints.py", "c
 
 def modules():
     return [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+
+
+def all_code():
+    return [*modules(), *sorted((ROOT / "tests").rglob("*.py")),
+            *sorted((ROOT / "benchmarks").rglob("*.py"))]
 
 
 def imports_of(path, top_level_only=False):
@@ -37,15 +48,40 @@ def name_of(path):
     return path.relative_to(ROOT).as_posix()
 
 
+@pytest.mark.parametrize("path", all_code(), ids=name_of)
+def test_our_packages_are_imported_through_spectrabox(path):
+    for module in imports_of(path):
+        assert module.split(".")[0] not in PACKAGES, (
+            f"{name_of(path)} imports {module}: write spectrabox.{module}, or its classes exist "
+            "twice and the package collides with others of that name")
+
+
 @pytest.mark.parametrize("path", modules(), ids=name_of)
 def test_imports_point_down(path):
     package = path.relative_to(ROOT).parts[0]
     for module in imports_of(path):
-        top = module.split(".")[0]
-        if top in PACKAGES and (name_of(path), module) not in EXCEPTIONS:
-            assert top in MAY_IMPORT[package], (
-                f"{name_of(path)} imports {module}: {package}/ may import only {sorted(MAY_IMPORT[package])}; "
-                "pass what it needs as a record from session/, or move what both need to radiometry/")
+        top, _, rest = module.partition(".")
+        ours = rest.split(".")[0]
+        if top == "spectrabox" and ours in PACKAGES and (name_of(path), module) not in EXCEPTIONS:
+            assert ours in MAY_IMPORT[package], (
+                f"{name_of(path)} imports {module}: {package}/ may import only "
+                f"{sorted(MAY_IMPORT[package])}; pass what it needs as a record from session/, or "
+                "move what both need to radiometry/")
+
+
+def test_the_package_links_to_each_folder_and_holds_nothing_else():
+    inside = {path.name for path in (ROOT / "spectrabox").iterdir() if path.name != "__pycache__"}
+    assert inside == {*PACKAGES, "__init__.py", "__main__.py", "py.typed"}
+    for package in PACKAGES:
+        link = ROOT / "spectrabox" / package
+        assert link.is_symlink() and str(link.readlink()) == f"../{package}"
+
+
+@pytest.mark.parametrize("room", sorted({path.parent for path in modules()}), ids=name_of)
+def test_a_room_can_be_taken_in_at_a_glance(room):
+    files = [path for path in room.glob("*.py") if path.name != "__init__.py"]
+    assert len(files) <= 18, f"{name_of(room)} holds {len(files)} files: give those of one job a folder of their own"
+    assert (room / "__init__.py").is_file(), f"{name_of(room)}/ needs an __init__.py that says what it is for"
 
 
 @pytest.mark.parametrize("path", modules(), ids=name_of)
@@ -61,19 +97,22 @@ def test_a_heavy_library_has_one_owner(path):
 @pytest.mark.parametrize("path", modules(), ids=name_of)
 def test_mitsuba_and_colour_are_not_imported_with_a_module(path):
     heavy = {"mitsuba", "drjit", "colour"}
-    found = heavy.intersection(module.split(".")[0] for module in imports_of(path, top_level_only=True))
+    found = heavy.intersection(module.split(".")[0] for module in imports_of(path,
+                                                                             top_level_only=True))
     assert not found, f"{name_of(path)} imports {found} at its top: import it inside the function that needs it"
 
 
 def test_the_command_line_imports_nothing_heavy_before_a_command_runs():
     files = [ROOT / "session" / "cli.py", ROOT / "session" / "command_line.py",
              *(ROOT / "session" / "commands").glob("*.py")]
-    top = {module.split(".")[0] for path in files for module in imports_of(path, top_level_only=True)}
+    top = {module.split(".")[0] for path in files for module in imports_of(path,
+                                                                           top_level_only=True)}
     assert not top & {"numpy", "scipy", "mitsuba", "cv2", "rawpy", "matplotlib", "colour"}
 
 
-@pytest.mark.parametrize("package", [*PACKAGES, "session/report", "session/commands", "capture/instruments",
-                                     "radiometry/spectral_formats"])
-def test_a_package_file_holds_a_docstring_only(package):
-    tree = ast.parse((ROOT / package / "__init__.py").read_text(encoding="utf-8"))
-    assert len(tree.body) == 1 and ast.get_docstring(tree), f"{package}/__init__.py must hold its docstring only"
+@pytest.mark.parametrize("path", [path for path in modules() if path.name == "__init__.py"],
+                         ids=name_of)
+def test_a_package_file_holds_a_docstring_only(path):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    assert len(tree.body) == 1 and ast.get_docstring(
+        tree), f"{name_of(path)} must hold its docstring only"

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from radiometry.bspline import basis_matrix, fit_reflectance
-from radiometry.errors import InputError
-from radiometry.grid import visible_grid
-from radiometry.response import relative_operator, response_matrix, white_signal
+from spectrabox.radiometry.bspline import basis_matrix, fit_reflectance
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.response import relative_operator, response_matrix, white_signal
 
 GRID = visible_grid()
 
@@ -22,15 +22,16 @@ def test_the_basis_is_a_partition_of_unity(coefficients):
 def test_coefficients_in_the_unit_box_give_reflectance_in_it(coefficients):
     c = np.random.default_rng(3).uniform(size=(200, coefficients))
     reflectance = c @ basis_matrix(GRID.nm, coefficients).T
-    assert reflectance.min() >= 0 and reflectance.max() <= 1 + 1e-14  # round-off of the partition of unity
+    # round-off of the partition of unity
+    assert reflectance.min() >= 0 and reflectance.max() <= 1 + 1e-14
 
 
 @pytest.mark.parametrize("coefficients", [5, 9, 15])
 def test_fitting_a_spline_gives_its_coefficients_back(coefficients):
     c = np.random.default_rng(4).uniform(0.1, 0.9, size=coefficients)
     # lsq_linear stops at a relative cost of 1e-10; the basis has a condition number below 100.
-    np.testing.assert_allclose(fit_reflectance(GRID.nm, basis_matrix(GRID.nm, coefficients) @ c, coefficients), c,
-                               atol=1e-6)
+    np.testing.assert_allclose(fit_reflectance(GRID.nm, basis_matrix(GRID.nm, coefficients) @ c,
+                                               coefficients), c, atol=1e-6)
 
 
 def test_too_few_coefficients_are_refused():
@@ -39,11 +40,14 @@ def test_too_few_coefficients_are_refused():
 
 
 def test_the_signal_is_linear_in_reflectance_and_white_reads_one():
-    sensitivities = np.array([np.exp(-0.5 * ((GRID.nm - peak) / 30) ** 2) for peak in (450, 540, 610)])
+    sensitivities = np.array([np.exp(-0.5 * ((GRID.nm - peak) / 30) ** 2) for peak in (450, 540,
+                                                                                       610)])
     light = 0.5 + 0.5 * np.sin(GRID.nm / 40) ** 2
     response = response_matrix(GRID, sensitivities, light)
     basis = basis_matrix(GRID.nm, 9)
     operator = relative_operator(response, basis)
-    np.testing.assert_allclose(operator @ np.ones(9), 1, atol=1e-13)  # sums of 301 terms: 301 eps at most
+    # sums of 301 terms: 301 eps at most
+    np.testing.assert_allclose(operator @ np.ones(9), 1, atol=1e-13)
     c = np.random.default_rng(5).uniform(size=9)
-    np.testing.assert_allclose(operator @ c, response @ (basis @ c) / white_signal(response), rtol=1e-12)
+    np.testing.assert_allclose(operator @ c, response @ (basis @ c) / white_signal(response),
+                               rtol=1e-12)

@@ -1,4 +1,6 @@
-"""The camera commands: the contract of their JSON, the same numbers as from Python, and exit codes."""
+"""The camera commands: the contract of their JSON, the same numbers as from Python, and exit
+codes.
+"""
 import json
 
 import numpy as np
@@ -6,17 +8,17 @@ import pytest
 from calibrate_cameras import GRID, cameras, led, on_grid
 from typer.testing import CliRunner
 
-from calibrate.camera_prior import load_prior
-from calibrate.chart_answers import answer_chart
-from calibrate.patch_files import read_patches
-from radiometry.chart import chart_reflectances
-from radiometry.records import Quantity
-from radiometry.spectrum_files import read_curves, read_spectrum
-from session.cli import app
+from spectrabox.calibrate.chart_answers import answer_chart
+from spectrabox.calibrate.patch_files import read_patches
+from spectrabox.calibrate.prior.camera_prior import load_prior
+from spectrabox.radiometry.chart import chart_reflectances
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.spectrum_files import read_curves, read_spectrum
+from spectrabox.session.cli import app
 
 runner = CliRunner()
-CONTRACT = ("wavelengths_nm", "sensitivities", "lower", "upper", "condition_number", "chart_delta_e00",
-            "held_out_delta_e00", "outcome")
+CONTRACT = ("wavelengths_nm", "sensitivities", "lower", "upper", "condition_number",
+            "chart_delta_e00", "held_out_delta_e00", "outcome")
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +27,9 @@ def chart(tmp_path_factory):
     folder = tmp_path_factory.mktemp("chart")
     surfaces = chart_reflectances("BabelColor Average", GRID)
     signal = surfaces @ (on_grid(cameras(1, 90)[0]) * led() * GRID.weights_nm).T
-    signal *= 0.5 / signal.max() * (1 + 0.005 * np.random.default_rng(5).standard_normal(signal.shape))
+    signal *= 0.5 / signal.max() * (1
+                                    + 0.005 * np.random.default_rng(5).standard_normal(
+                                        signal.shape))
     rows = "\n".join(",".join(f"{value:.9g}" for value in row) for row in signal)
     (folder / "patches.csv").write_text(f"R,G,B\n{rows}\n", encoding="utf-8")
     lines = "\n".join(f"{nm:g},{value:.9g}" for nm, value in zip(GRID.nm, led(), strict=True))
@@ -39,14 +43,16 @@ def run(*words):
 
 @pytest.mark.parametrize("method", ["prior", "smooth", "nonnegative", "paper"])
 def test_the_command_gives_what_python_gives(chart, method, tmp_path):
-    result = run("camera", "fit", "--patches", chart / "patches.csv", "--light", chart / "light.csv",
+    result = run("camera", "fit", "--patches", chart / "patches.csv", "--light",
+                 chart / "light.csv",
                  "--method", method, "--out", tmp_path / "curves.csv", "--json")
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     assert not set(CONTRACT) - set(facts)
     samples, _ = read_patches(chart / "patches.csv")
     light = read_spectrum(chart / "light.csv", role=Quantity.RELATIVE)
-    expected = answer_chart(samples, chart_reflectances("BabelColor Average", GRID), light, GRID, method=method)
+    expected = answer_chart(samples, chart_reflectances("BabelColor Average", GRID), light, GRID,
+                            method=method)
     # The same code on the same numbers; JSON keeps every digit.
     np.testing.assert_array_equal(facts["sensitivities"], expected.curves)
     np.testing.assert_array_equal(facts["lower"], expected.lower)
@@ -56,7 +62,8 @@ def test_the_command_gives_what_python_gives(chart, method, tmp_path):
 
 
 def test_draws_can_be_kept(chart, tmp_path):
-    result = run("camera", "fit", "--patches", chart / "patches.csv", "--light", chart / "light.csv",
+    result = run("camera", "fit", "--patches", chart / "patches.csv", "--light",
+                 chart / "light.csv",
                  "--samples", tmp_path / "draws.npz")
     assert result.exit_code == 0, result.output
     with np.load(tmp_path / "draws.npz") as stored:
@@ -67,7 +74,8 @@ def test_measured_curves_are_checked_against_the_chart(chart, tmp_path):
     rows = "\n".join(f"{nm:g}," + ",".join(f"{value:.9g}" for value in column)
                      for nm, column in zip(GRID.nm, on_grid(cameras(1, 90)[0]).T, strict=True))
     (tmp_path / "curves.csv").write_text(f"nm,R,G,B\n{rows}\n", encoding="utf-8")
-    result = run("camera", "fit", "--patches", chart / "patches.csv", "--light", chart / "light.csv",
+    result = run("camera", "fit", "--patches", chart / "patches.csv", "--light",
+                 chart / "light.csv",
                  "--method", "file", "--curves", tmp_path / "curves.csv", "--json")
     assert result.exit_code == 0, result.output
     # 0.5 % noise in the signals is about 0.3 CIEDE2000.
@@ -80,7 +88,8 @@ def test_a_prior_is_built_from_a_folder(tmp_path):
                          for nm, column in zip(np.arange(400, 701, 5), curves.T, strict=True))
         (tmp_path / f"camera{index}.csv").write_text(f"nm,R,G,B\n{rows}\n", encoding="utf-8")
     (tmp_path / "broken.json").write_text("{", encoding="utf-8")
-    result = run("camera", "prior", tmp_path, "--out", tmp_path / "mine.npz", "--licence", "CC0", "--json")
+    result = run("camera", "prior", tmp_path, "--out", tmp_path / "mine.npz", "--licence", "CC0",
+                 "--json")
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     assert len(facts["cameras"]) == 14 and len(facts["skipped"]) == 1
@@ -98,12 +107,16 @@ def test_preflight_answers_before_shooting():
 
 
 @pytest.mark.parametrize("words, code, said", [
-    (("--light", "D65"), 2, "give either --chart PHOTO or --patches CSV"),
-    (("--light", "D65", "--patches", "none.csv"), 3, "none.csv is missing"),
-    (("--light", "D65", "--patches", "none.csv", "--method", "magic"), 2, "--method magic is not known"),
-    (("--light", "none.csv", "--patches", "none.csv"), 3, "none.csv is missing"),
-    (("--light", "D65", "--patches", "none.csv", "--method", "file"), 2, "both --method file and --curves"),
-])
+                             (("--light", "D65"), 2, "give either --chart PHOTO or --patches CSV"),
+                             (("--light", "D65", "--patches", "none.csv"), 3,
+                              "none.csv is missing"),
+                             (("--light", "D65", "--patches", "none.csv", "--method", "magic"), 2,
+                              "--method magic is not known"),
+                             (("--light", "none.csv", "--patches", "none.csv"), 3,
+                              "none.csv is missing"),
+                             (("--light", "D65", "--patches", "none.csv", "--method", "file"), 2,
+                              "both --method file and --curves"),
+                             ])
 def test_what_is_missing_is_said_with_its_exit_code(words, code, said):
     result = run("camera", "fit", *words)
     assert result.exit_code == code
@@ -122,7 +135,9 @@ def test_inputs_are_not_written_over_and_photos_not_counted_twice(chart, tmp_pat
 
 
 def test_two_bands_are_too_few(chart, tmp_path):
-    rows = [line.rpartition(",")[0] for line in (chart / "patches.csv").read_text(encoding="utf-8").splitlines()]
+    rows = [line.rpartition(",")[0] for line in (chart
+                                                 / "patches.csv").read_text(
+                encoding="utf-8").splitlines()]
     (tmp_path / "two.csv").write_text("\n".join(rows), encoding="utf-8")
     result = run("camera", "fit", "--patches", tmp_path / "two.csv", "--light", "D65")
     assert result.exit_code == 3 and "the photo has 2 bands; 3 or more are needed" in result.stderr

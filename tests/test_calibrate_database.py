@@ -5,13 +5,14 @@ import numpy as np
 import pytest
 from calibrate_cameras import NODES, cameras
 
-from calibrate.camera_database import read_camera_database
-from calibrate.patch_files import read_patches
-from radiometry.errors import InputError
+from spectrabox.calibrate.patch_files import read_patches
+from spectrabox.calibrate.prior.camera_database import read_camera_database
+from spectrabox.radiometry.errors import InputError
 
 
 def write_rawtoaces(path, curves, model, nm=NODES):
-    rows = {f"{wavelength:g}": list(values) for wavelength, values in zip(nm, curves.T, strict=True)}
+    rows = {f"{wavelength:g}": list(values) for wavelength,
+            values in zip(nm, curves.T, strict=True)}
     path.write_text(json.dumps({"header": {"manufacturer": "Maker", "model": model},
                                 "spectral_data": {"data": {"main": rows}}}), encoding="utf-8")
 
@@ -23,14 +24,15 @@ def test_three_formats_give_the_same_curves(tmp_path):
                                       for nm, (r, g, b) in zip(NODES, curves.T, strict=True))]
     (tmp_path / "b.csv").write_text("\n".join(lines), encoding="utf-8")
     wide = np.pad(curves[:, ::2], ((0, 0), (0, 2)))
-    (tmp_path / "c.txt").write_text("Maker C\n" + "\n".join(" ".join(f"{v:.9g}" for v in row) for row in wide),
-                                    encoding="utf-8")
+    (tmp_path / "c.txt").write_text("Maker C\n" + "\n".join(" ".join(f"{v:.9g}" for v in row)
+                                                            for row in wide), encoding="utf-8")
     found = read_camera_database(tmp_path)
     assert set(found.names) == {"Maker A", "b", "Maker C"} and not found.skipped
     by_name = dict(zip(found.names, found.curves, strict=True))
     np.testing.assert_allclose(by_name["Maker A"], curves, rtol=1e-12)
     np.testing.assert_allclose(by_name["b"], curves, rtol=1e-8)  # nine digits in the file
-    # 10 nm samples of bumps at least 20 nm wide, interpolated by a monotone cubic: within 2 % of the largest value.
+    # 10 nm samples of bumps at least 20 nm wide, interpolated by a monotone cubic: within 2 % of
+    # the largest value.
     np.testing.assert_allclose(by_name["Maker C"], curves, atol=0.02)
 
 
@@ -72,21 +74,24 @@ def test_a_camera_that_two_files_hold_is_taken_once_and_said(tmp_path):
     found = read_camera_database(tmp_path)
     assert found.names == ("Maker 0", "Maker 1")
     assert found.skipped == ("b.json holds Maker 0 once more; the first is kept",)
-    np.testing.assert_allclose(found.curves[0], first, atol=1e-6)  # as many digits as the file holds
+    # as many digits as the file holds
+    np.testing.assert_allclose(found.curves[0], first, atol=1e-6)
 
 
 @pytest.mark.parametrize("header", ["", "R,G,B\n", "patch,R,G,B\n"])
 def test_patches_are_read_with_and_without_names(tmp_path, header):
     first = "p," if header.startswith("patch") else ""
-    (tmp_path / "p.csv").write_text(header + "\n".join(f"{first}{i + 1},2,3" for i in range(24)), encoding="utf-8")
+    (tmp_path / "p.csv").write_text(header + "\n".join(f"{first}{i + 1},2,3" for i in range(24)),
+                                    encoding="utf-8")
     found, names = read_patches(tmp_path / "p.csv")
     assert found.mean.shape == (24, 3) and found.mean[23, 0] == 24 and len(names) == 3
 
 
 @pytest.mark.parametrize("names, errors", [
-    ("standard_error R,standard_error G,standard_error B", "0.1,0.2,0.3"),
-    ("standard_error B,standard_error G,standard_error R", "0.3,0.2,0.1"),
-    ("standard_error,standard_error,standard_error", "0.1,0.2,0.3")], ids=["in order", "in another order", "unnamed"])
+                             ("standard_error R,standard_error G,standard_error B", "0.1,0.2,0.3"),
+                             ("standard_error B,standard_error G,standard_error R", "0.3,0.2,0.1"),
+                             ("standard_error,standard_error,standard_error", "0.1,0.2,0.3")],
+                         ids=["in order", "in another order", "unnamed"])
 def test_standard_errors_become_the_covariance(tmp_path, names, errors):
     (tmp_path / "p.csv").write_text(f"R,G,B,{names}\n" + f"1,2,3,{errors}\n" * 24, encoding="utf-8")
     found, _ = read_patches(tmp_path / "p.csv")
@@ -94,12 +99,16 @@ def test_standard_errors_become_the_covariance(tmp_path, names, errors):
 
 
 @pytest.mark.parametrize("text, message", [
-    ("1,2,3\n" * 18, "holds 18 rows of signals; 24 are needed"), ("", "p.csv is empty"),
-    ("1,2,3\n" * 23 + "1,x,3\n", "in every cell"),
-    ("R,G,B,standard_error R\n" + "1,2,3,4\n" * 24, "3 bands and 1 standard errors"),
-    ("R,R,B\n" + "1,2,3\n" * 24, "two bands of one name"),
-    ("R,G,B,standard_error R,standard_error G,standard_error X\n" + "1,2,3,4,5,6\n" * 24, "no band of that name"),
-    ("R,G,standard_error R,standard_error G\n" + "1,2,4,-5\n" * 24, "negative standard error")])
+                             ("1,2,3\n" * 18, "holds 18 rows of signals; 24 are needed"),
+                             ("", "p.csv is empty"),
+                             ("1,2,3\n" * 23 + "1,x,3\n", "in every cell"),
+                             ("R,G,B,standard_error R\n" + "1,2,3,4\n" * 24,
+                              "3 bands and 1 standard errors"),
+                             ("R,R,B\n" + "1,2,3\n" * 24, "two bands of one name"),
+                             ("R,G,B,standard_error R,standard_error G,standard_error X\n"
+                              + "1,2,3,4,5,6\n" * 24, "no band of that name"),
+                             ("R,G,standard_error R,standard_error G\n" + "1,2,4,-5\n" * 24,
+                              "negative standard error")])
 def test_a_bad_table_of_patches_is_refused(tmp_path, text, message):
     (tmp_path / "p.csv").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=message):

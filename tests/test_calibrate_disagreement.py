@@ -1,11 +1,21 @@
 """What is said of photos that a camera, measured curves or one another do not explain."""
 import numpy as np
 import pytest
-from calibrate_cameras import GRID, cameras, daylight, led, on_grid, prior, reflectances, samples, signals
+from calibrate_cameras import (
+    GRID,
+    cameras,
+    daylight,
+    led,
+    on_grid,
+    prior,
+    reflectances,
+    samples,
+    signals,
+)
 
-from calibrate.calibration import ChartShot, calibrate_chart
-from radiometry.errors import CheckError
-from radiometry.records import Quantity, Spectrum
+from spectrabox.calibrate.calibration import ChartShot, calibrate_chart
+from spectrabox.radiometry.errors import CheckError
+from spectrabox.radiometry.records import Quantity, Spectrum
 
 SURFACES = reflectances()
 TRUTH = on_grid(cameras(1, 60)[0] / cameras(1, 60)[0].max())
@@ -22,7 +32,8 @@ def chart(curves=TRUTH, power=None, seed=3):
 
 def calibrated(signal, *more, light=None, **options):
     shots = tuple(ChartShot(samples(other, 0.003), SURFACES, lamp(power)) for other, power in more)
-    return calibrate_chart(samples(signal, 0.003), SURFACES, lamp(daylight() if light is None else light),
+    return calibrate_chart(samples(signal, 0.003), SURFACES,
+                           lamp(daylight() if light is None else light),
                            np.full(24, np.pi), GRID, more=shots, **options)
 
 
@@ -49,7 +60,8 @@ def test_the_one_photo_of_several_that_disagrees_is_named():
 
 def test_photos_of_two_cameras_are_refused_together():
     other = np.roll(TRUTH, 20, axis=1)
-    with pytest.raises(CheckError, match="each of the 2 chart photos can be explained, but not all by one camera"):
+    with pytest.raises(CheckError, match="each of the 2 chart photos can be explained, but not all "
+                       "by one camera"):
         calibrated(chart(), (chart(other, led(), 4), led()), prior=prior())
 
 
@@ -64,29 +76,35 @@ def test_a_camera_like_none_that_was_measured_is_said():
 def test_where_no_photo_had_light_the_curves_are_the_priors():
     power = np.where(GRID.nm > 520, 0.0, daylight())
     found = calibrated(chart(power=power), light=power, prior=prior()).found
-    assert np.all(found.prior_share[:, GRID.nm > 520] == 1) and np.median(found.prior_share[2, GRID.nm < 500]) < 0.5
-    both = calibrated(chart(power=power), (chart(seed=4), daylight()), light=power, prior=prior()).found
+    assert np.all(found.prior_share[:, GRID.nm > 520]
+                  == 1) and np.median(found.prior_share[2, GRID.nm < 500]) < 0.5
+    both = calibrated(chart(power=power), (chart(seed=4), daylight()), light=power,
+                      prior=prior()).found
     assert both.prior_share[:, GRID.nm > 520].max() < 1
 
 
 def test_measured_curves_that_are_right_agree():
     # 6 % between laboratories, 20 % of fall-off and 1 % of glare are no disagreement.
     tilt = 1 + 0.1 * np.sin(GRID.nm / 60)
-    signal = chart() * np.linspace(0.9, 1.1, 24).reshape(4, 6).mean(axis=0)[np.arange(24) % 6][:, None]
+    signal = chart() * np.linspace(0.9, 1.1, 24).reshape(4, 6).mean(axis=0)[np.arange(24) % 6][:,
+                                                                                               None]
     curves = TRUTH * tilt / (TRUTH * tilt).max()
     checks = calibrated(signal + 0.01 * signal.max(axis=0), curves=curves).calibration.checks
     assert any(check.startswith("measured curves and photo agree within") for check in checks)
 
 
-@pytest.mark.parametrize("wrong", [np.roll(TRUTH, 20, axis=1), TRUTH * np.array([[0.5], [1.0], [1.0]])],
+@pytest.mark.parametrize("wrong",
+                         [np.roll(TRUTH, 20, axis=1), TRUTH * np.array([[0.5], [1.0], [1.0]])],
                          ids=["shifted by 20 nm", "red halved"])
 def test_measured_curves_that_are_wrong_are_said(wrong):
     checks = calibrated(chart(), curves=wrong / wrong.max()).calibration.checks
-    assert any(check.startswith("the measured curves do not explain the chart photo") for check in checks)
+    assert any(check.startswith("the measured curves do not explain the chart photo")
+               for check in checks)
 
 
 def test_measured_curves_in_another_order_are_refused():
-    with pytest.raises(CheckError, match=r"the measured curves do not explain.*bands in reverse order \(BGR\)"):
+    with pytest.raises(CheckError,
+                       match=r"the measured curves do not explain.*bands in reverse order \(BGR\)"):
         calibrated(chart(), curves=TRUTH[::-1])
 
 
@@ -101,8 +119,10 @@ def test_the_record_says_how_well_the_chart_is_reproduced():
 
 def test_fall_off_is_said_of_each_photo_that_may_have_one():
     fall = np.linspace(1.1, 0.9, 6)[np.arange(24) % 6][:, None]
-    checks = calibrated(chart(), (chart(seed=4) * fall, daylight()), prior=prior()).calibration.checks
-    assert any(check.startswith("photo 2: illumination over the chart found to run from 0.9") for check in checks)
-    known = calibrate_chart(samples(chart()), SURFACES, lamp(daylight()), np.full(24, np.pi), GRID, scaled=True,
-                            prior=prior())
+    checks = calibrated(chart(), (chart(seed=4) * fall, daylight()),
+                        prior=prior()).calibration.checks
+    assert any(check.startswith("photo 2: illumination over the chart found to run from 0.9")
+               for check in checks)
+    known = calibrate_chart(samples(chart()), SURFACES, lamp(daylight()), np.full(24, np.pi), GRID,
+                            scaled=True, prior=prior())
     assert not any("illumination" in check for check in known.calibration.checks)

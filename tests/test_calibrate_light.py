@@ -3,11 +3,11 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID, daylight
 
-from calibrate.photo_checks import dark_ranges, light_power
-from radiometry.errors import CalibrationError, InputError
-from radiometry.grid import grid_from_nm
-from radiometry.light_scale import light_drift, scale_from_signals, scales_from_signals
-from radiometry.records import Quantity, Spectrum
+from spectrabox.calibrate.photo_checks import dark_ranges, light_power
+from spectrabox.radiometry.errors import CalibrationError, InputError
+from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.light_scale import light_drift, scale_from_signals, scales_from_signals
+from spectrabox.radiometry.records import Quantity, Spectrum
 
 PREDICTED = np.random.default_rng(1).uniform(0.1, 1, (24, 3))
 
@@ -21,30 +21,36 @@ def test_the_light_scale_is_linear_in_the_light():
 
 def test_the_scales_standard_error_is_the_scatter_of_repeated_photos():
     rng = np.random.default_rng(2)
-    fits = [scale_from_signals(2.5 * PREDICTED * (1 + 0.02 * rng.standard_normal(PREDICTED.shape)), PREDICTED, 0.02,
-                               "chart") for _ in range(400)]
+    fits = [scale_from_signals(2.5 * PREDICTED * (1 + 0.02 * rng.standard_normal(PREDICTED.shape)),
+                               PREDICTED, 0.02, "chart") for _ in range(400)]
     scatter = np.std([fit.value for fit in fits])
-    # The standard deviation of 400 draws is known to 3.5 %; the misfit factor only widens: 3 sigma below, 15 % above.
+    # The standard deviation of 400 draws is known to 3.5 %; the misfit factor only widens: 3 sigma
+    # below, 15 % above.
     assert 0.89 < np.mean([fit.standard_error for fit in fits]) / scatter < 1.2
 
 
 @pytest.mark.parametrize("regions", [3, 24])
 def test_bands_of_a_region_that_err_together_count_as_one(regions):
     rng = np.random.default_rng(8)
-    fits = [scale_from_signals(2.5 * PREDICTED[:regions] * (1 + 0.03 * rng.standard_normal((regions, 1))),
+    fits = [scale_from_signals(2.5 * PREDICTED[:regions]
+                               * (1 + 0.03 * rng.standard_normal((regions, 1))),
                                PREDICTED[:regions], 0.01, "chart") for _ in range(600)]
     stated = np.sqrt(np.mean([fit.standard_error**2 for fit in fits]))
-    # The standard deviation of 600 draws is known to 3 %, a mean of 600 variances of 2 degrees of freedom to 4 %.
+    # The standard deviation of 600 draws is known to 3 %, a mean of 600 variances of 2 degrees of
+    # freedom to 4 %.
     assert stated == pytest.approx(np.std([fit.value for fit in fits]), rel=0.12)
 
 
 def test_the_closed_form_is_the_minimum_that_a_gradient_method_finds():
     from scipy.optimize import minimize_scalar
-    measured = 1.7 * PREDICTED * (1 + 0.05 * np.random.default_rng(3).standard_normal(PREDICTED.shape))
-    loss = minimize_scalar(lambda scale: np.sum(((measured - scale * PREDICTED) / measured) ** 2), (1, 2),
-                           options={"xtol": 1e-10})
+    measured = 1.7 * PREDICTED * (1
+                                  + 0.05 * np.random.default_rng(3).standard_normal(
+                                      PREDICTED.shape))
+    loss = minimize_scalar(lambda scale: np.sum(((measured - scale * PREDICTED) / measured) ** 2),
+                           (1, 2), options={"xtol": 1e-10})
     # The minimum of a parabola is found to the square root of eps.
-    assert scale_from_signals(measured, PREDICTED, 0.01, "chart").value == pytest.approx(loss.x, rel=1e-7)
+    assert scale_from_signals(measured, PREDICTED, 0.01, "chart").value == pytest.approx(loss.x,
+                                                                                         rel=1e-7)
 
 
 def test_two_lights_are_told_apart():

@@ -1,23 +1,36 @@
-"""Several photos of one camera in one fit - lights, exposures, charts - and cameras of any number of bands."""
+"""Several photos of one camera in one fit - lights, exposures, charts - and cameras of any number
+of bands.
+"""
 import json
 
 import numpy as np
 import pytest
-from calibrate_cameras import GRID, cameras, daylight, led, on_grid, photo, prior, reflectances, samples, signals
+from calibrate_cameras import (
+    GRID,
+    cameras,
+    daylight,
+    led,
+    on_grid,
+    photo,
+    prior,
+    reflectances,
+    samples,
+    signals,
+)
 from typer.testing import CliRunner
 
-from calibrate.calibration import ChartShot, calibrate_chart
-from calibrate.chart_answers import answer_chart
-from calibrate.chart_photo import field_terms
-from calibrate.curve_posterior import draw_curves, sensitivity_draws
-from calibrate.patch_files import read_patches
-from calibrate.preflight import preflight
-from calibrate.sensitivity import fit_with_prior
-from calibrate.smooth_prior import smooth_prior
-from radiometry.chart import chart_reflectances, patch_centres_uv
-from radiometry.errors import InputError
-from radiometry.records import Quantity, Spectrum
-from session.cli import app
+from spectrabox.calibrate.calibration import ChartShot, calibrate_chart
+from spectrabox.calibrate.chart_answers import answer_chart
+from spectrabox.calibrate.chart_photo import field_terms
+from spectrabox.calibrate.patch_files import read_patches
+from spectrabox.calibrate.preflight import preflight
+from spectrabox.calibrate.prior.curve_posterior import draw_curves, sensitivity_draws
+from spectrabox.calibrate.prior.smooth_prior import smooth_prior
+from spectrabox.calibrate.sensitivity import fit_with_prior
+from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.session.cli import app
 
 SURFACES = reflectances()
 
@@ -27,7 +40,8 @@ def noisy(signal, noise, seed):
 
 
 def relative_error(found, truth):
-    return np.sqrt(np.sum((found / found.max() - truth / truth.max()) ** 2) / np.sum((truth / truth.max()) ** 2))
+    return np.sqrt(np.sum((found / found.max() - truth / truth.max()) ** 2)
+                   / np.sum((truth / truth.max()) ** 2))
 
 
 def spectrum(values):
@@ -37,12 +51,14 @@ def spectrum(values):
 def test_a_second_light_is_worth_what_preflight_says():
     known, errors = prior(), []
     for index, truth in enumerate(on_grid(cameras(6, 70))):
-        shots = [photo(noisy(factor * signals(truth, light(), SURFACES), 0.02, 10 * index + number), light(), SURFACES,
-                       0.02) for number, (light, factor) in enumerate(((led, 1.0), (daylight, 0.02)))]
+        shots = [photo(noisy(factor * signals(truth, light(), SURFACES), 0.02, 10 * index + number),
+                       light(), SURFACES, 0.02) for number,
+                 (light, factor) in enumerate(((led, 1.0), (daylight, 0.02)))]
         errors.append([relative_error(fit_with_prior(given, known, GRID).sensitivity.curves, truth)
                        for given in (shots[:1], shots)])
     one, two = np.sqrt(np.mean(np.square(errors), axis=0))
-    expected = preflight(known, SURFACES, led(), GRID, relative_error=0.02, second={"daylight": daylight()})
+    expected = preflight(known, SURFACES, led(), GRID, relative_error=0.02,
+                         second={"daylight": daylight()})
     promised = expected.second_lights[0][1] / expected.expected_error.mean()
     # Six cameras scatter by about 30 % each, so the ratio of their rms by some 20 %.
     assert two / one < 1 and two / one == pytest.approx(promised, rel=0.4)
@@ -54,11 +70,13 @@ def test_the_exposures_of_two_photos_are_found_and_a_known_ratio_is_kept():
     dark = noisy(0.125 * signals(truth, daylight(), SURFACES), 0.005, 2)
     shots = [photo(bright, daylight(), SURFACES, 0.005), photo(dark, daylight(), SURFACES, 0.005)]
     free = fit_with_prior(shots, prior(), GRID)
-    # 0.5 % of noise over 24 patches and three bands in each photo, and the model error that the fit allows.
+    # 0.5 % of noise over 24 patches and three bands in each photo, and the model error that the fit
+    # allows.
     assert free.photos[1].scale / free.photos[0].scale == pytest.approx(0.125, rel=0.005)
-    tied = fit_with_prior([shots[0], photo(8 * dark, daylight(), SURFACES, 0.005, relative_exposure_sd=1e-6)], prior(),
-                          GRID)
-    assert tied.photos[1].scale / tied.photos[0].scale == pytest.approx(1.0, rel=1e-4)  # 1e-6 against data of 1e-3
+    tied = fit_with_prior([shots[0], photo(8 * dark, daylight(), SURFACES, 0.005,
+                                           relative_exposure_sd=1e-6)], prior(), GRID)
+    # 1e-6 against data of 1e-3
+    assert tied.photos[1].scale / tied.photos[0].scale == pytest.approx(1.0, rel=1e-4)
 
 
 def test_two_charts_say_more_than_one_and_do_not_depend_on_their_order():
@@ -66,10 +84,12 @@ def test_two_charts_say_more_than_one_and_do_not_depend_on_their_order():
     other = reflectances(48, 21)
     shots = [photo(noisy(signals(truth, led(), SURFACES), 0.01, 3), led(), SURFACES, 0.01),
              photo(noisy(0.3 * signals(truth, led(), other), 0.01, 4), led(), other, 0.01)]
-    alone, both, turned = (fit_with_prior(given, prior(), GRID) for given in (shots[:1], shots, shots[::-1]))
+    alone, both, turned = (fit_with_prior(given, prior(), GRID) for given in (shots[:1], shots,
+                                                                              shots[::-1]))
     assert np.sum(both.sensitivity.standard_error**2) < np.sum(alone.sensitivity.standard_error**2)
     assert [held.shape for held in both.held_out] == [(24, 3), (48, 3)]
-    # The curves' scale is fixed by the first chart: the same Gaussian in other coordinates, to second order.
+    # The curves' scale is fixed by the first chart: the same Gaussian in other coordinates, to
+    # second order.
     np.testing.assert_allclose(turned.sensitivity.curves, both.sensitivity.curves, atol=2e-3)
 
 
@@ -81,15 +101,16 @@ def test_fall_off_and_glare_belong_to_each_photo():
     shots = [photo(noisy(signal, 0.003, seed), light(), SURFACES, 0.003, terms, True)
              for seed, (signal, light) in enumerate(((clean[0], led), (fallen, daylight)))]
     first, second = fit_with_prior(shots, prior(), GRID).photos
-    # 0.3 % of noise and as much model error on 24 patches leave the field uncertain by less than 2 %.
+    # 0.3 % of noise and as much model error on 24 patches leave the field uncertain by less than 2
+    # %.
     np.testing.assert_allclose(first.field / first.field.mean(), 1, atol=0.02)
-    np.testing.assert_allclose(second.field / second.field.mean(), (1 - 0.2 * across) / np.mean(1 - 0.2 * across),
-                               atol=0.02)
+    np.testing.assert_allclose(second.field / second.field.mean(),
+                               (1 - 0.2 * across) / np.mean(1 - 0.2 * across), atol=0.02)
 
 
 def write_patches(path, signal, header="R,G,B"):
-    path.write_text(header + "\n" + "\n".join(",".join(f"{value:.9g}" for value in row) for row in signal),
-                    encoding="utf-8")
+    path.write_text(header + "\n" + "\n".join(",".join(f"{value:.9g}" for value in row)
+                                              for row in signal), encoding="utf-8")
 
 
 def test_two_photos_through_the_command_line_give_what_python_gives(tmp_path):
@@ -99,16 +120,19 @@ def test_two_photos_through_the_command_line_give_what_python_gives(tmp_path):
     for seed, (path, light) in enumerate(zip(files, lights, strict=True)):
         write_patches(path, noisy(signals(truth, light, surfaces), 0.005, seed))
         rows = "\n".join(f"{nm:g},{value:.17g}" for nm, value in zip(GRID.nm, light, strict=True))
-        (tmp_path / f"light_{path.name}").write_text(f"wavelength_nm,value\n{rows}\n", encoding="utf-8")
+        (tmp_path / f"light_{path.name}").write_text(f"wavelength_nm,value\n{rows}\n",
+                                                     encoding="utf-8")
     words = [word for path in files
-             for word in ("--patches", str(path), "--light", str(path.parent / f"light_{path.name}"))]
+             for word in ("--patches", str(path), "--light",
+                          str(path.parent / f"light_{path.name}"))]
     result = CliRunner().invoke(app, ["camera", "fit", *words, "--json"])
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     first, second = (read_patches(path)[0] for path in files)
-    expected = answer_chart(first, surfaces, spectrum(lights[0]), GRID, more=(ChartShot(second, surfaces,
-                                                                                        spectrum(lights[1])),))
-    np.testing.assert_array_equal(facts["sensitivities"], expected.curves)  # the same code on the same numbers
+    expected = answer_chart(first, surfaces, spectrum(lights[0]), GRID,
+                            more=(ChartShot(second, surfaces, spectrum(lights[1])),))
+    # the same code on the same numbers
+    np.testing.assert_array_equal(facts["sensitivities"], expected.curves)
     assert facts["photos"] == 2
     result = CliRunner().invoke(app, ["camera", "fit", *words, "--method", "paper"])
     assert result.exit_code == 3 and "method paper takes one photo; 2 photos need method prior" in result.stderr
@@ -123,7 +147,8 @@ def many_bands(count, seed=1):
     """Lopsided bumps (K, P) over a low pedestal, largest value 1."""
     rng = np.random.default_rng(seed)
     apart = GRID.nm - (np.linspace(425, 675, count) + rng.normal(0, 4, count))[:, None]
-    width, skew = max(12, 110 / count) * rng.uniform(0.7, 1.3, (count, 1)), rng.uniform(0.7, 1.5, (count, 1))
+    width, skew = max(12, 110 / count) * rng.uniform(0.7, 1.3, (count, 1)), rng.uniform(0.7, 1.5,
+                                                                                        (count, 1))
     found = np.exp(-0.5 * (apart / np.where(apart > 0, width * skew, width / skew)) ** 2)
     found = rng.uniform(0.5, 1, (count, 1)) * (found + rng.uniform(0, 0.03, (count, 1)))
     return found / found.max()
@@ -131,15 +156,19 @@ def many_bands(count, seed=1):
 
 @pytest.mark.parametrize("bands, light", [(4, led), (7, daylight), (16, daylight)])
 def test_any_number_of_bands_takes_the_same_joint_estimate(bands, light):
-    truth, terms, across = many_bands(bands), field_terms(patch_centres_uv()), patch_centres_uv()[:, 0]
+    truth, terms, across = many_bands(bands), field_terms(patch_centres_uv()), patch_centres_uv()[:,
+                                                                                                  0]
     spoiled = signals(truth, light(), SURFACES) * (1 - 0.2 * across)[:, None]
     spoiled = noisy(spoiled + 0.005 * spoiled.max(axis=0), 0.005, 3)
     found = fit_with_prior([photo(spoiled, light(), SURFACES, 0.005, terms, True)], None, GRID)
     field = found.photos[0].field
     # 0.5 % of noise on 24 patches; bands add up.
-    np.testing.assert_allclose(field / field.mean(), (1 - 0.2 * across) / np.mean(1 - 0.2 * across), atol=0.02)
-    lower, upper = np.quantile(draw_curves(found.posterior, bands, 300, 0).curves, [0.05, 0.95], axis=0)
-    # One camera: neighbouring wavelengths move together, so the share scatters by about 0.06 about 0.9.
+    np.testing.assert_allclose(field / field.mean(), (1 - 0.2 * across) / np.mean(1 - 0.2 * across),
+                               atol=0.02)
+    lower, upper = np.quantile(draw_curves(found.posterior, bands, 300, 0).curves, [0.05, 0.95],
+                               axis=0)
+    # One camera: neighbouring wavelengths move together, so the share scatters by about 0.06 about
+    # 0.9.
     assert np.mean((truth >= lower) & (truth <= upper)) > 0.7
     assert found.model_error < 0.02 and not found.disagrees
 
@@ -148,11 +177,13 @@ def test_the_bands_of_other_cameras_hold_nine_times_in_ten():
     inside = []
     for seed in range(10):
         truth, light = many_bands(6, 100 + seed), (daylight, led)[seed % 2]()
-        shot = photo(noisy(signals(truth, light, SURFACES), 0.01, seed), light, SURFACES, 0.01 * (seed % 3 > 0))
+        shot = photo(noisy(signals(truth, light, SURFACES), 0.01, seed), light, SURFACES,
+                     0.01 * (seed % 3 > 0))
         draws = draw_curves(fit_with_prior([shot], None, GRID).posterior, 6, 300, 0).curves
         lower, upper = np.quantile(draws, [0.05, 0.95], axis=0)
         inside.append(np.mean((truth >= lower) & (truth <= upper)))
-    # Ten cameras of six bands: the mean scatters by 0.015; 0.06 also allows for bumps not being Gaussian processes.
+    # Ten cameras of six bands: the mean scatters by 0.015; 0.06 also allows for bumps not being
+    # Gaussian processes.
     assert abs(np.mean(inside) - 0.9) < 0.06
 
 
@@ -160,10 +191,12 @@ def test_a_band_of_any_brightness_is_fitted_alike():
     truth = many_bands(5)
     signal = noisy(signals(truth, daylight(), SURFACES), 0.003, 6)
     gains = np.array([1.0, 20.0, 0.05, 1.0, 3.0])
-    given, gained = (fit_with_prior([photo(values, daylight(), SURFACES, 0.003)], None, GRID).sensitivity.curves
+    given, gained = (fit_with_prior([photo(values, daylight(), SURFACES, 0.003)], None,
+                                    GRID).sensitivity.curves
                      for values in (signal, signal * gains))
     for band in range(5):
-        # The prior takes each band's level from the photo; what is left is which near-zero values are held at zero.
+        # The prior takes each band's level from the photo; what is left is which near-zero values
+        # are held at zero.
         assert relative_error(gained[band], given[band]) < 0.03
 
 
@@ -171,20 +204,21 @@ def test_a_prior_of_smoothness_knows_levels_only():
     shot = photo(signals(many_bands(5), daylight(), SURFACES), daylight(), SURFACES)
     made = smooth_prior([shot], GRID)
     assert made.bands == 5 and np.ptp(made.means, axis=0).max() == 0
-    np.testing.assert_allclose(np.ptp(made.means[0].reshape(5, -1), axis=1), 0, atol=1e-12)  # constants
+    # constants
+    np.testing.assert_allclose(np.ptp(made.means[0].reshape(5, -1), axis=1), 0, atol=1e-12)
 
 
 def test_draws_follow_the_calibrations_covariance():
     signal = noisy(signals(on_grid(cameras(1, 75)[0]), daylight(), SURFACES), 0.005, 7)
-    made = calibrate_chart(samples(signal, 0.005), SURFACES, spectrum(daylight()), np.full(24, np.pi), GRID,
-                           prior=prior())
+    made = calibrate_chart(samples(signal, 0.005), SURFACES, spectrum(daylight()),
+                           np.full(24, np.pi), GRID, prior=prior())
     fit = made.calibration.sensitivity
     draws = sensitivity_draws(made.calibration, 2000, 3)
     assert draws.shape == (2000, 3, 301) and draws.min() >= 0
     np.testing.assert_allclose(draws.max(axis=(1, 2)), 1, rtol=1e-12)
     far = fit.curves > 5 * fit.standard_error  # where clipping at zero plays no part
-    # 2000 draws give standard deviations to 1.6 %; dividing each draw by its own maximum changes them to first order
-    # only near the maximum.
+    # 2000 draws give standard deviations to 1.6 %; dividing each draw by its own maximum changes
+    # them to first order only near the maximum.
     ratio = draws.std(axis=0)[far] / np.maximum(fit.standard_error[far], 1e-4)
     assert np.median(ratio) == pytest.approx(1, abs=0.15)
     np.testing.assert_array_equal(draws, sensitivity_draws(made.calibration, 2000, 3))
@@ -193,6 +227,7 @@ def test_draws_follow_the_calibrations_covariance():
 def test_measured_curves_have_no_draws():
     curves = on_grid(cameras(1, 76)[0])
     signal = signals(curves, daylight(), SURFACES)
-    made = calibrate_chart(samples(signal), SURFACES, spectrum(daylight()), np.full(24, np.pi), GRID, curves=curves)
+    made = calibrate_chart(samples(signal), SURFACES, spectrum(daylight()), np.full(24, np.pi),
+                           GRID, curves=curves)
     with pytest.raises(InputError, match=r"measured curves from a file.*carry no covariance"):
         sensitivity_draws(made.calibration, 10, 0)

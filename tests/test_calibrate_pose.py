@@ -1,15 +1,22 @@
-"""The camera's place from known points: recovered, with errors that hold, and refused where points do not tell."""
+"""The camera's place from known points: recovered, with errors that hold, and refused where points
+do not tell.
+"""
 import cv2
 import numpy as np
 import pytest
 from geometry_views import TILTS, TRUE, seen, view
 
-from calibrate.board import Board, in_scene, read_board, read_points
-from calibrate.lens import Lens, camera_place
-from calibrate.pose import lens_of_focal_length, pose_and_focal_length, pose_from_points
-from radiometry.errors import CheckError, InputError
+from spectrabox.calibrate.geometry.board import Board, in_scene, read_board, read_points
+from spectrabox.calibrate.geometry.lens import Lens, camera_place
+from spectrabox.calibrate.geometry.pose import (
+    lens_of_focal_length,
+    pose_and_focal_length,
+    pose_from_points,
+)
+from spectrabox.radiometry.errors import CheckError, InputError
 
-CORNERS = np.array([[x, y, z] for x in (-0.24, 0.24) for y in (0.0, 0.33) for z in (-0.4, 0.0)])  # of an open box
+# of an open box
+CORNERS = np.array([[x, y, z] for x in (-0.24, 0.24) for y in (0.0, 0.33) for z in (-0.4, 0.0)])
 TURN, SHIFT = (np.pi - 0.1, 0.05, -0.02), (0.02, 0.15, 0.9)  # seen from +z, y up
 PLAIN = lens_of_focal_length(700.0, 640, 480)
 
@@ -24,10 +31,13 @@ def true_place(turn=TURN, shift=SHIFT):
 
 
 def test_the_pose_comes_back_from_exact_points():
-    for places, points, turn, shift in ((*view(TILTS[1]), TILTS[1], (-0.12, -0.1, 0.5)), (*box_view(), TURN, SHIFT)):
+    for places, points, turn, shift in ((*view(TILTS[1]), TILTS[1], (-0.12, -0.1, 0.5)),
+                                        (*box_view(), TURN, SHIFT)):
         pose = pose_from_points(places, points, TRUE)
-        np.testing.assert_allclose(pose.world_to_camera[:3, 3], shift, atol=1e-6)  # Gauss-Newton's own stop
-        np.testing.assert_allclose(pose.world_to_camera[:3, :3], cv2.Rodrigues(np.array(turn))[0], atol=1e-6)
+        # Gauss-Newton's own stop
+        np.testing.assert_allclose(pose.world_to_camera[:3, 3], shift, atol=1e-6)
+        np.testing.assert_allclose(pose.world_to_camera[:3, :3], cv2.Rodrigues(np.array(turn))[0],
+                                   atol=1e-6)
 
 
 def test_the_focal_length_comes_back_with_the_pose():
@@ -46,10 +56,12 @@ def test_the_stated_errors_are_the_scatter_of_repeated_clicks(free_focal):
             found.append((*camera_place(pose), lens.matrix[0, 0], lens.standard_error[0]))
         else:
             found.append((*camera_place(pose_from_points(places, points, PLAIN)), 700.0, 1.0))
-    position, error, direction, angle, focal, focal_error = (np.array(column) for column in zip(*found, strict=True))
+    position, error, direction, angle, focal, focal_error = (np.array(column)
+                                                             for column in zip(*found, strict=True))
     # 100 draws of three numbers know a standard deviation to 4 to 7 %: 4 sigma.
     assert np.mean(error**2, axis=0) ** 0.5 / position.std(axis=0) == pytest.approx(1, abs=0.28)
-    np.testing.assert_allclose(np.mean(position, axis=0), true_place()[0], atol=5 * position.std() / np.sqrt(100))
+    np.testing.assert_allclose(np.mean(position, axis=0), true_place()[0],
+                               atol=5 * position.std() / np.sqrt(100))
     turned = np.degrees(np.linalg.norm(direction - true_place()[1], axis=1))
     assert np.sqrt(np.mean(angle**2) / np.mean(turned**2)) == pytest.approx(1, abs=0.28)
     if free_focal:
@@ -74,8 +86,10 @@ def test_points_that_do_not_tell_are_refused():
     with pytest.raises(InputError, match="8 of the points lie outside the photo of 640 x 480"):
         pose_from_points(places, points + 1000, TRUE)
     flat = np.array([[x, y, 0.0] for x in (-0.2, 0, 0.2) for y in (-0.1, 0.1)])
-    with pytest.raises(CheckError, match=r"cannot be told from the distance; they lie in one plane.*--lens"):
-        pose_and_focal_length(flat, seen(flat, (np.pi, 0, 0), (0, 0, 0.9), np.random.default_rng(1), lens=PLAIN),
+    with pytest.raises(CheckError,
+                       match=r"cannot be told from the distance; they lie in one plane.*--lens"):
+        pose_and_focal_length(flat, seen(flat, (np.pi, 0, 0), (0, 0, 0.9), np.random.default_rng(1),
+                                         lens=PLAIN),
                               640, 480)
 
 
@@ -103,23 +117,30 @@ def test_what_is_wrong_with_points_is_said():
 
 def test_a_board_lies_where_its_file_says(tmp_path):
     path = tmp_path / "board.toml"
-    path.write_text('columns = 9\nrows = 7\nsquare = 3\nmarker = 2.2\norigin = [1, 2, 3]\nright = [0, 0, -2]\n'
-                    'down = [0, -1, 0]\n', encoding="utf-8")
+    path.write_text('columns = 9\nrows = 7\nsquare = 3\nmarker = 2.2\norigin = [1, 2, 3]\nright = '
+                    '[0, 0, -2]\ndown = [0, -1, 0]\n', encoding="utf-8")
     board = read_board(path)
-    assert (board.columns, board.rows, board.square, board.dictionary) == (9, 7, 3.0, "DICT_5X5_100")
-    np.testing.assert_allclose(in_scene(board, np.array([[3.0, 6.0, 0.0]]), "b"), [[1, -4, 0]], atol=1e-12)
+    assert (board.columns, board.rows, board.square, board.dictionary) == (9, 7, 3.0,
+                                                                           "DICT_5X5_100")
+    np.testing.assert_allclose(in_scene(board, np.array([[3.0, 6.0, 0.0]]), "b"), [[1, -4, 0]],
+                               atol=1e-12)
     with pytest.raises(InputError, match="does not say where the board lies"):
         in_scene(Board(9, 7, 3, 2), np.zeros((1, 3)), "board.toml")
 
 
 @pytest.mark.parametrize("text, sentence", [
-    ("columns = 9\nrows = 7\nsquare = 3\nmarker = 4", "the marker must lie inside its square"),
-    ("columns = 9\nrows = 2\nsquare = 3\nmarker = 2", "whole numbers of squares"),
-    ("colums = 9", "unknown key 'colums'"),
-    ("columns = 9\nrows = 7\nsquare = 3\nmarker = 2\norigin = [0, 0]", "3 numbers in brackets"),
-    ("columns = 9\nrows = 7\nsquare = 3\nmarker = 2\norigin = [0,0,0]\nright = [1,0,0]\ndown = [1,1,0]", "right angle"),
-    ("columns = 9\nrows = 7\nsquare = '3'\nmarker = 2", "square is '3'; a number is needed"),
-    ("columns = ", "is not valid TOML")])
+                             ("columns = 9\nrows = 7\nsquare = 3\nmarker = 4",
+                              "the marker must lie inside its square"),
+                             ("columns = 9\nrows = 2\nsquare = 3\nmarker = 2",
+                              "whole numbers of squares"),
+                             ("colums = 9", "unknown key 'colums'"),
+                             ("columns = 9\nrows = 7\nsquare = 3\nmarker = 2\norigin = [0, 0]",
+                              "3 numbers in brackets"),
+                             ("columns = 9\nrows = 7\nsquare = 3\nmarker = 2\norigin = "
+                              "[0,0,0]\nright = [1,0,0]\ndown = [1,1,0]", "right angle"),
+                             ("columns = 9\nrows = 7\nsquare = '3'\nmarker = 2",
+                              "square is '3'; a number is needed"),
+                             ("columns = ", "is not valid TOML")])
 def test_a_board_file_that_cannot_be_right_is_refused(tmp_path, text, sentence):
     path = tmp_path / "board.toml"
     path.write_text(text, encoding="utf-8")
@@ -128,9 +149,11 @@ def test_a_board_file_that_cannot_be_right_is_refused(tmp_path, text, sentence):
 
 
 @pytest.mark.parametrize("text, sentence", [
-    ("", "must hold one table"), ("[points.a]\nscene = [1, 2, 3]", "point 'a' must have scene"),
-    ("[points.a]\nscene = [1, 2]\npx = [1, 2]", "points.a.scene is"), ("[points.a]\nscene = [1, 2, nan]\npx = [1, 2]",
-                                                                       "a number is needed")])
+                             ("", "must hold one table"),
+                             ("[points.a]\nscene = [1, 2, 3]", "point 'a' must have scene"),
+                             ("[points.a]\nscene = [1, 2]\npx = [1, 2]", "points.a.scene is"),
+                             ("[points.a]\nscene = [1, 2, nan]\npx = [1, 2]",
+                              "a number is needed")])
 def test_a_points_file_that_cannot_be_right_is_refused(tmp_path, text, sentence):
     path = tmp_path / "points.toml"
     path.write_text(text, encoding="utf-8")

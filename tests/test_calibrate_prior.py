@@ -1,4 +1,6 @@
-"""Laws of the joint estimate: recovery, invariance, calibrated bands, field and glare, and what it refuses."""
+"""Laws of the joint estimate: recovery, invariance, calibrated bands, field and glare, and what it
+refuses.
+"""
 import dataclasses
 
 import numpy as np
@@ -17,22 +19,23 @@ from calibrate_cameras import (
     signals,
 )
 
-from calibrate.calibration import calibration_from_chart
-from calibrate.camera_prior import load_prior, save_prior, shipped_prior
-from calibrate.chart_photo import field_terms
-from calibrate.curve_posterior import draw_curves, nonnegative
-from calibrate.learnt_prior import build_prior
-from calibrate.preflight import preflight
-from calibrate.sensitivity import fit_with_prior
-from radiometry.chart import patch_centres_uv
-from radiometry.errors import CalibrationError, CheckError, InputError
-from radiometry.records import Quantity, Spectrum
+from spectrabox.calibrate.calibration import calibration_from_chart
+from spectrabox.calibrate.chart_photo import field_terms
+from spectrabox.calibrate.preflight import preflight
+from spectrabox.calibrate.prior.camera_prior import load_prior, save_prior, shipped_prior
+from spectrabox.calibrate.prior.curve_posterior import draw_curves, nonnegative
+from spectrabox.calibrate.prior.learnt_prior import build_prior
+from spectrabox.calibrate.sensitivity import fit_with_prior
+from spectrabox.radiometry.chart import patch_centres_uv
+from spectrabox.radiometry.errors import CalibrationError, CheckError, InputError
+from spectrabox.radiometry.records import Quantity, Spectrum
 
 SURFACES = reflectances()
 
 
 def relative_error(curves, truth):
-    return np.sqrt(((curves / curves.max() - truth / truth.max()) ** 2).sum() / ((truth / truth.max()) ** 2).sum())
+    return np.sqrt(((curves / curves.max() - truth / truth.max()) ** 2).sum()
+                   / ((truth / truth.max()) ** 2).sum())
 
 
 def noisy(curves, light, noise, seed):
@@ -43,12 +46,15 @@ def noisy(curves, light, noise, seed):
 def test_a_camera_within_the_prior_is_recovered_exactly():
     broad = build_prior(NODES, cameras(8, 1), tuple("abcdefgh"), source="", licence="")
     factors = broad.between[:, :6]
-    known = dataclasses.replace(broad, between=factors, departures=np.tile([0.0, 1.0], (3, 3)), jitter_sd=0.0)
+    known = dataclasses.replace(broad, between=factors, departures=np.tile([0.0, 1.0], (3, 3)),
+                                jitter_sd=0.0)
     truth = known.means[0] + factors @ np.array([0.5, -0.4, 0.3, 0.2, -0.3, 0.1])
     signal = 0.2 * signals(on_grid(truth.reshape(3, -1)), daylight(), SURFACES)
     found = fit_with_prior([photo(signal, daylight(), SURFACES)], known, GRID, model_errors=(1e-6,))
-    # Data of relative error 1e-6 leave the prior a pull of (1e-6)^2 times the condition of six directions: below 1e-8.
-    np.testing.assert_allclose(found.sensitivity.coefficients.ravel(), truth / truth.max(), atol=1e-8)
+    # Data of relative error 1e-6 leave the prior a pull of (1e-6)^2 times the condition of six
+    # directions: below 1e-8.
+    np.testing.assert_allclose(found.sensitivity.coefficients.ravel(), truth / truth.max(),
+                               atol=1e-8)
 
 
 def test_exposure_changes_the_scale_and_nothing_else():
@@ -61,7 +67,8 @@ def test_exposure_changes_the_scale_and_nothing_else():
 
 
 def test_patch_order_does_not_matter():
-    signal, order = noisy(cameras(1, 42)[0], led(), 0.01, 43), np.random.default_rng(9).permutation(24)
+    signal, order = noisy(cameras(1, 42)[0], led(), 0.01,
+                          43), np.random.default_rng(9).permutation(24)
     given = fit_with_prior([photo(signal, led(), SURFACES, 0.01)], prior(), GRID)
     shuffled = fit_with_prior([photo(signal[order], led(), SURFACES[order], 0.01)], prior(), GRID)
     # Sums in another order: round-off times the condition of the noise-weighted system, about 1e8.
@@ -77,12 +84,16 @@ def test_the_90_per_cent_band_holds_the_true_curve_nine_times_in_ten(stated):
         noise = (0.005, 0.02)[camera % 2]
         signal = noisy(curves, (daylight, led)[camera % 3 == 0](), noise, 100 + camera)
         light = (daylight, led)[camera % 3 == 0]()
-        found = fit_with_prior([photo(signal, light, SURFACES, noise if stated else 0.0)], known, GRID)
-        lower, upper = np.quantile(draw_curves(found.posterior, 3, 300, 0).curves, [0.05, 0.95], axis=0)
+        found = fit_with_prior([photo(signal, light, SURFACES, noise if stated else 0.0)], known,
+                               GRID)
+        lower, upper = np.quantile(draw_curves(found.posterior, 3, 300, 0).curves, [0.05, 0.95],
+                                   axis=0)
         truth = on_grid(curves / curves.max())
-        seen = truth > 0.02  # where simulated bumps are zero to machine precision a band says nothing
+        # where simulated bumps are zero to machine precision a band says nothing
+        seen = truth > 0.02
         inside.append(np.mean((truth >= lower)[seen] & (truth <= upper)[seen]))
-    # Curves of one camera are strongly correlated, so the spread over cameras is the measure: 3.3 sigma is 1e-3.
+    # Curves of one camera are strongly correlated, so the spread over cameras is the measure: 3.3
+    # sigma is 1e-3.
     spread = np.std(inside) / np.sqrt(len(inside))
     assert abs(np.mean(inside) - 0.9) < 0.04 + 3.3 * spread
     assert np.mean(inside) > 0.8
@@ -90,7 +101,8 @@ def test_the_90_per_cent_band_holds_the_true_curve_nine_times_in_ten(stated):
 
 def test_the_prior_beats_what_it_knows_without_a_photo():
     known, truth = prior(), cameras(1, 44)[0]
-    found = fit_with_prior([photo(noisy(truth, led(), 0.005, 45), led(), SURFACES, 0.005)], known, GRID)
+    found = fit_with_prior([photo(noisy(truth, led(), 0.005, 45), led(), SURFACES, 0.005)], known,
+                           GRID)
     mean = on_grid(known.means[-1].reshape(3, -1))
     assert relative_error(found.sensitivity.curves, on_grid(truth)) < 0.5 * relative_error(mean, on_grid(truth))
 
@@ -101,14 +113,18 @@ def test_fall_off_and_glare_cost_little():
     across = (patch_centres_uv()[:, 0] - 0.2) / 0.6
     signal = noisy(truth, light, 0.005, 47)
     spoiled = signal * (1 - 0.2 * across)[:, None] + 0.01 * signal.max(axis=0)
-    flat, distorted = (fit_with_prior([photo(given, light, SURFACES, 0.005, terms, True)], known, GRID)
+    flat, distorted = (fit_with_prior([photo(given, light, SURFACES, 0.005, terms, True)], known,
+                                      GRID)
                        for given in (signal, spoiled))
-    errors = [relative_error(found.sensitivity.curves, on_grid(truth)) for found in (flat, distorted)]
+    errors = [relative_error(found.sensitivity.curves, on_grid(truth)) for found in (flat,
+                                                                                     distorted)]
     # One camera at one noise: the median over cameras in the benchmark is held to 1.2.
     assert errors[1] < 1.5 * errors[0] + 0.005
     field = distorted.photos[0].field
-    # The field is known to about its noise, 0.5 % over the square root of 24 patches, and up to a factor.
-    np.testing.assert_allclose(field / field.mean(), (1 - 0.2 * across) / (1 - 0.2 * across).mean(), atol=0.02)
+    # The field is known to about its noise, 0.5 % over the square root of 24 patches, and up to a
+    # factor.
+    np.testing.assert_allclose(field / field.mean(), (1 - 0.2 * across) / (1 - 0.2 * across).mean(),
+                               atol=0.02)
     np.testing.assert_allclose(distorted.photos[0].glare / signal.max(axis=0), 0.01, atol=0.005)
 
 
@@ -129,21 +145,26 @@ def test_charts_of_other_sizes_are_welcome():
 
 
 def test_left_out_patches_are_predicted_as_if_they_had_been_left_out():
-    known = dataclasses.replace(prior(), weights=np.ones(1), means=prior().means[-1:], level=[2], members=("all",))
+    known = dataclasses.replace(prior(), weights=np.ones(1), means=prior().means[-1:], level=[2],
+                                members=("all",))
     signal = noisy(cameras(1, 52)[0], daylight(), 0.01, 53)
-    found = fit_with_prior([photo(signal, daylight(), SURFACES, 0.01)], known, GRID, model_errors=(0.01,))
+    found = fit_with_prior([photo(signal, daylight(), SURFACES, 0.01)], known, GRID,
+                           model_errors=(0.01,))
     rest = np.arange(24) != 4
     without = fit_with_prior([photo(signal[rest], daylight(), SURFACES[rest], 0.01)], known, GRID,
                              model_errors=(0.01,))
     state = without.photos[0]
     expected = state.scale * signals(without.sensitivity.curves, daylight(), SURFACES)[4]
-    # The closed form holds for the linearised system; the two are linearised at slightly different places.
+    # The closed form holds for the linearised system; the two are linearised at slightly different
+    # places.
     np.testing.assert_allclose(found.held_out[0][4], expected, rtol=0.01)
 
 
 def test_nothing_negative_leaves_the_fit():
-    found = fit_with_prior([photo(noisy(cameras(1, 54)[0], led(), 0.02, 55), led(), SURFACES, 0.02)], prior(), GRID)
-    assert found.sensitivity.curves.min() >= 0 and found.sensitivity.curves.max() == pytest.approx(1)
+    found = fit_with_prior([photo(noisy(cameras(1, 54)[0], led(), 0.02, 55), led(), SURFACES,
+                                  0.02)], prior(), GRID)
+    assert found.sensitivity.curves.min() >= 0 and found.sensitivity.curves.max() == pytest.approx(
+        1)
     draws = draw_curves(found.posterior, 3, 50, 1)
     assert draws.curves.min() >= 0
     np.testing.assert_array_equal(draws.curves, draw_curves(found.posterior, 3, 50, 1).curves)
@@ -158,14 +179,16 @@ def test_raising_one_value_to_zero_moves_what_varies_with_it():
 
 def refused(signal, light=None, **more):
     light = daylight() if light is None else light
-    return calibration_from_chart(samples(signal, 0.001), SURFACES, Spectrum(GRID, light, Quantity.RELATIVE, "lamp"),
+    return calibration_from_chart(samples(signal, 0.001), SURFACES,
+                                  Spectrum(GRID, light, Quantity.RELATIVE, "lamp"),
                                   np.full(24, np.pi), GRID, prior=prior(), **more)
 
 
 def test_a_mirrored_chart_is_refused_and_named():
     signal = noisy(cameras(1, 56)[0], daylight(), 0.002, 57)
     mirrored = signal.reshape(4, 6, 3)[:, ::-1].reshape(24, 3)
-    with pytest.raises(CheckError, match=r"no camera explains the chart photo.*read as mirrored left to right"):
+    with pytest.raises(CheckError,
+                       match=r"no camera explains the chart photo.*read as mirrored left to right"):
         refused(mirrored)
 
 
@@ -178,7 +201,8 @@ def test_an_encoded_photo_is_refused():
 def test_glare_is_said_and_much_of_it_refused():
     signal = noisy(cameras(1, 60)[0], daylight(), 0.003, 3)
     calibration, _ = refused(signal + 0.05 * signal.max(axis=0))
-    assert any(check.startswith("glare or a wrong black level of 5%") for check in calibration.checks)
+    assert any(check.startswith("glare or a wrong black level of 5%")
+               for check in calibration.checks)
     with pytest.raises(CheckError, match="no camera explains the chart photo"):
         refused(signal + 0.2 * signal.max(axis=0))
 
@@ -214,8 +238,8 @@ def test_eight_bands_are_fitted_by_default():
     curves = np.exp(-0.5 * ((GRID.nm - np.linspace(420, 680, 8)[:, None]) / 25) ** 2)
     signal = signals(curves, daylight(), SURFACES)
     calibration, _ = calibration_from_chart(samples(signal, 0.001), SURFACES,
-                                            Spectrum(GRID, daylight(), Quantity.RELATIVE, "lamp"), np.full(24, np.pi),
-                                            GRID)
+                                            Spectrum(GRID, daylight(), Quantity.RELATIVE, "lamp"),
+                                            np.full(24, np.pi), GRID)
     peaks = GRID.nm[calibration.sensitivity.curves.argmax(axis=1)]
     # 24 patches resolve a band of 59 nm width to a fraction of that width.
     np.testing.assert_allclose(peaks, np.linspace(420, 680, 8), atol=20)
@@ -252,14 +276,18 @@ def test_the_shipped_prior_holds_no_nikon_d5100_and_names_its_licence():
 
 def test_preflight_expects_about_the_error_that_fits_have():
     known = prior(40, 1)
-    expected = preflight(known, SURFACES, led(), GRID, relative_error=0.01, second={"daylight": daylight()})
+    expected = preflight(known, SURFACES, led(), GRID, relative_error=0.01,
+                         second={"daylight": daylight()})
     errors = []
     for camera, curves in enumerate(cameras(8, 78)):
-        found = fit_with_prior([photo(noisy(curves, led(), 0.01, 200 + camera), led(), SURFACES, 0.01)], known, GRID)
+        found = fit_with_prior([photo(noisy(curves, led(), 0.01, 200 + camera), led(), SURFACES,
+                                      0.01)], known, GRID)
         errors.append(relative_error(found.sensitivity.curves, on_grid(curves)))
     # A factor of two either way: the expectation averages families, eight cameras scatter by 30 %.
-    assert 0.5 < np.sqrt(np.mean(np.square(errors))) / np.sqrt(np.mean(expected.expected_error**2)) < 2
-    assert expected.second_lights[0][1] < expected.expected_error.mean() < expected.unlike_error.mean()
+    assert 0.5 < np.sqrt(np.mean(np.square(errors))) / np.sqrt(
+        np.mean(expected.expected_error**2)) < 2
+    assert expected.second_lights[0][
+        1] < expected.expected_error.mean() < expected.unlike_error.mean()
 
 
 def test_preflight_says_where_the_light_is_dark():

@@ -1,13 +1,15 @@
-"""Laws of the spline fits: exact recovery, invariance to exposure and patch order, honest standard errors."""
+"""Laws of the spline fits: exact recovery, invariance to exposure and patch order, honest standard
+errors.
+"""
 import numpy as np
 import pytest
 from calibrate_cameras import GRID, daylight, led, reflectances, samples, signals
 from scipy.stats import chi2
 
-from calibrate.sensitivity import fit_sensitivities
-from calibrate.spline_fit import SPLINE_METHODS
-from radiometry.bspline import basis_matrix
-from radiometry.errors import CalibrationError, InputError
+from spectrabox.calibrate.sensitivity import fit_sensitivities
+from spectrabox.calibrate.spline_fit import SPLINE_METHODS
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.errors import CalibrationError, InputError
 
 EVEN = np.full(24, np.pi)
 BASIS = basis_matrix(GRID.nm, 10)
@@ -18,12 +20,16 @@ def spline_camera(seed=2):
     rng = np.random.default_rng(seed)
     coefficients[:, 1:-1] = np.array([[0.1, 0.1, 0.1, 0.1, 0.3, 0.9, 0.6, 0.2],
                                       [0.1, 0.2, 0.4, 1.0, 0.7, 0.3, 0.1, 0.1],
-                                      [0.3, 0.9, 0.8, 0.3, 0.1, 0.1, 0.1, 0.1]]) + rng.uniform(0, 0.05, (3, 8))
+                                      [0.3, 0.9, 0.8, 0.3, 0.1, 0.1, 0.1, 0.1]]) + rng.uniform(0,
+                                                                                               0.05,
+                                                                                               (3,
+                                                                                                8))
     return coefficients / (coefficients @ BASIS.T).max()
 
 
 def fit(method, signal, light=None, surfaces=None, error=0.0):
-    return fit_sensitivities(samples(signal, error), reflectances() if surfaces is None else surfaces,
+    return fit_sensitivities(samples(signal, error), reflectances() if surfaces is None
+                             else surfaces,
                              daylight() if light is None else light, EVEN, GRID, method=method)
 
 
@@ -59,9 +65,11 @@ def test_patch_order_does_not_matter(method):
     order = rng.permutation(24)
     given, _ = fit(method, signal)
     shuffled, _ = fit(method, signal[order], surfaces=reflectances()[order])
-    # Sums in another order: round-off times the condition number of about 1e3, squared in the normal equations.
+    # Sums in another order: round-off times the condition number of about 1e3, squared in the
+    # normal equations.
     np.testing.assert_allclose(shuffled.curves, given.curves, atol=1e-7)
-    np.testing.assert_allclose(shuffled.held_out_residuals, given.held_out_residuals[order], atol=1e-6)
+    np.testing.assert_allclose(shuffled.held_out_residuals, given.held_out_residuals[order],
+                               atol=1e-6)
 
 
 def test_the_papers_standard_errors_are_those_of_repeated_photos():
@@ -70,7 +78,8 @@ def test_the_papers_standard_errors_are_those_of_repeated_photos():
     sigma = 0.005 * clean.mean()
     rng = np.random.default_rng(6)
     fits = [fit("paper", clean + sigma * rng.standard_normal(clean.shape)) for _ in range(60)]
-    # Compared before normalisation, where the estimate is linear: scale x curve at one wavelength of the green band.
+    # Compared before normalisation, where the estimate is linear: scale x curve at one wavelength
+    # of the green band.
     place = 130
     values = np.array([scale.value * found.curves[1, place] for found, scale in fits])
     stated = np.mean([(scale.value * found.standard_error[1, place]) ** 2 for found, scale in fits])
@@ -93,7 +102,8 @@ def test_a_smooth_fit_beats_the_papers_under_an_led():
     truth = spline_camera() @ BASIS.T
     signal = signals(truth, led(), reflectances())
     signal = signal * (1 + 0.02 * rng.standard_normal(signal.shape))
-    error = {method: np.linalg.norm(fit(method, signal, led())[0].curves - truth) for method in ("paper", "smooth")}
+    error = {method: np.linalg.norm(fit(method, signal, led())[0].curves - truth)
+             for method in ("paper", "smooth")}
     assert error["smooth"] < error["paper"]
 
 
@@ -119,5 +129,6 @@ def test_a_patch_without_signal_is_named():
 
 
 def test_an_unknown_method_lists_the_known_ones():
-    with pytest.raises(InputError, match="'spline' is not known; known are prior, paper, nonnegative, smooth"):
+    with pytest.raises(InputError, match="'spline' is not known; known are prior, paper, "
+                       "nonnegative, smooth"):
         fit("spline", np.ones((24, 3)))

@@ -1,11 +1,13 @@
-"""The light scale's standard error is that of what a band reads of white, correlations with the curves included."""
+"""The light scale's standard error is that of what a band reads of white, correlations with the
+curves included.
+"""
 import numpy as np
 import pytest
 from calibrate_cameras import GRID, NODES, cameras, led, on_grid, reflectances, samples, signals
 
-from calibrate.calibration import calibrate_chart
-from calibrate.learnt_prior import build_prior
-from radiometry.records import Quantity, Spectrum
+from spectrabox.calibrate.calibration import calibrate_chart
+from spectrabox.calibrate.prior.learnt_prior import build_prior
+from spectrabox.radiometry.records import Quantity, Spectrum
 
 SCALE, NOISE = 3.7, 0.01
 SURFACES = reflectances()
@@ -19,17 +21,20 @@ def white_errors(method, relative_noise, camera, curves, known):
     signal = SCALE * signals(truth, POWER, SURFACES) * (IRRADIANCE / np.pi)[:, None]
     signal *= 1 + relative_noise * np.random.default_rng(500 + camera).standard_normal(signal.shape)
     lamp = Spectrum(GRID, POWER, Quantity.RADIANCE, "lamp")
-    made = calibrate_chart(samples(signal), SURFACES, lamp, IRRADIANCE, GRID, scaled=True, method=method, prior=known)
+    made = calibrate_chart(samples(signal), SURFACES, lamp, IRRADIANCE, GRID, scaled=True,
+                           method=method, prior=known)
     fitted = made.scale.value * made.calibration.sensitivity.curves @ (POWER * GRID.weights_nm)
-    return fitted / (SCALE * truth @ (POWER * GRID.weights_nm)) - 1, made.scale.standard_error / made.scale.value
+    return fitted / (SCALE * truth
+                     @ (POWER * GRID.weights_nm)) - 1, made.scale.standard_error / made.scale.value
 
 
 @pytest.mark.parametrize("method", ["prior", "smooth"])
 def test_white_is_known_as_well_as_stated(method):
     # Thirty makers: with one, the prior would widen every error for knowing so few.
-    known = build_prior(NODES, cameras(30, 1), tuple(f"maker{index} one" for index in range(30)), source="simulated",
-                        licence="none") if method == "prior" else None
-    found = [white_errors(method, NOISE, camera, curves, known) for camera, curves in enumerate(cameras(16, 95))]
+    known = build_prior(NODES, cameras(30, 1), tuple(f"maker{index} one" for index in range(30)),
+                        source="simulated", licence="none") if method == "prior" else None
+    found = [white_errors(method, NOISE, camera, curves, known) for camera,
+             curves in enumerate(cameras(16, 95))]
     normal = np.array([errors / stated for errors, stated in found])
     # 48 errors in standard errors: their rms is 1 +- 0.10; three of these either way.
     assert 0.7 < np.sqrt(np.mean(normal**2)) < 1.3

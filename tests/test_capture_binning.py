@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from capture.binning import area_weights, bin_image, render_size
-from radiometry.records import LinearImage, PhotoKind
+from spectrabox.capture.photo.binning import area_weights, bin_image, render_size
+from spectrabox.radiometry.records import LinearImage, PhotoKind
 
 SIZES = [(10, 6), (7, 5), (3, 3), (24, 17), (1, 1)]
 
@@ -11,8 +11,9 @@ def image(signal, variance=None, saturated=None):
     signal = np.asarray(signal, np.float32)
     return LinearImage(
         signal=signal, variance=np.ones_like(signal) if variance is None else variance,
-        saturated=np.zeros(signal.shape, bool) if saturated is None else saturated, sensor_step=2.0, exposure_s=None,
-        iso=None, f_number=None, kind=PhotoKind.RAW, camera="", source="photo", sha256="")
+        saturated=np.zeros(signal.shape, bool) if saturated is None else saturated, sensor_step=2.0,
+        exposure_s=None, iso=None, f_number=None, kind=PhotoKind.RAW, camera="", source="photo",
+        sha256="")
 
 
 @pytest.mark.parametrize("width, height", SIZES)
@@ -38,8 +39,10 @@ def test_whole_blocks_give_plain_means_and_variances_of_the_mean():
     binned = bin_image(image(signal, variance), 5, 4)
     # Round-off of single precision over 3 + 4 terms, twice.
     rtol = 14 * np.finfo(np.float32).eps
-    np.testing.assert_allclose(binned.signal, signal.reshape(4, 3, 5, 4, 3).mean(axis=(1, 3)), rtol=rtol)
-    np.testing.assert_allclose(binned.variance, variance.reshape(4, 3, 5, 4, 3).mean(axis=(1, 3)) / 12, rtol=rtol)
+    np.testing.assert_allclose(binned.signal, signal.reshape(4, 3, 5, 4, 3).mean(axis=(1, 3)),
+                               rtol=rtol)
+    np.testing.assert_allclose(binned.variance, variance.reshape(4, 3, 5, 4, 3).mean(axis=(1, 3))
+                               / 12, rtol=rtol)
     assert binned.sensor_step == 8.0
 
 
@@ -47,7 +50,8 @@ def test_the_stated_variance_is_that_of_repeated_photos():
     rng = np.random.default_rng(3)
     photos = [bin_image(image(rng.normal(size=(17, 23, 3))), 6, 5) for _ in range(400)]
     scatter = np.var([photo.signal for photo in photos], axis=0, ddof=1)
-    # 90 chi-square variables of 399 degrees of freedom, each with relative sigma 0.071; their mean within 4 sigma.
+    # 90 chi-square variables of 399 degrees of freedom, each with relative sigma 0.071; their mean
+    # within 4 sigma.
     assert np.mean(scatter / photos[0].variance) == pytest.approx(1, abs=4 * 0.071 / np.sqrt(90))
 
 
@@ -65,11 +69,15 @@ def test_weights_are_means_over_the_target_pixel(source, target):
     weights = area_weights(source, target)
     # Round-off of at most ``source`` terms.
     np.testing.assert_allclose(weights.sum(axis=1), 1, atol=source * np.finfo(float).eps)
-    np.testing.assert_allclose(weights.sum(axis=0), target / source, atol=source * np.finfo(float).eps)
+    np.testing.assert_allclose(weights.sum(axis=0), target / source,
+                               atol=source * np.finfo(float).eps)
 
 
-@pytest.mark.parametrize("photo, target, expected", [((6000, 4000), 96, (96, 64)), ((6000, 4000), 100, (99, 66)),
-                                                     ((750, 422), 128, (128, 72)), ((100, 100), 64, (64, 64))])
+@pytest.mark.parametrize("photo, target, expected",
+                         [((6000, 4000), 96, (96, 64)), ((6000, 4000), 100, (99, 66)), ((750, 422),
+                                                                                        128,
+                                                                                        (128, 72)),
+                          ((100, 100), 64, (64, 64))])
 def test_the_render_takes_the_nearest_aspect(photo, target, expected):
     assert render_size(*photo, target) == expected
 

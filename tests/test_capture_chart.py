@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from capture.chart_detection import chart_overlay, find_chart, locate_chart
-from capture.linear import open_photo
-from capture.patches import require_unclipped, sample_patches
-from fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, homography, mosaic
-from fixtures.dng import write_dng
-from radiometry.chart import PATCH_NAMES, chart_reflectances, typical_camera_signals
-from radiometry.errors import ChartNotFoundError, CheckError, ClippedPhotoError
-from radiometry.grid import visible_grid
+from spectrabox.capture.chart.detection import chart_overlay, find_chart, locate_chart
+from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.capture.photo.linear import open_photo
+from spectrabox.fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, homography, mosaic
+from spectrabox.fixtures.dng import write_dng
+from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances, typical_camera_signals
+from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, ClippedPhotoError
+from spectrabox.radiometry.grid import visible_grid
 
 HEIGHT, WIDTH = 720, 1000
 BLACK, WHITE, ELECTRONS, READ_DN = np.array([512, 510, 514, 516]), 16383, 20000, 4.0
@@ -43,7 +43,8 @@ def photograph(folder, scene, seed=1):
 def true_centres(corners_xy):
     row, column = np.divmod(np.arange(24), 6)
     centres_mm = np.column_stack([column, row]) * PITCH_MM + 20
-    projected = np.column_stack([centres_mm, np.ones(24)]) @ homography(UNIT * GRID_MM, corners_xy).T
+    projected = np.column_stack([centres_mm, np.ones(24)]) @ homography(UNIT * GRID_MM,
+                                                                        corners_xy).T
     return projected[:, :2] / projected[:, 2:]
 
 
@@ -53,11 +54,13 @@ def true_centres(corners_xy):
 ])
 def test_every_patch_is_found_in_its_place(tmp_path, reference, pose):
     place = corners(**pose)
-    image = photograph(tmp_path, chart_scene(HEIGHT, WIDTH, CAMERA_GAIN * reference, place, gradient_stops=0.5))
+    image = photograph(tmp_path, chart_scene(HEIGHT, WIDTH, CAMERA_GAIN * reference, place,
+                                             gradient_stops=0.5))
     detection = find_chart(image, reference)
     side = 40 * np.linalg.norm(place[1] - place[0]) / GRID_MM[0]
     # Quadrilaterals reach 0.3 of a side from their centre: 0.05 keeps them well inside the patch.
-    np.testing.assert_allclose(detection.corners_px.mean(axis=1), true_centres(place), atol=0.05 * side)
+    np.testing.assert_allclose(detection.corners_px.mean(axis=1), true_centres(place),
+                               atol=0.05 * side)
     assert detection.confidence > 0.9 and not detection.mirrored
 
 
@@ -73,7 +76,8 @@ def test_a_mirrored_chart_is_refused(tmp_path, reference, degrees):
 def test_a_photo_without_chart_is_refused_with_advice(tmp_path, reference):
     tiles = np.random.default_rng(2).uniform(0.1, 0.6, (HEIGHT // 40, WIDTH // 40, 3))
     image = photograph(tmp_path, np.kron(tiles, np.ones((40, 40, 1))))
-    with pytest.raises(ChartNotFoundError, match=r"no ColorChecker was found in photo chart.dng.*corners_px"):
+    with pytest.raises(ChartNotFoundError,
+                       match=r"no ColorChecker was found in photo chart.dng.*corners_px"):
         find_chart(image, reference)
 
 
@@ -96,13 +100,15 @@ def test_corners_given_by_hand_are_taken_and_turned(tmp_path, reference):
     for given in (corners(), corners(180)):
         detection = find_chart(image, reference, given)
         # The geometry is exact; least squares of the homography leaves round-off.
-        np.testing.assert_allclose(detection.corners_px.mean(axis=1), true_centres(corners()), atol=1e-3)
+        np.testing.assert_allclose(detection.corners_px.mean(axis=1), true_centres(corners()),
+                                   atol=1e-3)
         assert detection.how_found == "corners given by hand"
 
 
 def test_wrong_corners_are_refused(tmp_path, reference):
     image = photograph(tmp_path, chart_scene(HEIGHT, WIDTH, CAMERA_GAIN * reference, corners()))
-    with pytest.raises(ChartNotFoundError, match=r"patches at the given corners .* outer corners of the patch grid"):
+    with pytest.raises(ChartNotFoundError,
+                       match=r"patches at the given corners .* outer corners of the patch grid"):
         find_chart(image, reference, np.roll(corners(), 1, axis=0))
 
 
@@ -132,12 +138,15 @@ def test_dust_does_not_move_a_mean(tmp_path, reference):
 
 def test_uneven_light_shows_as_gradient_and_not_as_noise(tmp_path, reference):
     even, uneven = (sample_patches(image, find_chart(image, reference)) for image in (
-        photograph(tmp_path, chart_scene(HEIGHT, WIDTH, 0.7 * CAMERA_GAIN * reference, corners(), gradient_stops=stops))
-        for stops in (0.0, 2.0)))
+                        photograph(tmp_path,
+                                   chart_scene(HEIGHT, WIDTH, 0.7 * CAMERA_GAIN * reference,
+                                               corners(), gradient_stops=stops))
+                        for stops in (0.0, 2.0)))
     side = 0.6 * 40 / GRID_MM[0] * 560
     # The light doubles over half the picture; slope of the bright patches to 10 %.
     np.testing.assert_allclose(uneven.gradient[18:20], 2 * np.log(2) * side / WIDTH, rtol=0.1)
-    # Shot noise grows with the light, at most by 2 ** 0.5; the variance of a variance of 300 pixels is 8 %.
+    # Shot noise grows with the light, at most by 2 ** 0.5; the variance of a variance of 300 pixels
+    # is 8 %.
     ratio = uneven.covariance_of_mean[:, 1, 1] / even.covariance_of_mean[:, 1, 1]
     assert 0.5 < np.median(ratio) < 2
 
@@ -146,13 +155,15 @@ def test_clipped_patches_are_named(tmp_path, reference):
     signals = 1.6 * CAMERA_GAIN * reference
     image = photograph(tmp_path, chart_scene(HEIGHT, WIDTH, signals, corners(), background=0.2))
     samples = sample_patches(image, find_chart(image, reference, corners()))
-    with pytest.raises(ClippedPhotoError, match=r"chart photo chart.dng: 1 of 24 patches are saturated \(white 9.5\)"):
+    with pytest.raises(ClippedPhotoError,
+                       match=r"chart photo chart.dng: 1 of 24 patches are saturated \(white 9.5\)"):
         require_unclipped(samples, PATCH_NAMES, image.source)
 
 
 def test_a_good_photo_passes_the_clipping_check(tmp_path, reference):
     image = photograph(tmp_path, chart_scene(HEIGHT, WIDTH, CAMERA_GAIN * reference, corners()))
-    require_unclipped(sample_patches(image, find_chart(image, reference)), PATCH_NAMES, image.source)
+    require_unclipped(sample_patches(image, find_chart(image, reference)), PATCH_NAMES,
+                      image.source)
 
 
 def test_a_chart_too_small_is_refused(tmp_path, reference):

@@ -2,16 +2,21 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from capture.flat_field import divide_by_flat
-from capture.image_files import read_encoded_file, read_linear_file, write_exr, write_png
-from capture.linear import linear_image, open_photo
-from capture.noise import photon_transfer
-from capture.preview import preview_rgb8
-from capture.raw import read_raw
-from fixtures.chart_scene import mosaic
-from fixtures.dng import BAYER_TILES, write_dng
-from radiometry.errors import CheckError, InputError
-from radiometry.records import LinearImage, PhotoKind
+from spectrabox.capture.develop.flat_field import divide_by_flat
+from spectrabox.capture.photo.image_files import (
+    read_encoded_file,
+    read_linear_file,
+    write_exr,
+    write_png,
+)
+from spectrabox.capture.photo.linear import linear_image, open_photo
+from spectrabox.capture.photo.noise import photon_transfer
+from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.capture.photo.raw import read_raw
+from spectrabox.fixtures.chart_scene import mosaic
+from spectrabox.fixtures.dng import BAYER_TILES, write_dng
+from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.records import LinearImage, PhotoKind
 
 BLACK = np.array([512, 510, 514, 516])
 WHITE = 16383
@@ -32,18 +37,22 @@ def noiseless_dn(signal, pattern, black):
 
 
 def flat_image(signal, **changes):
-    fields = {"sensor_step": 2.0, "exposure_s": 0.01, "iso": 100.0, "f_number": 8.0, "kind": PhotoKind.RAW,
-              "camera": "Body", "source": "photo.dng", "sha256": "", "saturated": np.zeros(signal.shape, bool)}
-    return LinearImage(signal=signal.astype(np.float32), variance=np.full(signal.shape, 1e-6, np.float32),
+    fields = {"sensor_step": 2.0, "exposure_s": 0.01, "iso": 100.0, "f_number": 8.0,
+              "kind": PhotoKind.RAW,
+              "camera": "Body", "source": "photo.dng", "sha256": "",
+              "saturated": np.zeros(signal.shape, bool)}
+    return LinearImage(signal=signal.astype(np.float32), variance=np.full(signal.shape, 1e-6,
+                                                                          np.float32),
                        **(fields | changes))
 
 
-# ---- raw to linear -------------------------------------------------------------------------------------------------
+# ---- raw to linear -------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("pattern", BAYER_TILES)
 def test_patch_means_survive_the_camera_file(tmp_path, pattern):
     signal, patches = constant_patches()
-    write_dng(tmp_path / "photo.dng", noiseless_dn(signal, pattern, BLACK), pattern=pattern, black=BLACK)
+    write_dng(tmp_path / "photo.dng", noiseless_dn(signal, pattern, BLACK), pattern=pattern,
+              black=BLACK)
     image = open_photo(tmp_path / "photo.dng")
     means = image.signal.reshape(4, 16, 6, 16, 3).mean(axis=(1, 3), dtype=float)
     # Rounding to whole DN is wrong by half a DN at most; single precision adds 1e-6.
@@ -53,7 +62,8 @@ def test_patch_means_survive_the_camera_file(tmp_path, pattern):
 
 def test_fractional_black_levels_leave_no_offset(tmp_path):
     black = np.array([511.75, 510.5, 514.0, 516.25])
-    counts = mosaic(np.zeros((256, 256, 3)), "RGGB", black, WHITE, 1e4, 4.0, np.random.default_rng(5))
+    counts = mosaic(np.zeros((256, 256, 3)), "RGGB", black, WHITE, 1e4, 4.0,
+                    np.random.default_rng(5))
     write_dng(tmp_path / "photo.dng", counts, black=black)
     image = open_photo(tmp_path / "photo.dng")
     assert image.signal.min() < 0
@@ -65,7 +75,8 @@ def test_linear_signal_is_proportional_to_the_light(tmp_path):
     signal, _ = constant_patches()
     images = []
     for scale in (0.25, 0.75):
-        write_dng(tmp_path / "photo.dng", noiseless_dn(scale * signal, "GRBG", BLACK), pattern="GRBG", black=BLACK)
+        write_dng(tmp_path / "photo.dng", noiseless_dn(scale * signal, "GRBG", BLACK),
+                  pattern="GRBG", black=BLACK)
         images.append(open_photo(tmp_path / "photo.dng").signal)
     # Half a DN of rounding in either photo, the darker one's threefold.
     np.testing.assert_allclose(images[1], 3 * images[0], atol=4 * 0.5 / (WHITE - BLACK.max()))
@@ -82,18 +93,21 @@ def test_a_pixel_is_saturated_where_any_sample_of_its_tile_is(tmp_path):
 def test_large_photos_stay_in_single_precision(tmp_path):
     write_dng(tmp_path / "photo.dng", np.full((64, 64), 4000, np.uint16))
     image = linear_image(read_raw(tmp_path / "photo.dng"))
-    assert (image.signal.dtype, image.variance.dtype, image.saturated.dtype) == (np.float32, np.float32, bool)
+    assert (image.signal.dtype, image.variance.dtype, image.saturated.dtype) == (np.float32,
+                                                                                 np.float32, bool)
 
 
-# ---- noise ---------------------------------------------------------------------------------------------------------
+# ---- noise ---------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("electrons, read_noise", [(5000, 0.004), (40000, 0.001)])
 def test_gain_and_read_noise_are_found_in_a_photo_with_texture(electrons, read_noise):
     rng = np.random.default_rng(6)
-    scene = np.repeat(np.linspace(0.0, 0.8, 600)[None, :, None], 480, axis=0) * np.array([1.0, 0.8, 0.5])
+    scene = np.repeat(np.linspace(0.0, 0.8, 600)[None, :, None], 480,
+                      axis=0) * np.array([1.0, 0.8, 0.5])
     scene[100:200] *= rng.uniform(0.5, 1.0, (100, 600, 1))  # a fifth of the picture is not flat
     scene[300:] *= np.exp(np.linspace(0, -1, 180))[:, None, None]
-    photo = rng.poisson(scene * electrons) / electrons + rng.normal(scale=read_noise, size=scene.shape)
+    photo = rng.poisson(scene * electrons) / electrons + rng.normal(scale=read_noise,
+                                                                    size=scene.shape)
     noise = photon_transfer(photo.astype(np.float32), photo > 0.98, quantum=1 / 16383)
     # Stated accuracy of the method: 10 %.
     np.testing.assert_allclose(noise.gain, 1 / electrons, rtol=0.1)
@@ -101,17 +115,20 @@ def test_gain_and_read_noise_are_found_in_a_photo_with_texture(electrons, read_n
 
 
 def test_noise_is_never_less_than_the_rounding_of_the_file():
-    noise = photon_transfer(np.full((64, 64, 3), 0.5, np.float32), np.zeros((64, 64, 3), bool), quantum=1e-4)
+    noise = photon_transfer(np.full((64, 64, 3), 0.5, np.float32), np.zeros((64, 64, 3), bool),
+                            quantum=1e-4)
     # Exact up to round-off.
     np.testing.assert_allclose(noise.variance(np.full((1, 1, 3), 0.5)), 1e-8 / 12, rtol=1e-6)
 
 
 def test_noise_of_a_photo_without_flat_parts_is_not_invented():
-    with pytest.raises(InputError, match=r"noise of a photo of 10 x 10 pixels .* cannot be measured"):
-        photon_transfer(np.zeros((10, 10, 3), np.float32), np.zeros((10, 10, 3), bool), quantum=1e-4)
+    with pytest.raises(InputError,
+                       match=r"noise of a photo of 10 x 10 pixels .* cannot be measured"):
+        photon_transfer(np.zeros((10, 10, 3), np.float32), np.zeros((10, 10, 3), bool),
+                        quantum=1e-4)
 
 
-# ---- image files ---------------------------------------------------------------------------------------------------
+# ---- image files ---------------------------------------------------------------------------------
 
 def noisy(shape=(40, 60, 3)):
     return np.random.default_rng(7).uniform(0.1, 0.9, shape).astype(np.float32)
@@ -131,13 +148,15 @@ def test_exr_pixels_and_exposure_come_back_exactly(tmp_path):
     write_exr(tmp_path / "photo.exr", pixels, ("R", "G", "B"), exposure_s=0.125)
     image = open_photo(tmp_path / "photo.exr")
     np.testing.assert_array_equal(image.signal, pixels)
-    assert (image.exposure_s, image.iso, image.sensor_step, image.kind) == (0.125, None, 1.0, PhotoKind.LINEAR_FILE)
+    assert (image.exposure_s, image.iso, image.sensor_step, image.kind) == (0.125, None, 1.0,
+                                                                            PhotoKind.LINEAR_FILE)
 
 
 def test_named_bands_come_in_rgb_order_and_alpha_is_dropped(tmp_path):
     pixels = noisy((40, 60, 4))
     write_exr(tmp_path / "photo.exr", pixels, ("A", "B", "G", "R"))
-    np.testing.assert_array_equal(read_linear_file(tmp_path / "photo.exr").signal, pixels[..., [3, 2, 1]])
+    np.testing.assert_array_equal(read_linear_file(tmp_path / "photo.exr").signal,
+                                  pixels[..., [3, 2, 1]])
 
 
 def test_further_bands_keep_the_order_of_the_file(tmp_path):
@@ -148,24 +167,30 @@ def test_further_bands_keep_the_order_of_the_file(tmp_path):
 
 def test_sixteen_bit_tiff_is_a_fraction_of_full_scale(tmp_path):
     pixels = noisy()
-    write(tmp_path / "photo.tif", np.rint(pixels * 65535).astype(np.uint16), ("R", "G", "B"), oiio.UINT16)
+    write(tmp_path / "photo.tif", np.rint(pixels * 65535).astype(np.uint16), ("R", "G", "B"),
+          oiio.UINT16)
     # Half a step of 16 bits, and single precision.
-    np.testing.assert_allclose(open_photo(tmp_path / "photo.tif").signal, pixels, atol=0.5 / 65535 + 1e-7)
+    np.testing.assert_allclose(open_photo(tmp_path / "photo.tif").signal, pixels, atol=0.5 / 65535
+                               + 1e-7)
 
 
 def test_bands_are_not_multiplied_by_a_tiff_s_alpha(tmp_path):
     pixels = np.concatenate([noisy(), np.full((40, 60, 1), 0.25, np.float32)], axis=2)
-    write(tmp_path / "photo.tif", np.rint(pixels * 65535).astype(np.uint16), ("R", "G", "B", "A"), oiio.UINT16,
-          oiio__UnassociatedAlpha=1)
+    write(tmp_path / "photo.tif", np.rint(pixels * 65535).astype(np.uint16), ("R", "G", "B", "A"),
+          oiio.UINT16, oiio__UnassociatedAlpha=1)
     # Half a step of 16 bits, and single precision.
-    np.testing.assert_allclose(open_photo(tmp_path / "photo.tif").signal, pixels[..., :3], atol=0.5 / 65535 + 1e-7)
+    np.testing.assert_allclose(open_photo(tmp_path / "photo.tif").signal, pixels[..., :3],
+                               atol=0.5 / 65535 + 1e-7)
 
 
 @pytest.mark.parametrize("name, kind, pixel", [
-    ("photo.tif", oiio.INT16, np.int16), ("photo.tif", oiio.UINT32, np.uint32), ("photo.exr", oiio.UINT32, np.uint32)])
+                             ("photo.tif", oiio.INT16, np.int16),
+                             ("photo.tif", oiio.UINT32, np.uint32),
+                             ("photo.exr", oiio.UINT32, np.uint32)])
 def test_integers_of_unknown_full_scale_are_refused(tmp_path, name, kind, pixel):
     write(tmp_path / name, (noisy() * 4000).astype(pixel), ("R", "G", "B"), kind)
-    with pytest.raises(InputError, match="whose full scale nobody states; export it as a linear EXR"):
+    with pytest.raises(InputError,
+                       match="whose full scale nobody states; export it as a linear EXR"):
         open_photo(tmp_path / name)
 
 
@@ -176,15 +201,17 @@ def test_an_exr_of_another_name_is_known_by_its_content(tmp_path):
 
 
 @pytest.mark.parametrize("name, kind, attributes, message", [
-    ("photo.png", oiio.UINT8, {}, "photo.png is a PNG of uint8 values"),
-    ("photo.png", oiio.UINT16, {}, "photo.png is a PNG of uint16 values"),
-    ("photo.jpg", oiio.UINT8, {}, "photo.jpg is a JPEG of uint8 values"),
-    ("photo.tif", oiio.UINT8, {}, "photo.tif is a TIFF of uint8 values"),
-    ("photo.tif", oiio.UINT16, {"oiio__ColorSpace": "sRGB"}, "photo.tif is a TIFF of uint16 values tagged sRGB"),
-])
+                             ("photo.png", oiio.UINT8, {}, "photo.png is a PNG of uint8 values"),
+                             ("photo.png", oiio.UINT16, {}, "photo.png is a PNG of uint16 values"),
+                             ("photo.jpg", oiio.UINT8, {}, "photo.jpg is a JPEG of uint8 values"),
+                             ("photo.tif", oiio.UINT8, {}, "photo.tif is a TIFF of uint8 values"),
+                             ("photo.tif", oiio.UINT16, {"oiio__ColorSpace": "sRGB"},
+                              "photo.tif is a TIFF of uint16 values tagged sRGB"),
+                             ])
 def test_files_that_are_not_linear_are_refused(tmp_path, name, kind, attributes, message):
     write(tmp_path / name, noisy(), ("R", "G", "B"), kind, **attributes)
-    with pytest.raises(InputError, match=f"{message}.*not linear in the light; give the camera raw"):
+    with pytest.raises(InputError,
+                       match=f"{message}.*not linear in the light; give the camera raw"):
         open_photo(tmp_path / name)
 
 
@@ -192,7 +219,8 @@ def test_files_that_are_not_linear_are_refused(tmp_path, name, kind, attributes,
 def test_a_jpeg_handed_in_as_raw_is_known_by_its_content(tmp_path, name):
     write(tmp_path / "photo.jpg", noisy(), ("R", "G", "B"), oiio.UINT8)
     (tmp_path / "photo.jpg").rename(tmp_path / name)
-    with pytest.raises(InputError, match=f"{name} is a JPEG of uint8 values.*, which are not linear in the light"):
+    with pytest.raises(InputError, match=f"{name} is a JPEG of uint8 values.*, which are not "
+                       "linear in the light"):
         open_photo(tmp_path / name)
 
 
@@ -234,11 +262,12 @@ def test_the_preview_comes_back_from_png_as_encoded(tmp_path):
     write_png(tmp_path / "preview.png", preview_rgb8(image))
     decoded = read_encoded_file(tmp_path / "preview.png").signal
     shown = np.clip(image.signal / np.percentile(image.signal, 99.5, axis=(0, 1)), 0, 1)
-    # Half a code value of 8 bits and 0.03 of the table, where the sRGB curve is steepest (2.4 / 1.055).
+    # Half a code value of 8 bits and 0.03 of the table, where the sRGB curve is steepest (2.4 /
+    # 1.055).
     np.testing.assert_allclose(decoded, shown, atol=0.53 / 255 * 2.4 / 1.055)
 
 
-# ---- flat field ----------------------------------------------------------------------------------------------------
+# ---- flat field ----------------------------------------------------------------------------------
 
 def vignette(height=90, width=120):
     y, x = np.mgrid[-1:1:height * 1j, -1:1:width * 1j]
@@ -250,14 +279,16 @@ def test_a_shaded_scene_is_evened_out():
     noise = np.random.default_rng(9).normal(scale=0.005, size=scene.shape)
     shaded, card = flat_image(scene * vignette()), flat_image(vignette() + noise, source="card.dng")
     ratio = divide_by_flat(shaded, card).signal / (scene * vignette().max(axis=(0, 1)))
-    # 15 terms fitted to 10800 pixels of 0.5 % to 3 % noise: 0.1 % on average, a few times that in the corners.
+    # 15 terms fitted to 10800 pixels of 0.5 % to 3 % noise: 0.1 % on average, a few times that in
+    # the corners.
     np.testing.assert_allclose(ratio, 1, atol=0.01)
 
 
 def test_a_flat_with_holes_is_refused():
     card = vignette()
     card[30:45, 40:60] *= 0.5
-    with pytest.raises(CheckError, match=r"\d+ of 576 parts differ from a smooth card, by up to \d+%"):
+    with pytest.raises(CheckError,
+                       match=r"\d+ of 576 parts differ from a smooth card, by up to \d+%"):
         divide_by_flat(flat_image(vignette()), flat_image(card))
 
 
@@ -265,15 +296,19 @@ def test_the_relative_error_is_unchanged_by_the_flat():
     image = flat_image(vignette())
     evened = divide_by_flat(image, image)
     # Single precision, a few operations.
-    np.testing.assert_allclose(evened.variance / evened.signal**2, image.variance / image.signal**2, rtol=1e-5)
+    np.testing.assert_allclose(evened.variance / evened.signal**2, image.variance / image.signal**2,
+                               rtol=1e-5)
 
 
 @pytest.mark.parametrize("flat, error, message", [
-    (flat_image(vignette(80)), InputError, "photograph the white card at the same size"),
-    (flat_image(vignette(), camera="Other"), InputError, "taken with Other and photo photo.dng with Body"),
-    (flat_image(vignette(), saturated=np.ones((90, 120, 3), bool)), CheckError, "is saturated in 100% of its area"),
-    (flat_image(0.01 * vignette()), CheckError, "at least 0.02 is needed"),
-])
+                             (flat_image(vignette(80)), InputError,
+                              "photograph the white card at the same size"),
+                             (flat_image(vignette(), camera="Other"), InputError,
+                              "taken with Other and photo photo.dng with Body"),
+                             (flat_image(vignette(), saturated=np.ones((90, 120, 3), bool)),
+                              CheckError, "is saturated in 100% of its area"),
+                             (flat_image(0.01 * vignette()), CheckError, "at least 0.02 is needed"),
+                             ])
 def test_an_unfit_flat_field_is_refused(flat, error, message):
     with pytest.raises(error, match=message):
         divide_by_flat(flat_image(vignette()), flat)
@@ -284,7 +319,8 @@ def test_the_noise_of_an_image_file_does_not_hang_on_the_order_of_its_channels(t
     rng = np.random.default_rng(4)
     flat = np.linspace(0.2, 0.8, 6).repeat(16)[:, None, None] * np.array([1.0, 0.8, 0.6])
     photo = flat + np.sqrt(5e-5 * flat) * rng.standard_normal((96, 128, 3))
-    write_exr(tmp_path / "photo.exr", 0.01 * photo[..., ["RGB".index(name) for name in channels]], channels)
+    write_exr(tmp_path / "photo.exr", 0.01 * photo[..., ["RGB".index(name) for name in channels]],
+              channels)
     read = read_linear_file(tmp_path / "photo.exr")
     np.testing.assert_allclose(read.signal, 0.01 * photo, rtol=1e-6)
     ratio = read.variance.mean(axis=(0, 1)) / (1e-4 * 5e-5 * flat.mean(axis=(0, 1)))

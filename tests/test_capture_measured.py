@@ -1,18 +1,21 @@
-"""Photos and captures made by others: run with SPECTRABOX_DATA=DIR, the folder that holds charts/ and flea3_chart/."""
+"""Photos and captures made by others: run with SPECTRABOX_DATA=DIR, the folder that holds charts/
+and flea3_chart/.
+"""
 import os
 from pathlib import Path
 
 import pytest
 
-from benchmarks.bench_capture import seven_bands
-from capture.chart_detection import locate_chart
-from capture.chart_reference import typical_signals
-from capture.image_files import read_encoded_file
-from radiometry.errors import ChartNotFoundError, CheckError
+from spectrabox.capture.chart.detection import locate_chart
+from spectrabox.capture.chart.reference import typical_signals
+from spectrabox.capture.photo.image_files import read_encoded_file
+from spectrabox.radiometry.errors import ChartNotFoundError, CheckError
 
-CLASSICS = ("ColorChecker_Noise_Est_ISO_100.jpg", "IMG_20140613_203438.jpg", "IMG_20140613_203451.jpg",
-            "IMG_20140613_203507.jpg", "Lab_ISO_100.jpg", "classic.png", "colorchecker-classic-mini.jpg",
-            "passport.jpg", "source1_img.png")
+from benchmarks.bench_capture import seven_bands
+
+CLASSICS = ("ColorChecker_Noise_Est_ISO_100.jpg", "IMG_20140613_203438.jpg",
+            "IMG_20140613_203451.jpg", "IMG_20140613_203507.jpg", "Lab_ISO_100.jpg", "classic.png",
+            "colorchecker-classic-mini.jpg", "passport.jpg", "source1_img.png")
 OTHERS = {"camera-trax.png": (CheckError, "another maker's card"),
           "partial_card_rgb.png": (ChartNotFoundError, "no ColorChecker was found")}
 
@@ -21,7 +24,8 @@ OTHERS = {"camera-trax.png": (CheckError, "another maker's card"),
 def measured():
     folder = os.environ.get("SPECTRABOX_DATA")
     if folder is None:
-        pytest.skip("the environment variable SPECTRABOX_DATA does not name the folder of measured data")
+        pytest.skip("the environment variable SPECTRABOX_DATA does not name the folder of measured "
+                    "data")
     return Path(folder)
 
 
@@ -40,6 +44,7 @@ def test_every_other_card_is_refused(measured, name):
 
 def test_a_seven_band_capture_matches_its_measured_spectra(measured):
     bands = seven_bands(measured / "flea3_chart")
-    # 3 % of the maximum (6 % at 400 nm): what 8-bit frames and the spectra of chart and filters allow.
+    # 3 % of the maximum (6 % at 400 nm): what 8-bit frames and the spectra of chart and filters
+    # allow.
     assert bands["rms_of_maximum"][0] < 0.06 and max(bands["rms_of_maximum"][1:]) < 0.03
     assert min(bands["rms_without_field"]) > 0.04

@@ -1,4 +1,6 @@
-"""The field of the light over a chart, the verdict on a chart photo, and the commands chart and develop."""
+"""The field of the light over a chart, the verdict on a chart photo, and the commands chart and
+develop.
+"""
 import json
 from fractions import Fraction
 
@@ -6,19 +8,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from capture.chart_detection import find_chart, locate_chart, patch_gap
-from capture.chart_field import divide_by_field, fit_light_field
-from capture.chart_quality import judge_chart
-from capture.chart_reference import PATCH_NAMES, TYPICAL_SIGNALS, typical_signals
-from capture.image_files import read_linear_file, write_linear_exr, write_png
-from capture.linear import open_photo
-from capture.preview import encode_srgb8, preview_rgb8
-from fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, homography, mosaic
-from fixtures.dng import write_dng
-from radiometry import chart as published
-from radiometry.errors import CalibrationError, CheckError, InputError
-from radiometry.grid import visible_grid
-from session.cli import app
+from spectrabox.capture.chart.detection import find_chart, locate_chart, patch_gap
+from spectrabox.capture.chart.quality import judge_chart
+from spectrabox.capture.chart.reference import PATCH_NAMES, TYPICAL_SIGNALS, typical_signals
+from spectrabox.capture.chart_field import divide_by_field, fit_light_field
+from spectrabox.capture.photo.image_files import read_linear_file, write_linear_exr, write_png
+from spectrabox.capture.photo.linear import open_photo
+from spectrabox.capture.photo.preview import encode_srgb8, preview_rgb8
+from spectrabox.fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, homography, mosaic
+from spectrabox.fixtures.dng import write_dng
+from spectrabox.radiometry import chart as published
+from spectrabox.radiometry.errors import CalibrationError, CheckError, InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.session.cli import app
 
 HEIGHT, WIDTH = 720, 1000
 BLACK, WHITE, ELECTRONS, READ_DN = np.array([512, 510, 514, 516]), 16383, 20000, 4.0
@@ -43,41 +45,48 @@ def judged(folder, **changes):
     return judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS, PATCH_NAMES)
 
 
-# ---- reference -----------------------------------------------------------------------------------------------------
+# ---- reference -----------------------------------------------------------------------------------
 
 def test_the_stored_reference_is_that_of_the_published_reflectances():
     grid = visible_grid(10.0)
-    computed = published.typical_camera_signals(published.chart_reflectances("BabelColor Average", grid), grid)
+    computed = published.typical_camera_signals(published.chart_reflectances("BabelColor Average",
+                                                                             grid), grid)
     # Four decimals are stored.
     np.testing.assert_allclose(TYPICAL_SIGNALS, computed, atol=0.5e-4)
     assert published.PATCH_NAMES == PATCH_NAMES and typical_signals(7).shape == (24, 7)
 
 
-# ---- verdict -------------------------------------------------------------------------------------------------------
+# ---- verdict -------------------------------------------------------------------------------------
 
 def test_a_good_photo_is_good(tmp_path):
     verdict = judged(tmp_path)
     assert (verdict.verdict, verdict.reasons) == ("good", ())
-    # 3 sigma cuts keep 99.2 % of three independent bands; the highest of 24 patches of 300 samples stays below 5 %.
+    # 3 sigma cuts keep 99.2 % of three independent bands; the highest of 24 patches of 300 samples
+    # stays below 5 %.
     assert verdict.excluded.max() < 0.05 and verdict.blur < 0.1 and verdict.tilt_deg < 5
 
 
 @pytest.mark.parametrize("changes, reason", [
-    ({"signals": 1.8 * SIGNALS, "background": 0.1}, r"clipping: \d of 24 patches are saturated \(.*white 9.5"),
-    ({"signals": 0.04 * SIGNALS, "background": 0.01, "frame": 0.001}, r"under-exposure: the white patch reaches 2\."),
-    ({"gradient_stops": 2.5}, r"uneven light: it changes by \d+% over the chart"),
-])
+                             ({"signals": 1.8 * SIGNALS, "background": 0.1},
+                              r"clipping: \d of 24 patches are saturated \(.*white 9.5"),
+                             ({"signals": 0.04 * SIGNALS, "background": 0.01, "frame": 0.001},
+                              r"under-exposure: the white patch reaches 2\."),
+                             ({"gradient_stops": 2.5},
+                              r"uneven light: it changes by \d+% over the chart"),
+                             ])
 def test_exposure_and_light_are_judged(tmp_path, changes, reason):
     verdict = judged(tmp_path, **changes)
     import re
-    assert verdict.verdict == "re-shoot" and any(re.match(reason, given) for given in verdict.reasons)
+    assert verdict.verdict == "re-shoot" and any(re.match(reason, given)
+                                                 for given in verdict.reasons)
 
 
 def test_glare_is_named_with_its_patches(tmp_path):
     scene = chart_scene(HEIGHT, WIDTH, SIGNALS, PLACE)
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     centre = PLACE.mean(axis=0) + np.array([60, 100])
-    scene = scene + 0.08 * SIGNALS[18] * np.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / 2 / 70**2)[..., None]
+    scene = scene + 0.08 * SIGNALS[18] * np.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / 2
+                                                / 70**2)[..., None]
     image = open_photo(write_photo(tmp_path / "chart.dng", scene))
     verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS, PATCH_NAMES)
     assert verdict.verdict == "re-shoot" and any(reason.startswith("glare: white light of up to")
@@ -89,10 +98,11 @@ def test_blur_and_tilt_are_measured(tmp_path):
     scene = gaussian_filter(chart_scene(HEIGHT, WIDTH, SIGNALS, PLACE), (5, 5, 0))
     image = open_photo(write_photo(tmp_path / "chart.dng", scene))
     verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS, PATCH_NAMES)
-    # A Gaussian of 5 px: 2.56 sigma from 10 to 90 %, a patch being 87 px; the profile has points every 1.2 % of a side,
-    # and the background beside the frame changes the plateau.
+    # A Gaussian of 5 px: 2.56 sigma from 10 to 90 %, a patch being 87 px; the profile has points
+    # every 1.2 % of a side, and the background beside the frame changes the plateau.
     assert verdict.blur == pytest.approx(2.56 * 5 / 87, abs=0.06)
-    squeezed = (PLACE - PLACE.mean(axis=0)) * np.array([1, np.cos(np.deg2rad(50))]) + PLACE.mean(axis=0)
+    squeezed = (PLACE - PLACE.mean(axis=0)) * np.array([1, np.cos(np.deg2rad(50))]) + PLACE.mean(
+        axis=0)
     tilted = judged(tmp_path, place=squeezed)
     # The geometry of the fitted chart is right to about 1 %.
     assert tilted.tilt_deg == pytest.approx(50, abs=2)
@@ -105,7 +115,7 @@ def test_a_small_chart_is_called_too_small(tmp_path):
     assert any(reason.startswith("too small: a patch has") for reason in verdict.reasons)
 
 
-# ---- what is no Classic --------------------------------------------------------------------------------------------
+# ---- what is no Classic --------------------------------------------------------------------------
 
 def test_a_card_whose_patches_nearly_touch_is_refused(tmp_path):
     image = open_photo(chart_photo(tmp_path, patch_mm=42.6))
@@ -115,7 +125,8 @@ def test_a_card_whose_patches_nearly_touch_is_refused(tmp_path):
 
 def test_the_gap_between_patches_is_measured(tmp_path):
     image = open_photo(chart_photo(tmp_path))
-    gap = patch_gap(preview_rgb8(image), (find_chart(image, TYPICAL_SIGNALS).corners_px + 0.5) / 2 - 0.5)
+    gap = patch_gap(preview_rgb8(image), (find_chart(image, TYPICAL_SIGNALS).corners_px + 0.5) / 2
+                    - 0.5)
     # 3.5 of 43.5 mm; the strip is sampled every 1.5 % of the pitch, and a binned pixel is 4 %.
     assert gap == pytest.approx(3.5 / PITCH_MM, abs=0.02)
 
@@ -123,11 +134,12 @@ def test_the_gap_between_patches_is_measured(tmp_path):
 def test_a_covered_patch_is_named(tmp_path):
     signals = SIGNALS.copy()
     signals[14] = SIGNALS[13] * 2
-    with pytest.raises(CheckError, match=r"patch 15 of the chart reads unlike a ColorChecker Classic"):
+    with pytest.raises(CheckError,
+                       match=r"patch 15 of the chart reads unlike a ColorChecker Classic"):
         locate_chart(open_photo(chart_photo(tmp_path, signals=signals)), TYPICAL_SIGNALS)
 
 
-# ---- field ---------------------------------------------------------------------------------------------------------
+# ---- field ---------------------------------------------------------------------------------------
 
 def centres():
     row, column = np.divmod(np.arange(24), 6)
@@ -160,7 +172,8 @@ def test_the_stated_error_of_the_field_covers_the_truth():
         noisy = light[:, None] * TYPICAL_SIGNALS * (1 + 0.02 * rng.normal(size=(24, 3)))
         field = fit_light_field(noisy, TYPICAL_SIGNALS, centres())
         distances.append(np.log(field.at(centres()) * scale / light) / field.standard_error)
-    # Relative errors of 2 % are not what the weights assume for bright patches: the rms in sigma is 1 within 25 %.
+    # Relative errors of 2 % are not what the weights assume for bright patches: the rms in sigma is
+    # 1 within 25 %.
     assert np.sqrt(np.mean(np.square(distances))) == pytest.approx(1, abs=0.25)
 
 
@@ -172,7 +185,8 @@ def test_dividing_by_the_field_evens_out_the_chart(tmp_path):
     detection = find_chart(image, TYPICAL_SIGNALS)
     before = judge_chart(image, detection, TYPICAL_SIGNALS, PATCH_NAMES).samples
     field = fit_light_field(before.mean, TYPICAL_SIGNALS, detection.corners_px.mean(axis=1))
-    after = judge_chart(divide_by_field(image, field), detection, TYPICAL_SIGNALS, PATCH_NAMES).samples
+    after = judge_chart(divide_by_field(image, field), detection, TYPICAL_SIGNALS,
+                        PATCH_NAMES).samples
     ratio = after.mean / SIGNALS
     # Shot noise of 300 samples and a quadratic fit: 1 % for bright patches, 3 % for the darkest.
     np.testing.assert_allclose(ratio / np.median(ratio, axis=0), 1, atol=0.04)
@@ -181,11 +195,12 @@ def test_dividing_by_the_field_evens_out_the_chart(tmp_path):
 def test_predictions_that_are_not_positive_are_refused():
     with pytest.raises(InputError, match="a predicted patch signal is not positive"):
         fit_light_field(TYPICAL_SIGNALS, np.zeros((24, 3)), centres())
-    with pytest.raises((CalibrationError, InputError), match=r"do not fit together|could not be fitted"):
+    with pytest.raises((CalibrationError, InputError),
+                       match=r"do not fit together|could not be fitted"):
         fit_light_field(TYPICAL_SIGNALS, TYPICAL_SIGNALS[:, :2], centres())
 
 
-# ---- developed files -----------------------------------------------------------------------------------------------
+# ---- developed files -----------------------------------------------------------------------------
 
 def test_a_developed_photo_comes_back_whole(tmp_path):
     image = open_photo(chart_photo(tmp_path))
@@ -193,12 +208,13 @@ def test_a_developed_photo_comes_back_whole(tmp_path):
     back = read_linear_file(tmp_path / "photo.exr")
     for name in ("signal", "variance", "saturated"):
         np.testing.assert_array_equal(getattr(back, name), getattr(image, name))
-    assert (back.kind, back.camera, back.sensor_step, back.iso) == (image.kind, image.camera, 2.0, 100.0)
+    assert (back.kind, back.camera, back.sensor_step, back.iso) == (image.kind, image.camera, 2.0,
+                                                                    100.0)
     # Exposure is stored in single precision.
     assert back.exposure_s == pytest.approx(image.exposure_s, rel=1e-7)
 
 
-# ---- commands ------------------------------------------------------------------------------------------------------
+# ---- commands ------------------------------------------------------------------------------------
 
 def call(*words):
     result = CliRunner().invoke(app, [str(word) for word in words])
@@ -206,14 +222,17 @@ def call(*words):
 
 
 def test_chart_answers_good_with_the_keys_of_the_contract(tmp_path):
-    code, text = call("chart", chart_photo(tmp_path), "--overlay", tmp_path / "overlay.png", "--json")
+    code, text = call("chart", chart_photo(tmp_path), "--overlay", tmp_path / "overlay.png",
+                      "--json")
     facts = json.loads(text)
     assert (code, facts["verdict"], facts["reasons"], facts["mirrored"]) == (0, "good", [], False)
-    assert np.shape(facts["corners_px"]) == (24, 4, 2) and np.shape(facts["standard_error"]) == (24, 3)
+    assert np.shape(facts["corners_px"]) == (24, 4, 2) and np.shape(facts["standard_error"]) == (24,
+                                                                                                 3)
     error = (np.array(facts["mean"]) - SIGNALS) / facts["standard_error"]
     # 72 normal deviates: rms 1 within 4 standard deviations.
     assert np.sqrt(np.mean(error**2)) == pytest.approx(1, abs=4 / np.sqrt(2 * 72))
-    assert (tmp_path / "overlay.png").read_bytes().startswith(b"\x89PNG") and 0.9 < facts["confidence"] <= 1
+    assert (tmp_path / "overlay.png").read_bytes().startswith(
+        b"\x89PNG") and 0.9 < facts["confidence"] <= 1
 
 
 def test_chart_says_re_shoot_with_exit_code_4(tmp_path):
@@ -226,7 +245,9 @@ def test_chart_refuses_and_says_why(tmp_path):
     photo = write_photo(tmp_path / "no_chart.dng", np.kron(tiles, np.ones((40, 40, 1))))
     code, text = call("chart", photo, "--json")
     facts = json.loads(text)
-    assert (code, facts["verdict"]) == (4, "refused") and "no ColorChecker was found" in facts["reasons"][0]
+    assert (code, facts["verdict"]) == (4,
+                                        "refused") and "no ColorChecker was found" in facts[
+        "reasons"][0]
 
 
 def test_chart_takes_corners_by_hand(tmp_path):
@@ -250,11 +271,14 @@ def test_a_jpeg_or_png_is_taken_as_encoded_and_marked(tmp_path):
 
 def test_develop_merges_a_bracket_with_dark_frames(tmp_path):
     scene = chart_scene(HEIGHT // 2, WIDTH // 2, SIGNALS, PLACE / 2)
-    photos = [write_photo(tmp_path / f"photo{seconds.denominator}.dng", 60 * float(seconds) * scene, index,
-                          exposure_s=seconds) for index, seconds in enumerate((Fraction(1, 60), Fraction(1, 240)))]
-    darks = [write_photo(tmp_path / f"dark{seconds.denominator}.dng", 0 * scene, 5 + index, exposure_s=seconds)
+    photos = [write_photo(tmp_path / f"photo{seconds.denominator}.dng", 60 * float(seconds) * scene,
+                          index, exposure_s=seconds) for index,
+              seconds in enumerate((Fraction(1, 60), Fraction(1, 240)))]
+    darks = [write_photo(tmp_path / f"dark{seconds.denominator}.dng", 0 * scene, 5 + index,
+                         exposure_s=seconds)
              for index, seconds in enumerate((Fraction(1, 60), Fraction(1, 240)))]
-    code, text = call("develop", *photos, "--dark", darks[0], "--dark", darks[1], "-o", tmp_path / "out.exr", "--json")
+    code, text = call("develop", *photos, "--dark", darks[0], "--dark", darks[1], "-o",
+                      tmp_path / "out.exr", "--json")
     facts = json.loads(text)
     assert code == 0 and any("ratio 4.0" in note or "ratio 3.9" in note for note in facts["notes"])
     developed = read_linear_file(tmp_path / "out.exr")
@@ -268,9 +292,11 @@ def test_develop_takes_what_is_not_linear_only_when_told_and_marks_it(tmp_path):
     write_png(tmp_path / "photo.png", encode_srgb8(scene))
     code, text = call("develop", tmp_path / "photo.png", "-o", tmp_path / "out.exr", "--json")
     assert code == 3 and "not linear in the light" in json.loads(text)["error"]
-    code, text = call("develop", tmp_path / "photo.png", "-o", tmp_path / "out.exr", "--not-linear", "--json")
+    code, text = call("develop", tmp_path / "photo.png", "-o", tmp_path / "out.exr", "--not-linear",
+                      "--json")
     facts = json.loads(text)
-    assert code == 0 and "NOT LINEAR" in facts["source"] and any("NOT LINEAR" in note for note in facts["notes"])
+    assert code == 0 and "NOT LINEAR" in facts["source"] and any("NOT LINEAR" in note
+                                                                 for note in facts["notes"])
     assert "NOT LINEAR" in open_photo(tmp_path / "out.exr").source
 
 

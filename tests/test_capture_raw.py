@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import rawpy
 
-from capture.linear import open_photo
-from capture.raw import _require_known_sensor, read_raw
-from fixtures.dng import BAYER_TILES, BITS, PATTERNS, write_dng
-from radiometry.errors import InputError
-from radiometry.records import PhotoKind
+from spectrabox.capture.photo.linear import open_photo
+from spectrabox.capture.photo.raw import _require_known_sensor, read_raw
+from spectrabox.fixtures.dng import BAYER_TILES, BITS, PATTERNS, write_dng
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import PhotoKind
 
 MOSAIC = np.random.default_rng(2).integers(500, 16000, (48, 66)).astype(np.uint16)
 
@@ -31,7 +31,8 @@ def test_black_levels_stay_at_their_position_with_their_fraction(tmp_path, patte
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_every_sample_of_every_bit_depth_and_pattern_comes_back(tmp_path, pattern, bits):
     mosaic = MOSAIC >> (16 - bits)
-    write_dng(tmp_path / "photo.dng", mosaic, pattern=pattern, bits=bits, white=2**bits - 1, black=(60, 60, 60, 60))
+    write_dng(tmp_path / "photo.dng", mosaic, pattern=pattern, bits=bits, white=2**bits - 1,
+              black=(60, 60, 60, 60))
     frame = read_raw(tmp_path / "photo.dng")
     np.testing.assert_array_equal(frame.mosaic, mosaic)
     assert tuple(frame.cfa.ravel()) == (PATTERNS[pattern] or (0,))
@@ -59,7 +60,8 @@ def test_black_levels_come_from_masked_pixels_where_the_file_names_them(tmp_path
     write_dng(tmp_path / "photo.dng", mosaic, black=(610,) * 4, active_area=(0, 44, 96, 128),
               masked_areas=(0, 0, 96, 40))
     # 960 samples of 4 DN noise at each position: 0.13 DN, within 4 sigma.
-    np.testing.assert_allclose(read_raw(tmp_path / "photo.dng").black_level, true, atol=4 * 4 / np.sqrt(960))
+    np.testing.assert_allclose(read_raw(tmp_path / "photo.dng").black_level, true,
+                               atol=4 * 4 / np.sqrt(960))
 
 
 def test_full_colour_pixels_are_no_mosaic_but_a_photo(tmp_path):
@@ -69,8 +71,8 @@ def test_full_colour_pixels_are_no_mosaic_but_a_photo(tmp_path):
         read_raw(tmp_path / "photo.dng")
     image = open_photo(tmp_path / "photo.dng")
     # Single precision.
-    np.testing.assert_allclose(image.signal, (pixels - [600, 601, 602.0]) / (16383 - np.array([600, 601, 602])),
-                               atol=1e-6)
+    np.testing.assert_allclose(image.signal, (pixels - [600, 601, 602.0])
+                               / (16383 - np.array([600, 601, 602])), atol=1e-6)
     assert (image.kind, image.sensor_step) == (PhotoKind.LINEAR_FILE, 1.0)
 
 
@@ -80,7 +82,8 @@ def test_fractions_of_black_levels_of_a_linear_dng_are_kept(tmp_path, black):
     write_dng(tmp_path / "linear.dng", pixels, black=black, white=1023, bits=10)
     image = open_photo(tmp_path / "linear.dng")
     # Single precision; half a DN would be 5e-4.
-    np.testing.assert_allclose(image.signal, (pixels - np.array(black)) / (1023 - np.array(black)), atol=1e-6)
+    np.testing.assert_allclose(image.signal, (pixels - np.array(black)) / (1023 - np.array(black)),
+                               atol=1e-6)
 
 
 @pytest.mark.parametrize("tag, values", [(256, "<L"), (257, "<L")])
@@ -89,7 +92,8 @@ def test_a_size_that_its_strips_contradict_is_refused(photo, tag, values):
     entry = whole.index(struct.pack("<HHL", tag, 4, 1)) + 8
     whole[entry:entry + 4] = struct.pack(values, 32)
     photo.write_bytes(whole)
-    with pytest.raises(InputError, match=r"states a size of \d+ bytes and holds 6336; it is damaged"):
+    with pytest.raises(InputError,
+                       match=r"states a size of \d+ bytes and holds 6336; it is damaged"):
         read_raw(photo)
 
 
@@ -105,7 +109,8 @@ def test_black_levels_that_change_over_columns_are_refused_not_ignored(photo):
 
 def test_exposure_and_camera_are_those_of_the_file(photo):
     frame = read_raw(photo)
-    assert (frame.exposure_s, frame.iso, frame.f_number, frame.white_level) == (1 / 125, 100.0, 8.0, 16383.0)
+    assert (frame.exposure_s, frame.iso, frame.f_number, frame.white_level) == (1 / 125, 100.0, 8.0,
+                                                                                16383.0)
     assert frame.camera == "Spectrabox Synthetic SN0001"
 
 
@@ -165,18 +170,23 @@ def test_a_tile_that_only_damage_makes_is_refused(tmp_path, monkeypatch, changes
 
 def test_white_level_below_black_level_is_refused(tmp_path):
     write_dng(tmp_path / "photo.dng", MOSAIC, white=500)
-    with pytest.raises(InputError, match="states a white level of 500 DN, not above its black level of 512 DN"):
+    with pytest.raises(InputError, match="states a white level of 500 DN, not above its black "
+                       "level of 512 DN"):
         read_raw(tmp_path / "photo.dng")
 
 
 @pytest.mark.parametrize("pattern, bits, suffix", [
-    ("RGGB", 16, ".dng"), ("GBRG", 12, ".nef"), ("X-Trans", 14, ".raf"), ("mono", 16, ".dng"), ("BGGR", 10, ".exr"),
-    ("GRBG", 16, ".tif"), ("RGGB", 16, ".jpg"),
-])
-def test_truncated_flipped_and_mislabelled_files_end_in_a_sentence_or_a_photo(tmp_path, pattern, bits, suffix):
+                             ("RGGB", 16, ".dng"), ("GBRG", 12, ".nef"), ("X-Trans", 14, ".raf"),
+                             ("mono", 16, ".dng"), ("BGGR", 10, ".exr"), ("GRBG", 16, ".tif"),
+                             ("RGGB", 16, ".jpg"),
+                             ])
+def test_truncated_flipped_and_mislabelled_files_end_in_a_sentence_or_a_photo(tmp_path, pattern,
+                                                                              bits, suffix):
     mosaic = np.tile(MOSAIC, (2, 2)) >> (16 - bits)
-    write_dng(tmp_path / "photo.dng", mosaic, pattern=pattern, bits=bits, white=2**bits - 1, black=(3,) * 4)
-    whole, rng = (tmp_path / "photo.dng").read_bytes(), np.random.default_rng([3, bits, len(pattern)])
+    write_dng(tmp_path / "photo.dng", mosaic, pattern=pattern, bits=bits, white=2**bits - 1,
+              black=(3,) * 4)
+    whole, rng = (tmp_path / "photo.dng").read_bytes(), np.random.default_rng([3, bits,
+                                                                               len(pattern)])
     path = tmp_path / f"damaged{suffix}"
     for index in range(60):
         damaged = bytearray(whole[:rng.integers(0, len(whole))] if index % 3 == 0 else whole)

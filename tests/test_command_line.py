@@ -11,9 +11,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from fixtures.dng import write_dng
-from session.cli import app
-from session.command_line import command
+from spectrabox.fixtures.dng import write_dng
+from spectrabox.session.cli import app
+from spectrabox.session.command_line import command
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -33,14 +33,18 @@ def edit(folder, before, after, name="session.toml"):
 
 
 def repaint(path, paint):
-    """Replace the sensor values (H, W) of a DNG in its place, leaving camera, exposure and black level."""
+    """Replace the sensor values (H, W) of a DNG in its place, leaving camera, exposure and black
+    level.
+    """
     content = bytearray(path.read_bytes())
     directory = struct.unpack("<L", content[4:8])[0]
     count = struct.unpack("<H", content[directory:directory + 2])[0]
-    tags = {struct.unpack("<H", content[at:at + 2])[0]: struct.unpack("<L", content[at + 8:at + 12])[0]
+    tags = {struct.unpack("<H", content[at:at + 2])[0]: struct.unpack("<L",
+                                                                      content[at + 8:at + 12])[0]
             for at in range(directory + 2, directory + 2 + 12 * count, 12)}
     width, height, start = tags[256] & 0xFFFFFFFF, tags[257], tags[273]
-    mosaic = np.frombuffer(bytes(content[start:start + 2 * width * height]), "<u2").reshape(height, width)
+    mosaic = np.frombuffer(bytes(content[start:start + 2 * width * height]), "<u2").reshape(height,
+                                                                                            width)
     painted = np.clip(paint(mosaic.astype(float)), 0, 15871).astype("<u2")
     content[start:start + painted.nbytes] = painted.tobytes()
     path.write_bytes(bytes(content))
@@ -65,7 +69,8 @@ def no_chart(folder):
 
 
 def bright_object(folder):
-    repaint(folder / "photos" / "box.dng", lambda mosaic: np.where(np.arange(312) < 200, 15871, mosaic))
+    repaint(folder / "photos" / "box.dng", lambda mosaic: np.where(np.arange(312) < 200, 15871,
+                                                                   mosaic))
 
 
 def clipped_chart(folder):
@@ -87,8 +92,8 @@ def short_light(folder):
 
 
 def extra_surface(folder):
-    edit(folder, "</scene>", '<bsdf type="diffuse" id="brass"/><shape type="sphere" id="knob"><ref id="brass"/></shape>'
-         "</scene>", "scene/box.xml")
+    edit(folder, "</scene>", '<bsdf type="diffuse" id="brass"/><shape type="sphere" id="knob"><ref '
+         'id="brass"/></shape>' "</scene>", "scene/box.xml")
 
 
 def results_is_a_file(folder): (folder / "results").write_text("in the way")
@@ -110,7 +115,8 @@ BAD_INPUT = [
 ]
 
 
-@pytest.mark.parametrize("spoil, code, sentence", BAD_INPUT, ids=lambda value: getattr(value, "__name__", ""))
+@pytest.mark.parametrize("spoil, code, sentence", BAD_INPUT,
+                         ids=lambda value: getattr(value, "__name__", ""))
 def test_bad_input_gets_one_sentence_and_its_exit_code(captured, spoil, code, sentence):
     spoil(captured)
     checked = call("check", captured)
@@ -159,8 +165,10 @@ def test_a_finished_run_answers_with_its_numbers(finished):
     assert outcome.exit_code == 0, outcome.output
     facts = json.loads(outcome.stdout)
     assert Path(facts["report"]).is_file() and Path(facts["spectra"]).is_file()
-    assert {stage["name"] for stage in facts["stages"]} == {"chart", "photo", "calibrate", "reconstruct", "sample"}
-    assert {material["name"] for material in facts["materials"]} == {"white", "green", "red", "cube"}
+    assert {stage["name"] for stage in facts["stages"]} == {"chart", "photo", "calibrate",
+                                                            "reconstruct", "sample"}
+    assert {material["name"] for material in facts["materials"]} == {"white", "green", "red",
+                                                                     "cube"}
     for material in facts["materials"]:
         assert 0 <= material["rmse_mean"] < 0.3 and 0 <= material["rmse_inverse_rendering"] < 0.3
         assert 0 <= material["coverage_95"] <= 1
@@ -180,12 +188,13 @@ def test_the_report_can_be_rebuilt_from_stored_results(finished):
 def test_recovered_materials_load_in_mitsuba_and_pictures_are_numbers(finished):
     import OpenImageIO as oiio
 
-    from reconstruct.renderer import load_scene, start_mitsuba
+    from spectrabox.reconstruct.rendering.renderer import load_scene, start_mitsuba
     assert call("report", finished).exit_code == 0
     mi = start_mitsuba("cpu")
     scene_text = (finished / "materials.xml").read_text(encoding="utf-8")
     parameters = mi.traverse(load_scene(scene_text))
-    rows = [line.split(",") for line in (finished / "spectra.csv").read_text(encoding="utf-8").splitlines()]
+    rows = [line.split(",") for line in (finished
+                                         / "spectra.csv").read_text(encoding="utf-8").splitlines()]
     column = rows[3].index("green mean")
     written = np.array([float(row[column]) for row in rows[4:]])
     # Mitsuba keeps single precision.
@@ -213,7 +222,8 @@ def test_status_tells_how_far_a_session_has_come(captured, finished):
 def test_a_new_session_is_a_commented_template_and_overwrites_nothing(tmp_path):
     folder = tmp_path / "new session"
     assert call("new", folder).exit_code == 0
-    assert {path.name for path in folder.iterdir()} == {"photos", "spectra", "scene", "session.toml"}
+    assert {path.name for path in folder.iterdir()} == {"photos", "spectra", "scene",
+                                                        "session.toml"}
     again = call("new", folder)
     assert again.exit_code == 3 and "exists already" in again.output
 
@@ -231,17 +241,19 @@ def test_an_error_in_json_is_one_object(tmp_path):
 
 
 def test_debug_shows_the_traceback_and_nothing_else_does(tmp_path):
-    command = [sys.executable, "-m", "session.cli", "run", str(tmp_path)]
+    command = [sys.executable, "-m", "spectrabox", "run", str(tmp_path)]
     plain = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert plain.returncode == 3 and "Traceback" not in plain.stderr and "session.toml is missing" in plain.stderr
-    debug = subprocess.run([*command, "--debug"], cwd=ROOT, capture_output=True, text=True, check=False)
+    debug = subprocess.run([*command, "--debug"], cwd=ROOT, capture_output=True, text=True,
+                           check=False)
     assert "Traceback" in debug.stderr
 
 
 def test_the_doctor_finds_this_machine_ready():
     outcome = call("doctor", "--json", "--device", "cpu")
     facts = json.loads(outcome.stdout)
-    assert outcome.exit_code == 0 and facts["ready"] and facts["variant"] == "llvm_ad_spectral", facts
+    assert outcome.exit_code == 0 and facts["ready"] and facts[
+        "variant"] == "llvm_ad_spectral", facts
     assert facts["llvm"]["version"] >= 15
 
 

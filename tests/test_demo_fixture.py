@@ -1,4 +1,6 @@
-"""The demo session against physics written down a second time: inverse square, integrals, geometry."""
+"""The demo session against physics written down a second time: inverse square, integrals,
+geometry.
+"""
 from __future__ import annotations
 
 from fractions import Fraction
@@ -8,10 +10,10 @@ import pytest
 import rawpy
 from scipy.interpolate import BSpline
 
-from fixtures import lamp
-from fixtures.box_render import box_light, smooth_within_faces
-from fixtures.chart_scene import homography
-from fixtures.demo_photos import (
+from spectrabox.fixtures import lamp
+from spectrabox.fixtures.box_render import box_light, smooth_within_faces
+from spectrabox.fixtures.chart_scene import homography
+from spectrabox.fixtures.demo_photos import (
     BLACK,
     FULL_WELL_ELECTRONS,
     GAIN,
@@ -22,15 +24,15 @@ from fixtures.demo_photos import (
     light_factor,
     vignetting,
 )
-from fixtures.demo_scenes import BOX_LIGHT_CM, CHART_CM, LIGHT_RADIUS_CM, chart_scene_xml
-from fixtures.demo_session import write_demo_session
-from fixtures.paints import FORMULAS, NM, chart_truth, paint
-from radiometry.errors import InputError
-from reconstruct.llvm import ensure_llvm
+from spectrabox.fixtures.demo_scenes import BOX_LIGHT_CM, CHART_CM, LIGHT_RADIUS_CM, chart_scene_xml
+from spectrabox.fixtures.demo_session import write_demo_session
+from spectrabox.fixtures.paints import FORMULAS, NM, chart_truth, paint
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 
 SIZE = (208, 312)               # rows, columns of the small photos
-FILES = ["session.toml", "photos/box.dng", "photos/chart.dng", "photos/flat.dng", "scene/box.xml", "scene/chart.xml",
-         "spectra/light.csv", "spectra/truth_sensitivity.csv",
+FILES = ["session.toml", "photos/box.dng", "photos/chart.dng", "photos/flat.dng", "scene/box.xml",
+         "scene/chart.xml", "spectra/light.csv", "spectra/truth_sensitivity.csv",
          *(f"spectra/truth_{name}.csv" for name in ("white", "green", "red", "cube"))]
 
 
@@ -55,7 +57,9 @@ def bands(folder, name):
 
 
 def seen(spectrum):
-    """Integrals (3,) of a radiance (P,) at ``NM`` by Simpson's rule: not the fixture's trapezoid."""
+    """Integrals (3,) of a radiance (P,) at ``NM`` by Simpson's rule: not the fixture's
+    trapezoid.
+    """
     weights = np.r_[1, np.tile([4, 2], NM.size // 2 - 1), 4, 1] / 3
     return camera_sensitivities() @ (weights * spectrum)
 
@@ -80,8 +84,8 @@ def test_paints_are_reflectances_that_no_spline_of_the_inversion_is(name):
 def test_the_chart_deviates_by_about_one_per_cent_from_the_average():
     one, other = chart_truth(np.random.default_rng(1)), chart_truth(np.random.default_rng(2))
     assert one.shape == (24, NM.size)
-    # Two charts differ by sqrt(2) of what each differs from the average. 24 x 4 x 2 random numbers of effect: the
-    # standard deviation is known to about 10 %, taken three times.
+    # Two charts differ by sqrt(2) of what each differs from the average. 24 x 4 x 2 random numbers
+    # of effect: the standard deviation is known to about 10 %, taken three times.
     assert np.std(np.log(one / other)) / np.sqrt(2) == pytest.approx(0.01, rel=0.3)
 
 
@@ -111,14 +115,16 @@ def test_the_same_seed_gives_the_same_bytes(session, tmp_path):
 
 def test_a_folder_with_a_session_is_left_alone(session):
     before = (session / "session.toml").read_bytes()
-    with pytest.raises(InputError, match=r"already holds session\.toml; give a new or empty folder"):
+    with pytest.raises(InputError,
+                       match=r"already holds session\.toml; give a new or empty folder"):
         write_demo_session(session, seed=4)
     assert (session / "session.toml").read_bytes() == before
 
 
 def test_progress_ends_at_one(tmp_path):
     fractions = []
-    write_demo_session(tmp_path, progress=lambda phrase, fraction: fractions.append(fraction), size=(52, 78), spp=4)
+    write_demo_session(tmp_path, progress=lambda phrase, fraction: fractions.append(fraction),
+                       size=(52, 78), spp=4)
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1
 
@@ -126,7 +132,8 @@ def test_progress_ends_at_one(tmp_path):
 @pytest.mark.parametrize("name, target", [("box", 0.70), ("chart", 0.75), ("flat", 0.80)])
 def test_photos_are_well_exposed(session, name, target):
     signal, exposure_s = bands(session, name)
-    # Exposures are 1 / n s with n about 60 to 100: within 1 %; vignetting is taken out, which adds up to 18 %.
+    # Exposures are 1 / n s with n about 60 to 100: within 1 %; vignetting is taken out, which adds
+    # up to 18 %.
     assert 0.95 * target < np.percentile(signal.max(axis=-1), 99.5) < 1.2 * target
     # EXIF holds the fraction, LibRaw gives a float32 of its logarithm.
     assert exposure_s == pytest.approx(float(Fraction(1, round(1 / exposure_s))), rel=1e-3)
@@ -136,7 +143,8 @@ def test_the_white_card_is_even_and_falls_off_to_the_corners(session):
     signal, _ = bands(session, "flat")
     blocks = signal[:100, :150].reshape(5, 20, 5, 30, 3).mean(axis=(1, 3))
     # Shot noise of 600 pixels; 75 blocks of which none may be 4.5 sigma off.
-    np.testing.assert_allclose(blocks / signal.mean(axis=(0, 1)), 1, atol=4.5 * pixel_noise(0.5) / 0.5 / np.sqrt(600))
+    np.testing.assert_allclose(blocks / signal.mean(axis=(0, 1)), 1,
+                               atol=4.5 * pixel_noise(0.5) / 0.5 / np.sqrt(600))
     assert vignetting(SIZE)[0, 0] == pytest.approx(0.85)
 
 
@@ -150,15 +158,19 @@ def test_a_patch_reads_what_lamp_paint_and_distance_say(session, patch):
     i, j = round(y / w / 2 - 0.25), round(x / w / 2 - 0.25)
     measured = signal[i - 2:i + 3, j - 2:j + 3].mean(axis=(0, 1))
     chart = chart_truth(np.random.default_rng(3).spawn(5)[0])
-    expected = GAIN * exposure_s * light_factor(centre_cm)[0] * seen(chart[patch] * lamp.radiance(NM))
-    # Noise of 25 pixels, 4.5 sigma (72 comparisons), and 0.1 % for the patch's own gradient within the 5 x 5 window.
+    expected = GAIN * exposure_s * light_factor(centre_cm)[0] * seen(chart[patch]
+                                                                     * lamp.radiance(NM))
+    # Noise of 25 pixels, 4.5 sigma (72 comparisons), and 0.1 % for the patch's own gradient within
+    # the 5 x 5 window.
     assert np.all(np.abs(measured - expected) < 4.5 * pixel_noise(expected) / 5 + 1e-3 * expected)
 
 
 def test_light_falls_off_as_the_inverse_square_and_the_cosine():
     # The point below the light sees it square on: (R / d)^2 exactly.
-    assert light_factor(np.array([-4.0, 10.0])) == pytest.approx((LIGHT_RADIUS_CM / 74) ** 2, rel=1e-12)
-    corners = light_factor(np.array([[-14.5, 10.15], [14.5, 10.15], [14.5, -10.15], [-14.5, -10.15]]))
+    assert light_factor(np.array([-4.0, 10.0])) == pytest.approx((LIGHT_RADIUS_CM / 74) ** 2,
+                                                                 rel=1e-12)
+    corners = light_factor(np.array([[-14.5, 10.15], [14.5, 10.15], [14.5, -10.15],
+                                     [-14.5, -10.15]]))
     assert 1.03 < corners.max() / corners.min() < 1.2
 
 
@@ -179,7 +191,8 @@ def test_the_scene_file_sees_the_chart_where_the_photo_shows_it():
 def test_the_floor_gets_direct_light_and_some_from_the_wall_beside_it(session, x_cm, tinted_band):
     signal, exposure_s = bands(session, "box")
     point = np.array([x_cm, 0.0, -8.0])       # 4 cm from the red wall or the green one
-    focal_px = SIZE[1] / 2 / np.tan(np.radians(37.3 / 2))   # the scene's camera stands at (0, 16.5, 69)
+    # the scene's camera stands at (0, 16.5, 69)
+    focal_px = SIZE[1] / 2 / np.tan(np.radians(37.3 / 2))
     x = SIZE[1] / 2 + focal_px * point[0] / (69 - point[2])
     y = SIZE[0] / 2 + focal_px * 16.5 / (69 - point[2])
     i, j = int(y / 2), int(x / 2)
@@ -200,5 +213,6 @@ def test_smoothing_keeps_an_even_face_and_never_mixes_two():
 
 
 def test_a_number_of_paths_that_cannot_be_repeated_is_refused():
-    with pytest.raises(ValueError, match="48 paths per pixel were asked for; give one of 4, 16, 64, 256"):
+    with pytest.raises(ValueError, match="48 paths per pixel were asked for; give one of 4, 16, "
+                       "64, 256"):
         box_light(NM, {}, NM, camera_sensitivities(), size=SIZE, spp=48, seed=1, progress=print)

@@ -3,9 +3,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from capture.metadata import photo_metadata
-from capture.raw import read_raw
-from fixtures.dng import BAYER_TILES, write_dng
+from spectrabox.capture.photo.metadata import photo_metadata
+from spectrabox.capture.photo.raw import read_raw
+from spectrabox.fixtures.dng import BAYER_TILES, write_dng
 
 
 def random_mosaic(height=40, width=60):
@@ -29,14 +29,17 @@ def test_the_same_arguments_give_the_same_bytes(tmp_path):
 
 
 def test_metadata_come_back_as_exact_numbers(tmp_path):
-    write_dng(tmp_path / "photo.dng", random_mosaic(), exposure_s=Fraction(1, 125), f_number=5.6, iso=200,
-              make="Maker", model="Body 1", serial="A77")
+    write_dng(tmp_path / "photo.dng", random_mosaic(), exposure_s=Fraction(1, 125), f_number=5.6,
+              iso=200, make="Maker", model="Body 1", serial="A77")
     metadata = photo_metadata(tmp_path / "photo.dng")
-    assert (metadata.exposure_s, metadata.f_number, metadata.iso) == (Fraction(1, 125), Fraction(28, 5), 200.0)
+    assert (metadata.exposure_s, metadata.f_number, metadata.iso) == (Fraction(1, 125),
+                                                                      Fraction(28, 5), 200.0)
     assert metadata.camera == "Maker Body 1 A77"
 
 
-@pytest.mark.parametrize("mosaic", [np.zeros((4, 4)), np.zeros((5, 4), np.uint16), np.zeros((4, 4, 1), np.uint16)])
+@pytest.mark.parametrize("mosaic",
+                         [np.zeros((4, 4)), np.zeros((5, 4), np.uint16), np.zeros((4, 4, 1),
+                                                                                  np.uint16)])
 def test_a_mosaic_that_no_bayer_sensor_gives_is_refused(tmp_path, mosaic):
     with pytest.raises(ValueError, match=r"uint16 of even size"):
         write_dng(tmp_path / "photo.dng", mosaic)

@@ -1,16 +1,25 @@
-"""The stated covariance of a material's signal against signals recomputed with every cause perturbed."""
+"""The stated covariance of a material's signal against signals recomputed with every cause
+perturbed.
+"""
 import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from radiometry.bspline import basis_matrix
-from radiometry.grid import visible_grid
-from radiometry.records import Calibration, LightScale, Outcome, Quantity, SensitivityFit, Spectrum
-from radiometry.response import response_matrix, white_signal
-from reconstruct.joint_reconstruction import JointReconstruction
-from session.error_budget import (
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import (
+    Calibration,
+    LightScale,
+    Outcome,
+    Quantity,
+    SensitivityFit,
+    Spectrum,
+)
+from spectrabox.radiometry.response import response_matrix, white_signal
+from spectrabox.reconstruct.joint_reconstruction import JointReconstruction
+from spectrabox.session.stages.error_budget import (
     light_covariance,
     measurement_of,
     relative_errors,
@@ -27,7 +36,9 @@ DRAWS = 20_000
 
 
 def curves_and_covariance():
-    """Coefficients (3, 12) of three bands, and a covariance that ties neighbours and bands together."""
+    """Coefficients (3, 12) of three bands, and a covariance that ties neighbours and bands
+    together.
+    """
     places = np.linspace(400, 700, 12)
     coefficients = np.exp(-0.5 * ((places - np.array([[600.0], [540.0], [460.0]])) / 40) ** 2)
     rng = np.random.default_rng(5)
@@ -36,24 +47,30 @@ def curves_and_covariance():
 
 
 def calibration(light, coefficients, covariance):
-    fit = SensitivityFit(GRID, coefficients @ BASIS.T, BASIS, coefficients, covariance, None, None, None, None,
+    fit = SensitivityFit(GRID, coefficients @ BASIS.T, BASIS, coefficients, covariance, None, None,
+                         None, None,
                          "given", Outcome.CONVERGED)
-    return Calibration(fit, Spectrum(GRID, light, Quantity.RELATIVE, "lamp"), None, 0.01**2 * np.eye(3), ())
+    return Calibration(fit, Spectrum(GRID, light, Quantity.RELATIVE, "lamp"), None,
+                       0.01**2 * np.eye(3), ())
 
 
 def joint(coefficients, photo=None, model=None):
     """Two photos of one material under two lights."""
     bands = np.vstack([response_matrix(GRID, coefficients @ BASIS.T, light) for light in LIGHTS])
     response = bands / white_signal(bands)[:, None]
-    views = tuple(SimpleNamespace(light_scale=LightScale(2.0, 2.0 * error, None, "chart")) for error in SCALE_ERRORS)
+    views = tuple(SimpleNamespace(light_scale=LightScale(2.0, 2.0 * error, None, "chart"))
+                  for error in SCALE_ERRORS)
     zero = np.zeros((1, 6, 6))
     return JointReconstruction(
-        views, ("a", "b"), ("paint",), (False,), GRID, REFLECTANCE[None], tuple("RGBrgb"), np.repeat([0, 1], 3),
-        response, (response @ REFLECTANCE)[None], zero if photo is None else photo, zero if model is None else model)
+        views, ("a", "b"), ("paint",), (False,), GRID, REFLECTANCE[None], tuple("RGBrgb"),
+        np.repeat([0, 1], 3), response, (response @ REFLECTANCE)[None], zero if photo is None
+        else photo, zero if model is None else model)
 
 
 def signals_of(coefficients):
-    """Signals (T, 6) relative to white that curves of coefficients (T, 3, 12) predict, by plain sums."""
+    """Signals (T, 6) relative to white that curves of coefficients (T, 3, 12) predict, by plain
+    sums.
+    """
     curves = coefficients @ BASIS.T
     rows = [np.einsum("tkp,p->tk", curves, light * GRID.weights_nm * spectrum) for light in LIGHTS
             for spectrum in (REFLECTANCE, np.ones_like(REFLECTANCE))]
@@ -70,7 +87,8 @@ def test_the_error_of_the_curves_is_that_of_signals_with_perturbed_curves():
     # 20 000 draws tell a variance to 0.5 % of its root (1 sigma); the first order costs 1 %.
     np.testing.assert_allclose(np.sqrt(np.diag(stated)), errors, rtol=0.03)
     # Correlations, also between the two photos: 0.7 % (1 sigma) by the draws.
-    np.testing.assert_allclose(stated / np.outer(errors, errors), scatter / np.outer(errors, errors), atol=0.03)
+    np.testing.assert_allclose(stated / np.outer(errors, errors),
+                               scatter / np.outer(errors, errors), atol=0.03)
 
 
 def test_all_causes_together_are_the_scatter_of_photos_read_with_wrong_scales_and_curves():
@@ -85,16 +103,19 @@ def test_all_causes_together_are_the_scatter_of_photos_read_with_wrong_scales_an
     disagreement = rng.multivariate_normal(np.zeros(6), model, DRAWS)
     scale = 1 + np.repeat(rng.standard_normal((DRAWS, 2)) * SCALE_ERRORS, 3, axis=1)
     curves = rng.multivariate_normal(coefficients.ravel(), covariance, DRAWS).reshape(DRAWS, 3, 12)
-    # What the photo seems to say, less what the right spectrum predicts: what a sampler takes for noise.
+    # What the photo seems to say, less what the right spectrum predicts: what a sampler takes for
+    # noise.
     read = (truth * (1 + disagreement) + noise) / scale - signals_of(curves)
     stated = measurement_of(calibrations, answer, 0).noise_covariance
     scatter = np.cov(read, rowvar=False)
     errors = np.sqrt(np.diag(scatter))
     # As above: 2 % is 4 sigma; dividing by a scale that errs by 3 % is first order to 1 %.
     np.testing.assert_allclose(np.sqrt(np.diag(stated)), errors, rtol=0.03)
-    np.testing.assert_allclose(stated / np.outer(errors, errors), scatter / np.outer(errors, errors), atol=0.05)
+    np.testing.assert_allclose(stated / np.outer(errors, errors),
+                               scatter / np.outer(errors, errors), atol=0.05)
     parts = signal_covariances(calibrations, answer, 0)
-    total = np.sqrt(np.sum([np.square(part) for part in relative_errors(calibrations, answer, 0).values()], axis=0))
+    total = np.sqrt(np.sum([np.square(part) for part in relative_errors(calibrations, answer,
+                                                                        0).values()], axis=0))
     # Round-off.
     np.testing.assert_allclose(total, np.sqrt(np.diag(sum(parts.values()))) / truth, rtol=1e-12)
 
@@ -113,9 +134,11 @@ def test_the_scale_of_one_photo_says_nothing_of_another():
 def test_curves_without_covariance_err_by_the_stated_share_of_the_brightest_band():
     coefficients, _ = curves_and_covariance()
     answer = joint(coefficients)
-    covariance = sensitivity_covariance([calibration(light, coefficients, None) for light in LIGHTS], answer, 0)
+    covariance = sensitivity_covariance([calibration(light, coefficients,
+                                                     None) for light in LIGHTS], answer, 0)
     brightest = np.repeat([answer.signal[0, :3].max(), answer.signal[0, 3:].max()], 3)
-    np.testing.assert_allclose(covariance, np.diag((0.01 * brightest) ** 2), rtol=1e-12)  # round-off
+    # round-off
+    np.testing.assert_allclose(covariance, np.diag((0.01 * brightest) ** 2), rtol=1e-12)
 
 
 def test_the_error_of_a_lights_readings_is_that_of_signals_under_perturbed_readings():
@@ -123,18 +146,22 @@ def test_the_error_of_a_lights_readings_is_that_of_signals_under_perturbed_readi
     coarse = visible_grid(20)
     readings = np.array([np.interp(coarse.nm, GRID.nm, light) for light in LIGHTS])
     error = 0.05 * readings
-    calibrations = [dataclasses.replace(calibration(light, coefficients, covariance), light=Spectrum(
-        coarse, light, Quantity.RELATIVE, "meter", standard_error))
-        for light, standard_error in zip(readings, error, strict=True)]
+    calibrations = [dataclasses.replace(calibration(light, coefficients, covariance),
+                                        light=Spectrum(
+                                            coarse, light, Quantity.RELATIVE, "meter",
+                                            standard_error))
+                    for light, standard_error in zip(readings, error, strict=True)]
     stated = light_covariance(calibrations, joint(coefficients), 0)
     rng = np.random.default_rng(4)
     curves = coefficients @ BASIS.T * GRID.weights_nm
     signals = []
     for light, standard_error in zip(readings, error, strict=True):
         drawn = light + standard_error * rng.standard_normal((DRAWS, coarse.nm.size))
-        fine = drawn @ np.array([np.interp(GRID.nm, coarse.nm, unit) for unit in np.eye(coarse.nm.size)])
+        fine = drawn @ np.array([np.interp(GRID.nm, coarse.nm,
+                                           unit) for unit in np.eye(coarse.nm.size)])
         signals.append((fine * REFLECTANCE) @ curves.T / (fine @ curves.T))
     scatter = np.cov(np.hstack(signals), rowvar=False)
-    # 20 000 draws tell a root variance to 0.5 %; the lights in the reconstruction are on the fine grid, 1 to 2 % apart.
+    # 20 000 draws tell a root variance to 0.5 %; the lights in the reconstruction are on the fine
+    # grid, 1 to 2 % apart.
     np.testing.assert_allclose(np.sqrt(np.diag(stated)), np.sqrt(np.diag(scatter)), rtol=0.04)
     np.testing.assert_array_equal(stated[:3, 3:], 0)

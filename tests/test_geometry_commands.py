@@ -1,4 +1,6 @@
-"""The camera's geometry from photo to scene: what Mitsuba renders lies where the lens and the pose say."""
+"""The camera's geometry from photo to scene: what Mitsuba renders lies where the lens and the pose
+say.
+"""
 import json
 from pathlib import Path
 
@@ -10,16 +12,16 @@ from test_calibrate_pose import CORNERS, TURN
 from test_calibrate_pose import SHIFT as BOX_SHIFT
 from typer.testing import CliRunner
 
-from calibrate.board import read_board
-from calibrate.geometry import board_picture
-from calibrate.lens import Lens, Pose, mitsuba_sensor, pinhole
-from calibrate.lens_files import read_lens, write_lens
-from calibrate.pose import lens_of_focal_length
-from capture.image_files import read_linear_file, write_exr
-from radiometry.errors import InputError
-from reconstruct.pose_scene import scene_with_camera
-from reconstruct.renderer import load_scene, start_mitsuba
-from session.cli import app
+from spectrabox.calibrate.geometry.board import read_board
+from spectrabox.calibrate.geometry.lens import Lens, Pose, mitsuba_sensor, pinhole
+from spectrabox.calibrate.geometry.lens_files import read_lens, write_lens
+from spectrabox.calibrate.geometry.pose import lens_of_focal_length
+from spectrabox.calibrate.geometry.projection import board_picture
+from spectrabox.capture.photo.image_files import read_linear_file, write_exr
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.rendering.renderer import load_scene, start_mitsuba
+from spectrabox.reconstruct.scene.pose_scene import scene_with_camera
+from spectrabox.session.cli import app
 
 BOARD = "columns = 9\nrows = 7\nsquare = 0.03\nmarker = 0.022\n"
 SCENE = """<scene version="3.0.0">
@@ -59,13 +61,17 @@ def bent_photo(folder: Path, tilt, name="photo.exr", shift=SHIFT):
     picture = board_picture(read_board(folder / "board.toml"), 100).astype(np.float32) / 255
     picture = cv2.GaussianBlur(picture, (0, 0), 1)
     y, x = np.mgrid[0:480, 0:640].astype(float)
-    rays = cv2.undistortPoints(np.stack([x, y], axis=-1).reshape(-1, 1, 2), TRUE.matrix, TRUE.distortion)
+    rays = cv2.undistortPoints(np.stack([x, y], axis=-1).reshape(-1, 1, 2), TRUE.matrix,
+                               TRUE.distortion)
     turn = cv2.Rodrigues(np.array(tilt))[0]
     plane = np.linalg.inv(np.column_stack([turn[:, :2], shift]))  # from rays to places on the board
     across, down, depth = plane @ np.column_stack([rays.reshape(-1, 2), np.ones(x.size)]).T
-    drawn = (np.stack([across, down]) / depth / 0.03 * 100 + 49.5).reshape(2, 480, 640).astype(np.float32)
-    grey = cv2.remap(picture, *drawn, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0.5)
-    write_exr(folder / name, np.repeat(0.05 + 0.8 * grey[..., None], 3, axis=2), ["R", "G", "B"], 0.1)
+    drawn = (np.stack([across, down]) / depth / 0.03 * 100 + 49.5).reshape(2, 480,
+                                                                           640).astype(np.float32)
+    grey = cv2.remap(picture, *drawn, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT,
+                     borderValue=0.5)
+    write_exr(folder / name, np.repeat(0.05 + 0.8 * grey[..., None], 3, axis=2), ["R", "G", "B"],
+              0.1)
     return folder / name
 
 
@@ -79,20 +85,23 @@ def points_file(folder, points, places=CORNERS):
 def camera_of(path):
     """The camera of a scene file as Mitsuba loads it: matrix (4, 4)."""
     import mitsuba as mi
-    return np.array(mi.traverse(load_scene(path.read_text(encoding="utf-8")))["camera.to_world"].matrix).reshape(4, 4)
+    return np.array(mi.traverse(load_scene(path.read_text(encoding="utf-8")))[
+                        "camera.to_world"].matrix).reshape(4, 4)
 
 
 def test_mitsuba_shows_points_where_lens_and_pose_put_them(folder):
     import mitsuba as mi
     start_mitsuba("cpu")
-    lens = Lens(640, 480, np.array([[700.0, 0, 342.3], [0, 700, 217.9], [0, 0, 1]]), np.zeros(5), np.zeros(4),
-                np.zeros(5), 0.0, "given")
+    lens = Lens(640, 480, np.array([[700.0, 0, 342.3], [0, 700, 217.9], [0, 0, 1]]), np.zeros(5),
+                np.zeros(4), np.zeros(5), 0.0, "given")
     world_to_camera = np.eye(4)
     world_to_camera[:3, :3], world_to_camera[:3, 3] = cv2.Rodrigues(np.array(TURN))[0], BOX_SHIFT
     pose = Pose(world_to_camera, np.zeros((6, 6)), np.zeros((1, 2)), 0.0)
-    balls = "".join(f'<shape type="sphere"><point name="center" value="{x}, {y}, {z}"/><float name="radius" '
-                    'value="0.004"/><emitter type="area"/></shape>' for x, y, z in CORNERS)
-    (folder / "scene.xml").write_text(SCENE.replace('<emitter type="constant" id="sky"/>', balls), encoding="utf-8")
+    balls = "".join(f'<shape type="sphere"><point name="center" value="{x}, {y}, {z}"/><float '
+                    'name="radius" value="0.004"/><emitter type="area"/></shape>' for x, y,
+                    z in CORNERS)
+    (folder / "scene.xml").write_text(SCENE.replace('<emitter type="constant" id="sky"/>', balls),
+                                      encoding="utf-8")
     text = scene_with_camera(folder / "scene.xml", mitsuba_sensor(lens, pose), (640, 480), folder)
     image = np.array(mi.render(load_scene(text), spp=16)).sum(axis=2)
     assert np.mean(image > 0) < 0.01
@@ -100,7 +109,8 @@ def test_mitsuba_shows_points_where_lens_and_pose_put_them(folder):
     for place in seen(CORNERS, TURN, BOX_SHIFT, lens=lens):
         near = image * (np.hypot(x - place[0], y - place[1]) < 12)
         centroid = np.array([(near * x).sum(), (near * y).sum()]) / near.sum()
-        # A sphere of 6 pixels is seen off by 6^2 / 700 / 4 = 0.01 at most; the rest is noise of the rim.
+        # A sphere of 6 pixels is seen off by 6^2 / 700 / 4 = 0.01 at most; the rest is noise of the
+        # rim.
         np.testing.assert_allclose(centroid, place, atol=0.05)
 
 
@@ -117,17 +127,21 @@ def test_the_scene_keeps_what_is_not_the_camera(folder):
 def test_board_photos_give_the_lens_and_the_camera_its_place(folder):
     start_mitsuba("cpu")
     photos = [bent_photo(folder, tilt, f"view{number}.exr") for number, tilt in enumerate(TILTS)]
-    facts = json.loads(call("lens", *photos, "--board", folder / "board.toml", "--out", folder / "found.json",
-                            "--overlay", folder / "shown", "--json").stdout)
+    facts = json.loads(call("lens", *photos, "--board", folder / "board.toml", "--out",
+                            folder / "found.json", "--overlay", folder / "shown", "--json").stdout)
     found = read_lens(folder / "found.json")
-    assert facts["rms_px"] < 0.3 and len(facts["views"]) == 6 and (folder / "shown" / "view5.png").is_file()
-    # Corners of a drawn board are found to about 0.1 pixel; OpenCV's own errors do not know of the drawing's.
+    assert facts["rms_px"] < 0.3 and len(facts["views"]) == 6 and (folder / "shown"
+                                                                   / "view5.png").is_file()
+    # Corners of a drawn board are found to about 0.1 pixel; OpenCV's own errors do not know of the
+    # drawing's.
     np.testing.assert_allclose(found.matrix, TRUE.matrix, atol=5)
     placed = folder / "board.toml"
-    placed.write_text(BOARD + "origin = [0, 1, 2]\nright = [1, 0, 0]\ndown = [0, -1, 0]\n", encoding="utf-8")
-    facts = json.loads(call("pose", photos[1], "--scene", folder / "scene.xml", "--board", placed, "--lens",
-                            folder / "lens.json", "--out", folder / "posed.xml", "--overlay", folder / "seen.png",
-                            "--json").stdout)
+    placed.write_text(BOARD + "origin = [0, 1, 2]\nright = [1, 0, 0]\ndown = [0, -1, 0]\n",
+                      encoding="utf-8")
+    facts = json.loads(call("pose", photos[1], "--scene", folder / "scene.xml", "--board", placed,
+                            "--lens",
+                            folder / "lens.json", "--out", folder / "posed.xml", "--overlay",
+                            folder / "seen.png", "--json").stdout)
     board_to_world = np.array([[1.0, 0, 0, 0], [0, -1, 0, 1], [0, 0, -1, 2], [0, 0, 0, 1]])
     board_to_camera = np.eye(4)
     board_to_camera[:3, :3], board_to_camera[:3, 3] = cv2.Rodrigues(np.array(TILTS[1]))[0], SHIFT
@@ -141,31 +155,37 @@ def test_board_photos_give_the_lens_and_the_camera_its_place(folder):
 
 def test_box_corners_give_the_pose_without_a_lens(folder):
     lens = lens_of_focal_length(700.0, 640, 480)
-    points = points_file(folder, seen(CORNERS, TURN, BOX_SHIFT, np.random.default_rng(1), 0.3, lens))
+    points = points_file(folder, seen(CORNERS, TURN, BOX_SHIFT, np.random.default_rng(1), 0.3,
+                                      lens))
     photo = bent_photo(folder, TILTS[0])
-    outcome = call("pose", photo, "--scene", folder / "scene.xml", "--points", points, "--out", folder / "posed.xml")
-    assert "8 points, rms 0." in outcome.stdout and "focal length 69" in outcome.stdout.replace("70", "69")
+    outcome = call("pose", photo, "--scene", folder / "scene.xml", "--points", points, "--out",
+                   folder / "posed.xml")
+    assert "8 points, rms 0." in outcome.stdout and "focal length 69" in outcome.stdout.replace(
+        "70", "69")
     assert "principal point in the middle and no distortion are assumed" in outcome.stdout
     assert (folder / "scene.xml").read_text(encoding="utf-8") == SCENE
 
 
 def test_undistorting_a_photo_writes_a_linear_one(folder):
     photo = bent_photo(folder, TILTS[0])
-    facts = json.loads(call("undistort", photo, "--lens", folder / "lens.json", "--out", folder / "straight.exr",
-                            "--json").stdout)
+    facts = json.loads(call("undistort", photo, "--lens", folder / "lens.json", "--out",
+                            folder / "straight.exr", "--json").stdout)
     straight = read_linear_file(folder / "straight.exr")
     assert straight.signal.shape == (480, 640, 3) and straight.exposure_s == pytest.approx(0.1)
-    assert facts["outside_fraction"] == 0 and np.all(straight.variance > 0)  # a barrel bends the corners inwards
+    # a barrel bends the corners inwards
+    assert facts["outside_fraction"] == 0 and np.all(straight.variance > 0)
     write_lens(folder / "cushion.json", Lens(**{**vars(TRUE), "distortion": -TRUE.distortion}))
-    facts = json.loads(call("undistort", photo, "--lens", folder / "cushion.json", "--out", folder / "cushion.exr",
-                            "--json").stdout)
+    facts = json.loads(call("undistort", photo, "--lens", folder / "cushion.json", "--out",
+                            folder / "cushion.exr", "--json").stdout)
     assert 0.01 < facts["outside_fraction"] < 0.2
     flat = Lens(640, 480, pinhole(TRUE), np.zeros(5), np.zeros(4), np.zeros(5), 0.0, "")
     write_lens(folder / "flat.json", flat)
-    again = json.loads(call("undistort", photo, "--lens", folder / "flat.json", "--out", folder / "same.exr",
+    again = json.loads(call("undistort", photo, "--lens", folder / "flat.json", "--out",
+                            folder / "same.exr",
                             "--json").stdout)
     assert again["outside_fraction"] == 0
-    np.testing.assert_array_equal(read_linear_file(folder / "same.exr").signal, read_linear_file(photo).signal)
+    np.testing.assert_array_equal(read_linear_file(folder / "same.exr").signal,
+                                  read_linear_file(photo).signal)
 
 
 def test_a_lens_file_comes_back_whole(tmp_path):
@@ -175,13 +195,18 @@ def test_a_lens_file_comes_back_whole(tmp_path):
 
 
 @pytest.mark.parametrize("change, sentence", [
-    (lambda text: text[:40], "is no lens file"), (lambda text: text.replace("lens 1", "lens 7"), "its format is"),
-    (lambda text: text.replace('"rms_px"', '"rms"'), "'rms_px' is missing"),
-    (lambda text: text.replace("700.0", "-700.0"), "its focal length is not positive"),
-    (lambda text: text.replace("-0.12,", ""), "distortion is not 5 numbers")])
+                             (lambda text: text[:40], "is no lens file"),
+                             (lambda text: text.replace("lens 1", "lens 7"), "its format is"),
+                             (lambda text: text.replace('"rms_px"', '"rms"'),
+                              "'rms_px' is missing"),
+                             (lambda text: text.replace("700.0", "-700.0"),
+                              "its focal length is not positive"),
+                             (lambda text: text.replace("-0.12,", ""),
+                              "distortion is not 5 numbers")])
 def test_a_broken_lens_file_is_refused(tmp_path, change, sentence):
     write_lens(tmp_path / "lens.json", TRUE)
-    (tmp_path / "lens.json").write_text(change((tmp_path / "lens.json").read_text(encoding="utf-8")), encoding="utf-8")
+    (tmp_path / "lens.json").write_text(
+        change((tmp_path / "lens.json").read_text(encoding="utf-8")), encoding="utf-8")
     with pytest.raises(InputError, match=sentence):
         read_lens(tmp_path / "lens.json")
     with pytest.raises(InputError, match="cannot be read"):
@@ -191,21 +216,26 @@ def test_a_broken_lens_file_is_refused(tmp_path, change, sentence):
 def test_what_is_wrong_is_said_and_nothing_is_written(folder):
     photo = bent_photo(folder, TILTS[0])
     scene, board, out = folder / "scene.xml", folder / "board.toml", folder / "out.xml"
-    assert "exists already" in call("pose", photo, "--scene", scene, "--board", board, "--out", scene, code=3).stderr
-    assert "give either --points or --board" in call("pose", photo, "--scene", scene, "--out", out, code=2).stderr
-    said = call("pose", photo, "--scene", scene, "--board", board, "--lens", folder / "lens.json", "--out", out, code=3)
+    assert "exists already" in call("pose", photo, "--scene", scene, "--board", board, "--out",
+                                    scene, code=3).stderr
+    assert "give either --points or --board" in call("pose", photo, "--scene", scene, "--out", out,
+                                                     code=2).stderr
+    said = call("pose", photo, "--scene", scene, "--board", board, "--lens", folder / "lens.json",
+                "--out", out, code=3)
     assert "does not say where the board lies in the scene" in said.stderr
     blank = folder / "blank.exr"
     write_exr(blank, np.full((480, 640, 3), 0.4), ["R", "G", "B"], 0.1)
-    said = call("lens", photo, blank, blank, "--board", board, "--out", folder / "none.json", code=4)
+    said = call("lens", photo, blank, blank, "--board", board, "--out", folder / "none.json",
+                code=4)
     assert "blank.exr is left out: 0 corners" in said.stderr
     small = folder / "small.exr"
     write_exr(small, np.full((48, 64, 3), 0.4), ["R", "G", "B"], 0.1)
     points = points_file(folder, seen(CORNERS, TURN, BOX_SHIFT))
-    said = call("pose", small, "--scene", scene, "--points", points, "--lens", folder / "lens.json", "--out", out,
-                code=3)
+    said = call("pose", small, "--scene", scene, "--points", points, "--lens", folder / "lens.json",
+                "--out", out, code=3)
     assert "has 64 x 48 pixels, the lens was found at 640 x 480" in said.stderr
-    assert "0 of 3 photos show the board" in call("lens", blank, blank, blank, "--board", board, "--out",
+    assert "0 of 3 photos show the board" in call("lens", blank, blank, blank, "--board", board,
+                                                  "--out",
                                                   folder / "none.json", code=4).stderr
     assert not out.exists() and not (folder / "none.json").exists()
 
@@ -227,11 +257,15 @@ def test_a_board_goes_into_a_new_folder_and_needs_markers_enough(folder):
 
 
 @pytest.mark.parametrize("before, after, sentence", [
-    ('type="perspective"', 'type="thinlens"', "the sensor is of type 'thinlens'"),
-    ("sensor", "sensors", "has no <sensor>"), ("</scene>", "", "not well-formed"),
-    ('<emitter type="constant" id="sky"/>', '<shape type="obj"><string name="filename" value="a.obj"/></shape>',
-     "write the copy into")])
-def test_a_scene_that_cannot_take_the_camera_is_refused(folder, tmp_path_factory, before, after, sentence):
+                             ('type="perspective"', 'type="thinlens"',
+                              "the sensor is of type 'thinlens'"),
+                             ("sensor", "sensors", "has no <sensor>"),
+                             ("</scene>", "", "not well-formed"),
+                             ('<emitter type="constant" id="sky"/>', '<shape type="obj"><string '
+                              'name="filename" value="a.obj"/></shape>',
+                              "write the copy into")])
+def test_a_scene_that_cannot_take_the_camera_is_refused(folder, tmp_path_factory, before, after,
+                                                        sentence):
     (folder / "scene.xml").write_text(SCENE.replace(before, after), encoding="utf-8")
     with pytest.raises(InputError, match=sentence):
         scene_with_camera(folder / "scene.xml", {}, (640, 480), tmp_path_factory.mktemp("other"))

@@ -1,4 +1,6 @@
-"""The meter commands end to end: a killed series goes on, an interrupted instrument is given back."""
+"""The meter commands end to end: a killed series goes on, an interrupted instrument is given
+back.
+"""
 import csv
 import json
 import os
@@ -12,10 +14,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from capture.transcript import read_transcript
-from capture.transcript_player import TranscriptPlayer
-from fixtures.meter_transcripts import FOLDER, clean_meters
-from session.cli import app
+from spectrabox.capture.transcripts.player import TranscriptPlayer
+from spectrabox.capture.transcripts.transcript import read_transcript
+from spectrabox.fixtures.meter_transcripts import FOLDER, clean_meters
+from spectrabox.session.cli import app
 
 ROOT = Path(__file__).resolve().parent.parent
 CR250 = next(meter for meter in clean_meters() if meter.name == "cr250")
@@ -28,9 +30,11 @@ def hear_interrupts():
 
 
 def start(*arguments, **options):
-    return subprocess.Popen([sys.executable, "-m", "session.cli", "meter", *map(str, arguments)], cwd=ROOT, text=True,
-                            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                            env={**os.environ, **PACE, "PYTHONPATH": str(ROOT)}, preexec_fn=hear_interrupts, **options)
+    return subprocess.Popen([sys.executable, "-m", "spectrabox", "meter", *map(str, arguments)],
+                            cwd=ROOT, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                            stderr=subprocess.PIPE,
+                            env={**os.environ, **PACE, "PYTHONPATH": str(ROOT)},
+                            preexec_fn=hear_interrupts, **options)
 
 
 def run(*arguments, typed=""):
@@ -39,7 +43,8 @@ def run(*arguments, typed=""):
 
 
 def play(time_scale=0.0):
-    return TranscriptPlayer(read_transcript(FOLDER / "cr250.transcript"), time_scale=time_scale, strict=False)
+    return TranscriptPlayer(read_transcript(FOLDER / "cr250.transcript"), time_scale=time_scale,
+                            strict=False)
 
 
 def options(player, *more):
@@ -62,7 +67,8 @@ def test_a_series_killed_in_the_middle_loses_nothing_and_goes_on(tmp_path):
         process.communicate()
         kept = {path.name: path.read_bytes() for path in readings.glob("0*.json")}
         assert 2 <= len(kept) < 12
-        time.sleep(2.0)  # the instrument ends the reading that it was told to take, and says so to nobody
+        # the instrument ends the reading that it was told to take, and says so to nobody
+        time.sleep(2.0)
         code, out, err = run("measure", tmp_path, *options(player, "--repeat", "12", "--json"))
     assert code == 0, err
     facts = json.loads(out)
@@ -70,7 +76,8 @@ def test_a_series_killed_in_the_middle_loses_nothing_and_goes_on(tmp_path):
     assert all((readings / name).read_bytes() == data for name, data in kept.items())
     with (tmp_path / "spectra" / "light.csv").open() as stream:
         rows = list(csv.reader(line for line in stream if not line.startswith("#")))[1:]
-    np.testing.assert_allclose([float(row[1]) for row in rows], CR250.values, rtol=5e-9)  # nine digits are written
+    # nine digits are written
+    np.testing.assert_allclose([float(row[1]) for row in rows], CR250.values, rtol=5e-9)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -91,7 +98,8 @@ def test_a_chart_is_walked_through_and_goes_on_with_the_patch_that_is_next(tmp_p
         code, _, err = run("measure", tmp_path, *options(player, "--as", "chart"), typed="\n\nq\n")
         assert code == 4 and "chart-01-dark-skin" in err and "2 of 24 patches are measured and kept" in err
         code, out, err = run("measure", tmp_path,
-                             *options(player, "--as", "chart", "--no-wait", "--json", "--white-reflectance", "0.5"))
+                             *options(player, "--as", "chart", "--no-wait", "--json",
+                                      "--white-reflectance", "0.5"))
     assert code == 0, err
     assert json.loads(out)["taken"] == 22
     with (tmp_path / "spectra" / "chart.csv").open() as stream:
@@ -116,8 +124,8 @@ def test_identify_says_who_answers():
     with play() as player:
         code, out, _ = run("identify", "--port", player.port, "--instrument", "CR-250", "--json")
     assert code == 0
-    assert json.loads(out) | {"port": ""} == {"instrument": "CR-250", "serial_number": "A00102", "firmware": "1.36",
-                                              "port": ""}
+    assert json.loads(out) | {"port": ""} == {"instrument": "CR-250", "serial_number": "A00102",
+                                              "firmware": "1.36", "port": ""}
 
 
 def test_a_missing_port_ends_with_the_instruments_exit_code(tmp_path):
@@ -126,7 +134,8 @@ def test_a_missing_port_ends_with_the_instruments_exit_code(tmp_path):
 
 
 def test_replay_shows_a_recording_and_that_it_is_synthetic(tmp_path):
-    code, out, _ = run("replay", FOLDER / "cs2000.transcript", "--plot", "--png", tmp_path / "a.png")
+    code, out, _ = run("replay", FOLDER / "cs2000.transcript", "--plot", "--png",
+                       tmp_path / "a.png")
     assert code == 0 and "synthetic" in out and "█" in out and (tmp_path / "a.png").exists()
 
 

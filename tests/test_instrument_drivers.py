@@ -1,4 +1,6 @@
-"""Every driver reads its recordings through its own pyserial code; all recordings here are synthetic."""
+"""Every driver reads its recordings through its own pyserial code; all recordings here are
+synthetic.
+"""
 import dataclasses
 import time
 from typing import ClassVar
@@ -6,19 +8,24 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from capture.instruments.catalogue import DRIVERS, driver_named
-from capture.instruments.errors import LineFaultError, NoReplyError, RefusedError, WrongInstrumentError
-from capture.instruments.interface import MeterSettings
-from capture.measurement import measure_once
-from capture.serial_line import Pace, SerialLine
-from capture.transcript import Event, read_transcript
-from capture.transcript_player import TranscriptPlayer
-from capture.transcript_replay import replay_transcript, settings_of
-from fixtures.meter_transcripts import FOLDER, all_meters, clean_meters
-from radiometry.errors import InputError
-from radiometry.luminous import luminance_of
-from radiometry.readings import ReadingOutcome
-from radiometry.records import Quantity
+from spectrabox.capture.meter.instruments.catalogue import DRIVERS, driver_named
+from spectrabox.capture.meter.instruments.errors import (
+    LineFaultError,
+    NoReplyError,
+    RefusedError,
+    WrongInstrumentError,
+)
+from spectrabox.capture.meter.instruments.interface import MeterSettings
+from spectrabox.capture.meter.measurement import measure_once
+from spectrabox.capture.meter.serial_line import Pace, SerialLine
+from spectrabox.capture.transcripts.player import TranscriptPlayer
+from spectrabox.capture.transcripts.replay import replay_transcript, settings_of
+from spectrabox.capture.transcripts.transcript import Event, read_transcript
+from spectrabox.fixtures.meter_transcripts import FOLDER, all_meters, clean_meters
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.luminous import luminance_of
+from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 CLEAN = [meter.name for meter in clean_meters()]
 FAST = Pace(0.002, shortest_limit_s=0.2)
@@ -31,8 +38,8 @@ def recording(name):
 def measured(transcript, name=None, wanted=None, pace=FAST, **options):
     with TranscriptPlayer(transcript, time_scale=0.0, **options) as player:
         reading = measure_once(name or transcript.facts["instrument"], player.port,
-                               settings_of(transcript) if wanted is None else wanted, lambda direction, data: None,
-                               pace=pace)
+                               settings_of(transcript) if wanted is None else wanted,
+                               lambda direction, data: None, pace=pace)
     return reading, player
 
 
@@ -57,8 +64,10 @@ def test_the_stored_recordings_are_those_the_script_makes(meter):
 
 
 @pytest.mark.parametrize("meter, over_socket", [
-    *((meter, False) for meter in clean_meters()), *((meter, True) for meter in clean_meters()[::2])],
-    ids=lambda value: getattr(value, "name", "socket" if value else "terminal"))
+                             *((meter, False) for meter in clean_meters()),
+                             *((meter, True) for meter in clean_meters()[::2])],
+                         ids=lambda value: getattr(value, "name", "socket" if value
+                                                   else "terminal"))
 def test_a_recording_is_read_as_its_true_spectrum(meter, over_socket):
     played = replay_transcript(recording(meter.name), over_socket=over_socket)
     assert not played.problems and played.synthetic
@@ -101,7 +110,9 @@ def test_an_answer_in_another_language_names_the_instrument_that_is_there(asked,
 @pytest.mark.parametrize("name", CLEAN)
 def test_an_instrument_that_never_answers_is_named_within_its_limit(name):
     transcript = recording(name)
-    mute = dataclasses.replace(transcript, events=tuple(event for event in transcript.events if event.direction == ">"))
+    mute = dataclasses.replace(transcript,
+                               events=tuple(event for event in transcript.events if event.direction
+                                            == ">"))
     with pytest.raises(NoReplyError, match=r"no complete reply|no answer|is silent"):
         measured(mute)
 
@@ -126,20 +137,23 @@ def test_an_instruments_own_error_is_said_in_words(name, sent, reply, message):
 
 
 def test_an_unlisted_error_code_is_still_an_error():
-    with pytest.raises(RefusedError, match="error 77: an error that its protocol notes do not list"):
+    with pytest.raises(RefusedError,
+                       match="error 77: an error that its protocol notes do not list"):
         measured(replaced(recording("cs2000"), b"MEAS,1\n", b"ER77\n"), strict=False)
 
 
 def test_old_konica_minolta_firmware_is_taken_under_control_with_its_own_command():
     text = recording("cs2000")
-    events = [Event(">", 0, b"RMTS,2\n"), Event("<", 0, b"ER17\n"), Event(">", 0, b"RMTS,1\n"), *text.events[1:]]
+    events = [Event(">", 0, b"RMTS,2\n"), Event("<", 0, b"ER17\n"), Event(">", 0, b"RMTS,1\n"),
+              *text.events[1:]]
     reading, player = measured(dataclasses.replace(text, events=tuple(events)))
     assert reading.spectrum is not None and bytes(player.heard).endswith(b"RMTS,0\n")
 
 
 def test_echo_left_on_is_switched_off_and_on_again():
     transcript = recording("cr250")
-    events = (Event(">", 0, b"\r"), Event("<", 0, b"\r\n>"), Event(">", 0, b"E\r"), *transcript.events[1:],
+    events = (Event(">", 0, b"\r"), Event("<", 0, b"\r\n>"), Event(">", 0, b"E\r"),
+              *transcript.events[1:],
               Event(">", 0, b"E\r"))
     reading, player = measured(dataclasses.replace(transcript, events=events))
     assert reading.spectrum is not None and not player.problems
@@ -148,27 +162,32 @@ def test_echo_left_on_is_switched_off_and_on_again():
 
 def test_settings_are_put_back_as_they_were_found():
     _, player = measured(recording("cr250"))
-    assert bytes(player.heard).index(b"SM ExposureX 2\r") < bytes(player.heard).index(b"SM ExposureX 1\r")
+    assert bytes(player.heard).index(b"SM ExposureX 2\r") < bytes(player.heard).index(
+        b"SM ExposureX 1\r")
 
 
 def test_a_fixed_exposure_is_put_back_to_automatic():
     transcript = recording("cs2000")
     start, rest = transcript.events[:8], transcript.events[8:]
     asked = [(b"SPMR\n", b"OK00,0,2\n")] * 2 + [(b"SPMS,3,250000,2\n", b"OK00\n")]
-    extra = [event for sent, reply in asked for event in (Event(">", 0, sent), Event("<", 0, reply))]
+    extra = [event for sent, reply in asked for event in (Event(">", 0, sent),
+                                                          Event("<", 0, reply))]
     end = [Event(">", 0, b"SPMS,0,2\n"), Event("<", 0, b"OK00\n")]
     events = (*start, *extra, *rest[:-4], *end, *rest[-4:])
-    _, player = measured(dataclasses.replace(transcript, events=events), wanted=MeterSettings(integration_ms=250))
+    _, player = measured(dataclasses.replace(transcript, events=events),
+                         wanted=MeterSettings(integration_ms=250))
     assert not player.problems and bytes(player.heard).endswith(b"SPMS,0,2\nMSWE,1\nRMTS,0\n")
 
 
 def test_irradiance_is_recorded_as_the_instrument_states_it():
-    transcript = replaced(recording("cr250"), b"RM Radiometric\r", b"OK:0:RM Radiometric:1,3.2e-01,8.8e+17\r\n")
+    transcript = replaced(recording("cr250"), b"RM Radiometric\r",
+                          b"OK:0:RM Radiometric:1,3.2e-01,8.8e+17\r\n")
     assert measured(transcript)[0].quantity is Quantity.IRRADIANCE
 
 
 def test_a_spectrum_that_disagrees_with_the_reported_luminance_is_refused():
-    transcript = replaced(recording("cr250"), b"RM XYZ\r", b"OK:0:RM XYZ:1.7e+00,9.0e+02,1.8e+00\r\n")
+    transcript = replaced(recording("cr250"), b"RM XYZ\r",
+                          b"OK:0:RM XYZ:1.7e+00,9.0e+02,1.8e+00\r\n")
     with pytest.raises(Exception, match=r"the spectrum integrates to .* the instrument reports 900; they must agree "
                                         "within 3%"):
         measured(transcript)
@@ -181,7 +200,8 @@ def test_a_pr655_is_typed_to_one_character_at_a_time():
 
         def write(self, data):
             self.sent.append((time.monotonic(), data))
-    line = SerialLine(Port(), "port", driver_named("pr655").line_settings, lambda direction, data: None, Pace(0.1))
+    line = SerialLine(Port(), "port", driver_named("pr655").line_settings, lambda direction,
+                      data: None, Pace(0.1))
     line.write(b"PHOTO")
     assert [data for _, data in Port.sent] == [b"P", b"H", b"O", b"T", b"O"]
     # sleep() never returns early, so 50 ms at scale 0.1 is a lower bound.
@@ -190,7 +210,8 @@ def test_a_pr655_is_typed_to_one_character_at_a_time():
 
 def test_every_driver_has_a_recording_and_a_name_for_its_relatives():
     assert set(DRIVERS) == set(CLEAN)
-    assert driver_named("CS-2000A") is DRIVERS["cs2000"] and driver_named("pr 670") is DRIVERS["pr655"]
+    assert driver_named("CS-2000A") is DRIVERS["cs2000"] and driver_named(
+        "pr 670") is DRIVERS["pr655"]
     with pytest.raises(InputError, match=r"no driver for 'pr656'.*did you mean pr65"):
         driver_named("pr656")
 

@@ -2,28 +2,28 @@
 import numpy as np
 import pytest
 
-from capture.measurement_files import (
+from spectrabox.capture.meter.measurement_files import (
     read_reading,
     readings_folder,
     set_aside,
     store_reading,
     stored_readings,
 )
-from capture.measurement_plot import png_plot, text_plot
-from capture.measurement_series import reflectance_from, series_of, series_spectrum
-from radiometry.errors import CheckError, EnvironmentProblem, InputError
-from radiometry.files import write_text_whole
-from radiometry.grid import grid_from_nm
-from radiometry.readings import ReadingOutcome, SpectralReading
-from radiometry.records import Quantity, Spectrum
+from spectrabox.capture.meter.measurement_plot import png_plot, text_plot
+from spectrabox.capture.meter.measurement_series import reflectance_from, series_of, series_spectrum
+from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputError
+from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 
 NM = np.arange(380.0, 781.0, 4)
 
 
 def reading(values, outcome=ReadingOutcome.MEASURED, nm=NM, quantity=Quantity.RADIANCE):
     spectrum = None if values is None else Spectrum(grid_from_nm(nm), values, quantity, "test")
-    return SpectralReading(spectrum, outcome, None if values is None else quantity, "PR-655", "1", "3.09", 100.0, 5.0,
-                           "2026-01-02T00:00:00+00:00", "t", ())
+    return SpectralReading(spectrum, outcome, None if values is None else quantity, "PR-655", "1",
+                           "3.09", 100.0, 5.0, "2026-01-02T00:00:00+00:00", "t", ())
 
 
 def test_a_reading_comes_back_from_disk_bit_for_bit(tmp_path):
@@ -32,7 +32,8 @@ def test_a_reading_comes_back_from_disk_bit_for_bit(tmp_path):
     back = read_reading(path)
     np.testing.assert_array_equal(back.spectrum.values, values)
     np.testing.assert_array_equal(back.spectrum.grid.nm, NM)
-    assert (back.instrument, back.integration_ms, back.outcome) == ("PR-655", 100.0, ReadingOutcome.MEASURED)
+    assert (back.instrument, back.integration_ms, back.outcome) == ("PR-655", 100.0,
+                                                                    ReadingOutcome.MEASURED)
 
 
 def test_a_reading_without_a_spectrum_is_kept_as_that(tmp_path):
@@ -86,15 +87,18 @@ def test_a_warming_lamp_is_flagged_and_a_steady_one_rarely():
     rng = np.random.default_rng(2)
 
     def series(drift):
-        return series_of([reading(np.full(NM.size, 1.0) * (1 + drift * i / 9 + rng.normal(0, 0.002)))
+        return series_of([reading(np.full(NM.size, 1.0)
+                                  * (1 + drift * i / 9 + rng.normal(0, 0.002)))
                           for i in range(10)],
                          "lamp")
     warm = series(0.05)
-    # The slope of ten readings with noise 0.002 has a standard error of 0.002 * 9 / sqrt(82.5) = 0.002: five of them.
+    # The slope of ten readings with noise 0.002 has a standard error of 0.002 * 9 / sqrt(82.5) =
+    # 0.002: five of them.
     assert warm.relative_drift == pytest.approx(0.05 / 1.025, abs=0.01)
     assert any("drifts by +4" in flag or "drifts by +5" in flag for flag in warm.flags)
     false_alarms = sum(bool(series(0.0).flags) for _ in range(200))
-    # Student t with 8 degrees of freedom beyond 3: 1.7 %, of which the 0.5 % floor keeps most; 12 of 200 is p < 1e-3.
+    # Student t with 8 degrees of freedom beyond 3: 1.7 %, of which the 0.5 % floor keeps most; 12
+    # of 200 is p < 1e-3.
     assert false_alarms <= 12
 
 
@@ -115,7 +119,8 @@ def test_readings_without_a_spectrum_are_not_averaged_in():
 
 def test_different_quantities_are_not_averaged():
     with pytest.raises(InputError, match="start a new series with --again"):
-        series_of([reading(np.ones(NM.size)), reading(np.ones(NM.size), quantity=Quantity.IRRADIANCE)], "x")
+        series_of([reading(np.ones(NM.size)), reading(np.ones(NM.size),
+                                                      quantity=Quantity.IRRADIANCE)], "x")
 
 
 def spectrum(values, error=None, nm=NM):
@@ -126,16 +131,19 @@ def test_reflectance_is_the_ratio_to_the_white_and_does_not_see_the_light():
     truth = 0.2 + 0.5 * (NM > 550)
     for light in (np.ones(NM.size), 1 + np.sin(NM / 30) / 2):
         found = reflectance_from(spectrum(0.99 * truth / 0.99 * light), spectrum(light), 0.99, "x")
-        np.testing.assert_allclose(found.values, 0.99 * truth, rtol=1e-14)  # a ratio and a product: round-off
+        # a ratio and a product: round-off
+        np.testing.assert_allclose(found.values, 0.99 * truth, rtol=1e-14)
         assert found.quantity is Quantity.REFLECTANCE
 
 
 def test_the_reflectances_standard_error_is_that_of_simulated_ratios():
     rng = np.random.default_rng(5)
     target, white = np.full(NM.size, 0.3), np.full(NM.size, 2.0)
-    found = reflectance_from(spectrum(target, 0.003 + 0 * NM), spectrum(white, 0.01 + 0 * NM), 1.0, "x")
+    found = reflectance_from(spectrum(target, 0.003 + 0 * NM), spectrum(white, 0.01 + 0 * NM), 1.0,
+                             "x")
     ratios = rng.normal(0.3, 0.003, 200_000) / rng.normal(2.0, 0.01, 200_000)
-    # 200 000 draws give the spread to 0.16 %; first-order propagation leaves out terms of (0.5 %) squared: 1 %.
+    # 200 000 draws give the spread to 0.16 %; first-order propagation leaves out terms of (0.5 %)
+    # squared: 1 %.
     np.testing.assert_allclose(found.standard_error, ratios.std(), rtol=0.01)
 
 

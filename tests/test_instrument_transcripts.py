@@ -5,15 +5,26 @@ import time
 import numpy as np
 import pytest
 
-from capture.instruments.errors import NoReplyError
-from capture.instruments.interface import MeterSettings
-from capture.measurement import measure_once, open_instrument, take_reading, trusted_identity
-from capture.serial_line import Pace
-from capture.transcript import Event, TranscriptWriter, escaped, read_transcript, unescaped
-from capture.transcript_player import TranscriptPlayer
-from capture.transcript_replay import record, replay_transcript, settings_of
-from fixtures.meter_transcripts import FOLDER
-from radiometry.errors import InputError
+from spectrabox.capture.meter.instruments.errors import NoReplyError
+from spectrabox.capture.meter.instruments.interface import MeterSettings
+from spectrabox.capture.meter.measurement import (
+    measure_once,
+    open_instrument,
+    take_reading,
+    trusted_identity,
+)
+from spectrabox.capture.meter.serial_line import Pace
+from spectrabox.capture.transcripts.player import TranscriptPlayer
+from spectrabox.capture.transcripts.replay import record, replay_transcript, settings_of
+from spectrabox.capture.transcripts.transcript import (
+    Event,
+    TranscriptWriter,
+    escaped,
+    read_transcript,
+    unescaped,
+)
+from spectrabox.fixtures.meter_transcripts import FOLDER
+from spectrabox.radiometry.errors import InputError
 
 START = "# spectrabox transcript: 1\n# instrument: pr655\n# line: 9600\n"
 
@@ -24,7 +35,8 @@ def test_every_byte_survives_the_text_form():
 
 
 def test_a_written_transcript_is_read_back(tmp_path):
-    writer = TranscriptWriter(tmp_path / "a" / "t.transcript", {"instrument": "pr655", "line": "9600"})
+    writer = TranscriptWriter(tmp_path / "a" / "t.transcript",
+                              {"instrument": "pr655", "line": "9600"})
     writer(">", b"D111\r")
     writer("<", b"00000,PR-655\r\n\xff")
     writer.note("readings", "2")
@@ -64,7 +76,8 @@ def test_a_bad_transcript_gets_one_sentence(tmp_path, text, message):
 def test_recorded_times_are_kept():
     started = time.monotonic()
     replay_transcript(read_transcript(FOLDER / "cs2000.transcript"), speed=10)
-    # The recording waits 2 s and 5 s for the measurement; sleep never returns early, so a tenth is a lower bound.
+    # The recording waits 2 s and 5 s for the measurement; sleep never returns early, so a tenth is
+    # a lower bound.
     assert time.monotonic() - started >= 0.7
 
 
@@ -72,8 +85,10 @@ def test_a_driver_that_leaves_the_recording_is_told_where():
     text = read_transcript(FOLDER / "cr250.transcript")
     other = dataclasses.replace(text, facts={**text.facts, "settings": "averages=3"})
     with TranscriptPlayer(other, time_scale=0.0) as player, pytest.raises(NoReplyError):
-        measure_once("cr250", player.port, settings_of(other), lambda direction, data: None, pace=Pace(0.01, 0.3))
-    assert any("the recording has b'SM ExposureX 2" in problem and "sent b'SM ExposureX 3" in problem
+        measure_once("cr250", player.port, settings_of(other), lambda direction, data: None,
+                     pace=Pace(0.01, 0.3))
+    assert any("the recording has b'SM ExposureX 2" in problem and "sent b'SM ExposureX 3"
+               in problem
                for problem in player.problems)
 
 

@@ -1,4 +1,6 @@
-"""The polynomial of interreflections against closed forms: geometric series, finite differences, permutation."""
+"""The polynomial of interreflections against closed forms: geometric series, finite differences,
+permutation.
+"""
 from __future__ import annotations
 
 import math
@@ -6,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.interreflection import (
+from spectrabox.radiometry.interreflection import (
     band_products_jacobian,
     exponents_up_to,
     lower_products,
@@ -24,7 +26,8 @@ EPS = np.finfo(float).eps
 @pytest.mark.parametrize("materials, bounces", SIZES)
 def test_there_is_one_product_for_every_way_to_share_the_bounces(materials, bounces):
     exponents = exponents_up_to(materials, bounces)
-    assert len(exponents) == product_count(materials, bounces) == math.comb(materials + bounces, materials)
+    assert len(exponents) == product_count(materials, bounces) == math.comb(materials + bounces,
+                                                                            materials)
     assert len(np.unique(exponents, axis=0)) == len(exponents)
     assert exponents.sum(axis=1).max() == bounces and not exponents[0].any()
     assert np.all(np.diff(exponents.sum(axis=1)) >= 0)
@@ -48,7 +51,8 @@ def test_a_product_is_the_product_of_its_powers(materials, bounces):
     reflectances[0, 0] = 0.0
     expected = np.prod(reflectances[None] ** exponents[:, :, None], axis=1)
     # One rounding per factor, in either form.
-    np.testing.assert_allclose(products(exponents, reflectances), expected, rtol=2 * (bounces + 1) * EPS)
+    np.testing.assert_allclose(products(exponents, reflectances), expected,
+                               rtol=2 * (bounces + 1) * EPS)
 
 
 def test_a_white_furnace_is_a_geometric_series():
@@ -58,7 +62,8 @@ def test_a_white_furnace_is_a_geometric_series():
     response = np.array([[1.0, 2.0, 0.5]])
     radiance = products(exponents, rho).sum(axis=0)
     # Round-off of a sum of 41 terms of at most 1.
-    np.testing.assert_allclose(radiance, (1 - rho[0] ** (bounces + 1)) / (1 - rho[0]), rtol=100 * EPS)
+    np.testing.assert_allclose(radiance, (1 - rho[0] ** (bounces + 1)) / (1 - rho[0]),
+                               rtol=100 * EPS)
     total = signal(np.ones((1, len(exponents))), exponents, rho, response)
     np.testing.assert_allclose(total, (radiance @ response.T)[None], rtol=100 * EPS)
 
@@ -78,13 +83,16 @@ def test_the_derivative_is_that_of_the_signal():
             moved[0][m, n] += step
             moved[1][m, n] -= step
             up, down = (products(exponents, c @ basis.T) @ response.T for c in moved)
-            # Central differences: step^2 times a third derivative of at most 4 * 3 * 2 * 9, and round-off eps / step.
-            np.testing.assert_allclose(jacobian[:, :, place, n], (up - down) / (2 * step), atol=1e-9 + 300 * step**2)
+            # Central differences: step^2 times a third derivative of at most 4 * 3 * 2 * 9, and
+            # round-off eps / step.
+            np.testing.assert_allclose(jacobian[:, :, place, n], (up - down) / (2 * step),
+                                       atol=1e-9 + 300 * step**2)
 
 
 def test_the_derivative_exists_where_a_material_is_black():
     exponents = exponents_up_to(2, 3)
-    _, jacobian = band_products_jacobian(exponents, np.zeros((2, 3)), np.ones((1, 3)), np.eye(3), (0, 1))
+    _, jacobian = band_products_jacobian(exponents, np.zeros((2, 3)), np.ones((1, 3)), np.eye(3),
+                                         (0, 1))
     first = (exponents.sum(axis=1) == 1)
     assert np.all(np.isfinite(jacobian)) and not jacobian[~first].any() and jacobian[first].any()
 
@@ -107,8 +115,10 @@ def test_lights_add():
     exponents = exponents_up_to(2, 3)
     transport = rng.uniform(size=(5, 2, len(exponents)))
     reflectances, response = rng.uniform(size=(2, 4)), rng.uniform(size=(2, 3, 4))
-    apart = sum(signal(transport[:, light], exponents, reflectances, response[light]) for light in range(2))
-    np.testing.assert_allclose(signal(transport, exponents, reflectances, response), apart, rtol=100 * EPS)
+    apart = sum(signal(transport[:, light], exponents, reflectances, response[light])
+                for light in range(2))
+    np.testing.assert_allclose(signal(transport, exponents, reflectances, response), apart,
+                               rtol=100 * EPS)
 
 
 @pytest.mark.parametrize("share", [0.0, 1e-4, 1e-2, 0.3])
@@ -120,10 +130,12 @@ def test_pruning_never_loses_more_than_it_says(share):
     assert dropped <= share and kept[0]
     whole = signal(transport, exponents, np.full((3, 1), 0.9), np.ones((1, 1))).sum()
     part = signal(transport[:, kept], exponents[kept], np.full((3, 1), 0.9), np.ones((1, 1))).sum()
-    # The bound is met exactly at the reflectance that it is stated for, up to round-off of the two sums.
+    # The bound is met exactly at the reflectance that it is stated for, up to round-off of the two
+    # sums.
     assert 1 - part / whole == pytest.approx(dropped, abs=1e-12)
     darker = (np.array([[0.9], [0.5], [0.1]]), np.ones((1, 1)))
-    lost = signal(transport, exponents, *darker).sum() - signal(transport[:, kept], exponents[kept], *darker).sum()
+    lost = signal(transport, exponents, *darker).sum() - signal(transport[:, kept], exponents[kept],
+                                                                *darker).sum()
     # Darker materials lose less light; round-off of two sums of 1680 terms.
     assert lost <= dropped * whole + 1e-12 * whole
     for number in np.flatnonzero(kept):  # every kept product can be reached through kept ones

@@ -2,10 +2,10 @@
 import numpy as np
 import pytest
 
-from capture.reference_region import region_signals
-from radiometry.errors import CheckError, ClippedPhotoError, InputError
-from radiometry.light_drift import drift_between, drift_covariance, scale_after_drift
-from radiometry.records import LightScale, LinearImage, PhotoKind
+from spectrabox.capture.chart.reference_region import region_signals
+from spectrabox.radiometry.errors import CheckError, ClippedPhotoError, InputError
+from spectrabox.radiometry.light_drift import drift_between, drift_covariance, scale_after_drift
+from spectrabox.radiometry.records import LightScale, LinearImage, PhotoKind
 
 WHITE = np.array([0.5, 0.6, 0.4])
 LEFT, RIGHT = [[10, 10], [30, 10], [30, 30], [10, 30]], [[50, 10], [70, 10], [70, 30], [50, 30]]
@@ -21,14 +21,16 @@ def photo(ratio=1.0, exposure_s=0.1, rng=None, step=1.0, **changes):
     if rng is not None:
         signal = signal + 1e-3 * rng.standard_normal(signal.shape)
     parts = {"signal": signal.astype(np.float32), "variance": variance.astype(np.float32),
-             "saturated": np.zeros(signal.shape, bool), "sensor_step": step, "exposure_s": exposure_s, "iso": 100.0,
-             "f_number": 8.0, "kind": PhotoKind.RAW, "camera": "", "source": "IMG.dng", "sha256": ""}
+             "saturated": np.zeros(signal.shape, bool), "sensor_step": step,
+             "exposure_s": exposure_s, "iso": 100.0, "f_number": 8.0, "kind": PhotoKind.RAW,
+             "camera": "", "source": "IMG.dng", "sha256": ""}
     return LinearImage(**(parts | changes))
 
 
 def drift(ratio, regions=(LEFT, RIGHT), error=ERROR, rng=None, **options):
     chart, thing = photo(rng=rng), photo(ratio, rng=rng, **options)
-    return drift_between(chart, region_signals(chart, regions), thing, region_signals(thing, regions), error)
+    return drift_between(chart, region_signals(chart, regions), thing,
+                         region_signals(thing, regions), error)
 
 
 def test_a_change_of_level_is_found_whatever_the_exposure():
@@ -49,7 +51,8 @@ def test_a_setting_that_only_one_photo_states_is_not_taken_for_drift(setting):
 
 def test_rounded_exposures_are_not_blamed_on_the_light_alone():
     chart, thing = photo(exposure_s=1 / 60), photo(64 / 60 * 250 / 256, exposure_s=1 / 250)
-    found = drift_between(chart, region_signals(chart, (LEFT,)), thing, region_signals(thing, (LEFT,)), ERROR)
+    found = drift_between(chart, region_signals(chart, (LEFT,)), thing,
+                          region_signals(thing, (LEFT,)), ERROR)
     assert "4.17% brighter" in found.sentence and "; 4.0% of it may be how the camera rounds" in found.sentence
     assert "rounds" not in drift(1.03).sentence
 
@@ -58,7 +61,8 @@ def test_the_scale_follows_the_light_with_its_error():
     scale = scale_after_drift(LightScale(2.0, 0.01, None, "chart photo"), drift(0.9))
     assert scale.value == pytest.approx(1.8, rel=1e-6)
     assert scale.standard_error == pytest.approx(1.8 * np.hypot(0.005, ERROR), rel=1e-5)
-    assert scale_after_drift(LightScale(2.0, None, None, "given"), drift(0.9)).standard_error is None
+    assert scale_after_drift(LightScale(2.0, None, None, "given"),
+                             drift(0.9)).standard_error is None
 
 
 def test_a_change_of_colour_widens_the_errors():
@@ -82,7 +86,8 @@ def test_no_colour_is_found_where_there_is_none():
 
 def test_an_image_of_half_size_is_outlined_in_pixels_of_the_photo():
     halved = photo(step=2.0)
-    np.testing.assert_allclose(region_signals(halved, [np.array(LEFT) * 2]), [WHITE], rtol=1e-6)  # single precision
+    # single precision
+    np.testing.assert_allclose(region_signals(halved, [np.array(LEFT) * 2]), [WHITE], rtol=1e-6)
 
 
 def test_regions_that_cannot_be_compared_are_refused():
@@ -100,7 +105,9 @@ def test_regions_that_cannot_be_compared_are_refused():
     with pytest.raises(CheckError, match="is too dark"):
         region_signals(photo(0.0), (LEFT,))
     with pytest.raises(InputError, match="names 2 references and the object photo 1"):
-        drift_between(one, region_signals(one, (LEFT, RIGHT)), one, region_signals(one, (LEFT,)), ERROR)
+        drift_between(one, region_signals(one, (LEFT, RIGHT)), one, region_signals(one, (LEFT,)),
+                      ERROR)
     unsaid = LinearImage(**{**vars(one), "exposure_s": None})
     with pytest.raises(InputError, match="states no exposure time"):
-        drift_between(unsaid, region_signals(one, (LEFT,)), one, region_signals(one, (LEFT,)), ERROR)
+        drift_between(unsaid, region_signals(one, (LEFT,)), one, region_signals(one, (LEFT,)),
+                      ERROR)

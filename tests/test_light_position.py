@@ -1,4 +1,6 @@
-"""A light that stands elsewhere than the scene says is found, with errors that hold, and refused where it cannot be."""
+"""A light that stands elsewhere than the scene says is found, with errors that hold, and refused
+where it cannot be.
+"""
 import json
 
 import numpy as np
@@ -6,17 +8,17 @@ import pytest
 from cornell_problem import GRID, camera, photo_of
 from typer.testing import CliRunner
 
-from capture.image_files import write_exr
-from fixtures.demo_scenes import box_scene
-from radiometry.errors import CalibrationError, InputError
-from radiometry.records import Outcome
-from radiometry.response import response_matrix
-from reconstruct.light_place import light_number, move_light, with_light_moved
-from reconstruct.light_position import refine_light_position
-from reconstruct.renderer import load_scene, render, start_mitsuba
-from reconstruct.scene_file import read_scene
-from reconstruct.scene_xml import scene_xml
-from session.cli import app
+from spectrabox.capture.photo.image_files import write_exr
+from spectrabox.fixtures.demo_scenes import box_scene
+from spectrabox.radiometry.errors import CalibrationError, InputError
+from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.response import response_matrix
+from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.scene.light_place import light_number, move_light, with_light_moved
+from spectrabox.reconstruct.scene.light_position import refine_light_position
+from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.scene.scene_xml import scene_xml
+from spectrabox.session.cli import app
 
 SIZE = (36, 24)
 TRUE_OFFSET_CM = np.array([-2.0, 1.5, 1.6])  # 3 cm from where the scene has the light
@@ -38,7 +40,8 @@ def box(folder, change=lambda text: text, depth=3):
 
 
 def as_point(text):
-    start, end = text.index('<shape type="sphere" id="light">'), text.index("</shape>") + len("</shape>")
+    start, end = text.index('<shape type="sphere" id="light">'), text.index("</shape>") + len(
+        "</shape>")
     return text[:start] + POINT + text[end:]
 
 
@@ -47,12 +50,17 @@ def response():
 
 
 def photo(scene, offset):
-    """By Mitsuba's own path integrator and spectral film: neither the traced transport nor its algebra."""
+    """By Mitsuba's own path integrator and spectral film: neither the traced transport nor its
+    algebra.
+    """
     moved = with_light_moved(scene, 0, np.asarray(offset))
     bands = dict(zip("RGB", camera().sensitivity.curves, strict=True))
-    image, variance = render(load_scene(scene_xml(moved, reflectances=PAINTS, light=camera().light.values, bands=bands,
-                                                  range_nm=(400.0, 700.0), size=SIZE, integrator="path")), 256, 4, 4)
-    # The bands of this photo share their paths' noise, unlike a camera's: as three readings it would count thrice.
+    image, variance = render(load_scene(scene_xml(moved, reflectances=PAINTS,
+                                                  light=camera().light.values, bands=bands,
+                                                  range_nm=(400.0, 700.0), size=SIZE,
+                                                  integrator="path")), 256, 4, 4)
+    # The bands of this photo share their paths' noise, unlike a camera's: as three readings it
+    # would count thrice.
     noise = 3 * np.tile(variance.mean(axis=2, keepdims=True), 3) + 1e-9 * image.max() ** 2
     return photo_of(TRUE_SCALE * image, TRUE_SCALE**2 * noise)
 
@@ -71,20 +79,26 @@ def test_a_light_three_centimetres_off_is_found_within_its_standard_error(tmp_pa
 def light_centre(scene):
     """As Mitsuba loads it."""
     import mitsuba as mi
-    loaded = load_scene(scene_xml(scene, reflectances=dict.fromkeys(PAINTS, np.ones(2)), light=np.ones(2),
-                                  bands={"one": np.ones(2)}, range_nm=(400.0, 700.0), size=(4, 4)))
+    loaded = load_scene(scene_xml(scene, reflectances=dict.fromkeys(PAINTS, np.ones(2)),
+                                  light=np.ones(2), bands={"one": np.ones(2)},
+                                  range_nm=(400.0, 700.0), size=(4, 4)))
     parameters = mi.traverse(loaded)
-    name = next(key for key in parameters.keys() if key.endswith(("light.to_world", "bulb.position")))  # noqa: SIM118
+    name = next(key for key in parameters
+                if key.endswith(("light.to_world", "bulb.position")))
     place = parameters[name]
     return np.array(place.translation() if name.endswith("to_world") else place).ravel()
 
 
 @pytest.mark.parametrize("change", [
-    lambda text: text, as_point, lambda text: as_point(text).replace('x="5" y="27" z="38"', 'value="5, 27 38"')])
+                             lambda text: text, as_point,
+                             lambda text: as_point(text).replace('x="5" y="27" z="38"',
+                                                                 'value="5, 27 38"')])
 def test_a_light_is_moved_wherever_its_place_is_written(tmp_path, change):
     scene = box(tmp_path, change)
-    np.testing.assert_allclose(light_centre(scene), [5, 27, 38], atol=1e-5)  # single precision of 38 cm
-    np.testing.assert_allclose(light_centre(with_light_moved(scene, 0, np.array([1, 2, 3.0]))), [6, 29, 41], atol=1e-5)
+    # single precision of 38 cm
+    np.testing.assert_allclose(light_centre(scene), [5, 27, 38], atol=1e-5)
+    np.testing.assert_allclose(light_centre(with_light_moved(scene, 0, np.array([1, 2, 3.0]))),
+                               [6, 29, 41], atol=1e-5)
 
 
 def test_what_cannot_be_refined_is_refused(tmp_path):
@@ -92,16 +106,20 @@ def test_what_cannot_be_refined_is_refused(tmp_path):
     with pytest.raises(InputError, match="has no light 'lamp'; it has light"):
         refine_light_position(scene, PAINTS, response(), shown, light_id="lamp")
     with pytest.raises(InputError, match=r"the reflectance of cube in box\.xml is not given"):
-        refine_light_position(scene, {name: PAINTS[name] for name in ("white", "green", "red")}, response(), shown)
-    dark = photo_of(np.full((SIZE[1], SIZE[0], 3), 0.5), saturated=np.ones((SIZE[1], SIZE[0], 3), bool))
+        refine_light_position(scene, {name: PAINTS[name] for name in ("white", "green", "red")},
+                              response(), shown)
+    dark = photo_of(np.full((SIZE[1], SIZE[0], 3), 0.5), saturated=np.ones((SIZE[1], SIZE[0], 3),
+                                                                           bool))
     with pytest.raises(InputError, match="0 blocks of single surfaces can be compared"):
         refine_light_position(scene, PAINTS, response(), dark)
     both = box(tmp_path, lambda text: text.replace("</scene>", POINT + "</scene>"))
     with pytest.raises(InputError, match="has 2 lights; say which: light, bulb"):
         light_number(both, None)
     assert light_number(both, "bulb") == 1
-    sky = box(tmp_path, lambda text: as_point(text).replace(POINT, '<emitter type="constant" id="sky"/>'))
-    with pytest.raises(InputError, match="the light 'sky' is of type 'constant', which has no place"):
+    sky = box(tmp_path, lambda text: as_point(text).replace(POINT,
+                                                            '<emitter type="constant" id="sky"/>'))
+    with pytest.raises(InputError,
+                       match="the light 'sky' is of type 'constant', which has no place"):
         light_number(sky, None)
     behind = box(tmp_path, lambda text: as_point(text).replace('z="38"', 'z="-500"'))
     with pytest.raises(InputError, match="the light reaches"):
@@ -112,7 +130,8 @@ def test_what_cannot_be_refined_is_refused(tmp_path):
 
 
 def test_a_distant_light_has_no_place(tmp_path):
-    far = box(tmp_path, lambda text: as_point(text).replace('x="5" y="27" z="38"', 'x="5000" y="27000" z="380000"'))
+    far = box(tmp_path, lambda text: as_point(text).replace('x="5" y="27" z="38"',
+                                                            'x="5000" y="27000" z="380000"'))
     with pytest.raises(CalibrationError, match="does not tell where the light is"):
         refine_light_position(far, PAINTS, response(), photo(far, np.zeros(3)), spp=4)
 
@@ -122,18 +141,21 @@ def test_the_command_writes_the_scene_with_the_light_where_it_was(tmp_path):
     shown = photo(depth_two, TRUE_OFFSET_CM)
     write_exr(tmp_path / "photo.exr", shown.signal, ["R", "G", "B"], 0.1)
     for name, columns in (("paints.csv", PAINTS), ("light.csv", {"lamp": camera().light.values}),
-                          ("camera.csv", dict(zip("RGB", camera().sensitivity.curves, strict=True)))):
+                          ("camera.csv", dict(zip("RGB", camera().sensitivity.curves,
+                                                  strict=True)))):
         rows = [["wavelength_nm", *columns], *zip(GRID.nm, *columns.values(), strict=True)]
-        (tmp_path / name).write_text("\n".join(",".join(map(str, row)) for row in rows), encoding="utf-8")
-    arguments = ["geometry", "light", tmp_path / "photo.exr", "--scene", tmp_path / "box.xml", "--light",
+        (tmp_path / name).write_text("\n".join(",".join(map(str, row)) for row in rows),
+                                     encoding="utf-8")
+    arguments = ["geometry", "light", tmp_path / "photo.exr", "--scene", tmp_path / "box.xml",
+                 "--light",
                  tmp_path / "light.csv", "--sensitivity", tmp_path / "camera.csv", "--reflectances",
-                 tmp_path / "paints.csv", "--out", tmp_path / "moved.xml", "--width", 36, "--spp", 32, "--device",
-                 "cpu"]
+                 tmp_path / "paints.csv", "--out", tmp_path / "moved.xml", "--width", 36, "--spp",
+                 32, "--device", "cpu"]
     outcome = CliRunner().invoke(app, [*map(str, arguments), "--json"], catch_exceptions=False)
     assert outcome.exit_code == 0, outcome.output
     facts = json.loads(outcome.stdout)
-    np.testing.assert_allclose(light_centre(read_scene(tmp_path / "moved.xml")) - facts["offset"], [5, 27, 38],
-                               atol=1e-5)  # single precision of 38 cm
+    np.testing.assert_allclose(light_centre(read_scene(tmp_path / "moved.xml")) - facts["offset"],
+                               [5, 27, 38], atol=1e-5)  # single precision of 38 cm
     # As above; the file's noise is judged from its pixels, which are few: twice as far.
     assert np.all(np.abs(facts["offset"] - TRUE_OFFSET_CM) < 7 * np.array(facts["standard_error"]))
     assert facts["chi_square"] < facts["chi_square_before"] / 3

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from radiometry.errors import EnvironmentProblem
-from reconstruct import llvm
+from spectrabox.radiometry.errors import EnvironmentProblem
+from spectrabox.reconstruct.rendering import llvm
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -19,7 +19,8 @@ def test_a_wrong_choice_is_named_with_what_to_do(monkeypatch, tmp_path):
     fake = tmp_path / "libLLVM-19.so"
     fake.write_text("no library")
     monkeypatch.setenv(llvm.VARIABLE, str(fake))
-    with pytest.raises(EnvironmentProblem, match=r"not a usable LLVM: version 15 or newer is needed; install one"):
+    with pytest.raises(EnvironmentProblem,
+                       match=r"not a usable LLVM: version 15 or newer is needed; install one"):
         llvm.ensure_llvm()
 
 
@@ -45,6 +46,6 @@ def test_setting_up_without_llvm_ends_in_one_sentence(monkeypatch, capsys):
 
 
 def test_finding_llvm_needs_the_standard_library_only():
-    code = ("import sys; import reconstruct.llvm; "
+    code = ("import sys; import spectrabox.reconstruct.rendering.llvm; "
             "sys.exit(bool({'numpy', 'drjit', 'mitsuba'} & set(sys.modules)))")
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0

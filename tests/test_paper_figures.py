@@ -40,5 +40,6 @@ def test_a_residual_draw_for_every_coarse_draw_holds_the_truth_more_often_than_o
     monkeypatch.setattr(sys, "argv", ["figure_5.py", "--pairs", "5:9", "--draws", "40", "--json",
                                       "--out", str(tmp_path / "figure_5.png")])
     figure_5.main()
-    held = {row["sampled"]: row["coverage_95"] for row in json.loads(capsys.readouterr().out)["rows"]}
+    held = {row["sampled"]: row["coverage_95"]
+            for row in json.loads(capsys.readouterr().out)["rows"]}
     assert held["as published"] < held["coarse"] < held["refined"] < held["fine"]

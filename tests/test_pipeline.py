@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radiometry.errors import InputError
-from radiometry.files import sha256_of
-from session.error_budget import measurement_of
-from session.pipeline import (
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import sha256_of
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import (
     STAGES,
     calibration_of,
     joint_of,
@@ -20,13 +20,14 @@ from session.pipeline import (
     samples_of,
     stage_states,
 )
-from session.session_file import read_session
+from spectrabox.session.stages.error_budget import measurement_of
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
 def run(folder, **options):
-    settings = {"device": "cpu", "only": None, "force": False, "progress": lambda *_: None} | options
+    settings = {"device": "cpu", "only": None, "force": False,
+                "progress": lambda *_: None} | options
     return run_stages(read_session(folder), **settings)
 
 
@@ -80,7 +81,8 @@ def test_one_stage_can_be_run_alone(finished):
     edit(finished, "draws = 1000", "draws = 1100")
     assert run(finished, only="sample").states["sample"] == "run"
     edit(finished, "width = 40", "width = 30")
-    with pytest.raises(InputError, match="stage 'photo', which comes before 'reconstruct', is not up to date"):
+    with pytest.raises(InputError, match="stage 'photo', which comes before 'reconstruct', is not "
+                       "up to date"):
         run(finished, only="reconstruct")
     with pytest.raises(InputError, match="no stage 'photos' in this session"):
         run(finished, only="photos")
@@ -112,8 +114,9 @@ def hear_interrupts():
 
 def test_control_c_ends_a_run_with_130_and_the_run_can_go_on(captured):
     edit(captured, "steps = 80", "steps = 4000\nspp = 512\nengine = \"gradient\"")
-    process = subprocess.Popen([sys.executable, "-m", "session.cli", "run", str(captured), "--device", "cpu"], cwd=ROOT,
-                               stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, preexec_fn=hear_interrupts)
+    process = subprocess.Popen([sys.executable, "-m", "spectrabox", "run", str(captured),
+                                "--device", "cpu"], cwd=ROOT, stderr=subprocess.PIPE,
+                               stdout=subprocess.PIPE, text=True, preexec_fn=hear_interrupts)
     for line in process.stderr:
         if line.startswith("reconstruct"):
             break
@@ -123,21 +126,22 @@ def test_control_c_ends_a_run_with_130_and_the_run_can_go_on(captured):
     assert process.returncode == 130, errors
     assert "interrupted: finished stages are kept" in errors
     assert "Traceback" not in errors
-    assert states(captured) == {"chart": "done", "photo": "done", "calibrate": "done", "reconstruct": "missing",
-                                "sample": "missing"}
+    assert states(captured) == {"chart": "done", "photo": "done", "calibrate": "done",
+                                "reconstruct": "missing", "sample": "missing"}
 
 
 def test_inputs_are_never_written(finished):
-    inputs = [path for path in finished.rglob("*") if path.is_file() and "results" not in path.parts]
+    inputs = [path for path in finished.rglob("*") if path.is_file()
+              and "results" not in path.parts]
     before = {path: sha256_of(path) for path in inputs}
     run(finished, force=True)
     assert {path: sha256_of(path) for path in inputs} == before
 
 
 def test_the_recovered_signals_are_those_of_the_truth(finished):
-    from radiometry.response import response_matrix
-    from radiometry.spectrum_files import spectrum_on_grid
-    from session.inputs import read_reflectance
+    from spectrabox.radiometry.response import response_matrix
+    from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+    from spectrabox.session.stages.inputs import read_reflectance
     config = read_session(finished)
     stored = load_finished(config).stored
     calibration, made = calibration_of(stored), joint_of(stored)
@@ -160,10 +164,13 @@ def test_draws_reproduce_the_signal_within_its_stated_noise(finished):
         operator = measurement_of([calibration], made, index)
         assert samples.spectra.min() >= 0 and samples.spectra.max() <= 1
         residual = samples.spectra @ operator.response_on(samples.grid).T - operator.signal
-        chi_square = np.einsum("tk,kl,tl->t", residual, np.linalg.inv(operator.noise_covariance), residual)
-        # The prior only narrows the noise: its mean chi-square stays near 3 bands; 6 would be a wrong covariance.
+        chi_square = np.einsum("tk,kl,tl->t", residual, np.linalg.inv(operator.noise_covariance),
+                               residual)
+        # The prior only narrows the noise: its mean chi-square stays near 3 bands; 6 would be a
+        # wrong covariance.
         assert chi_square.mean() < 6
-        assert np.all(summary.lower <= summary.upper) and np.all(summary.bound_lower <= summary.bound_upper)
+        assert np.all(summary.lower <= summary.upper) and np.all(summary.bound_lower
+                                                                 <= summary.bound_upper)
 
 
 def test_stored_facts_are_plain_json_without_paths(finished):
@@ -174,31 +181,39 @@ def test_stored_facts_are_plain_json_without_paths(finished):
 
 
 def test_a_bracket_with_dark_frames_gives_the_same_signal(captured):
-    """Two exposures and their dark frames in place of one photo: the same signal per second of exposure."""
+    """Two exposures and their dark frames in place of one photo: the same signal per second of
+    exposure.
+    """
     from fractions import Fraction
 
-    from capture.raw import read_raw
-    from fixtures.dng import write_dng
-    from session.inputs import read_photo
+    from spectrabox.capture.photo.raw import read_raw
+    from spectrabox.fixtures.dng import write_dng
+    from spectrabox.session.stages.inputs import read_photo
     frame = read_raw(captured / "photos" / "box.dng")
     single, _ = read_photo(read_session(captured), {"": ("photos/box.dng",)})
     black = frame.black_level[[0, 0, 1, 1], [0, 1, 0, 1]]
     base = Fraction(frame.exposure_s).limit_denominator(100000)
-    rng, tile = np.random.default_rng(3), np.tile(frame.black_level, np.array(frame.mosaic.shape) // 2)
+    rng, tile = np.random.default_rng(3), np.tile(frame.black_level, np.array(frame.mosaic.shape)
+                                                  // 2)
     signal = frame.mosaic.astype(float) - tile
     make, model, serial = "Spectrabox", "Synthetic 5100", "DEMO-1"
     for name, factor in (("short", Fraction(1, 2)), ("long", Fraction(1))):
-        settings = {"black": tuple(black), "white": int(frame.white_level), "exposure_s": base * factor,
-                    "f_number": frame.f_number, "iso": int(frame.iso), "make": make, "model": model, "serial": serial}
+        settings = {"black": tuple(black), "white": int(frame.white_level),
+                    "exposure_s": base * factor,
+                    "f_number": frame.f_number, "iso": int(frame.iso), "make": make, "model": model,
+                    "serial": serial}
         bright = tile + float(factor) * signal + rng.normal(0, 2, signal.shape)
         dark = tile + rng.normal(0, 2, signal.shape)
-        write_dng(captured / "photos" / f"{name}.dng", np.clip(bright, 0, 15871).round().astype(np.uint16), **settings)
-        write_dng(captured / "photos" / f"{name}_dark.dng", dark.round().astype(np.uint16), **settings)
+        write_dng(captured / "photos" / f"{name}.dng",
+                  np.clip(bright, 0, 15871).round().astype(np.uint16), **settings)
+        write_dng(captured / "photos" / f"{name}_dark.dng", dark.round().astype(np.uint16),
+                  **settings)
     edit(captured, 'object = "photos/box.dng"', 'object = ["photos/short.dng", "photos/long.dng"]\n'
          'dark = ["photos/short_dark.dng", "photos/long_dark.dng"]')
     config = read_session(captured)
     merged, notes = read_photo(config, config.shots[0].photo)
     ratio = merged.signal.sum(axis=(0, 1)) / single.signal.sum(axis=(0, 1)) * single.exposure_s / merged.exposure_s
-    # Sums over 16 000 pixels of a few per cent of noise each, and the dark frame's own black: well within 0.5 %.
+    # Sums over 16 000 pixels of a few per cent of noise each, and the dark frame's own black: well
+    # within 0.5 %.
     np.testing.assert_allclose(ratio, 1, atol=5e-3)
     assert any("dark" in note for note in notes)

@@ -1,4 +1,6 @@
-"""Sessions without raw photos or chart: linear image files, scenes from elsewhere, a known paint for the scale."""
+"""Sessions without raw photos or chart: linear image files, scenes from elsewhere, a known paint
+for the scale.
+"""
 import json
 import os
 import re
@@ -8,9 +10,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from capture.image_files import write_exr
-from capture.linear import open_photo
-from session.cli import app
+from spectrabox.capture.photo.image_files import write_exr
+from spectrabox.capture.photo.linear import open_photo
+from spectrabox.session.cli import app
 
 YALE = Path(os.environ.get("SPECTRABOX_DATA", "/nonexistent")) / "yale_box"
 SESSION = """
@@ -48,13 +50,17 @@ draws = 1000
 
 @pytest.fixture
 def converted(captured):
-    """The captured box as another lab would hand it over: an EXR, a scene with its own plugins, a loose CSV."""
+    """The captured box as another lab would hand it over: an EXR, a scene with its own plugins, a
+    loose CSV.
+    """
     photo = open_photo(captured / "photos" / "box.dng")
     write_exr(captured / "photos" / "box.exr", 37.5 * photo.signal, ("R", "G", "B"))  # any scale
     scene = captured / "scene" / "box.xml"
-    scene.write_text(scene.read_text(encoding="utf-8").replace('type="diffuse"', 'type="spectralDiffuse"'),
+    scene.write_text(scene.read_text(encoding="utf-8").replace('type="diffuse"',
+                                                               'type="spectralDiffuse"'),
                      encoding="utf-8")
-    rows = [line.split(",") for line in (captured / "spectra" / "light.csv").read_text(encoding="utf-8").splitlines()
+    rows = [line.split(",") for line in (captured / "spectra"
+                                         / "light.csv").read_text(encoding="utf-8").splitlines()
             if line[0].isdigit()]
     loose = ["Wvl.,other lamp,Rad. [W],"] + [f"{row[0]},1,{row[1]}," for row in rows]
     (captured / "spectra" / "lights.csv").write_text("\n".join(loose), encoding="utf-8")
@@ -70,7 +76,8 @@ def test_an_exr_with_a_known_paint_gives_the_other_paints(converted):
     outcome = run(converted)
     assert outcome.exit_code == 0, outcome.output
     facts = json.loads(outcome.stdout)
-    assert {stage["name"] for stage in facts["stages"]} == {"photo", "calibrate", "reconstruct", "sample"}
+    assert {stage["name"] for stage in facts["stages"]} == {"photo", "calibrate", "reconstruct",
+                                                            "sample"}
     ratios = np.array([surface["ratio"] for surface in facts["surfaces"]])
     # The photo has no flat field: 15 % of vignetting is left in the corners, and it must show.
     assert 0.02 < np.abs(ratios - 1).max() < 0.15
@@ -81,7 +88,9 @@ def test_an_exr_with_a_known_paint_gives_the_other_paints(converted):
 
 
 def test_a_surface_that_does_not_fit_is_named(converted):
-    """Half the light on the floor: the one white paint cannot explain it together with the other walls."""
+    """Half the light on the floor: the one white paint cannot explain it together with the other
+    walls.
+    """
     photo = open_photo(converted / "photos" / "box.exr")
     signal = photo.signal.copy()
     signal[80:] *= 0.5
@@ -105,7 +114,8 @@ def test_a_photo_shifted_against_its_scene_is_said_by_how_much(converted):
                      report)
     assert said is not None
     right, down, across = (float(number) for number in said.groups())
-    # Eight of 156 pixels; the parabola through the correlation's peak is good to a third of a pixel.
+    # Eight of 156 pixels; the parabola through the correlation's peak is good to a third of a
+    # pixel.
     assert right == pytest.approx(8 * across / 156, abs=0.4) and abs(down) < 0.5
 
 
@@ -117,22 +127,26 @@ def test_an_image_with_the_bands_missing_is_refused(converted):
 
 def test_a_scene_may_not_reach_files_outside(converted):
     scene = converted / "scene" / "box.xml"
-    mesh = ('<shape type="ply" id="mesh"><string name="filename" value="../../secret.ply"/><ref id="white"/></shape>'
-            '</scene>')
+    mesh = ('<shape type="ply" id="mesh"><string name="filename" value="../../secret.ply"/><ref '
+            'id="white"/></shape></scene>')
     scene.write_text(scene.read_text(encoding="utf-8").replace("</scene>", mesh), encoding="utf-8")
     outcome = run(converted)
-    assert outcome.exit_code == 3 and "outside the session folder" in json.loads(outcome.stdout)["error"]
+    assert outcome.exit_code == 3 and "outside the session folder" in json.loads(
+        outcome.stdout)["error"]
 
 
-@pytest.mark.skipif(not (YALE / "materials.csv").exists(), reason="SPECTRABOX_DATA names no folder with yale_box")
+@pytest.mark.skipif(not (YALE / "materials.csv").exists(),
+                    reason="SPECTRABOX_DATA names no folder with yale_box")
 def test_a_real_box_gives_its_paints_and_says_what_is_wrong_with_it():
+    from spectrabox.reconstruct.inverse_rendering import MaterialSpec, reconstruct
+    from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+
     from benchmarks.bench_yale import LEARNT, errors, methods, read_box
-    from reconstruct.inverse_rendering import MaterialSpec, reconstruct
-    from reconstruct.renderer import start_mitsuba
 
     start_mitsuba("cpu")
     view, truth = read_box(YALE, "yellow")
-    materials = tuple(MaterialSpec(name, name, paint if name == "white" else None) for name, paint in truth.items())
+    materials = tuple(MaterialSpec(name, name, paint if name == "white" else None) for name,
+                      paint in truth.items())
     found = reconstruct(view.scene_file, view.photo, view.calibration, None, materials, view.bands,
                         methods(1)[LEARNT], lambda done, what: None)
     assert np.mean(list(errors(found, truth).values())) < 0.06

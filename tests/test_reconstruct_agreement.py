@@ -1,19 +1,33 @@
-"""Surfaces, usable pixels, ratios of photo to rendering, misalignment: on pictures whose answer is known."""
+"""Surfaces, usable pixels, ratios of photo to rendering, misalignment: on pictures whose answer is
+known.
+"""
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from scipy.ndimage import shift
 
-from fixtures.demo_scenes import CHART_CM, CHART_LIGHT_CM, LIGHT_RADIUS_CM, chart_scene_xml
-from radiometry.chart import patch_centres_uv, patch_size_uv
-from radiometry.errors import InputError
-from reconstruct.agreement import misalignment, scale_from_surfaces, shift_sentence, surface_agreement, usable_pixels
-from reconstruct.inverse_problem import inverse_problem
-from reconstruct.irradiance import patch_irradiance
-from reconstruct.regions import block_regions, region_means
-from reconstruct.renderer import start_mitsuba
-from reconstruct.scene_file import read_scene
+from spectrabox.fixtures.demo_scenes import (
+    CHART_CM,
+    CHART_LIGHT_CM,
+    LIGHT_RADIUS_CM,
+    chart_scene_xml,
+)
+from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.agreement import (
+    misalignment,
+    scale_from_surfaces,
+    shift_sentence,
+    surface_agreement,
+    usable_pixels,
+)
+from spectrabox.reconstruct.problem import inverse_problem
+from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.scene.regions import block_regions, region_means
+from spectrabox.reconstruct.scene.scene_file import read_scene
+
 from tests.cornell_problem import BANDS, SCALE_ONE, WIDTH, camera, photo_of, scene, specs
 
 RNG = np.random.default_rng(0)
@@ -25,7 +39,8 @@ def mitsuba():
 
 
 def grey_problem(folder):
-    return inverse_problem(scene(folder), photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), SCALE_ONE, specs(), BANDS, 7)
+    return inverse_problem(scene(folder), photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), SCALE_ONE,
+                           specs(), BANDS, 7)
 
 
 def test_every_pixel_knows_its_surface(tmp_path):
@@ -34,11 +49,13 @@ def test_every_pixel_knows_its_surface(tmp_path):
     middle = WIDTH // 2
     row = problem.surface[middle]
     walls = [names[index] for index in row[row >= 0]]
-    assert walls[0] == "red_wall" and walls[-1] == "green_wall"  # at x = -1 and x = 1, x to the right
+    # at x = -1 and x = 1, x to the right
+    assert walls[0] == "red_wall" and walls[-1] == "green_wall"
     assert "floor" in {names[index] for index in problem.surface[-2] if index >= 0}
     assert "ceiling" in {names[index] for index in problem.surface[1] if index >= 0}
     # Where two surfaces meet, or one meets the lamp, pixels are mixed.
-    assert (problem.surface == -1).any() and {-1, 0, 1, 2, 3, 4}.issubset(np.unique(problem.surface))
+    assert (problem.surface == -1).any() and {-1, 0, 1, 2, 3,
+                                              4}.issubset(np.unique(problem.surface))
 
 
 def test_saturated_dark_and_edge_pixels_do_not_count():
@@ -48,7 +65,8 @@ def test_saturated_dark_and_edge_pixels_do_not_count():
     saturated = np.zeros(signal.shape, dtype=bool)
     saturated[4, 2, 1] = True
     used = usable_pixels(photo_of(signal, saturated=saturated), np.zeros((9, 9), dtype=int))
-    assert not used[0, 0] and not used[4, 2] and not used[:, 5:7].any() and used[4, 8] and used[8, 0]
+    assert not used[0, 0] and not used[4, 2] and not used[:, 5:7].any() and used[4, 8] and used[8,
+                                                                                                0]
 
 
 def test_a_surface_that_is_brighter_in_the_photo_is_named_with_its_ratio():
@@ -56,16 +74,19 @@ def test_a_surface_that_is_brighter_in_the_photo_is_named_with_its_ratio():
     measured = rendered.copy()
     surface = np.repeat([[0] * 4 + [1] * 4], 8, axis=0)
     measured[surface == 1] *= np.array([1.2, 1.0, 0.9])
-    found = surface_agreement(("left", "right"), ("white", "red"), measured, rendered, surface, np.ones((8, 8), bool))
+    found = surface_agreement(("left", "right"), ("white", "red"), measured, rendered, surface,
+                              np.ones((8, 8), bool))
     assert found.names == ("white / left", "red / right")
-    np.testing.assert_allclose(found.ratio, [[1, 1, 1], [1.2, 1.0, 0.9]], rtol=1e-12)  # exact but for round-off
+    # exact but for round-off
+    np.testing.assert_allclose(found.ratio, [[1, 1, 1], [1.2, 1.0, 0.9]], rtol=1e-12)
 
 
 def test_the_scale_comes_from_sums_so_that_rendering_noise_does_not_bias_it():
     truth = np.ones((64, 64, 3))
     noisy = truth * RNG.gamma(4, 1 / 4, truth.shape)  # 50 % noise per pixel
     scale = scale_from_surfaces(3 * truth, noisy, np.zeros((64, 64), dtype=int), "test")
-    # The mean of 4096 draws of 50 %, three bands: 0.45 %, times 4. A fit to pixels would be 20 % low.
+    # The mean of 4096 draws of 50 %, three bands: 0.45 %, times 4. A fit to pixels would be 20 %
+    # low.
     assert scale.value == pytest.approx(3, rel=0.02)
 
 
@@ -73,7 +94,8 @@ def test_the_scale_comes_from_sums_so_that_rendering_noise_does_not_bias_it():
 def test_the_shift_between_photo_and_rendering_is_found(moved):
     y, x = np.mgrid[:64, :64]
     picture = np.where((x > 20) & (x < 44) & (y > 15) & (y < 40), 2.0, 1.0) + 0.01 * x
-    found = misalignment(shift(picture, moved, order=1, mode="nearest")[..., None], picture[..., None])
+    found = misalignment(shift(picture, moved, order=1, mode="nearest")[..., None],
+                         picture[..., None])
     # A third of a pixel: the parabola through the peak of a correlation of blurred edges.
     np.testing.assert_allclose(found, (moved[1], moved[0]), atol=0.35)
 
@@ -85,7 +107,8 @@ def test_a_shift_is_said_only_where_the_edges_bear_it_out():
     assert shift_sentence(RNG.random((64, 64, 1)) + 1, picture) == ""  # another picture altogether
     moved = shift(picture[..., 0], (-3, 2), order=1, mode="nearest")[..., None]
     assert shift_sentence(moved, picture).startswith(
-        "the photo is shifted against the scene by +2.0 pixels to the right and -3.0 down, of 64 across")
+        "the photo is shifted against the scene by +2.0 pixels to the right and -3.0 down, of 64 "
+        "across")
 
 
 def test_regions_are_blocks_of_one_surface_and_their_means_are_linear():
@@ -97,8 +120,8 @@ def test_regions_are_blocks_of_one_surface_and_their_means_are_linear():
         assert (surface[region == number] == name).all()
     a, b = RNG.random((2, 12, 12, 3))
     # Sums of at most 16 numbers in another order.
-    np.testing.assert_allclose(region_means(2 * a + b, region), 2 * region_means(a, region) + region_means(b, region),
-                               rtol=1e-13)
+    np.testing.assert_allclose(region_means(2 * a + b, region), 2 * region_means(a, region)
+                               + region_means(b, region), rtol=1e-13)
     assert np.array_equal(region_means(surface[..., None].astype(float), region)[:, 0], group)
 
 
@@ -111,20 +134,22 @@ def test_patch_irradiance_follows_the_inverse_square_law(tmp_path):
     offset = CHART_LIGHT_CM - np.column_stack([place, np.zeros(24)])
     distance = np.linalg.norm(offset, axis=1)
     expected = np.pi * (LIGHT_RADIUS_CM / distance) ** 2 * offset[:, 2] / distance
-    # A uniform sphere acts as if from its centre; the patch's own size adds (half side / distance)^2 = 2e-4, and 4096
-    # samples of a light that spans 1 degree scatter by less than 1e-3.
+    # A uniform sphere acts as if from its centre; the patch's own size adds (half side /
+    # distance)^2 = 2e-4, and 4096 samples of a light that spans 1 degree scatter by less than 1e-3.
     np.testing.assert_allclose(near, expected, rtol=2e-3)
 
 
 def test_a_chart_scene_without_a_chart_is_refused(tmp_path):
     path = tmp_path / "chart.xml"
-    path.write_text(chart_scene_xml((40, 60)).replace('id="chart"', 'id="card_front"'), encoding="utf-8")
+    path.write_text(chart_scene_xml((40, 60)).replace('id="chart"', 'id="card_front"'),
+                    encoding="utf-8")
     with pytest.raises(InputError, match="has no shape with the id 'chart'"):
         patch_irradiance(read_scene(path), patch_centres_uv(), patch_size_uv())
 
 
 def test_a_light_behind_the_chart_is_refused(tmp_path):
     path = tmp_path / "chart.xml"
-    path.write_text(chart_scene_xml((40, 60)).replace('value="-4, 10, 74"', 'value="-4, 10, -74"'), encoding="utf-8")
+    path.write_text(chart_scene_xml((40, 60)).replace('value="-4, 10, 74"', 'value="-4, 10, -74"'),
+                    encoding="utf-8")
     with pytest.raises(InputError, match="the light does not reach 24 of the 24 patches"):
         patch_irradiance(read_scene(path), patch_centres_uv(), patch_size_uv())

@@ -1,4 +1,6 @@
-"""Whole inversions of a small Cornell box with known spectra, by every engine; and what is refused."""
+"""Whole inversions of a small Cornell box with known spectra, by every engine; and what is
+refused.
+"""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -6,19 +8,30 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fixtures.cornell_box import MATERIALS, cornell_box_xml
-from radiometry.errors import InputError
-from radiometry.interreflection import band_products, exponents_up_to
-from radiometry.records import Outcome
-from reconstruct import per_wavelength, transport_engine
-from reconstruct.gradient import fit_by_gradient
-from reconstruct.inverse_problem import InversionSettings, inverse_problem
-from reconstruct.inverse_rendering import ENGINES, reconstruct
-from reconstruct.regions import block_regions
-from reconstruct.renderer import render, start_mitsuba
-from reconstruct.transport import shaded_image
-from reconstruct.transport_engine import trace_problem, unit_scene
-from tests.cornell_problem import BANDS, GRID, SCALE_ONE, TRUTH, WIDTH, camera, photo_of, scene, specs
+from spectrabox.fixtures.cornell_box import MATERIALS, cornell_box_xml
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.interreflection import band_products, exponents_up_to
+from spectrabox.radiometry.records import Outcome
+from spectrabox.reconstruct.engines import per_wavelength, transport_engine
+from spectrabox.reconstruct.engines.gradient import fit_by_gradient
+from spectrabox.reconstruct.engines.transport_engine import trace_problem, unit_scene
+from spectrabox.reconstruct.inverse_rendering import ENGINES, reconstruct
+from spectrabox.reconstruct.problem import InversionSettings, inverse_problem
+from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
+from spectrabox.reconstruct.scene.regions import block_regions
+from spectrabox.reconstruct.tracer.transport import shaded_image
+
+from tests.cornell_problem import (
+    BANDS,
+    GRID,
+    SCALE_ONE,
+    TRUTH,
+    WIDTH,
+    camera,
+    photo_of,
+    scene,
+    specs,
+)
 
 SPECTRA = np.array([TRUTH[name] for name in MATERIALS])
 BOUNCES = 3
@@ -40,11 +53,13 @@ def box(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def photo(box):
-    problem = inverse_problem(box, photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), SCALE_ONE, specs(), BANDS, 7)
+    problem = inverse_problem(box, photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), SCALE_ONE,
+                              specs(), BANDS, 7)
     exponents = exponents_up_to(3, BOUNCES)
     signals = band_products(exponents, SPECTRA, problem.response)
-    return photo_of(shaded_image(unit_scene(problem), {name: name for name in MATERIALS}, problem.size, exponents,
-                                 signals, bounces=BOUNCES, spp=1024, seed=71))
+    return photo_of(shaded_image(unit_scene(problem), {name: name for name in MATERIALS},
+                                 problem.size, exponents, signals, bounces=BOUNCES, spp=1024,
+                                 seed=71))
 
 
 @pytest.fixture
@@ -59,9 +74,11 @@ def true_signals(found):
 
 
 def test_the_transport_engine_finds_the_band_signals(box, photo, quick):
-    found = reconstruct(box, photo, camera(), SCALE_ONE, specs(), BANDS, InversionSettings(7), silent)
+    found = reconstruct(box, photo, camera(), SCALE_ONE, specs(), BANDS, InversionSettings(7),
+                        silent)
     wanted, _ = true_signals(found)
-    # Photo and transport are each good to about 1 % per surface at this size, the small red and green signals to 3 %.
+    # Photo and transport are each good to about 1 % per surface at this size, the small red and
+    # green signals to 3 %.
     np.testing.assert_allclose(found.signal, wanted, rtol=0.05, atol=0.01)
     assert found.outcome is Outcome.ILL_POSED and "light transport" in found.engine
     assert found.known == (False, False, False) and np.isfinite(found.signal_covariance).all()
@@ -75,14 +92,17 @@ def test_tracing_ends_where_its_noise_falls_below_the_photo_s(box, photo, error)
     region, _ = block_regions(problem.surface, problem.used)
     traced = trace_problem(problem, region, BOUNCES, 5, silent)
     of_photo = error**2 / np.bincount(region[region >= 0])
-    # Half of the regions are below; four passes know each variance to two fifths, and their median much better.
+    # Half of the regions are below; four passes know each variance to two fifths, and their median
+    # much better.
     assert np.median(traced.relative_variance / of_photo) < 1.3
     assert (traced.spp < 2 * transport_engine.FIRST_SPP) == (error == 0.3)
 
 
 def test_a_known_material_gives_the_scale(box, photo, quick):
-    dimmed = replace(photo, signal=photo.signal * np.float32(0.4), variance=photo.variance * np.float32(0.16))
-    found = reconstruct(box, dimmed, camera(), None, specs(known=("white",)), BANDS, InversionSettings(7), silent)
+    dimmed = replace(photo, signal=photo.signal * np.float32(0.4),
+                     variance=photo.variance * np.float32(0.16))
+    found = reconstruct(box, dimmed, camera(), None, specs(known=("white",)), BANDS,
+                        InversionSettings(7), silent)
     # Each of seven white surfaces, some of a dozen pixels, is good to 2 to 4 %; they count alike.
     assert found.light_scale.value == pytest.approx(0.4, rel=0.06)
     assert found.known == (True, False, False) and np.isnan(found.coefficients[0]).all()
@@ -90,9 +110,10 @@ def test_a_known_material_gives_the_scale(box, photo, quick):
 
 def test_direct_light_alone_explains_interreflection_as_brightness(box, photo, quick):
     wanted, _ = true_signals(None)
-    found = reconstruct(box, photo, camera(), SCALE_ONE, specs(), BANDS, InversionSettings(7, engine="single-bounce"),
-                        silent)
-    # The walls light each other: without that the fit must make them brighter by far more than the noise of 1 %.
+    found = reconstruct(box, photo, camera(), SCALE_ONE, specs(), BANDS,
+                        InversionSettings(7, engine="single-bounce"), silent)
+    # The walls light each other: without that the fit must make them brighter by far more than the
+    # noise of 1 %.
     assert np.all(found.signal.mean(axis=1) > 1.05 * wanted.mean(axis=1))
 
 
@@ -108,19 +129,23 @@ def test_the_gradient_engine_finds_the_same_signals(box, photo):
 def test_the_gradient_descent_is_the_same_for_the_same_seed(box, photo):
     problem = inverse_problem(box, photo, camera(), SCALE_ONE, specs(), BANDS, 5)
     runs = [fit_by_gradient(problem.scene(), MATERIALS, problem.basis, problem.measured,
-                            problem.used[..., None] / problem.variance, scale=1.0, known_surface=None, steps=3, spp=2,
-                            seed=seed, progress=silent).coefficients for seed in (1, 1, 2)]
+                            problem.used[..., None] / problem.variance, scale=1.0,
+                            known_surface=None, steps=3, spp=2, seed=seed,
+                            progress=silent).coefficients for seed in (1, 1, 2)]
     # Gradients are summed by atomic float32 additions, in any order.
     np.testing.assert_allclose(runs[0], runs[1], atol=1e-4)
     assert not np.array_equal(runs[0], runs[2])
 
 
 def test_the_gradient_agrees_with_finite_differences(box):
-    """The derivative of the mean signal by one coefficient, at 1 % steps and common random numbers."""
+    """The derivative of the mean signal by one coefficient, at 1 % steps and common random
+    numbers.
+    """
     import drjit as dr
     import mitsuba as mi
 
-    problem = inverse_problem(box, photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), SCALE_ONE, specs(), BANDS, 5)
+    problem = inverse_problem(box, photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), SCALE_ONE,
+                              specs(), BANDS, 5)
     coefficients = np.full((3, 5), 0.5)
 
     def mean_signal(step, seed):
@@ -139,32 +164,42 @@ def test_the_gradient_agrees_with_finite_differences(box):
         start = mi.Float(np.array(parameters[key]))
         parameters[key] = start + move * mi.Float(problem.basis[:, 2].astype(np.float32))
         parameters.update()
-        dr.backward(dr.mean(mi.render(loaded, parameters, spp=128, seed=seed, seed_grad=seed + 50), axis=None))
+        dr.backward(dr.mean(mi.render(loaded, parameters, spp=128, seed=seed, seed_grad=seed + 50),
+                            axis=None))
         gradients.append(float(np.array(dr.grad(move)).item()))
     error = np.hypot(np.std(differences, ddof=1), np.std(gradients, ddof=1)) / 2
-    # Four standard errors of the difference of two means of four, and 1 % for the curvature over the step.
-    assert np.mean(gradients) == pytest.approx(np.mean(differences), abs=4 * error + 0.01 * abs(np.mean(differences)))
+    # Four standard errors of the difference of two means of four, and 1 % for the curvature over
+    # the step.
+    assert np.mean(gradients) == pytest.approx(np.mean(differences),
+                                               abs=4 * error + 0.01 * abs(np.mean(differences)))
 
 
 def test_the_per_wavelength_engine_goes_downhill(box, photo):
     problem = inverse_problem(box, photo, camera(), SCALE_ONE, specs(), BANDS, 5)
-    fit = per_wavelength.descend(per_wavelength.monochrome_job(problem, InversionSettings(5, 4, 1, 1)), silent)
-    assert fit.coefficients.shape == (3, 5) and np.all((fit.coefficients >= 0) & (fit.coefficients <= 1))
+    fit = per_wavelength.descend(per_wavelength.monochrome_job(problem,
+                                                               InversionSettings(5, 4, 1, 1)),
+                                 silent)
+    assert fit.coefficients.shape == (3, 5) and np.all((fit.coefficients >= 0)
+                                                       & (fit.coefficients <= 1))
     assert fit.loss_history[-1] < 0.8 * fit.loss_history[0]
 
 
 def test_an_unknown_engine_is_named(box, photo):
-    with pytest.raises(InputError, match="no engine 'magic'; use one of transport, gradient, per-wavelength"):
-        reconstruct(box, photo, camera(), SCALE_ONE, specs(), BANDS, InversionSettings(engine="magic"), silent)
+    with pytest.raises(InputError, match="no engine 'magic'; use one of transport, gradient, "
+                       "per-wavelength"):
+        reconstruct(box, photo, camera(), SCALE_ONE, specs(), BANDS,
+                    InversionSettings(engine="magic"), silent)
     assert set(ENGINES) == {"transport", "gradient", "per-wavelength", "single-bounce", "auto"}
 
 
 def bad(box, photo, light=None, scale=SCALE_ONE, materials=None):
-    return inverse_problem(box, photo, camera(light), scale, specs() if materials is None else materials, BANDS, 7)
+    return inverse_problem(box, photo, camera(light), scale, specs() if materials is None
+                           else materials, BANDS, 7)
 
 
 def test_a_scene_without_any_scale_is_refused(box, photo):
-    with pytest.raises(InputError, match="the light scale is unknown: give one material its known spectrum"):
+    with pytest.raises(InputError, match="the light scale is unknown: give one material its known "
+                       "spectrum"):
         bad(box, photo, scale=None)
 
 
@@ -192,9 +227,10 @@ def test_a_material_that_is_not_seen_is_refused(box, photo):
 
 
 def test_a_material_that_no_light_reaches_is_refused(tmp_path, photo, quick):
-    text = cornell_box_xml(WIDTH, 2).replace('<matrix value="0.23 0 0 0  0 0 -0.19 0.99  0 0.19 0 0.01  0 0 0 1"/>',
-                                             '<scale value="0.2"/><rotate y="1" angle="90"/><translate x="0.9"/>')
+    text = cornell_box_xml(WIDTH, 2).replace('<matrix value="0.23 0 0 0  0 0 -0.19 0.99  0 0.19 0 '
+                                             '0.01  0 0 0 1"/>', '<scale value="0.2"/><rotate '
+                                             'y="1" angle="90"/><translate x="0.9"/>')
     hidden = scene(tmp_path, text)
     with pytest.raises(InputError, match="no light reaches material 'red'"):
-        reconstruct(hidden, photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), SCALE_ONE, specs(), BANDS,
-                    InversionSettings(7), silent)
+        reconstruct(hidden, photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), SCALE_ONE, specs(),
+                    BANDS, InversionSettings(7), silent)

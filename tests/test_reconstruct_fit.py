@@ -1,18 +1,20 @@
-"""The fit through a transport: known answers, errors in the variables, priors, identifiability. NumPy alone."""
+"""The fit through a transport: known answers, errors in the variables, priors, identifiability.
+NumPy alone.
+"""
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from radiometry.bspline import basis_matrix
-from radiometry.grid import visible_grid
-from radiometry.interreflection import exponents_up_to
-from radiometry.records import Outcome
-from radiometry.response import relative_operator, response_matrix
-from reconstruct.band_system import compress, huber_weight
-from reconstruct.identifiability import band_signals, identifiability, sentences
-from reconstruct.photo_terms import Nuisances, PhotoTerms
-from reconstruct.transport_fit import (
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.interreflection import exponents_up_to
+from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.response import relative_operator, response_matrix
+from spectrabox.reconstruct.fit.band_system import compress, huber_weight
+from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
+from spectrabox.reconstruct.fit.photo_terms import Nuisances, PhotoTerms
+from spectrabox.reconstruct.fit.transport_fit import (
     FitPriors,
     SpectrumModel,
     fit_photos,
@@ -50,13 +52,16 @@ def case(seed=1, noise=0.0):
     rows = transport(rng)
     measured = rows @ model().signals(coefficients)
     sigma = np.maximum(noise, 1e-4) * measured
-    return rows, measured + noise * measured * rng.standard_normal(measured.shape), 1 / sigma**2, coefficients
+    return rows, measured + noise * measured * rng.standard_normal(
+        measured.shape), 1 / sigma**2, coefficients
 
 
 def test_without_noise_the_spectra_come_back():
     rows, measured, weight, truth = case()
-    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(), FitPriors(smoothness=0, scale=1.0))
-    # Exact data weighed as good to 1e-4 leave a flat valley, in which descent and broad prior stop short of the floor.
+    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(),
+                      FitPriors(smoothness=0, scale=1.0))
+    # Exact data weighed as good to 1e-4 leave a flat valley, in which descent and broad prior stop
+    # short of the floor.
     np.testing.assert_allclose(fit.coefficients @ OPERATOR.T, truth @ OPERATOR.T, rtol=0.01)
     np.testing.assert_allclose(rows @ fit.signals, measured, rtol=5e-3)
 
@@ -71,20 +76,24 @@ def test_compressing_the_equations_changes_nothing():
     signals = model().signals(np.full((2, COUNT), 0.4))
     direct = np.sum((rows @ signals - measured) ** 2)
     # The QR factor keeps lengths: round-off of 240 rows.
-    assert np.sum((whole.root * (whole.rows @ signals - whole.target)) ** 2) == pytest.approx(direct, rel=1e-9)
+    assert np.sum((whole.root * (whole.rows @ signals - whole.target))
+                  ** 2) == pytest.approx(direct, rel=1e-9)
     assert fit_spectra(whole, model(), priors).outcome is Outcome.CONVERGED
 
 
 def test_an_unknown_scale_is_found_from_a_known_material():
     rows, measured, weight, truth = case()
     known = {0: truth[0] @ BASIS.T}
-    fit = fit_spectra(compress(rows, 3.7 * measured, weight / 3.7**2, GROUP), model(known), FitPriors(smoothness=0))
+    fit = fit_spectra(compress(rows, 3.7 * measured, weight / 3.7**2, GROUP), model(known),
+                      FitPriors(smoothness=0))
     # As above: the photo is weighed as good to 1e-4.
     assert fit.scale == pytest.approx(3.7, rel=3e-4)
 
 
 def test_monte_carlo_noise_in_the_transport_does_not_darken_the_spectra():
-    """Errors in the variables: 20 % of noise in the rows darkens a plain fit by about 4 %, the corrected one not."""
+    """Errors in the variables: 20 % of noise in the rows darkens a plain fit by about 4 %, the
+    corrected one not.
+    """
     rng = np.random.default_rng(5)
     truth = rng.uniform(0.2, 0.7, (2, COUNT))
     plain, corrected = [], []
@@ -96,22 +105,25 @@ def test_monte_carlo_noise_in_the_transport_does_not_darken_the_spectra():
         deviations = (passes - mean) / np.sqrt(12)
         for found, noise in ((plain, None), (corrected, deviations)):
             system = compress(mean, measured, 1 / (0.2 * measured) ** 2, GROUP, noise)
-            signals = fit_spectra(system, model(), FitPriors(smoothness=0, scale=1.0)).coefficients @ OPERATOR.T
+            signals = fit_spectra(system, model(),
+                                  FitPriors(smoothness=0, scale=1.0)).coefficients @ OPERATOR.T
             found.append((signals / (truth @ OPERATOR.T)).mean())
-    # Variance of the mean of four passes: (0.4^2) / 4 = 4 %. What is left is of second order, the covariance being
-    # known from four passes only: below 2 %, and less than half of it.
+    # Variance of the mean of four passes: (0.4^2) / 4 = 4 %. What is left is of second order, the
+    # covariance being known from four passes only: below 2 %, and less than half of it.
     assert np.mean(plain) < 0.98
     assert abs(np.mean(corrected) - 1) < min(0.02, 0.5 * abs(np.mean(plain) - 1))
 
 
 def test_the_smoothness_prior_leaves_the_band_signals_to_the_photo():
     rows, measured, weight, truth = case(seed=3, noise=0.01)
-    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(), FitPriors(smoothness=100.0, scale=1.0))
+    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(),
+                      FitPriors(smoothness=100.0, scale=1.0))
     signals, covariance = band_signals(fit, OPERATOR, 2)
     wanted = truth @ OPERATOR.T
     z = np.array([np.linalg.solve(np.linalg.cholesky(c), s - w)
                   for s, w, c in zip(signals, wanted, covariance, strict=True)])
-    # Chi-square of 6 degrees of freedom: 22.5 is the 0.1 % level; linearisation adds nothing visible at 1 % noise.
+    # Chi-square of 6 degrees of freedom: 22.5 is the 0.1 % level; linearisation adds nothing
+    # visible at 1 % noise.
     assert np.sum(z**2) < 22.5
     prior_bound = np.abs(fit.coefficients @ OPERATOR.T / wanted - 1).max()
     assert np.abs(signals / wanted - 1).max() < prior_bound
@@ -125,12 +137,14 @@ def test_the_covariance_of_the_signals_is_that_of_repeated_photos():
         truth = np.random.default_rng(1).uniform(0.2, 0.8, (2, COUNT))
         clean = rows @ model().signals(truth)
         measured = clean * (1 + 0.01 * rng.standard_normal(clean.shape))
-        fit = fit_spectra(compress(rows, measured, 1 / (0.01 * clean) ** 2, GROUP), model(), FitPriors(scale=1.0))
+        fit = fit_spectra(compress(rows, measured, 1 / (0.01 * clean) ** 2, GROUP), model(),
+                          FitPriors(scale=1.0))
         signals, covariance = band_signals(fit, OPERATOR, 2)
         found.append(signals)
         stated.append(np.sqrt(np.einsum("mkk->mk", covariance)))
     scatter = np.std(found, axis=0, ddof=1)
-    # Linearised at a solution whose hidden directions the prior chose: good to a factor of two, no more is claimed.
+    # Linearised at a solution whose hidden directions the prior chose: good to a factor of two, no
+    # more is claimed.
     ratio = scatter / np.mean(stated, axis=0)
     assert ratio.max() < 2 and ratio.min() > 0.4
 
@@ -154,22 +168,28 @@ def test_what_the_photo_cannot_tell_is_left_to_the_prior_and_said():
     direct = rows * (EXPONENTS.sum(axis=1) == 1)
     for name, transport_rows in (("colour", direct), ("interreflection", rows)):
         y = transport_rows @ model().signals(truth)
-        fit = fit_spectra(compress(transport_rows, y, 1 / (0.0003 * y) ** 2, GROUP), model(), FitPriors(scale=1.0))
+        fit = fit_spectra(compress(transport_rows, y, 1 / (0.0003 * y) ** 2, GROUP), model(),
+                          FitPriors(scale=1.0))
         found = identifiability(fit, ("wall", "block"), OPERATOR)
-        if name == "colour":  # light that met one material once tells three numbers of it, with three bands
-            assert [item.by_photo for item in found] == [3, 3] and [item.by_prior for item in found] == [4, 4]
+        # light that met one material once tells three numbers of it, with three bands
+        if name == "colour":
+            assert [item.by_photo for item in found] == [3, 3] and [item.by_prior
+                                                                    for item in found] == [4, 4]
         else:
-            assert all(item.by_photo >= 3 for item in found) and any(item.by_interreflection > 0 for item in found)
+            assert all(item.by_photo >= 3 for item in found) and any(item.by_interreflection > 0
+                                                                     for item in found)
     assert sentences(found)[0].startswith("wall: of 7 coefficients the photo decides")
 
 
 def test_free_gains_take_information_from_the_photo():
     rows, measured, weight, _ = case(seed=6, noise=0.001)
     system = compress(rows, measured, weight, GROUP)
-    sure, unsure = (identifiability(fit_spectra(system, model(), FitPriors(scale=1.0, gain_error=error)),
+    sure, unsure = (identifiability(fit_spectra(system, model(),
+                                                FitPriors(scale=1.0, gain_error=error)),
                                     ("wall", "block"), OPERATOR) for error in (0.0, 0.3))
     for before, after in zip(sure, unsure, strict=True):
-        # A colour known to 0.1 % of its signal, against one behind gains of 30 %: interreflection is left to tell.
+        # A colour known to 0.1 % of its signal, against one behind gains of 30 %: interreflection
+        # is left to tell.
         assert after.ratio[0] < 0.3 * before.ratio[0] and after.by_photo <= before.by_photo
 
 
@@ -178,9 +198,11 @@ def test_the_smoothness_prior_lets_straight_lines_pass(count):
     nm = np.linspace(400, 700, 50)
     line = np.linalg.lstsq(basis_matrix(nm, count), (nm - 400) / 300, rcond=None)[0]
     precision = smoothness_precision(count, 0.1) - np.eye(count)
-    # A cubic spline draws a straight line exactly: only round-off is left of its second differences.
+    # A cubic spline draws a straight line exactly: only round-off is left of its second
+    # differences.
     atol = 1e-13 * np.abs(precision).max()
-    assert abs(line @ precision @ line) < atol and abs(np.ones(count) @ precision @ np.ones(count)) < atol
+    assert abs(line @ precision @ line) < atol and abs(np.ones(count) @ precision
+                                                       @ np.ones(count)) < atol
     assert np.linalg.eigvalsh(smoothness_precision(count, 0.0)).min() == pytest.approx(1.0)
 
 
@@ -197,8 +219,8 @@ def test_a_photo_without_any_weight_is_refused():
 def photo(rows, measured, weight, response=RESPONSE, **nuisances):
     """One photo of a fit of several."""
     return PhotoTerms(compress(rows, measured, weight, GROUP),
-                      SpectrumModel(EXPONENTS, np.atleast_3d(response).reshape(-1, 3, GRID.nm.size), BASIS, {}),
-                      Nuisances(**({"scale": 1.0} | nuisances)))
+                      SpectrumModel(EXPONENTS, np.atleast_3d(response).reshape(-1, 3, GRID.nm.size),
+                                    BASIS, {}), Nuisances(**({"scale": 1.0} | nuisances)))
 
 
 LAMPS = np.array([1 + (GRID.nm - 400) / 300, 0.1 + np.exp(-((GRID.nm - 400) / 90) ** 2)
@@ -209,16 +231,21 @@ def test_two_lights_together_recover_spectra_better_than_either():
     prior, errors, traces = smooth_prior(COUNT, 0.1), [], []
     for seed in range(12):
         rng = np.random.default_rng(seed)
-        truth = np.clip(np.cumsum(rng.normal(0, 0.1, (2, COUNT)), axis=1) + rng.uniform(0.3, 0.7, (2, 1)), 0.05, 0.95)
+        truth = np.clip(np.cumsum(rng.normal(0, 0.1, (2, COUNT)), axis=1) + rng.uniform(0.3, 0.7,
+                                                                                        (2, 1)),
+                        0.05, 0.95)
         photos = []
         for lamp in LAMPS:
             rows, response = transport(rng), response_matrix(GRID, CURVES, lamp)
             clean = rows @ SpectrumModel(EXPONENTS, response[None], BASIS, {}).signals(truth)
             sigma = 0.01 * clean
-            photos.append(photo(rows, clean + sigma * rng.standard_normal(clean.shape), 1 / sigma**2, response))
-        fits = [fit_photos([photos[n] for n in chosen], [(0, 1)] * len(chosen), prior) for chosen in ((0,), (1,),
-                                                                                                      (0, 1))]
-        errors.append([np.sqrt(np.mean(((fit.coefficients - truth) @ BASIS.T) ** 2)) for fit in fits])
+            photos.append(photo(rows, clean + sigma * rng.standard_normal(clean.shape),
+                                1 / sigma**2, response))
+        fits = [fit_photos([photos[n] for n in chosen], [(0, 1)] * len(chosen),
+                           prior) for chosen in ((0,), (1,),
+                                                 (0, 1))]
+        errors.append([np.sqrt(np.mean(((fit.coefficients - truth) @ BASIS.T) ** 2))
+                       for fit in fits])
         traces.append([np.trace(fit.covariance) for fit in fits])
     first, second, both = np.mean(errors, axis=0)
     assert both < 0.9 * min(first, second)
@@ -227,10 +254,12 @@ def test_two_lights_together_recover_spectra_better_than_either():
 
 def test_photos_that_share_some_materials_only():
     rows, measured, weight, truth = case()
-    turned = np.column_stack([EXPONENTS[:, 1], EXPONENTS[:, 0]])  # the other photo counts the materials otherwise
-    other = PhotoTerms(compress(rows, measured, weight, GROUP), SpectrumModel(turned, RESPONSE[None], BASIS, {}),
-                       Nuisances(scale=1.0))
-    fit = fit_photos([photo(rows, measured, weight), other], [(0, 1), (1, 0)], smooth_prior(COUNT, 0.0))
+    # the other photo counts the materials otherwise
+    turned = np.column_stack([EXPONENTS[:, 1], EXPONENTS[:, 0]])
+    other = PhotoTerms(compress(rows, measured, weight, GROUP),
+                       SpectrumModel(turned, RESPONSE[None], BASIS, {}), Nuisances(scale=1.0))
+    fit = fit_photos([photo(rows, measured, weight), other], [(0, 1), (1, 0)],
+                     smooth_prior(COUNT, 0.0))
     # As for one photo without noise: a flat valley at a weight of 1e-4.
     np.testing.assert_allclose(fit.coefficients @ OPERATOR.T, truth @ OPERATOR.T, rtol=0.01)
 
@@ -245,8 +274,8 @@ def test_the_gain_of_a_light_is_found_and_leaves_the_spectra_alone():
     clean = rows @ signals
     weight = 1 / (0.003 * clean) ** 2
     measured = clean * (1 + 0.003 * rng.standard_normal(clean.shape))
-    plain, gained = (fit_photos([photo(rows, measured, weight, responses, light_error=error)], [(0, 1)],
-                                smooth_prior(COUNT, 0.1)) for error in (0.0, 0.3))
+    plain, gained = (fit_photos([photo(rows, measured, weight, responses, light_error=error)],
+                                [(0, 1)], smooth_prior(COUNT, 0.1)) for error in (0.0, 0.3))
     # Two hundred and forty regions of 0.3 %, and interreflection to tell light from paint.
     np.testing.assert_allclose(gained.views[0].light_gains, [1.0, 1.3], rtol=0.03)
     off = [np.abs(fit.coefficients @ OPERATOR.T / (truth @ OPERATOR.T) - 1).max() for fit in (plain, gained)]
@@ -255,17 +284,21 @@ def test_the_gain_of_a_light_is_found_and_leaves_the_spectra_alone():
 
 def test_a_camera_that_mixes_its_bands_is_unmixed_by_a_known_material():
     rng = np.random.default_rng(8)
-    truth, rows = np.array([np.linspace(0.1, 0.9, COUNT), np.linspace(0.8, 0.2, COUNT)]), transport(rng)
+    truth, rows = np.array([np.linspace(0.1, 0.9, COUNT), np.linspace(0.8, 0.2, COUNT)]), transport(
+        rng)
     clean = rows @ model().signals(truth)
-    measured, weight = clean * (1 + 0.003 * rng.standard_normal(clean.shape)), 1 / (0.003 * clean) ** 2
+    measured, weight = clean * (1 + 0.003 * rng.standard_normal(clean.shape)), 1 / (0.003
+                                                                                    * clean) ** 2
     mixing = np.array([[1.1, -0.08, -0.02], [-0.05, 1.1, -0.05], [0.0, -0.1, 1.1]])
     known = model({0: truth[0] @ BASIS.T})
     system = compress(rows, measured @ mixing.T, weight, GROUP)
-    plain, mixed = (fit_spectra(system, known, FitPriors(scale=1.0, mixing_error=error)) for error in (0.0, 0.2))
+    plain, mixed = (fit_spectra(system, known, FitPriors(scale=1.0, mixing_error=error))
+                    for error in (0.0, 0.2))
     wanted = truth[1] @ OPERATOR.T
     off = [np.abs(fit.coefficients[0] @ OPERATOR.T - wanted).max() for fit in (plain, mixed)]
     assert off[1] < 0.5 * off[0]
-    # What the known paint's colours cannot tell stays with the prior: the mixing that they see is right.
+    # What the known paint's colours cannot tell stays with the prior: the mixing that they see is
+    # right.
     white = truth[0] @ OPERATOR.T * RESPONSE.sum(axis=1)
     np.testing.assert_allclose(white @ mixed.views[0].mixing.T, white @ mixing.T, rtol=0.02)
 
@@ -279,8 +312,10 @@ def test_mixed_bands_and_gains_are_said_in_words():
 
 
 @pytest.mark.parametrize("nuisances", [
-    {"scale": None}, {"gain_error": 0.05}, {"gain_error": 0.02, "brightness_error": 0.2}, {"light_error": 0.2},
-    {"mixing_error": 0.1}, {"scale": None, "gain_error": 0.05, "light_error": 0.2, "mixing_error": 0.1}])
+                             {"scale": None}, {"gain_error": 0.05},
+                             {"gain_error": 0.02, "brightness_error": 0.2}, {"light_error": 0.2},
+                             {"mixing_error": 0.1}, {"scale": None, "gain_error": 0.05,
+                                                     "light_error": 0.2, "mixing_error": 0.1}])
 def test_the_derivative_of_every_nuisance_is_that_of_the_misfit(nuisances):
     rng = np.random.default_rng(3)
     rows, measured, weight, truth = case(noise=0.05)
@@ -293,16 +328,20 @@ def test_the_derivative_of_every_nuisance_is_that_of_the_misfit(nuisances):
         step = np.zeros(terms.size)
         step[place] = 1e-5
         slope = (terms.misfit(state + step) - terms.misfit(state - step)) / 2e-5
-        # Central differences of a sum of 1e5: round-off of 1e-16 x 1e5 / 1e-5, and curvature below that.
+        # Central differences of a sum of 1e5: round-off of 1e-16 x 1e5 / 1e-5, and curvature below
+        # that.
         assert -2 * pull[place] == pytest.approx(slope, rel=1e-4, abs=1e-3 * np.abs(pull).max())
 
 
 def test_brightness_of_a_surface_does_not_pass_for_colour():
-    """Where errors of brightness are expected, 20 % in all bands cost a surface less than 20 % in one."""
+    """Where errors of brightness are expected, 20 % in all bands cost a surface less than 20 % in
+    one.
+    """
     terms = photo(*case()[:3], gain_error=0.02, brightness_error=0.2)
     precision = terms.prior[:3, :3]
     grey, red = np.full(3, 0.2), np.array([0.2, 0.0, 0.0])
-    assert grey @ precision @ grey == pytest.approx(1.0, rel=0.01)  # one standard deviation, less 0.3 % for colour's
+    # one standard deviation, less 0.3 % for colour's
+    assert grey @ precision @ grey == pytest.approx(1.0, rel=0.01)
     assert red @ precision @ red > 30
 
 
@@ -317,25 +356,34 @@ def test_the_learnt_prior_is_that_of_its_reflectances():
 
 
 def test_gains_as_unknowns_are_the_same_as_gains_in_the_covariance():
-    """Generalised least squares with the gains' covariance added to the noise, in light that met one surface only."""
+    """Generalised least squares with the gains' covariance added to the noise, in light that met
+    one surface only.
+    """
     rng = np.random.default_rng(9)
     truth, gain_error, bands = rng.uniform(0.3, 0.7, (2, COUNT)), 0.02, 3
     rows = transport(rng) * (EXPONENTS.sum(axis=1) == 1)
     clean = rows @ model().signals(truth)
-    group = np.repeat(np.arange(6), [90, 20, 10, 90, 20, 10])  # uneven: the wide surface would rule without gains
+    # uneven: the wide surface would rule without gains
+    group = np.repeat(np.arange(6), [90, 20, 10, 90, 20, 10])
     gains = np.exp(gain_error * rng.standard_normal((6, bands)))
     measured = gains[group] * clean * (1 + 0.01 * rng.standard_normal(clean.shape))
     sigma = 0.01 * np.array([clean[group == name].mean(axis=0) for name in range(6)])[group]
-    fit = fit_spectra(compress(rows, measured, 1 / sigma**2, group), model(), FitPriors(scale=1.0,
-                                                                                        gain_error=gain_error))
-    slope = np.einsum("re,ekn->rkn", rows, model().signals_and_jacobian(truth)[1]).reshape(-1, 2 * COUNT)
+    fit = fit_spectra(compress(rows, measured, 1 / sigma**2, group), model(),
+                      FitPriors(scale=1.0, gain_error=gain_error))
+    slope = np.einsum("re,ekn->rkn", rows, model().signals_and_jacobian(truth)[1]).reshape(-1,
+                                                                                           2
+                                                                                           * COUNT)
     same = (group[:, None] == group[None, :])[:, None, :, None] * np.eye(bands)[None, :, None, :]
-    covariance = (gain_error**2 * same * np.einsum("rk,sl->rksl", clean, clean)).reshape(clean.size, clean.size)
+    covariance = (gain_error**2 * same * np.einsum("rk,sl->rksl", clean, clean)).reshape(clean.size,
+                                                                                         clean.size)
     weigh = np.linalg.inv(covariance + np.diag(sigma.ravel() ** 2))
     prior = np.kron(np.eye(2), smooth_prior(COUNT, 0.1).precision)
     solved = np.linalg.solve(slope.T @ weigh @ slope + prior,
                              slope.T @ weigh @ measured.ravel() + prior @ np.full(2 * COUNT, 0.5))
     # Gains of 2 %: what is not linear in them is 4e-4 of the signal.
-    np.testing.assert_allclose(fit.coefficients @ OPERATOR.T, solved.reshape(2, COUNT) @ OPERATOR.T, rtol=2e-3)
-    plain = fit_spectra(compress(rows, measured, 1 / sigma**2, group), model(), FitPriors(scale=1.0))
-    assert np.abs(plain.coefficients @ OPERATOR.T / (solved.reshape(2, COUNT) @ OPERATOR.T) - 1).max() > 4e-3
+    np.testing.assert_allclose(fit.coefficients @ OPERATOR.T, solved.reshape(2, COUNT) @ OPERATOR.T,
+                               rtol=2e-3)
+    plain = fit_spectra(compress(rows, measured, 1 / sigma**2, group), model(),
+                        FitPriors(scale=1.0))
+    assert np.abs(plain.coefficients @ OPERATOR.T / (solved.reshape(2, COUNT) @ OPERATOR.T)
+                  - 1).max() > 4e-3

@@ -1,4 +1,6 @@
-"""The descent by differentiable rendering: when it stops, what memory it takes, and BSDFs that are no plain product."""
+"""The descent by differentiable rendering: when it stops, what memory it takes, and BSDFs that are
+no plain product.
+"""
 from __future__ import annotations
 
 from pathlib import Path
@@ -6,26 +8,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radiometry.records import Outcome
-from reconstruct import gradient, transport_engine
-from reconstruct.gradient import fit_by_gradient, reflectance_key, stalled
-from reconstruct.gradient_engine import invert_by_gradient
-from reconstruct.inverse_problem import InversionSettings, MaterialSpec, inverse_problem
-from reconstruct.inverse_rendering import reconstruct
-from reconstruct.renderer import load_scene, render, start_mitsuba
-from reconstruct.scene_file import read_scene
+from spectrabox.radiometry.records import Outcome
+from spectrabox.reconstruct.engines import gradient, transport_engine
+from spectrabox.reconstruct.engines.gradient import fit_by_gradient, reflectance_key, stalled
+from spectrabox.reconstruct.engines.gradient_engine import invert_by_gradient
+from spectrabox.reconstruct.inverse_rendering import reconstruct
+from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec, inverse_problem
+from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.scene.scene_file import read_scene
+
 from tests.cornell_problem import BANDS, GRID, SCALE_ONE, camera, photo_of
 
 WIDTH = 16
 PAINT = 0.15 + 0.5 / (1 + np.exp((560 - GRID.nm) / 20))
 FLOOR = np.full(GRID.nm.size, 0.5)
-BSDFS = {"diffuse": '<bsdf type="diffuse" id="paint"><spectrum name="reflectance" value="0.5"/></bsdf>',
-         "roughplastic": '<bsdf type="roughplastic" id="paint"><float name="alpha" value="0.2"/>'
-                         '<spectrum name="diffuse_reflectance" value="0.5"/></bsdf>',
-         "roughconductor": '<bsdf type="roughconductor" id="paint"><string name="material" value="none"/>'
-                           '<float name="alpha" value="0.4"/></bsdf>',
-         "principled": '<bsdf type="principled" id="paint"><float name="roughness" value="0.3"/>'
-                       '<float name="metallic" value="0.7"/><spectrum name="base_color" value="0.5"/></bsdf>'}
+BSDFS = {"diffuse": '<bsdf type="diffuse" id="paint"><spectrum name="reflectance" '
+         'value="0.5"/></bsdf>',
+         "roughplastic": '<bsdf type="roughplastic" id="paint"><float name="alpha" '
+         'value="0.2"/><spectrum name="diffuse_reflectance" value="0.5"/></bsdf>',
+         "roughconductor": '<bsdf type="roughconductor" id="paint"><string name="material" '
+         'value="none"/><float name="alpha" value="0.4"/></bsdf>',
+         "principled": '<bsdf type="principled" id="paint"><float name="roughness" '
+         'value="0.3"/><float name="metallic" value="0.7"/><spectrum name="base_color" '
+         'value="0.5"/></bsdf>'}
 SCENE = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="3"/></integrator>
 <sensor type="perspective"><float name="fov" value="40"/><transform name="to_world">
 <lookat origin="0,1,4" target="0,0,0" up="0,1,0"/></transform><film type="hdrfilm"/></sensor>
@@ -52,7 +57,8 @@ def ball(folder, kind="diffuse", count=5):
     materials = (MaterialSpec("paint", "paint"), MaterialSpec("floor", "floor", FLOOR))
 
     def problem(photo):
-        return inverse_problem(read_scene(path), photo_of(photo), camera(), SCALE_ONE, materials, BANDS, count)
+        return inverse_problem(read_scene(path), photo_of(photo), camera(), SCALE_ONE, materials,
+                               BANDS, count)
 
     blank = problem(np.ones((WIDTH, WIDTH, 3)))
     true = load_scene(blank.xml({"paint": PAINT, "floor": FLOOR}, integrator="path"))
@@ -61,14 +67,15 @@ def ball(folder, kind="diffuse", count=5):
 
 def descend(problem, steps, spp=4, seed=1, progress=silent):
     return fit_by_gradient(problem.scene(), ("paint",), problem.basis, problem.measured,
-                           problem.used[..., None] / problem.variance, scale=1.0, known_surface=None, steps=steps,
-                           spp=spp, seed=seed, progress=progress)
+                           problem.used[..., None] / problem.variance, scale=1.0,
+                           known_surface=None, steps=steps, spp=spp, seed=seed, progress=progress)
 
 
 def test_a_loss_that_only_scatters_has_stalled_and_one_that_falls_has_not():
     rng = np.random.default_rng(3)
     scatter = rng.normal(size=(400, 2 * gradient.WINDOW))
-    # One standard error, one-sided: noise alone passes for a fall in 16 % of cases, 63 of 400; 100 is 5 sigma more.
+    # One standard error, one-sided: noise alone passes for a fall in 16 % of cases, 63 of 400; 100
+    # is 5 sigma more.
     assert sum(not stalled(list(10 + row)) for row in scatter) < 100
     # Falling by 3 over the window with a scatter of 1.3: 9 standard errors.
     assert not any(stalled(list(10 - 0.1 * np.arange(row.size) + row)) for row in scatter)
@@ -79,7 +86,8 @@ def test_the_descent_stops_by_itself_and_says_so(tmp_path):
     problem = ball(tmp_path)
     fit = descend(problem, 200, spp=2)
     assert fit.outcome is Outcome.CONVERGED and 2 * gradient.WINDOW < len(fit.loss_history) < 200
-    # The last quarter of the steps brings the step size down; half of these are averaged. Rounded down twice.
+    # The last quarter of the steps brings the step size down; half of these are averaged. Rounded
+    # down twice.
     assert abs(len(fit.tail) - len(fit.loss_history) / 8) < 1.5
     short = descend(problem, 8)
     assert short.outcome is Outcome.STEP_LIMIT and len(short.loss_history) == 8
@@ -90,14 +98,16 @@ def test_memory_does_not_grow_with_the_steps(tmp_path, monkeypatch):
     resident = []
     descend(ball(tmp_path), 160, spp=1, progress=lambda done, what: resident.append(resident_mib()))
     assert len(resident) == 160
-    # Measured: below 1 MiB. An image or a graph kept from each of the 100 steps would be 10 MiB or more.
+    # Measured: below 1 MiB. An image or a graph kept from each of the 100 steps would be 10 MiB or
+    # more.
     assert resident[-1] - resident[60] < 5
 
 
 def resident_mib():
     if not Path("/proc/self/status").exists():
         pytest.skip("resident memory is read from /proc, which this system lacks")
-    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmRSS"))
+    line = next(line for line in Path("/proc/self/status").read_text().splitlines()
+                if line.startswith("VmRSS"))
     return int(line.split()[1]) / 1024
 
 
@@ -111,7 +121,8 @@ def test_the_gradient_agrees_with_finite_differences_for_any_bsdf(tmp_path, kind
     weight = np.random.default_rng(0).uniform(size=problem.measured.shape)
 
     def difference(number, seed):
-        ends = [np.sum(weight * render(problem.scene(start + sign * 0.02 * np.eye(5)[number]), 128, seed)[0])
+        ends = [np.sum(weight * render(problem.scene(start + sign * 0.02 * np.eye(5)[number]), 128,
+                                       seed)[0])
                 for sign in (1, -1)]
         return (ends[0] - ends[1]) / 0.04
 
@@ -130,25 +141,31 @@ def test_the_gradient_agrees_with_finite_differences_for_any_bsdf(tmp_path, kind
     gradients = np.array([derivative(seed) for seed in range(4)])
     differences = [difference(3, seed) for seed in range(4)]
     error = np.hypot(np.std(differences, ddof=1), np.std(gradients[:, 3], ddof=1)) / 2
-    # Four standard errors of the difference of two means of four; 0.2 % for the curvature over the step.
+    # Four standard errors of the difference of two means of four; 0.2 % for the curvature over the
+    # step.
     assert gradients[:, 3].mean() == pytest.approx(np.mean(differences),
-                                                   abs=4 * error + 0.002 * abs(np.mean(differences)))
+                                                   abs=4 * error + 0.002
+                                                   * abs(np.mean(differences)))
 
 
 @pytest.mark.parametrize("kind", ["roughplastic", "principled", "roughconductor"])
 def test_a_coated_or_metallic_paint_is_found(tmp_path, kind):
     problem = ball(tmp_path, kind, count=7)
-    answer = invert_by_gradient(problem, InversionSettings(7, steps=80, spp=8, engine="gradient"), silent)
+    answer = invert_by_gradient(problem, InversionSettings(7, steps=80, spp=8, engine="gradient"),
+                                silent)
     response = problem.response / problem.response.sum(axis=1, keepdims=True)
     # Eight paths a step: 2 % of white in the strongest bands.
     np.testing.assert_allclose(answer.signals[0], response @ PAINT, atol=0.02)
 
 
-@pytest.mark.parametrize("kind, engine", [("diffuse", "light transport"), ("roughplastic", "gradient descent")])
-def test_the_engine_is_chosen_by_the_materials_and_the_choice_is_said(tmp_path, monkeypatch, kind, engine):
+@pytest.mark.parametrize("kind, engine",
+                         [("diffuse", "light transport"), ("roughplastic", "gradient descent")])
+def test_the_engine_is_chosen_by_the_materials_and_the_choice_is_said(tmp_path, monkeypatch, kind,
+                                                                      engine):
     monkeypatch.setattr(transport_engine, "MOST_SPP", 64)
     problem = ball(tmp_path, kind)
-    found = reconstruct(problem.scene_file, photo_of(problem.measured), camera(), SCALE_ONE, problem.materials, BANDS,
-                        InversionSettings(5, steps=4, spp=2, engine="auto"), silent)
+    found = reconstruct(problem.scene_file, photo_of(problem.measured), camera(), SCALE_ONE,
+                        problem.materials, BANDS, InversionSettings(5, steps=4, spp=2,
+                                                                    engine="auto"), silent)
     assert engine in found.engine
     assert ("paint" in found.notes[0] and "gradient" in found.notes[0]) == (kind != "diffuse")

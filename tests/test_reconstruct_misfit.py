@@ -1,12 +1,14 @@
-"""Tests of surfaces against the rendering: silent on scenes that fit, and naming what does not. NumPy alone."""
+"""Tests of surfaces against the rendering: silent on scenes that fit, and naming what does not.
+NumPy alone.
+"""
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from radiometry.records import SurfaceAgreement
-from reconstruct.agreement import scene_errors
-from reconstruct.misfit import FALSE_ALARM, holm, misfit_notes, surface_tests
+from spectrabox.radiometry.records import SurfaceAgreement
+from spectrabox.reconstruct.agreement import scene_errors
+from spectrabox.reconstruct.misfit import FALSE_ALARM, holm, misfit_notes, surface_tests
 
 NAMES = ("white / floor", "white / back", "red / wall", "grey / lid")
 SIZE = 48
@@ -44,13 +46,15 @@ def test_the_surface_and_band_that_do_not_fit_are_named():
     # The mean of 576 pixels of 3 % noise: 0.13 %.
     assert wrong[0].deviation == pytest.approx(0.1, abs=0.006) and wrong[0].adjusted < FALSE_ALARM
     note, = misfit_notes(wrong, ("R", "G", "B"))
-    assert note.startswith("red / wall does not fit: the photo is 10% brighter in G than the rendering")
+    assert note.startswith("red / wall does not fit: the photo is 10% brighter in G than the "
+                           "rendering")
 
 
 def test_a_gradient_that_keeps_the_mean_is_found_by_the_shape():
     rng = np.random.default_rng(2)
     measured = photo(rng)
-    measured[SURFACE == 3] *= 1 + 0.15 * np.linspace(-1, 1, SIZE)[np.nonzero(SURFACE == 3)[1]][:, None]
+    measured[SURFACE == 3] *= 1 + 0.15 * np.linspace(-1, 1, SIZE)[np.nonzero(SURFACE == 3)[1]][:,
+                                                                                               None]
     wrong = [test for test in judged(measured) if not test.fits]
     assert {(test.surface, test.kind) for test in wrong} >= {("grey / lid", "shape")}
     assert {test.surface for test in wrong} == {"grey / lid"}
@@ -77,7 +81,8 @@ def test_an_error_that_was_stated_is_no_misfit():
 def test_surfaces_without_enough_pixels_are_not_judged():
     used = USED & (SURFACE != 1)
     used[SIZE // 4, :5] = True
-    assert {test.surface for test in judged(photo(np.random.default_rng(5)), used=used)} == set(NAMES) - {NAMES[1]}
+    assert {test.surface for test in judged(photo(np.random.default_rng(5)),
+                                            used=used)} == set(NAMES) - {NAMES[1]}
 
 
 def test_holm_by_hand():
@@ -90,15 +95,19 @@ def test_the_errors_of_a_scene_are_read_off_surfaces_of_one_paint():
     rng = np.random.default_rng(6)
     grey, colour = 0.2 * rng.standard_normal((400, 1)), 0.03 * rng.standard_normal((400, 3))
     ratio = np.exp(grey + colour)
-    agreement = SurfaceAgreement(("s",) * 400, ("white",) * 400, np.full(400, 160), ratio, np.full((400, 3), 0.1))
+    agreement = SurfaceAgreement(("s",) * 400, ("white",) * 400, np.full(400, 160), ratio,
+                                 np.full((400, 3), 0.1))
     found = scene_errors(agreement, frozenset({"white"}), regions=400 * 20)
-    # 400 surfaces: standard deviations good to 3.5 %. The mean of three bands has colour / sqrt(3) in it, 0.4 % of it.
+    # 400 surfaces: standard deviations good to 3.5 %. The mean of three bands has colour / sqrt(3)
+    # in it, 0.4 % of it.
     assert found.brightness == pytest.approx(0.2, rel=0.12) and found.colour == pytest.approx(0.03, rel=0.12)
     assert found.block == pytest.approx(0.1 * np.sqrt(20 / 5))  # 20 blocks on a surface speak for 5
     unknown = scene_errors(agreement, frozenset(), regions=400)
-    assert unknown.brightness == pytest.approx(found.brightness, rel=0.1) and unknown.block == pytest.approx(0.1)
+    assert unknown.brightness == pytest.approx(found.brightness,
+                                               rel=0.1) and unknown.block == pytest.approx(0.1)
 
 
 def test_a_scene_without_two_surfaces_of_one_paint_tells_no_errors():
-    agreement = SurfaceAgreement(("a", "b"), ("white", "red"), np.array([9, 9]), np.ones((2, 3)), np.zeros((2, 3)))
+    agreement = SurfaceAgreement(("a", "b"), ("white", "red"), np.array([9, 9]), np.ones((2, 3)),
+                                 np.zeros((2, 3)))
     assert scene_errors(agreement, frozenset(), regions=2) is None

@@ -6,15 +6,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fixtures.object_views import cameras, object_mesh, view_xml, write_ply
-from radiometry.errors import InputError
-from reconstruct.inverse_problem import MaterialSpec, View, inverse_problems
-from reconstruct.renderer import load_scene, render, start_mitsuba
-from reconstruct.scene_file import read_scene
-from reconstruct.shape import ShapeSettings, bounding_sphere, reconstruct_shape, silhouette, wearing
-from reconstruct.shape_descent import Stage
-from reconstruct.shape_edges import add_outline_gradient
-from reconstruct.shape_mesh import icosphere, large_steps, subdivided, write_mesh
+from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.problem import MaterialSpec, View, inverse_problems
+from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.shape.descent import Stage
+from spectrabox.reconstruct.shape.edges import add_outline_gradient
+from spectrabox.reconstruct.shape.mesh import icosphere, large_steps, subdivided, write_mesh
+from spectrabox.reconstruct.shape.shape import (
+    ShapeSettings,
+    bounding_sphere,
+    reconstruct_shape,
+    silhouette,
+    wearing,
+)
+
 from tests.cornell_problem import BANDS, GRID, SCALE_ONE, camera, photo_of
 
 WIDTH = 24
@@ -42,8 +49,8 @@ def blank_views(folder, count):
     for number, position in enumerate(cameras(count)):
         path = folder / f"view_{number}.xml"
         path.write_text(view_xml(position, WIDTH), encoding="utf-8")
-        views.append(View(f"view {number}", read_scene(path), photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), BANDS,
-                          SCALE_ONE))
+        views.append(View(f"view {number}", read_scene(path), photo_of(np.ones((WIDTH, WIDTH, 3))),
+                          camera(), BANDS, SCALE_ONE))
     return views
 
 
@@ -55,8 +62,8 @@ def problem_of(view):
 def test_the_sphere_is_closed_and_turned_outwards(level):
     vertices, faces = icosphere(level)
     assert len(vertices) == 10 * 4**level + 2 and len(faces) == 20 * 4**level
-    edges, times = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0,
-                             return_counts=True)
+    edges, times = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1),
+                             axis=0, return_counts=True)
     assert np.all(times == 2) and len(vertices) - len(edges) + len(faces) == 2  # Euler
     # An inscribed body: smaller than the ball, by less than 40 % from the icosahedron on.
     assert 0.6 < volume(vertices, faces) / (4 / 3 * np.pi) < 1
@@ -86,7 +93,8 @@ def test_the_gradient_by_a_motion_agrees_with_finite_differences(tmp_path, motio
 
     vertices, faces = icosphere(3)
     write_mesh(tmp_path / "ball.ply", vertices, faces)
-    scene = problem_of(wearing(blank_views(tmp_path, 3)[1], "object", tmp_path / "ball.ply")).scene()
+    scene = problem_of(wearing(blank_views(tmp_path, 3)[1], "object",
+                               tmp_path / "ball.ply")).scene()
     parameters = mi.traverse(scene)
     key = "object.vertex_positions"
     start = np.array(parameters[key], dtype=float).reshape(-1, 3)
@@ -107,7 +115,8 @@ def test_the_gradient_by_a_motion_agrees_with_finite_differences(tmp_path, motio
         for parts in (inside, outline):
             step = mi.Float(0.0)
             dr.enable_grad(step)
-            put(mi.Float(start.astype(np.float32).ravel()) + step * mi.Float(toward.astype(np.float32).ravel()))
+            put(mi.Float(start.astype(np.float32).ravel())
+                + step * mi.Float(toward.astype(np.float32).ravel()))
             if parts is inside:
                 image = mi.render(scene, parameters, spp=64, seed=seed, seed_grad=seed + 50)
                 dr.backward(dr.sum(image * mi.TensorXf(weight.astype(np.float32)), axis=None))
@@ -115,10 +124,12 @@ def test_the_gradient_by_a_motion_agrees_with_finite_differences(tmp_path, motio
                 add_outline_gradient(scene, weight, 16, seed)
             parts.append(float(dr.grad(step)[0]))
     found = np.mean(inside) + np.mean(outline)
-    error = np.sqrt(np.var(differences, ddof=1) + np.var(inside, ddof=1) + np.var(outline, ddof=1)) / 2
-    # Four standard errors of means of four; and 3 % of the outline's part, where interpolated normals make a facet's
-    # edge brighter or darker than the sampled radiance there.
-    assert found == pytest.approx(np.mean(differences), abs=4 * error + 0.03 * abs(np.mean(outline)))
+    error = np.sqrt(np.var(differences, ddof=1) + np.var(inside, ddof=1)
+                    + np.var(outline, ddof=1)) / 2
+    # Four standard errors of means of four; and 3 % of the outline's part, where interpolated
+    # normals make a facet's edge brighter or darker than the sampled radiance there.
+    assert found == pytest.approx(np.mean(differences),
+                                  abs=4 * error + 0.03 * abs(np.mean(outline)))
     # Without the outline it would be wrong by far more.
     assert abs(np.mean(inside) - np.mean(differences)) > 5 * abs(found - np.mean(differences))
 
@@ -128,7 +139,8 @@ def test_a_bumpy_object_is_found_from_a_sphere(tmp_path):
     views = []
     for number, view in enumerate(blank_views(tmp_path, 6)):
         problem = problem_of(wearing(view, "object", tmp_path / "true.ply"))
-        picture = render(load_scene(problem.xml({"paint": PAINT}, integrator="path")), 128, 500 + number)[0]
+        picture = render(load_scene(problem.xml({"paint": PAINT}, integrator="path")), 128,
+                         500 + number)[0]
         views.append(replace(view, photo=photo_of(picture)))
     settings = ShapeSettings(5, (Stage(2, 30, 0.05, 9.0, 8),), views_per_step=2)
     found = reconstruct_shape(views, "object", MATERIALS, settings, silent)
@@ -136,19 +148,23 @@ def test_a_bumpy_object_is_found_from_a_sphere(tmp_path):
 
     def overlap(shown):
         pairs = [(silhouette(problem_of(shown(view)), "object"),
-                  silhouette(problem_of(wearing(view, "object", tmp_path / "true.ply")), "object")) for view in views]
+                  silhouette(problem_of(wearing(view, "object", tmp_path / "true.ply")), "object"))
+                 for view in views]
         return np.mean([np.minimum(a, b).sum() / np.maximum(a, b).sum() for a, b in pairs])
 
-    # 30 steps on 162 vertices at 24 pixels: the full fit (benchmarks/paper/figure_6.py) reaches 0.98.
+    # 30 steps on 162 vertices at 24 pixels: the full fit (benchmarks/paper/figure_6.py) reaches
+    # 0.98.
     assert overlap(lambda view: view) < 0.65
     assert overlap(lambda view: wearing(view, "object", tmp_path / "found.ply")) > 0.75
     assert volume(found.vertices, found.faces) > 0
     assert found.loss_history[-5:].mean() < 0.4 * found.loss_history[:2].mean()
-    assert np.all((found.coefficients >= 0) & (found.coefficients <= 1)) and found.spectrum.shape == GRID.nm.shape
+    assert np.all((found.coefficients >= 0)
+                  & (found.coefficients <= 1)) and found.spectrum.shape == GRID.nm.shape
 
 
 def test_the_same_seed_gives_the_same_mesh(tmp_path):
-    views = [replace(view, photo=photo_of(np.full((WIDTH, WIDTH, 3), 0.5))) for view in blank_views(tmp_path, 3)]
+    views = [replace(view, photo=photo_of(np.full((WIDTH, WIDTH, 3), 0.5)))
+             for view in blank_views(tmp_path, 3)]
 
     def vertices(seed):
         settings = ShapeSettings(5, (Stage(1, 2, 0.05, 9.0, 4),), views_per_step=1, seed=seed)
@@ -167,10 +183,13 @@ def test_the_start_is_the_sphere_of_the_scene(tmp_path):
 def test_what_no_shape_can_be_found_from_is_refused(tmp_path):
     views = blank_views(tmp_path, 3)
     for given, shape, materials, words in (
-            (views[:2], "object", MATERIALS, "2 photos of the object are given; 3 or more"),
-            (views, "teapot", MATERIALS, r"view_0\.xml has no shape with the id 'teapot'; it has object"),
-            ([*views[:2], replace(views[2], light_scale=None)], "object", MATERIALS, "scale of view 2 is unknown"),
-            (views, "object", (MaterialSpec("paint", "paint", PAINT),), "wears no material that is looked for"),
-            (views, "object", (*MATERIALS, MaterialSpec("stand", "stand")), "the spectrum of stand is unknown")):
+        (views[:2], "object", MATERIALS, "2 photos of the object are given; 3 or more"),
+        (views, "teapot", MATERIALS,
+         r"view_0\.xml has no shape with the id 'teapot'; it has object"),
+        ([*views[:2], replace(views[2], light_scale=None)], "object", MATERIALS,
+         "scale of view 2 is unknown"), (views, "object", (MaterialSpec("paint", "paint", PAINT),),
+                                         "wears no material that is looked for"),
+        (views, "object", (*MATERIALS, MaterialSpec("stand", "stand")),
+         "the spectrum of stand is unknown")):
         with pytest.raises(InputError, match=words):
             reconstruct_shape(given, shape, materials, ShapeSettings(), silent)

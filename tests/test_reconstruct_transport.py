@@ -6,17 +6,39 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from fixtures.cornell_box import MATERIALS
-from radiometry.errors import InputError
-from radiometry.interreflection import band_products, exponents_up_to, product_count, signal
-from reconstruct import transport
-from reconstruct.inverse_problem import InversionSettings, inverse_problem
-from reconstruct.inverse_rendering import reconstruct
-from reconstruct.renderer import load_scene, render, start_mitsuba
-from reconstruct.scene_xml import scene_xml
-from reconstruct.transport import joined, light_transport, require_memory, shaded_image, trace_transport
-from reconstruct.transport_engine import unit_scene
-from tests.cornell_problem import BANDS, GRID, SCALE_ONE, TRUTH, WIDTH, camera, photo_of, scene, specs
+from spectrabox.fixtures.cornell_box import MATERIALS
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.interreflection import (
+    band_products,
+    exponents_up_to,
+    product_count,
+    signal,
+)
+from spectrabox.reconstruct.engines.transport_engine import unit_scene
+from spectrabox.reconstruct.inverse_rendering import reconstruct
+from spectrabox.reconstruct.problem import InversionSettings, inverse_problem
+from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.scene.scene_xml import scene_xml
+from spectrabox.reconstruct.tracer import transport
+from spectrabox.reconstruct.tracer.transport import (
+    joined,
+    light_transport,
+    require_memory,
+    shaded_image,
+    trace_transport,
+)
+
+from tests.cornell_problem import (
+    BANDS,
+    GRID,
+    SCALE_ONE,
+    TRUTH,
+    WIDTH,
+    camera,
+    photo_of,
+    scene,
+    specs,
+)
 
 SIZE = (WIDTH, WIDTH)
 ALL = np.arange(WIDTH * WIDTH).reshape(WIDTH, WIDTH)
@@ -32,12 +54,13 @@ def mitsuba():
 @pytest.fixture(scope="module")
 def problem(tmp_path_factory):
     photo = photo_of(np.ones((WIDTH, WIDTH, 3)))
-    return inverse_problem(scene(tmp_path_factory.mktemp("box"), max_depth=5), photo, camera(), SCALE_ONE, specs(),
-                           BANDS, 7)
+    return inverse_problem(scene(tmp_path_factory.mktemp("box"), max_depth=5), photo, camera(),
+                           SCALE_ONE, specs(), BANDS, 7)
 
 
 def traced(problem, region=ALL, spp=64, seed=1, bounces=4, **options):
-    return trace_transport(unit_scene(problem), NAMES, SIZE, region, bounces=bounces, spp=spp, seed=seed, **options)
+    return trace_transport(unit_scene(problem), NAMES, SIZE, region, bounces=bounces, spp=spp,
+                           seed=seed, **options)
 
 
 def blocks(image, side=4):
@@ -45,25 +68,33 @@ def blocks(image, side=4):
 
 
 def test_the_transport_shows_the_picture_of_mitsuba_s_spectral_film(problem):
-    """Z-test of 64 blocks and three bands at the 1 % level, Sidak-corrected, with the scatter of 12 runs of each."""
+    """Z-test of 64 blocks and three bands at the 1 % level, Sidak-corrected, with the scatter of 12
+    runs of each.
+    """
     xml = problem.xml(dict(zip(MATERIALS, SPECTRA, strict=True)), integrator="path")
     film = load_scene(xml)
     theirs = np.array([blocks(render(film, 64, 100 + run)[0]) for run in range(12)])
     runs = [traced(problem, seed=run, passes=1) for run in range(12)]
-    ours = np.array([blocks(signal(run.coefficients, run.exponents, SPECTRA, problem.response).reshape(*SIZE, 3))
+    ours = np.array([blocks(signal(run.coefficients, run.exponents, SPECTRA,
+                                   problem.response).reshape(*SIZE, 3))
                      for run in runs])
     difference = ours.mean(axis=0) - theirs.mean(axis=0)
     z = difference / np.sqrt((ours.var(axis=0, ddof=1) + theirs.var(axis=0, ddof=1)) / 12)
-    # t of about 22 degrees of freedom has wider tails than the normal law: its quantile here is 4.9, the normal's 4.1.
+    # t of about 22 degrees of freedom has wider tails than the normal law: its quantile here is
+    # 4.9, the normal's 4.1.
     level = 1 - (1 - 0.01) ** (1 / z.size)
     assert np.abs(z).max() < norm.isf(level / 2) * 1.2
 
 
 def test_a_region_receives_the_mean_of_its_pixels(problem):
-    """Other paths, so a Z-test of the four regions at the 1 % level, with the scatter of 16 passes of each."""
-    region = np.repeat(np.repeat(np.arange(4).reshape(2, 2), WIDTH // 2, axis=0), WIDTH // 2, axis=1)
+    """Other paths, so a Z-test of the four regions at the 1 % level, with the scatter of 16 passes
+    of each.
+    """
+    region = np.repeat(np.repeat(np.arange(4).reshape(2, 2), WIDTH // 2, axis=0), WIDTH // 2,
+                       axis=1)
     grey = 0.5 ** exponents_up_to(3, 4).sum(axis=1)
-    pixels, regions = (traced(problem, where, passes=16).passes[:, :, 0] @ grey for where in (ALL, region))
+    pixels, regions = (traced(problem, where, passes=16).passes[:, :, 0] @ grey
+                       for where in (ALL, region))
     means = pixels.reshape(16, 2, WIDTH // 2, 2, WIDTH // 2).mean(axis=(2, 4)).reshape(16, 4)
     z = (regions.mean(axis=0) - means.mean(axis=0)) / np.sqrt((regions.var(axis=0, ddof=1)
                                                                + means.var(axis=0, ddof=1)) / 16)
@@ -79,10 +110,12 @@ def test_the_same_seed_gives_the_same_paths(problem):
 
 def test_one_bounce_is_linear_and_more_bounces_only_add_light(problem):
     one, four = traced(problem, bounces=1, seed=2), traced(problem, bounces=4, seed=2)
-    assert one.exponents.sum(axis=1).max() == 1 and len(four.exponents) == len(exponents_up_to(3, 4))
+    assert one.exponents.sum(axis=1).max() == 1 and len(four.exponents) == len(exponents_up_to(3,
+                                                                                               4))
     direct = four.coefficients[:, four.exponents.sum(axis=1) == 1]
     lit = one.coefficients[:, 1:].sum()
-    # Direct light by the same estimator with other random numbers: 0.3 % of noise in each sum over the picture.
+    # Direct light by the same estimator with other random numbers: 0.3 % of noise in each sum over
+    # the picture.
     assert direct.sum() == pytest.approx(lit, rel=0.02)
     assert (four.passes >= 0).all() and four.coefficients.sum() > 1.2 * lit
 
@@ -90,17 +123,20 @@ def test_one_bounce_is_linear_and_more_bounces_only_add_light(problem):
 def test_the_shaded_image_is_the_transport_with_signals_put_in(problem):
     exponents = exponents_up_to(3, 4)
     signals = band_products(exponents, SPECTRA, problem.response)
-    image = shaded_image(unit_scene(problem), NAMES, SIZE, exponents, signals, bounces=4, spp=256, seed=5)
+    image = shaded_image(unit_scene(problem), NAMES, SIZE, exponents, signals, bounces=4, spp=256,
+                         seed=5)
     found = traced(problem, spp=256, seed=6)
-    other = signal(found.coefficients, found.exponents, SPECTRA, problem.response).reshape(image.shape)
-    # Two renderings of 260 000 paths, each mean good to 0.4 %: five standard deviations of their difference.
+    other = signal(found.coefficients, found.exponents, SPECTRA,
+                   problem.response).reshape(image.shape)
+    # Two renderings of 260 000 paths, each mean good to 0.4 %: five standard deviations of their
+    # difference.
     np.testing.assert_allclose(image.mean(axis=(0, 1)), other.mean(axis=(0, 1)), rtol=0.03)
 
 
 def test_lights_are_told_apart_and_add_up(tmp_path):
     text = scene_with_two_lamps()
-    two = inverse_problem(scene(tmp_path, text), photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), SCALE_ONE, specs(),
-                          BANDS, 7)
+    two = inverse_problem(scene(tmp_path, text), photo_of(np.ones((WIDTH, WIDTH, 3))), camera(),
+                          SCALE_ONE, specs(), BANDS, 7)
     apart = traced(two, lights=(("lamp",), ("bulb",)), seed=9)
     together = traced(two, seed=9)
     both = apart.coefficients.reshape(ALL.size, 2, -1)
@@ -111,7 +147,7 @@ def test_lights_are_told_apart_and_add_up(tmp_path):
 
 
 def scene_with_two_lamps():
-    from fixtures.cornell_box import cornell_box_xml
+    from spectrabox.fixtures.cornell_box import cornell_box_xml
     bulb = ('<emitter type="point" id="bulb"><point name="position" value="0.3, 0, 0.8"/>'
             '<spectrum name="intensity" value="0.5"/></emitter></scene>')
     return cornell_box_xml(WIDTH, 4).replace("</scene>", bulb)
@@ -121,9 +157,10 @@ def test_two_traces_join_to_one_of_more_paths(problem):
     first, second = traced(problem, spp=16, seed=1), traced(problem, spp=48, seed=2)
     whole = joined(first, second)
     assert whole.spp == 16 + 64
-    # float32 weights of a fifth and four fifths; 48 paths per pixel become 64, a power of two in each pass.
-    np.testing.assert_allclose(whole.coefficients, (first.coefficients + 4 * second.coefficients) / 5, rtol=1e-5,
-                               atol=1e-7)
+    # float32 weights of a fifth and four fifths; 48 paths per pixel become 64, a power of two in
+    # each pass.
+    np.testing.assert_allclose(whole.coefficients, (first.coefficients + 4 * second.coefficients)
+                               / 5, rtol=1e-5, atol=1e-7)
 
 
 def test_the_record_holds_the_monte_carlo_covariance(problem):
@@ -132,7 +169,8 @@ def test_the_record_holds_the_monte_carlo_covariance(problem):
     assert record.coefficients.shape == (2, len(exponents_up_to(3, 4)))
     values = np.linalg.eigvalsh(record.covariance[0])
     # Four passes tell three directions; the others are zero up to round-off.
-    assert np.count_nonzero(values > 1e-9 * values.max()) <= 3 and values.min() > -1e-9 * values.max()
+    assert np.count_nonzero(values > 1e-9
+                            * values.max()) <= 3 and values.min() > -1e-9 * values.max()
 
 
 def test_many_products_are_pruned_within_the_stated_bound(problem, monkeypatch):
@@ -146,65 +184,81 @@ def test_many_products_are_pruned_within_the_stated_bound(problem, monkeypatch):
 def test_a_transport_that_does_not_fit_into_memory_is_refused_beforehand():
     with pytest.raises(InputError, match=r"of 100000 regions and 1287 products .* needs 6\.7 GiB, more than the 2"):
         require_memory(100_000, 1287, 4, 5, 8)
-    require_memory(1024, 12870, 4, 8, 8)  # as many blocks as there are, 8 materials, 8 bounces, nothing pruned
+    # as many blocks as there are, 8 materials, 8 bounces, nothing pruned
+    require_memory(1024, 12870, 4, 8, 8)
 
 
 def test_eight_materials_and_eight_bounces_are_pruned_to_what_is_worth_its_memory(tmp_path):
-    """12870 products become few, and what other paths find in the dropped ones is what the pruning says."""
+    """12870 products become few, and what other paths find in the dropped ones is what the pruning
+    says.
+    """
     names = tuple(f"m{number}" for number in range(8))
     text = eight_materials(names)
-    many = load_scene(scene_xml(scene(tmp_path, text), reflectances=dict.fromkeys(names, np.ones(2)), light=np.ones(2),
+    many = load_scene(scene_xml(scene(tmp_path, text),
+                                reflectances=dict.fromkeys(names, np.ones(2)), light=np.ones(2),
                                 bands={"one": np.ones(2)}, range_nm=(400.0, 700.0), size=SIZE))
     options = {"bounces": 8, "seed": 3, "region": np.zeros((WIDTH, WIDTH), int)}
     found = trace_transport(many, {name: name for name in names}, SIZE, spp=64, **options)
     assert product_count(8, 8) == 12870 and len(found.exponents) < 10000
     assert transport.DROPPED < found.dropped < 1e-3
-    whole = trace_transport(many, {name: name for name in names}, SIZE, spp=256, exponents=exponents_up_to(8, 8),
-                            **(options | {"seed": 4}))
+    whole = trace_transport(many, {name: name for name in names}, SIZE, spp=256,
+                            exponents=exponents_up_to(8, 8), **(options | {"seed": 4}))
     kept = {tuple(row) for row in found.exponents.tolist()}
     bright = whole.coefficients[0] * transport.BRIGHTEST ** whole.exponents.sum(axis=1)
-    lost = sum(value for row, value in zip(whole.exponents.tolist(), bright, strict=True) if tuple(row) not in kept)
-    # Two estimates from 500 000 and 260 000 paths, of which a few hundred end in the dropped products.
+    lost = sum(value for row, value in zip(whole.exponents.tolist(), bright, strict=True)
+               if tuple(row) not in kept)
+    # Two estimates from 500 000 and 260 000 paths, of which a few hundred end in the dropped
+    # products.
     assert lost / bright.sum() == pytest.approx(found.dropped, rel=0.4)
 
 
 def eight_materials(names):
-    """The box with a material for each wall and block, and an eighth on a board in front of the back wall."""
-    from fixtures.cornell_box import cornell_box_xml
+    """The box with a material for each wall and block, and an eighth on a board in front of the
+    back wall.
+    """
+    from spectrabox.fixtures.cornell_box import cornell_box_xml
     text = cornell_box_xml(WIDTH, 9)
     start, end = text.index("    <bsdf"), text.index('    <shape type="rectangle" id="floor">')
     walls = text[end:].split('<ref id="')
     worn = walls[0] + "".join(f'<ref id="{name}{part[part.index(chr(34)):]}'
                               for name, part in zip(names, walls[1:], strict=False))
-    board = ('<shape type="rectangle" id="board"><ref id="m7"/><transform name="to_world"><scale value="0.3"/>'
-             '<translate y="0.5" z="-0.95"/></transform></shape></scene>')
-    bsdfs = "".join(f'<bsdf type="diffuse" id="{name}"><spectrum name="reflectance" value="0.5"/></bsdf>'
+    board = ('<shape type="rectangle" id="board"><ref id="m7"/><transform name="to_world"><scale '
+             'value="0.3"/><translate y="0.5" z="-0.95"/></transform></shape></scene>')
+    bsdfs = "".join(f'<bsdf type="diffuse" id="{name}"><spectrum name="reflectance" '
+                    'value="0.5"/></bsdf>'
                     for name in names)
     return text[:start] + bsdfs + worn.replace("</scene>", board)
 
 
 def test_a_surface_without_a_material_is_refused(problem):
     with pytest.raises(InputError, match="the scene's BSDF 'red' has no material"):
-        trace_transport(unit_scene(problem), {"white": "white", "green": "green"}, SIZE, ALL, bounces=2, spp=4, seed=1)
+        trace_transport(unit_scene(problem), {"white": "white", "green": "green"}, SIZE, ALL,
+                        bounces=2, spp=4, seed=1)
 
 
 def test_a_coated_surface_is_sent_to_the_gradient_engine(tmp_path):
-    from fixtures.cornell_box import cornell_box_xml
-    text = cornell_box_xml(WIDTH).replace('<bsdf type="diffuse" id="red"><spectrum name="reflectance" value="0.5"/>',
+    from spectrabox.fixtures.cornell_box import cornell_box_xml
+    text = cornell_box_xml(WIDTH).replace('<bsdf type="diffuse" id="red"><spectrum '
+                                          'name="reflectance" value="0.5"/>',
                                           '<bsdf type="roughplastic" id="red">')
     photo = photo_of(np.ones((WIDTH, WIDTH, 3)))
-    with pytest.raises(InputError, match=r"red of box\.xml is coated or glossy.*engine = \"gradient\""):
-        reconstruct(scene(tmp_path, text), photo, camera(), SCALE_ONE, specs(), BANDS, InversionSettings(7),
+    with pytest.raises(InputError,
+                       match=r"red of box\.xml is coated or glossy.*engine = \"gradient\""):
+        reconstruct(scene(tmp_path, text), photo, camera(), SCALE_ONE, specs(), BANDS,
+                    InversionSettings(7),
                     lambda done, what: None)
 
 
 def test_a_transport_of_a_black_wall_equals_a_scene_with_a_black_wall(problem):
-    """A reflectance of zero drops every product with that material, as if the wall swallowed the light."""
+    """A reflectance of zero drops every product with that material, as if the wall swallowed the
+    light.
+    """
     spectra = SPECTRA.copy()
     spectra[2] = 0
     found = traced(problem, spp=16)
     image = signal(found.coefficients, found.exponents, spectra, problem.response)
     without = found.exponents[:, 2] == 0
-    reduced = found.coefficients[:, without] @ band_products(found.exponents, spectra, problem.response)[without]
+    reduced = found.coefficients[:, without] @ band_products(found.exponents, spectra,
+                                                             problem.response)[without]
     np.testing.assert_allclose(image, reduced, rtol=1e-12)  # round-off
     assert GRID.nm.size == spectra.shape[1]

@@ -1,4 +1,6 @@
-"""Several photos of one box in one fit: other lights, exposures, viewpoints and cameras; and what is refused."""
+"""Several photos of one box in one fit: other lights, exposures, viewpoints and cameras; and what
+is refused.
+"""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -6,19 +8,40 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fixtures.cornell_box import MATERIALS, cornell_box_xml
-from radiometry.errors import InputError
-from radiometry.interreflection import band_products, exponents_up_to
-from radiometry.records import Quantity, Spectrum
-from reconstruct import transport_engine
-from reconstruct.inverse_problem import InversionSettings, LearntSpectra, View, inverse_problems, spectrum_prior
-from reconstruct.inverse_rendering import JointReconstruction, reconstruct, reconstruct_views
-from reconstruct.renderer import start_mitsuba
-from reconstruct.transport import shaded_image
-from reconstruct.transport_engine import unit_scene
-from reconstruct.vignetting import cos4_gain
-from session.record_files import pack, unpack
-from tests.cornell_problem import BANDS, GRID, SCALE_ONE, TRUTH, WIDTH, camera, photo_of, scene, specs
+from spectrabox.fixtures.cornell_box import MATERIALS, cornell_box_xml
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.interreflection import band_products, exponents_up_to
+from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.reconstruct.engines import transport_engine
+from spectrabox.reconstruct.engines.transport_engine import unit_scene
+from spectrabox.reconstruct.inverse_rendering import (
+    JointReconstruction,
+    reconstruct,
+    reconstruct_views,
+)
+from spectrabox.reconstruct.problem import (
+    InversionSettings,
+    LearntSpectra,
+    View,
+    inverse_problems,
+    spectrum_prior,
+)
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.tracer.transport import shaded_image
+from spectrabox.reconstruct.vignetting import cos4_gain
+from spectrabox.session.store.record_files import pack, unpack
+
+from tests.cornell_problem import (
+    BANDS,
+    GRID,
+    SCALE_ONE,
+    TRUTH,
+    WIDTH,
+    camera,
+    photo_of,
+    scene,
+    specs,
+)
 
 SPECTRA = np.array([TRUTH[name] for name in MATERIALS])
 BOUNCES = 3
@@ -48,18 +71,23 @@ def folder(tmp_path_factory):
 
 
 def photographed(view, seed, brightness=1.0, lights=None):
-    """The view with the photo that its scene gives with the true spectra, ``brightness`` times as bright."""
+    """The view with the photo that its scene gives with the true spectra, ``brightness`` times as
+    bright.
+    """
     problem = inverse_problems([replace(view, light_scale=SCALE_ONE)], specs(), 7)[0]
     exponents = exponents_up_to(3, BOUNCES)
     responses = problem.responses if lights is not None else problem.responses[:1]
     signals = np.vstack([gain * band_products(exponents, SPECTRA, response)
                          for gain, response in zip(lights or (1.0,), responses, strict=True)])
-    image = brightness * shaded_image(unit_scene(problem), {name: name for name in MATERIALS}, problem.size, exponents,
-                                      signals, bounces=BOUNCES, spp=512, seed=seed,
+    image = brightness * shaded_image(unit_scene(problem), {name: name for name in MATERIALS},
+                                      problem.size, exponents, signals, bounces=BOUNCES, spp=512,
+                                      seed=seed,
                                       lights=None if lights is None else problem.light_groups)
     rng = np.random.default_rng(seed)
     variance = (NOISE * np.maximum(image, 0.01 * image.max())) ** 2
-    return replace(view, photo=photo_of(image + np.sqrt(variance) * rng.standard_normal(image.shape), variance))
+    return replace(view,
+                   photo=photo_of(image + np.sqrt(variance) * rng.standard_normal(image.shape),
+                                  variance))
 
 
 def view(folder, name, light=None, text=None, scale=SCALE_ONE):
@@ -73,12 +101,13 @@ def first(folder):
 
 
 def test_one_view_is_what_reconstruct_gives(first):
-    alone = reconstruct(first.scene_file, first.photo, first.calibration, first.light_scale, specs(), BANDS, SETTINGS,
-                        silent)
+    alone = reconstruct(first.scene_file, first.photo, first.calibration, first.light_scale,
+                        specs(), BANDS, SETTINGS, silent)
     joint = reconstruct_views([first], specs(), SETTINGS, silent)
     # The same sums in another order.
     np.testing.assert_allclose(joint.signal, alone.signal, rtol=1e-9)
-    np.testing.assert_allclose(joint.signal_covariance, alone.signal_covariance, rtol=1e-6, atol=1e-15)
+    np.testing.assert_allclose(joint.signal_covariance, alone.signal_covariance, rtol=1e-6,
+                               atol=1e-15)
     np.testing.assert_array_equal(joint.model_covariance, alone.model_covariance)
     assert joint.bands == tuple(f"rising: {band}" for band in BANDS)
 
@@ -89,10 +118,13 @@ def test_the_bands_of_two_lights_stand_side_by_side(folder, first):
     assert joint.signal.shape == (3, 6) and joint.view_of_band.tolist() == [0, 0, 0, 1, 1, 1]
     np.testing.assert_allclose(joint.response.sum(axis=1), 1.0, rtol=1e-12)
     wanted = SPECTRA @ joint.response.T
-    # Photo and transport are each good to about 1 % per surface, the small red and green signals to 3 %.
+    # Photo and transport are each good to about 1 % per surface, the small red and green signals to
+    # 3 %.
     np.testing.assert_allclose(joint.signal, wanted, rtol=0.06, atol=0.012)
-    for signal, covariance, truth in zip(joint.signal, joint.signal_covariance, wanted, strict=True):
-        # Six degrees of freedom, 0.1 % level 22.5; twice that, for gains of surfaces are told apart from it.
+    for signal, covariance, truth in zip(joint.signal, joint.signal_covariance, wanted,
+                                         strict=True):
+        # Six degrees of freedom, 0.1 % level 22.5; twice that, for gains of surfaces are told apart
+        # from it.
         assert (signal - truth) @ np.linalg.solve(covariance, signal - truth) < 45
     np.testing.assert_array_equal(joint.views[0].spectra, joint.views[1].spectra)
     assert (joint.model_covariance[:, :3, 3:] == 0).all() and joint.model_covariance[0, 3, 3] > 0
@@ -113,7 +145,8 @@ def test_another_exposure_needs_no_scale_and_adds_no_band(first):
 
 def test_two_viewpoints_of_the_same_box(folder, first):
     text = cornell_box_xml(WIDTH, BOUNCES + 1).replace('origin="0, 0, 3.9" target="0, 0, 0"',
-                                                       'origin="0.5, 0.3, 3.6" target="-0.2, -0.1, 0"')
+                                                       'origin="0.5, 0.3, 3.6" target="-0.2, -0.1, '
+                                                       '0"')
     other = photographed(view(folder, "from the right", text=text), 74)
     joint = reconstruct_views([first, other], specs(), SETTINGS, silent)
     assert joint.views[0].surface.shape == joint.views[1].surface.shape
@@ -124,11 +157,13 @@ def test_two_viewpoints_of_the_same_box(folder, first):
 def test_another_camera_with_more_bands(folder, first):
     given = camera()
     curves = np.exp(-0.5 * ((GRID.nm - np.array([[430.0], [510.0], [570.0], [640.0]])) / 20) ** 2)
-    four = replace(given, sensitivity=replace(given.sensitivity, curves=curves), relative_covariance=np.zeros((4, 4)))
+    four = replace(given, sensitivity=replace(given.sensitivity, curves=curves),
+                   relative_covariance=np.zeros((4, 4)))
     blank = replace(view(folder, "four"), calibration=four, bands=("a", "b", "c", "d"),
                     photo=photo_of(np.ones((WIDTH, WIDTH, 4))))
     joint = reconstruct_views([first, photographed(blank, 77)], specs(), SETTINGS, silent)
-    assert joint.bands[3:] == ("four: a", "four: b", "four: c", "four: d") and joint.signal.shape == (3, 7)
+    assert joint.bands[3:] == ("four: a", "four: b", "four: c",
+                               "four: d") and joint.signal.shape == (3, 7)
     np.testing.assert_allclose(joint.signal, SPECTRA @ joint.response.T, rtol=0.06, atol=0.012)
     arrays = {}
     stored = pack(joint, "joint", arrays)
@@ -138,8 +173,11 @@ def test_another_camera_with_more_bands(folder, first):
 
 
 def test_a_material_may_hide_in_one_view(folder, first):
-    """A camera that looks past the green wall: the other view knows it, and this one uses its light."""
-    text = cornell_box_xml(WIDTH, BOUNCES + 1).replace('target="0, 0, 0"', 'target="-1.3, 0, 0"').replace(
+    """A camera that looks past the green wall: the other view knows it, and this one uses its
+    light.
+    """
+    text = cornell_box_xml(WIDTH, BOUNCES + 1).replace('target="0, 0, 0"',
+                                                       'target="-1.3, 0, 0"').replace(
         'value="39.3077"', 'value="20"')
     aside = photographed_without_green(folder, text)
     joint = reconstruct_views([first, aside], specs(), SETTINGS, silent)
@@ -149,14 +187,18 @@ def test_a_material_may_hide_in_one_view(folder, first):
 
 
 def photographed_without_green(folder, text):
-    """As ``photographed``, which checks that every material is seen: the photo of a wider view's scene file."""
+    """As ``photographed``, which checks that every material is seen: the photo of a wider view's
+    scene file.
+    """
     wide = view(folder, "aside", text=cornell_box_xml(WIDTH, BOUNCES + 1))
     problem = inverse_problems([wide], specs(), 7)[0]
     narrow = replace(problem, scene_file=view(folder, "aside", text=text).scene_file)
     exponents = exponents_up_to(3, BOUNCES)
-    image = shaded_image(unit_scene(narrow), {name: name for name in MATERIALS}, narrow.size, exponents,
-                         band_products(exponents, SPECTRA, narrow.response), bounces=BOUNCES, spp=256, seed=75)
-    return replace(wide, scene_file=narrow.scene_file, photo=photo_of(image, (0.01 * image + 1e-6) ** 2))
+    image = shaded_image(unit_scene(narrow), {name: name for name in MATERIALS}, narrow.size,
+                         exponents, band_products(exponents, SPECTRA, narrow.response),
+                         bounces=BOUNCES, spp=256, seed=75)
+    return replace(wide, scene_file=narrow.scene_file,
+                   photo=photo_of(image, (0.01 * image + 1e-6) ** 2))
 
 
 def test_two_lamps_of_which_one_is_brighter_than_stated(folder):
@@ -164,14 +206,16 @@ def test_two_lamps_of_which_one_is_brighter_than_stated(folder):
             '<spectrum name="intensity" value="0.5"/></emitter></scene>')
     text = cornell_box_xml(WIDTH, BOUNCES + 1).replace("</scene>", bulb)
     two = photographed(replace(view(folder, "two lamps", text=text),
-                               light_spectra={"bulb": Spectrum(GRID, 0.3 * FALLING, Quantity.RADIANCE, "bulb")}), 76,
+                               light_spectra={"bulb": Spectrum(GRID, 0.3 * FALLING,
+                                                               Quantity.RADIANCE, "bulb")}), 76,
                        lights=(1.0, 1.4))
     wanted = SPECTRA @ camera_rows().T
     plain = reconstruct_views([two], specs(), SETTINGS, silent)
     gained = reconstruct_views([two], specs(), replace(SETTINGS, light_error=0.3), silent)
     note = next(note for note in gained.views[0].notes if note.startswith("lights fitted"))
     lamp, bulb_gain = (float(part.split()[-1]) for part in note.split("factors: ")[1].split(", "))
-    # The scale of light against paint is told by interreflection alone; the ratio of the lamps by their shading.
+    # The scale of light against paint is told by interreflection alone; the ratio of the lamps by
+    # their shading.
     assert bulb_gain / lamp == pytest.approx(1.4, rel=0.05)
     assert np.abs(gained.signal / wanted - 1).mean() < np.abs(plain.signal / wanted - 1).mean()
 
@@ -189,16 +233,24 @@ def test_an_unknown_lamp_is_named(folder, first):
 
 def test_a_vignetted_photo_is_put_right_by_its_gain_field(folder, first):
     gain = cos4_gain(first.scene_file, (WIDTH, WIDTH))
-    # Corner of a square of 39.3 degrees: tan = sqrt(2) tan(19.65 deg), cos^4 = 0.635; half a pixel further in, 0.65.
-    assert gain.max() == pytest.approx(1.0, abs=2e-3) and gain.min() == pytest.approx(0.65, abs=0.01)
-    dark = replace(first, photo=replace(first.photo, signal=first.photo.signal * gain[..., None].astype(np.float32),
-                                        variance=first.photo.variance * gain[..., None].astype(np.float32) ** 2))
-    right, clean, wrong = (inverse_problems([one], specs(), 7)[0] for one in (replace(dark, gain=gain), first, dark))
+    # Corner of a square of 39.3 degrees: tan = sqrt(2) tan(19.65 deg), cos^4 = 0.635; half a pixel
+    # further in, 0.65.
+    assert gain.max() == pytest.approx(1.0, abs=2e-3) and gain.min() == pytest.approx(0.65,
+                                                                                      abs=0.01)
+    dark = replace(first,
+                   photo=replace(first.photo,
+                                 signal=first.photo.signal * gain[..., None].astype(np.float32),
+                                 variance=first.photo.variance * gain[..., None].astype(np.float32)
+                                 ** 2))
+    right, clean, wrong = (inverse_problems([one], specs(), 7)[0]
+                           for one in (replace(dark, gain=gain), first, dark))
     np.testing.assert_allclose(right.measured, clean.measured, rtol=1e-5, atol=1e-9)
     assert np.abs(wrong.measured / clean.measured - 1).max() > 0.3
 
 
-@pytest.mark.parametrize("gain, says", [(np.ones((3, 4)), "shape \\(3, 4\\)"), (np.zeros((WIDTH, WIDTH)), "positive")])
+@pytest.mark.parametrize("gain, says",
+                         [(np.ones((3, 4)), "shape \\(3, 4\\)"), (np.zeros((WIDTH, WIDTH)),
+                                                                  "positive")])
 def test_a_gain_field_that_cannot_be_is_refused(first, gain, says):
     with pytest.raises(InputError, match=says):
         inverse_problems([replace(first, gain=gain)], specs(), 7)
@@ -206,9 +258,11 @@ def test_a_gain_field_that_cannot_be_is_refused(first, gain, says):
 
 def test_a_light_without_a_name_cannot_be_told_from_the_others(folder, first):
     bulb = '<emitter type="point"><point name="position" value="0.3, 0, 0.8"/></emitter></scene>'
-    two = view(folder, "two lamps", text=cornell_box_xml(WIDTH, BOUNCES + 1).replace("</scene>", bulb))
+    two = view(folder, "two lamps", text=cornell_box_xml(WIDTH, BOUNCES + 1).replace("</scene>",
+                                                                                     bulb))
     with pytest.raises(InputError, match="a light without an id"):
-        reconstruct_views([replace(two, photo=first.photo)], specs(), replace(SETTINGS, light_error=0.1), silent)
+        reconstruct_views([replace(two, photo=first.photo)], specs(),
+                          replace(SETTINGS, light_error=0.1), silent)
 
 
 def test_a_view_whose_scale_nothing_tells_is_named(folder, first):
@@ -231,7 +285,8 @@ def test_the_prior_on_spectra_is_an_option(first):
     assert prior is not None
     np.testing.assert_allclose(basis @ prior.mean, mean, rtol=1e-9)
     assert spectrum_prior(SETTINGS, GRID, basis) is None
-    with pytest.raises(InputError, match="no prior on spectra 'magic'; use one of smooth, learnt, none"):
+    with pytest.raises(InputError, match="no prior on spectra 'magic'; use one of smooth, learnt, "
+                       "none"):
         spectrum_prior(replace(SETTINGS, spectrum_prior="magic"), GRID, basis)
     with pytest.raises(InputError, match="needs the mean and covariance"):
         spectrum_prior(replace(SETTINGS, spectrum_prior="learnt"), GRID, basis)

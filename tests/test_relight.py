@@ -6,12 +6,13 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from radiometry.colour_science import colour_science
-from radiometry.named_spectra import light, sensitivities
-from radiometry.spectrum_files import spectrum_on_grid
-from session.inputs import GRID, read_reflectance
-from session.relight import OBSERVER, _spread
-from session.session_file import read_session
+from spectrabox.radiometry.colour_science import colour_science
+from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.relight import OBSERVER, _spread
+from spectrabox.session.stages.inputs import GRID, read_reflectance
+
 from tests.test_command_line import call
 
 
@@ -24,15 +25,18 @@ def lab_of(reflectance, name):
 
 @pytest.mark.parametrize("name", ["A", "FL11"])
 def test_the_spread_of_the_draws_holds_the_true_colour_under_another_light(finished, name):
-    outcome = call("relight", finished, "--light", name, "--width", "48", "--spp", "16", "--device", "cpu", "--json")
+    outcome = call("relight", finished, "--light", name, "--width", "48", "--spp", "16", "--device",
+                   "cpu", "--json")
     assert outcome.exit_code == 0, outcome.output
     facts = json.loads(outcome.stdout)
     config, colour = read_session(finished), colour_science()
     for found in facts["colours"]:
-        truth = spectrum_on_grid(read_reflectance(config, config.materials[found["name"]].truth), GRID)
+        truth = spectrum_on_grid(read_reflectance(config, config.materials[found["name"]].truth),
+                                 GRID)
         apart = colour.delta_E(np.array(found["lab"]), lab_of(truth, name), method="CIE 2000")
         assert 0 < found["delta_e00_median"] < found["delta_e00_95"]
-        assert apart < 2 * found["delta_e00_95"], found  # four materials: twice the radius of 95 % is rarely exceeded
+        # four materials: twice the radius of 95 % is rarely exceeded
+        assert apart < 2 * found["delta_e00_95"], found
     xyz = oiio.ImageBuf(facts["exr"]).get_pixels(oiio.FLOAT)
     assert xyz.shape == (32, 48, 3)
     assert np.percentile(xyz[..., 1], 99.5) == pytest.approx(1, abs=1e-3)
@@ -41,7 +45,8 @@ def test_the_spread_of_the_draws_holds_the_true_colour_under_another_light(finis
 def test_a_white_wall_stays_white_under_any_light(finished):
     pictures = {}
     for name in ("A", "D65"):
-        outcome = call("relight", finished, "--light", name, "--width", "48", "--spp", "16", "--json")
+        outcome = call("relight", finished, "--light", name, "--width", "48", "--spp", "16",
+                       "--json")
         pictures[name] = oiio.ImageBuf(json.loads(outcome.stdout)["png"]).get_pixels(oiio.FLOAT)
     back_wall = np.s_[8:14, 16:32]
     for picture in pictures.values():  # white stays white: the observer is adapted to the light
@@ -60,8 +65,8 @@ def test_draws_that_stand_mode_after_mode_spread_as_shuffled_ones_do():
     modes = np.where(np.arange(2000) < 1000, 0.3, 0.6)[:, None] * np.ones((1, GRID.nm.size))
     spectra = modes * (1 + 0.05 * rng.standard_normal((2000, 1)))
     power, matching = light("A", GRID), sensitivities(OBSERVER, GRID)
-    found = [_spread("paint", spectra.mean(axis=0), SimpleNamespace(grid=GRID, spectra=order), GRID, power, matching)
-             for order in (spectra, rng.permutation(spectra))]
+    found = [_spread("paint", spectra.mean(axis=0), SimpleNamespace(grid=GRID, spectra=order), GRID,
+                     power, matching) for order in (spectra, rng.permutation(spectra))]
     # 400 draws tell a median to about 5 % of the spread.
     assert found[0].delta_e00_95 == pytest.approx(found[1].delta_e00_95, rel=0.1)
     assert found[0].delta_e00_median == pytest.approx(found[1].delta_e00_median, rel=0.15)

@@ -4,11 +4,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fixtures.cornell_box import cornell_box_xml
-from radiometry.errors import EnvironmentProblem, InputError
-from reconstruct.renderer import load_scene, render, start_mitsuba
-from reconstruct.scene_file import read_scene
-from reconstruct.scene_xml import scene_xml
+from spectrabox.fixtures.cornell_box import cornell_box_xml
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.scene.scene_xml import scene_xml
+
 from tests.cornell_problem import GRID, TRUTH, camera
 
 CURVES = camera().sensitivity.curves
@@ -23,7 +24,9 @@ def mitsuba():
 
 
 def exact_integral(a, b, nm=GRID.nm):
-    """Integral of the product of two piecewise-linear curves: Simpson's rule is exact on every interval."""
+    """Integral of the product of two piecewise-linear curves: Simpson's rule is exact on every
+    interval.
+    """
     middle = (a[1:] + a[:-1]) * (b[1:] + b[:-1])
     return np.sum(np.diff(nm) / 6 * (a[:-1] * b[:-1] + middle + a[1:] * b[1:]))
 
@@ -31,8 +34,9 @@ def exact_integral(a, b, nm=GRID.nm):
 def sky_signal(folder, light, spp=4096, passes=16):
     path = folder / "sky.xml"
     path.write_text(SKY, encoding="utf-8")
-    xml = scene_xml(read_scene(path), reflectances={}, light=light, bands=dict(zip("RGB", CURVES, strict=True)),
-                    range_nm=(400.0, 700.0), size=(8, 8), integrator="path")
+    xml = scene_xml(read_scene(path), reflectances={}, light=light,
+                    bands=dict(zip("RGB", CURVES, strict=True)), range_nm=(400.0, 700.0),
+                    size=(8, 8), integrator="path")
     image, variance = render(load_scene(xml), spp, 3, passes)
     return image.mean(axis=(0, 1)), np.sqrt(variance.mean(axis=(0, 1)) / 64)
 
@@ -57,7 +61,8 @@ def test_a_trapezoid_sum_over_coarse_samples_is_not_that_integral():
     assert np.abs(coarse / exact - 1).max() > 1e-3
     fine_nm = np.arange(400.0, 701.0)
     light_fine = np.interp(fine_nm, GRID.nm, LED)
-    fine = np.array([np.trapezoid(np.interp(fine_nm, GRID.nm, curve) * light_fine, fine_nm) for curve in CURVES])
+    fine = np.array([np.trapezoid(np.interp(fine_nm, GRID.nm, curve) * light_fine,
+                                  fine_nm) for curve in CURVES])
     # Five times finer: 25 times nearer, by the order of the rule.
     assert np.abs(fine / exact - 1).max() < np.abs(coarse / exact - 1).max() / 20
 
@@ -65,8 +70,9 @@ def test_a_trapezoid_sum_over_coarse_samples_is_not_that_integral():
 def box(folder, width=16):
     path = folder / "box.xml"
     path.write_text(cornell_box_xml(width), encoding="utf-8")
-    return load_scene(scene_xml(read_scene(path), reflectances=TRUTH, light=np.ones(61), size=(width, width),
-                                bands=dict(zip("RGB", CURVES, strict=True)), range_nm=(400.0, 700.0)))
+    return load_scene(scene_xml(read_scene(path), reflectances=TRUTH, light=np.ones(61),
+                                size=(width, width), bands=dict(zip("RGB", CURVES, strict=True)),
+                                range_nm=(400.0, 700.0)))
 
 
 def test_the_same_seed_gives_the_same_picture_bit_for_bit(tmp_path):

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from report_example import SURFACES, WORST_RATIO, example_session
 
-from radiometry.errors import EnvironmentProblem, InputError
-from radiometry.records import Outcome
-from session.report.maps import residual_limit, residual_maps
-from session.report.page import write_report
-from session.report.svg import band_colours, plain_line
-from session.report.verdict import Status, judge
-from session.report.words import exposure, number, percent, signed_percent
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.records import Outcome
+from spectrabox.session.report.maps import residual_limit, residual_maps
+from spectrabox.session.report.page import write_report
+from spectrabox.session.report.svg import band_colours, plain_line
+from spectrabox.session.report.verdict import Status, judge
+from spectrabox.session.report.words import exposure, number, percent, signed_percent
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 HOSTILE = "<script>alert(1)</script>"
@@ -27,7 +27,9 @@ NAMES = (HOSTILE, 'a $\\frac{ $ "quoted" \x00\ud800 & </title>', "石膏 wall")
 
 
 class Page(HTMLParser):
-    """Checks that elements close in order; gathers ids, addresses, script texts and visible text."""
+    """Checks that elements close in order; gathers ids, addresses, script texts and visible
+    text.
+    """
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -80,8 +82,10 @@ def usual(tmp_path_factory):
 
 
 @pytest.mark.parametrize("case", [
-    {}, {"bands": ("410", "480", "550", "620", "690")}, {"chart": False}, {"truth": False}, {"materials": NAMES},
-    {"bands": ("B1", "B2", "B3", "B4"), "chart": False, "truth": False, "name": HOSTILE, "notes": HOSTILE}])
+                             {}, {"bands": ("410", "480", "550", "620", "690")}, {"chart": False},
+                             {"truth": False}, {"materials": NAMES},
+                             {"bands": ("B1", "B2", "B3", "B4"), "chart": False, "truth": False,
+                              "name": HOSTILE, "notes": HOSTILE}])
 def test_the_page_is_balanced_and_needs_nothing_from_outside(tmp_path, case):
     text = written(example_session(tmp_path, **case))
     page = Page(text)
@@ -93,7 +97,8 @@ def test_the_page_is_balanced_and_needs_nothing_from_outside(tmp_path, case):
 
 
 def test_hostile_names_are_shown_and_never_run(tmp_path):
-    results = example_session(tmp_path, materials=NAMES, name=HOSTILE, notes=HOSTILE, bands=("R", HOSTILE, "B"))
+    results = example_session(tmp_path, materials=NAMES, name=HOSTILE, notes=HOSTILE,
+                              bands=("R", HOSTILE, "B"))
     results.inputs[0]["file"] = HOSTILE
     results.warnings.append(HOSTILE)
     text = written(results)
@@ -114,9 +119,11 @@ def test_numbers_in_the_json_equal_the_records(usual):
         np.testing.assert_array_equal(entry["inverse_rendering"]["reflectance"], made.spectra[m])
         if material.summary is not None:
             np.testing.assert_array_equal(entry["summary"]["mean"], material.summary.mean)
-            np.testing.assert_array_equal(entry["summary"]["bound_upper"], material.summary.bound_upper)
+            np.testing.assert_array_equal(entry["summary"]["bound_upper"],
+                                          material.summary.bound_upper)
             assert entry["scores"] == dataclasses.asdict(material.scores)
-    np.testing.assert_array_equal([row["ratio"] for row in numbers["agreement"]], made.agreement.ratio)
+    np.testing.assert_array_equal([row["ratio"] for row in numbers["agreement"]],
+                                  made.agreement.ratio)
     np.testing.assert_array_equal(numbers["reconstruction"]["loss_history"], made.loss_history)
     np.testing.assert_array_equal(numbers["calibration"]["sensitivity"]["curves"],
                                   results.calibration.sensitivity.curves)
@@ -134,8 +141,9 @@ def test_the_surface_that_does_not_fit_is_named_in_words(usual):
 
 
 @pytest.mark.parametrize("median, worst, status", [
-    (1.01, 1.04, Status.PASS), (1.03, 1.04, Status.WARN), (0.94, 0.94, Status.FAIL), (1.0, 0.9, Status.WARN),
-    (1.0, 1.2, Status.FAIL)])
+                             (1.01, 1.04, Status.PASS), (1.03, 1.04, Status.WARN),
+                             (0.94, 0.94, Status.FAIL), (1.0, 0.9, Status.WARN),
+                             (1.0, 1.2, Status.FAIL)])
 def test_the_verdict_follows_the_worst_criterion(tmp_path, median, worst, status):
     ratio = np.full((len(SURFACES), 3), median)
     ratio[2, 1] = worst
@@ -143,7 +151,8 @@ def test_the_verdict_follows_the_worst_criterion(tmp_path, median, worst, status
 
 
 @pytest.mark.parametrize("outcome, status", [
-    (Outcome.STEP_LIMIT, Status.WARN), (Outcome.ILL_POSED, Status.PASS), (Outcome.CONVERGED, Status.PASS)])
+                             (Outcome.STEP_LIMIT, Status.WARN), (Outcome.ILL_POSED, Status.PASS),
+                             (Outcome.CONVERGED, Status.PASS)])
 def test_a_fit_that_was_stopped_early_is_a_warning(tmp_path, outcome, status):
     results = with_ratio(example_session(tmp_path), np.ones((len(SURFACES), 3)))
     made = dataclasses.replace(results.reconstruction, outcome=outcome)
@@ -183,7 +192,8 @@ def test_a_failing_write_leaves_nothing_behind(tmp_path):
     (tmp_path / "report.html").mkdir()  # a folder in the way cannot be replaced by a file
     with pytest.raises(EnvironmentProblem, match=r"report\.html cannot be written"):
         write_report(results)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["overlay.png", "preview.png", "report.html"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["overlay.png", "preview.png",
+                                                          "report.html"]
 
 
 def test_the_same_session_gives_the_same_page(usual):
@@ -195,12 +205,14 @@ def test_residuals_are_relative_to_the_photo_and_absent_where_not_used(usual):
     made = usual[0].reconstruction
     residuals = residual_maps(made)
     # One division and one subtraction of numbers near 1: a few eps.
-    np.testing.assert_allclose((1 - residuals[made.used]) * made.measured[made.used], made.rendered[made.used],
+    np.testing.assert_allclose((1 - residuals[made.used]) * made.measured[made.used],
+                               made.rendered[made.used],
                                rtol=8 * np.finfo(float).eps)
     assert np.isnan(residuals[~made.used]).all()
 
 
-@pytest.mark.parametrize("size, limit", [(0.0, 0.02), (0.019, 0.02), (0.04, 0.05), (0.45, 0.5), (7.0, 1.0)])
+@pytest.mark.parametrize("size, limit",
+                         [(0.0, 0.02), (0.019, 0.02), (0.04, 0.05), (0.45, 0.5), (7.0, 1.0)])
 def test_the_residual_scale_ends_at_a_round_number(size, limit):
     assert residual_limit(np.array([-size, size, np.nan])) == limit
 
@@ -212,15 +224,18 @@ def test_red_green_and_blue_look_so_and_all_bands_differ():
 
 
 @pytest.mark.parametrize("said, expected", [
-    (percent(0.0213), "2.1 %"), (percent(0.999), "99.9 %"), (percent(1.0), "100 %"), (percent(None), "not measured"),
-    (signed_percent(-0.021), "−2.1 %"), (number(1.5e-9, 2), "1.5 × 10⁻⁹"), (exposure(0.004), "1/250 s"),
-    (exposure(None), "not stated"), (plain_line("a\n b\x07 c" + "d" * 90, 12), "a b c" + "d" * 6 + "…")])
+                             (percent(0.0213), "2.1 %"), (percent(0.999), "99.9 %"),
+                             (percent(1.0), "100 %"), (percent(None), "not measured"),
+                             (signed_percent(-0.021), "−2.1 %"), (number(1.5e-9, 2), "1.5 × 10⁻⁹"),
+                             (exposure(0.004), "1/250 s"), (exposure(None), "not stated"),
+                             (plain_line("a\n b\x07 c" + "d" * 90, 12), "a b c" + "d" * 6 + "…")])
 def test_numbers_are_written_for_people(said, expected):
     assert said == expected
 
 
 def test_the_pointer_reads_the_curves_in_a_browser(tmp_path):
-    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which(
+        "google-chrome")
     if browser is None:
         pytest.skip("no Chromium on this machine to open the report in")
     results = example_session(tmp_path, materials=("white", HOSTILE, "green"))
@@ -230,11 +245,14 @@ def test_the_pointer_reads_the_curves_in_a_browser(tmp_path):
       document.querySelector(".plot-box svg").dispatchEvent(new PointerEvent("pointermove",
         {clientX: box.left + box.width / 2, clientY: box.top + box.height / 2}));</script>"""
     page = tmp_path / "probed.html"
-    page.write_text(written(results).replace("<style>", probe + "<style>", 1).replace("</body>", move + "</body>"),
+    page.write_text(written(results).replace("<style>", probe + "<style>", 1).replace("</body>",
+                                                                                      move
+                                                                                      + "</body>"),
                     encoding="utf-8")
     dom = subprocess.run(
-        [browser, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
-         "--dump-dom", page.as_uri()], capture_output=True, text=True, timeout=100, check=True).stdout
+        [browser, "--headless=new", "--no-sandbox", "--disable-gpu",
+         f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", page.as_uri()],
+        capture_output=True, text=True, timeout=100, check=True).stdout
     assert "<title>ERROR" not in dom
     assert int(re.search(r'data-readouts="(\d+)"', dom)[1]) == dom.count('class="readout"')
     assert re.search(r"Wavelength 5\d\d nm: mean 0\.\d{3}, standard deviation 0\.\d{3}", dom)
@@ -244,4 +262,5 @@ def with_ratio(results, ratio):
     """The session with other ratios of photo to rendering."""
     made = results.reconstruction
     agreement = dataclasses.replace(made.agreement, ratio=ratio)
-    return dataclasses.replace(results, reconstruction=dataclasses.replace(made, agreement=agreement))
+    return dataclasses.replace(results, reconstruction=dataclasses.replace(made,
+                                                                           agreement=agreement))

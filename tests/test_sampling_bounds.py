@@ -1,4 +1,6 @@
-"""Lowest and highest reflectance over all spectra that fit: closed forms, draws inside, and signals out of reach."""
+"""Lowest and highest reflectance over all spectra that fit: closed forms, draws inside, and signals
+out of reach.
+"""
 from itertools import pairwise
 
 import numpy as np
@@ -6,13 +8,15 @@ import pytest
 from sampling_cameras import camera, grey, measurement
 from scipy.stats import chi2
 
-from radiometry.bspline import basis_matrix
-from radiometry.errors import InputError
-from sampling.bounds import reflectance_bounds, widening
-from sampling.tilted_rejection import sample_spectra
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.polytope.bounds import reflectance_bounds, widening
+from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
 
 NM = np.linspace(400, 700, 13)
-SOLVER = 1e-6  # HiGHS keeps every constraint to 1e-7; small pivots of these cameras enlarge that less than ten times
+# HiGHS keeps every constraint to 1e-7; small pivots of these cameras enlarge that less than ten
+# times
+SOLVER = 1e-6
 
 
 @pytest.mark.parametrize("total", [0.3, 1.0, 2.5])
@@ -25,7 +29,8 @@ def test_bounds_of_a_sum_are_what_the_others_leave(total):
 
 def test_a_coefficient_seen_alone_is_bounded_by_its_noise():
     error = 0.05
-    lower, upper = reflectance_bounds(measurement(np.eye(2, 4), np.array([0.5, 0.02]), error), np.eye(4), level=0.9)
+    lower, upper = reflectance_bounds(measurement(np.eye(2, 4), np.array([0.5, 0.02]), error),
+                                      np.eye(4), level=0.9)
     radius = error * np.sqrt(chi2.ppf(0.9, 2))
     np.testing.assert_allclose(lower, [0.5 - radius, 0, 0, 0], atol=SOLVER)
     np.testing.assert_allclose(upper, [0.5 + radius, 0.02 + radius, 1, 1], atol=SOLVER)
@@ -44,7 +49,8 @@ def test_draws_come_close_to_the_bounds():
     operator, basis = grey(5), basis_matrix(NM, 5)
     spectra = sample_spectra(operator, 20_000, seed=1).coefficients @ basis.T
     lower, upper = reflectance_bounds(operator, basis)
-    # With two free directions the corner of a polygon is missed by a few 1/sqrt(draws) of the width: 5 %.
+    # With two free directions the corner of a polygon is missed by a few 1/sqrt(draws) of the
+    # width: 5 %.
     np.testing.assert_allclose(np.ptp(spectra, axis=0), upper - lower, rtol=0.05, atol=1e-3)
 
 
@@ -92,7 +98,8 @@ def test_signals_within_reach_need_no_widening(error):
 
 @pytest.mark.parametrize("level", [0.0, 1.0, 95.0])
 def test_a_level_that_is_no_probability_is_an_error(level):
-    with pytest.raises(InputError, match=f"a level of {level} was asked for; it is a probability between 0 and 1"):
+    with pytest.raises(InputError, match=f"a level of {level} was asked for; it is a probability "
+                       "between 0 and 1"):
         reflectance_bounds(grey(7), basis_matrix(NM, 7), level)
 
 
@@ -103,4 +110,5 @@ def test_a_basis_of_another_size_is_an_error():
 
 def test_a_signal_that_is_not_finite_is_an_error():
     with pytest.raises(InputError, match="y of the measurement holds numbers that are not finite"):
-        reflectance_bounds(measurement(camera(7), np.array([0.5, np.inf, 0.5])), basis_matrix(NM, 7))
+        reflectance_bounds(measurement(camera(7), np.array([0.5, np.inf, 0.5])),
+                           basis_matrix(NM, 7))

@@ -1,18 +1,20 @@
-"""Circuit hit-and-run, its diagnostics, and the compiled bounds: against independent draws, closed forms and HiGHS."""
+"""Circuit hit-and-run, its diagnostics, and the compiled bounds: against independent draws, closed
+forms and HiGHS.
+"""
 import numpy as np
 import pytest
 from sampling_cameras import camera, grey, measurement
 from scipy import stats
 
-from radiometry.bspline import basis_matrix
-from radiometry.errors import ConvergenceError, InputError
-from sampling.bounds import reflectance_bounds
-from sampling.circuit_hit_and_run import METHOD, sample_in_bulk
-from sampling.circuits import design, find_circuits, schedule
-from sampling.diagnostics import diagnose, refuse_poor
-from sampling.simplex_bounds import DONE, exact_bounds, walk
-from sampling.tilt import max_entropy_tilt
-from sampling.tilted_rejection import sample_spectra
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.sampling.polytope.bounds import reflectance_bounds
+from spectrabox.sampling.polytope.circuit_hit_and_run import METHOD, sample_in_bulk
+from spectrabox.sampling.polytope.circuits import design, find_circuits, schedule
+from spectrabox.sampling.polytope.diagnostics import diagnose, refuse_poor
+from spectrabox.sampling.polytope.simplex_bounds import DONE, exact_bounds, walk
+from spectrabox.sampling.polytope.tilt import max_entropy_tilt
+from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
 
 SIGNIFICANCE = 1e-4
 NM = np.linspace(400, 700, 61)
@@ -33,7 +35,8 @@ def test_the_camera_cannot_see_a_circuit(bands, coefficients):
 def test_a_schedule_moves_every_coefficient(coefficients):
     A, rng = camera(coefficients), np.random.default_rng(1)
     circuits = find_circuits(A, rng)
-    order = schedule(circuits, design(circuits, A, np.zeros(coefficients), rng), 30, coefficients, rng)
+    order = schedule(circuits, design(circuits, A, np.zeros(coefficients), rng), 30, coefficients,
+                     rng)
     visits = np.bincount(circuits.members[order].ravel(), minlength=coefficients)
     assert visits.min() >= 3
 
@@ -44,7 +47,8 @@ def test_bulk_draws_follow_the_law_of_independent_ones(bands, coefficients):
     bulk = sample_in_bulk(operator, DRAWS, seed=1)
     reference = sample_spectra(operator, DRAWS if bands == 3 else 4000, seed=2)
     p = [stats.ks_2samp(a, b).pvalue for a, b in zip((bulk.coefficients @ basis.T).T,
-                                                      (reference.coefficients @ basis.T).T, strict=True)]
+                                                     (reference.coefficients @ basis.T).T,
+                                                     strict=True)]
     assert min(p) > SIGNIFICANCE / len(p)
     assert bulk.method == METHOD
 
@@ -66,7 +70,8 @@ def test_bulk_draws_on_a_simplex_have_the_moments_of_dirichlet():
     total, error = 0.6, stats.norm.isf(SIGNIFICANCE / 12)
     sigma = total * np.sqrt((1 / 6) * (5 / 6) / 7)
     assert np.abs(c.mean(axis=0) - 0.1).max() < error * sigma / np.sqrt(0.8 * 50_000)
-    np.testing.assert_allclose(c.std(axis=0), sigma, rtol=0.02)  # four standard errors of a standard deviation
+    # four standard errors of a standard deviation
+    np.testing.assert_allclose(c.std(axis=0), sigma, rtol=0.02)
 
 
 def test_one_core_and_two_give_the_same_draws():
@@ -92,26 +97,31 @@ def test_independent_draws_are_as_many_as_there_are():
     rng = np.random.default_rng(0)
     starts = np.tile(rng.normal(size=(256, 3)), (40, 1))
     found = diagnose(starts, rng.normal(size=starts.shape))
-    # A correlation of 1 / sqrt(10240) by chance counts 10240 / 256 times its square: 0.4 % at one sigma.
+    # A correlation of 1 / sqrt(10240) by chance counts 10240 / 256 times its square: 0.4 % at one
+    # sigma.
     assert found.effective_samples > 0.9 * len(starts)
     assert found.r_hat < 1.001
 
 
-# ---- bounds --------------------------------------------------------------------------------------------------------
+# ---- bounds --------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("coefficients", [5, 7, 13, 21, 31])
 @pytest.mark.parametrize("error", [0.0, 0.01])
 def test_compiled_bounds_equal_those_of_a_general_solver(coefficients, error):
     operator, basis = grey(coefficients, error), basis_matrix(NM, coefficients)
-    for ours, theirs in zip(exact_bounds(operator, basis), reflectance_bounds(operator, basis), strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-7)  # the tolerance of HiGHS on its constraints
+    for ours, theirs in zip(exact_bounds(operator, basis), reflectance_bounds(operator, basis),
+                            strict=True):
+        # the tolerance of HiGHS on its constraints
+        np.testing.assert_allclose(ours, theirs, atol=1e-7)
 
 
 @pytest.mark.parametrize("bands", [1, 2, 5, 8])
 def test_compiled_bounds_for_any_number_of_bands(bands):
     operator, basis = grey(13, bands=bands), basis_matrix(NM, 13)
-    for ours, theirs in zip(exact_bounds(operator, basis), reflectance_bounds(operator, basis), strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-6)  # eight narrow bands: a condition number of some ten
+    for ours, theirs in zip(exact_bounds(operator, basis), reflectance_bounds(operator, basis),
+                            strict=True):
+        # eight narrow bands: a condition number of some ten
+        np.testing.assert_allclose(ours, theirs, atol=1e-6)
 
 
 @pytest.mark.parametrize("coefficients, bands", [(13, 8), (21, 8), (31, 3), (40, 3), (40, 8)])
@@ -119,11 +129,13 @@ def test_fine_splines_need_no_general_solver(coefficients, bands):
     operator, basis = grey(coefficients, bands=bands), basis_matrix(NM, coefficients)
     lower, upper, pivots, status = walk(operator.A, operator.y, max_entropy_tilt(operator).c, basis)
     assert status == DONE and pivots > 0
-    # A vertex obeys every constraint: no optimum may lie beyond a feasible point, here the tilt's own.
+    # A vertex obeys every constraint: no optimum may lie beyond a feasible point, here the tilt's
+    # own.
     inside = basis @ max_entropy_tilt(operator).c
     assert np.all(lower < inside) and np.all(inside < upper)
 
 
 def test_signals_out_of_reach_are_left_to_the_general_solver():
     operator, basis = measurement(camera(7), np.array([0.1, 1.1, 0.1]), 0.01), basis_matrix(NM, 7)
-    np.testing.assert_array_equal(exact_bounds(operator, basis), reflectance_bounds(operator, basis))
+    np.testing.assert_array_equal(exact_bounds(operator, basis),
+                                  reflectance_bounds(operator, basis))

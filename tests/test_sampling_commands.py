@@ -1,4 +1,6 @@
-"""The commands on signals: keys of the contract, files, exit codes, and one sentence for every bad input."""
+"""The commands on signals: keys of the contract, files, exit codes, and one sentence for every bad
+input.
+"""
 import json
 import subprocess
 import sys
@@ -9,14 +11,14 @@ import pytest
 from sampling_cameras import surface
 from typer.testing import CliRunner
 
-from radiometry.grid import visible_grid
-from radiometry.named_spectra import light, relative_response, sensitivities
-from session.cli import app
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.spectra.named_spectra import light, relative_response, sensitivities
+from spectrabox.session.cli import app
 
 ROOT = Path(__file__).resolve().parent.parent
 CAMERA = ["--sensitivity", "Nikon 5100 (NPL)", "--light", "LED-B3"]
-KEYS = {"wavelengths_nm", "mean", "standard_deviation", "lower", "upper", "bound_lower", "bound_upper",
-        "effective_samples", "seconds", "outcome"}
+KEYS = {"wavelengths_nm", "mean", "standard_deviation", "lower", "upper", "bound_lower",
+        "bound_upper", "effective_samples", "seconds", "outcome"}
 
 
 def call(*arguments, code=0):
@@ -35,22 +37,27 @@ def test_sample_keeps_its_contract(method, tmp_path):
     grid = visible_grid(1)
     response = relative_response("Nikon 5100 (NPL)", "LED-B3", grid)
     signal = response @ surface(grid.nm, 3)
-    facts = sample("--signal", ",".join(map(str, signal)), "--coefficients", 9, "--method", method, "--samples", 1000,
-                   "--seed", 1, "--out", out)
+    facts = sample("--signal", ",".join(map(str, signal)), "--coefficients", 9, "--method", method,
+                   "--samples", 1000, "--seed", 1, "--out", out)
     assert set(facts) >= KEYS
-    arrays = [np.array(facts[key]) for key in ("wavelengths_nm", "mean", "standard_deviation", "lower", "upper")]
+    arrays = [np.array(facts[key]) for key in ("wavelengths_nm", "mean", "standard_deviation",
+                                               "lower", "upper")]
     assert len({array.shape for array in arrays}) == 1
     with np.load(out) as stored:
         assert stored["spectra"].shape == (1000, len(arrays[0]))
         assert stored["coefficients"].shape == (1000, 9)
         np.testing.assert_allclose(stored["spectra"].mean(axis=0), facts["mean"], atol=1e-12)
-        # Draws are at 5 nm and the camera was integrated at 1 nm: straight lines miss a spline by 1e-3 at most.
-        seen = np.array([np.interp(grid.nm, stored["wavelengths_nm"], row) for row in stored["spectra"]]) @ response.T
-        np.testing.assert_allclose(seen, np.tile(signal, (1000, 1)), atol=1e-3 if method != "prior" else 1e-9)
+        # Draws are at 5 nm and the camera was integrated at 1 nm: straight lines miss a spline by
+        # 1e-3 at most.
+        seen = np.array([np.interp(grid.nm, stored["wavelengths_nm"],
+                                   row) for row in stored["spectra"]]) @ response.T
+        np.testing.assert_allclose(seen, np.tile(signal, (1000, 1)), atol=1e-3 if method != "prior"
+                                   else 1e-9)
 
 
 def test_a_seed_gives_the_same_answer():
-    first, same = (sample("--signal", "0.2,0.3,0.15", "--samples", 1000, "--seed", 4) for _ in range(2))
+    first, same = (sample("--signal", "0.2,0.3,0.15", "--samples", 1000, "--seed", 4)
+                   for _ in range(2))
     assert {**first, "seconds": 0} == {**same, "seconds": 0}
 
 
@@ -64,13 +71,15 @@ def test_signals_of_a_file_give_one_result_each(tmp_path):
 
 def test_white_and_noise_are_in_the_signals_unit():
     plain = sample("--signal", "0.2,0.3,0.15", "--noise", "0.002,0.003,0.0015", "--samples", 1000)
-    scaled = sample("--signal", "20,60,7.5", "--white", "100,200,50", "--noise", "0.2,0.6,0.075", "--samples", 1000)
+    scaled = sample("--signal", "20,60,7.5", "--white", "100,200,50", "--noise", "0.2,0.6,0.075",
+                    "--samples", 1000)
     np.testing.assert_allclose(plain["mean"], scaled["mean"], atol=1e-9)  # round-off of a division
 
 
 def test_errors_of_light_and_curves_are_in_the_budget():
     signal = ["--signal", "0.2,0.3,0.15", "--samples", 1000, "--noise", "0.001,0.001,0.001"]
-    plain, more = sample(*signal), sample(*signal, "--light-error", 0.05, "--sensitivity-error", 0.03)
+    plain, more = sample(*signal), sample(*signal, "--light-error", 0.05, "--sensitivity-error",
+                                          0.03)
     assert more["error_budget"]["light"] > 0.01 and more["error_budget"]["sensitivities"] > 0.01
     assert sum(more["error_budget"].values()) == pytest.approx(1)
     assert plain["error_budget"]["light"] == 0 < more["error_budget"]["light"]
@@ -88,32 +97,45 @@ def test_files_of_curves_and_lights_are_taken_as_names_are(tmp_path):
     power = light("LED-B3", visible_grid(5))
     grid = visible_grid(5).nm
     (tmp_path / "c.csv").write_text("nm,R,G,B\n" + "\n".join(
-        f"{w}," + ",".join(f"{v:.9g}" for v in column) for w, column in zip(grid, curves.T, strict=True)))
-    (tmp_path / "l.csv").write_text("nm,power\n" + "\n".join(f"{w},{v:.9g}" for w, v in zip(grid, power, strict=True)))
+                                        f"{w}," + ",".join(f"{v:.9g}" for v in column) for w,
+                                        column in zip(grid, curves.T, strict=True)))
+    (tmp_path / "l.csv").write_text("nm,power\n" + "\n".join(f"{w},{v:.9g}" for w,
+                                                             v in zip(grid, power, strict=True)))
     assert nm.size
-    facts = json.loads(call("sample", "--sensitivity", tmp_path / "c.csv", "--light", tmp_path / "l.csv", "--signal",
-                            "0.2,0.3,0.15", "--samples", 1000, "--json").stdout)
+    facts = json.loads(call("sample", "--sensitivity", tmp_path / "c.csv", "--light",
+                            tmp_path / "l.csv", "--signal", "0.2,0.3,0.15", "--samples", 1000,
+                            "--json").stdout)
     # Five-nanometre files are interpolated; the names come with the same curves at 5 nm or finer.
-    np.testing.assert_allclose(facts["mean"], sample("--signal", "0.2,0.3,0.15", "--samples", 1000)["mean"], atol=0.02)
+    np.testing.assert_allclose(facts["mean"], sample("--signal", "0.2,0.3,0.15", "--samples",
+                                                     1000)["mean"], atol=0.02)
 
 
 @pytest.mark.parametrize("arguments, code, message", [
-    (["--signal", "0.2,0.3"], 3, "--signal has 2 values; the sensitivities have 3 bands"),
-    (["--signal", "a,b,c"], 3, "is not a list of numbers"),
-    (["--signal", "0.2,0.3,nan"], 3, "holds a value that is not finite"),
-    (["--signal", "20,30,15"], 3, "give what white reads with --white"),
-    (["--signal", "0.2,0.3,0.1", "--white", "1,0,1"], 3, "is not positive in every band"),
-    (["--signal", "0.2,0.3,0.1", "--noise=-1,0,0"], 3, "is negative; give standard errors"),
-    (["--signal", "0.2,0.3,0.1", "--method", "magic"], 3, "known are paper, uniform, prior"),
-    (["--signal", "0.2,0.3,0.1", "--samples", "0"], 3, "0 samples were asked for"),
-    (["--signal", "0.2,0.3,0.1", "--samples", "200"], 5, "needs 1000 effective draws"),
-    (["--signal", "0.2,0.3,0.1", "--method", "uniform", "--coefficients", "2"], 3, "at least 4 coefficients"),
-    (["--signal", "0.2,0.3,0.1", "--prior", "none.npz"], 3, "is missing"),
-    (["--signal", "0.2,0.3,0.1", "--reading", "seven"], 3, "write NM:REFLECTANCE"),
-    (["--signal", "0.2,0.3,0.1", "--start", "x"], 3, "known are bounded and unbounded"),
-    (["--signals", "none.csv"], 3, "cannot be read"),
-    ([], 3, "give either --signal v1,v2,v3 or --signals FILE.csv"),
-])
+                             (["--signal", "0.2,0.3"], 3,
+                              "--signal has 2 values; the sensitivities have 3 bands"),
+                             (["--signal", "a,b,c"], 3, "is not a list of numbers"),
+                             (["--signal", "0.2,0.3,nan"], 3, "holds a value that is not finite"),
+                             (["--signal", "20,30,15"], 3, "give what white reads with --white"),
+                             (["--signal", "0.2,0.3,0.1", "--white", "1,0,1"], 3,
+                              "is not positive in every band"),
+                             (["--signal", "0.2,0.3,0.1", "--noise=-1,0,0"], 3,
+                              "is negative; give standard errors"),
+                             (["--signal", "0.2,0.3,0.1", "--method", "magic"], 3,
+                              "known are paper, uniform, prior"),
+                             (["--signal", "0.2,0.3,0.1", "--samples", "0"], 3,
+                              "0 samples were asked for"),
+                             (["--signal", "0.2,0.3,0.1", "--samples", "200"], 5,
+                              "needs 1000 effective draws"),
+                             (["--signal", "0.2,0.3,0.1", "--method", "uniform", "--coefficients",
+                               "2"], 3, "at least 4 coefficients"),
+                             (["--signal", "0.2,0.3,0.1", "--prior", "none.npz"], 3, "is missing"),
+                             (["--signal", "0.2,0.3,0.1", "--reading", "seven"], 3,
+                              "write NM:REFLECTANCE"),
+                             (["--signal", "0.2,0.3,0.1", "--start", "x"], 3,
+                              "known are bounded and unbounded"),
+                             (["--signals", "none.csv"], 3, "cannot be read"),
+                             ([], 3, "give either --signal v1,v2,v3 or --signals FILE.csv"),
+                             ])
 def test_bad_input_gives_one_sentence(arguments, code, message):
     assert message in sample(*arguments, code=code)["error"]
 
@@ -122,58 +144,70 @@ def test_bands_that_are_alike_or_blind_are_refused(tmp_path):
     nm = np.arange(400, 701, 10)
     green, red = (np.exp(-0.5 * ((nm - centre) / 40)**2) for centre in (540, 600))
     blind = np.where(nm == 400, 1.0, 0.0)
-    for name, third, message in (("alike", green, "two bands respond alike"), ("dark", 0 * nm, "sees nothing of")):
-        rows = "\n".join(f"{w},{a:.6f},{b:.6f},{c:.6f}" for w, a, b, c in zip(nm, red, green, third, strict=True))
+    for name, third, message in (("alike", green, "two bands respond alike"),
+                                 ("dark", 0 * nm, "sees nothing of")):
+        rows = "\n".join(f"{w},{a:.6f},{b:.6f},{c:.6f}" for w, a, b,
+                         c in zip(nm, red, green, third, strict=True))
         (tmp_path / f"{name}.csv").write_text(f"nm,R,G,B\n{rows}\n")
-        found = call("sample", "--sensitivity", tmp_path / f"{name}.csv", "--light", "D65", "--signal", "0.2,0.3,0.3",
-                     "--json", code=3)
+        found = call("sample", "--sensitivity", tmp_path / f"{name}.csv", "--light", "D65",
+                     "--signal", "0.2,0.3,0.3", "--json", code=3)
         assert message in json.loads(found.stdout)["error"]
     # A band under a light that is dark where it sees.
     (tmp_path / "uv.csv").write_text("nm,R,G,B\n" + "\n".join(
         f"{w},{a:.6f},{b:.6f},{c:.6f}" for w, a, b, c in zip(nm, red, green, blind, strict=True)))
-    (tmp_path / "lamp.csv").write_text("nm,power\n" + "\n".join(f"{w},{float(w > 420)}" for w in nm))
-    found = call("sample", "--sensitivity", tmp_path / "uv.csv", "--light", tmp_path / "lamp.csv", "--signal",
-                 "0.2,0.3,0.3", "--json", code=3)
+    (tmp_path / "lamp.csv").write_text("nm,power\n" + "\n".join(f"{w},{float(w > 420)}"
+                                                                for w in nm))
+    found = call("sample", "--sensitivity", tmp_path / "uv.csv", "--light", tmp_path / "lamp.csv",
+                 "--signal", "0.2,0.3,0.3", "--json", code=3)
     assert "sees nothing under" in json.loads(found.stdout)["error"]
 
 
 @pytest.mark.parametrize("signal, method, sentence", [
-    ("-0.05,0.3,0.2", "prior", "No spectrum between 0 and 1 gives the signal"),
-    ("0.2,1.3,0.2", "prior", "No spectrum between 0 and 1 gives the signal"),
-    ("-0.05,0.3,0.2", "uniform", "No spectrum of 9 coefficients between 0 and 1 gives the signal: it was moved by"),
-    ("0.95,0.05,0.95", "uniform", "No spectrum of 9 coefficients between 0 and 1 gives the signal: it was moved by")])
+                             ("-0.05,0.3,0.2", "prior",
+                              "No spectrum between 0 and 1 gives the signal"),
+                             ("0.2,1.3,0.2", "prior",
+                              "No spectrum between 0 and 1 gives the signal"),
+                             ("-0.05,0.3,0.2", "uniform", "No spectrum of 9 coefficients between 0 "
+                              "and 1 gives the signal: it was moved by"),
+                             ("0.95,0.05,0.95", "uniform", "No spectrum of 9 coefficients between "
+                              "0 and 1 gives the signal: it was moved by")])
 def test_signals_that_no_reflectance_gives_are_said_to_be_so(signal, method, sentence):
     facts = sample(f"--signal={signal}", "--method", method, "--coefficients", 9, "--samples", 1000)
     assert facts["outcome"].startswith(sentence)
 
 
 def test_priors_from_elsewhere_are_checked(tmp_path):
-    from sampling.logit_mixture import SHIPPED
+    from spectrabox.sampling.prior.mixture import SHIPPED
     content = SHIPPED.read_bytes()
     with np.load(SHIPPED, allow_pickle=False) as stored:
         arrays = dict(stored)
     (tmp_path / "cut.npz").write_bytes(content[:len(content) // 2])
     (tmp_path / "text.npz").write_text("not a prior")
     np.savez(tmp_path / "grid.npz", **(arrays | {"nm": arrays["nm"] + 1}))
-    np.savez(tmp_path / "lacks.npz", **{key: value for key, value in arrays.items() if key != "means"})
+    np.savez(tmp_path / "lacks.npz",
+             **{key: value for key, value in arrays.items() if key != "means"})
     np.savez(tmp_path / "nan.npz", **(arrays | {"means": np.full_like(arrays["means"], np.nan)}))
     np.savez(tmp_path / "pickle.npz", **(arrays | {"source": np.array([{}], dtype=object)}))
     for name in ("cut", "text", "grid", "lacks", "nan", "pickle"):
-        text = sample("--signal", "0.2,0.3,0.15", "--prior", tmp_path / f"{name}.npz", code=3)["error"]
+        text = sample("--signal", "0.2,0.3,0.15", "--prior", tmp_path / f"{name}.npz",
+                      code=3)["error"]
         assert f"{name}.npz" in text, text
 
 
 @pytest.mark.parametrize("camera, lamp, message", [
-    ("Nikon 5101", "D65", "nearest are Nikon 5100 (NPL)"), ("Nikon 5100 (NPL)", "D66", "nearest are"),
-    ("none.csv", "D65", "none.csv is missing")])
+                             ("Nikon 5101", "D65", "nearest are Nikon 5100 (NPL)"), ("Nikon 5100 "
+                                                                                     "(NPL)", "D66",
+                                                                                     "nearest are"),
+                             ("none.csv", "D65", "none.csv is missing")])
 def test_unknown_names_are_answered_with_the_nearest(camera, lamp, message):
-    found = call("sample", "--sensitivity", camera, "--light", lamp, "--signal", "0.2,0.3,0.1", "--json", code=3)
+    found = call("sample", "--sensitivity", camera, "--light", lamp, "--signal", "0.2,0.3,0.1",
+                 "--json", code=3)
     assert message in json.loads(found.stdout)["error"]
 
 
 def test_plan_ranks_readings_and_photos():
-    facts = json.loads(call("plan", *CAMERA, "--signal", "0.2,0.3,0.15", "--second-light", "A", "--photo-minutes", 0.1,
-                            "--steps", 2, "--json").stdout)
+    facts = json.loads(call("plan", *CAMERA, "--signal", "0.2,0.3,0.15", "--second-light", "A",
+                            "--photo-minutes", 0.1, "--steps", 2, "--json").stdout)
     assert facts["steps"][0]["measurement"] == "photo under A"
     assert facts["steps"][1]["width_after"] < facts["steps"][0]["width_before"]
 
@@ -181,7 +215,8 @@ def test_plan_ranks_readings_and_photos():
 def write_folder(folder, seed, count):
     folder.mkdir()
     nm = np.arange(400, 701, 5)
-    rows = [",".join(f"{value:.5f}" for value in surface(nm, 1000 * seed + i)) for i in range(count)]
+    rows = [",".join(f"{value:.5f}" for value in surface(nm, 1000 * seed + i))
+            for i in range(count)]
     (folder / "curves.csv").write_text("\n".join([",".join(map(str, nm)), *rows]))
     return folder
 
@@ -198,23 +233,29 @@ def test_certify_writes_a_page(tmp_path):
 
 def test_a_certificate_says_when_the_prior_was_trained_on_the_library(tmp_path):
     folder = write_folder(tmp_path / "kremer_pigments", 1, 12)
-    facts = json.loads(call("certify", folder, "--delta-light", "A", "--json").stdout)["libraries"][0]
+    facts = json.loads(call("certify", folder, "--delta-light", "A",
+                            "--json").stdout)["libraries"][0]
     assert facts["trained_on"] and "says nothing of other spectra" in facts["verdict"]
     assert set(facts["delta_e00"]) == {"A"} and 0 < facts["sharpness"] < facts["width"]
 
 
 def test_a_prior_of_ones_own_can_be_trained_and_used(tmp_path):
-    folders = [write_folder(tmp_path / name, seed, 220) for seed, name in enumerate(("one", "two"), 1)]
-    facts = json.loads(call("prior", "train", *folders, "--out", tmp_path / "own.npz", "--components", 2,
+    folders = [write_folder(tmp_path / name, seed, 220) for seed, name in enumerate(("one", "two"),
+                                                                                    1)]
+    facts = json.loads(call("prior", "train", *folders, "--out", tmp_path / "own.npz",
+                            "--components", 2,
                             "--json").stdout)
     assert [row["name"] for row in facts["left_out_in_turn"]] == ["one", "two"]
-    assert "outcome" in sample("--signal", "0.2,0.3,0.15", "--prior", tmp_path / "own.npz", "--samples", 1000)
+    assert "outcome" in sample("--signal", "0.2,0.3,0.15", "--prior", tmp_path / "own.npz",
+                               "--samples", 1000)
 
 
 def test_help_loads_nothing_heavy():
-    code = ("import sys; from session.cli import app; from typer.testing import CliRunner; "
-            "outcome = CliRunner().invoke(app, ['--help']); assert 'sample' in outcome.stdout; "
-            "heavy = {'numpy', 'scipy', 'mitsuba', 'numba', 'colour', 'cv2', 'matplotlib'} & set(sys.modules); "
-            "assert not heavy, heavy")
-    outcome = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    code = ("import sys; from spectrabox.session.cli import app; from typer.testing import "
+            "CliRunner; outcome = CliRunner().invoke(app, ['--help']); assert 'sample' in "
+            "outcome.stdout; heavy = "
+            "{'numpy', 'scipy', 'mitsuba', 'numba', 'colour', 'cv2', 'matplotlib'} & "
+            "set(sys.modules); assert not heavy, heavy")
+    outcome = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True,
+                             check=False)
     assert outcome.returncode == 0, outcome.stderr

@@ -1,19 +1,39 @@
-"""More measurements, plans, budgets, scores, refinement and N: laws and cases with known answers."""
+"""More measurements, plans, budgets, scores, refinement and N: laws and cases with known
+answers.
+"""
 import numpy as np
 import pytest
 from sampling_cameras import camera, grey, measurement, response, seen, surface
 
-from radiometry.bspline import basis_matrix
-from radiometry.errors import ConvergenceError, InputError
-from sampling.conditioning import Reading, condition, same_material
-from sampling.error_budget import METAMERISM, error_budget, sensitivity_covariance
-from sampling.logit_mixture import GRID, load_prior
-from sampling.methods import draw_spectra, into_reach
-from sampling.mixture_posterior import posterior, with_floor
-from sampling.planner import after, mean_width, photo_candidate, plan, wavelength_candidates
-from sampling.ranking import best_by_readings, best_by_signals
-from sampling.refinement import choose_coefficients, lifting, log_evidence, residual_directions, sample_refined
-from sampling.scores import coverage, curve_coverage, rmse, spectral_angle, winkler_score
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.sampling.error_budget import METAMERISM, error_budget, sensitivity_covariance
+from spectrabox.sampling.further.conditioning import Reading, condition, same_material
+from spectrabox.sampling.further.planner import (
+    after,
+    mean_width,
+    photo_candidate,
+    plan,
+    wavelength_candidates,
+)
+from spectrabox.sampling.judge.scores import (
+    coverage,
+    curve_coverage,
+    rmse,
+    spectral_angle,
+    winkler_score,
+)
+from spectrabox.sampling.methods import draw_spectra, into_reach
+from spectrabox.sampling.polytope.refinement import (
+    choose_coefficients,
+    lifting,
+    log_evidence,
+    residual_directions,
+    sample_refined,
+)
+from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.prior.posterior import posterior, with_floor
+from spectrabox.sampling.published.ranking import best_by_readings, best_by_signals
 
 TRUTH = surface(GRID.nm, 7)
 
@@ -23,7 +43,8 @@ def test_every_draw_obeys_a_reading():
     measured = condition(seen(TRUTH), [reading])
     for method in ("prior", "uniform"):
         spectra = draw_spectra(measured, method, 200, 1, 9).spectra
-        np.testing.assert_allclose(spectra[:, -1], TRUTH[-1], atol=1e-8)  # Newton to 1e-10, solves to 1e-12
+        # Newton to 1e-10, solves to 1e-12
+        np.testing.assert_allclose(spectra[:, -1], TRUTH[-1], atol=1e-8)
 
 
 def test_a_reading_narrows_the_band_where_it_was_taken():
@@ -52,7 +73,8 @@ def test_patches_of_one_material_are_averaged_by_their_errors():
     joined = same_material([first, second])
     # Weights 4 : 1 of independent errors.
     np.testing.assert_allclose(joined.signal, 0.8 * first.signal + 0.2 * second.signal, atol=1e-12)
-    np.testing.assert_allclose(joined.noise_covariance, np.eye(3) / (1 / 0.01**2 + 1 / 0.02**2), atol=1e-15)
+    np.testing.assert_allclose(joined.noise_covariance, np.eye(3) / (1 / 0.01**2 + 1 / 0.02**2),
+                               atol=1e-15)
 
 
 def test_patches_that_are_not_one_material_are_an_error():
@@ -66,7 +88,7 @@ def test_another_camera_adds_bands():
     assert joined.noise_covariance[:3, 3:].max() == 0
 
 
-# ---- plan ----------------------------------------------------------------------------------------------------------
+# ---- plan ----------------------------------------------------------------------------------------
 
 @pytest.fixture(scope="module")
 def draws():
@@ -78,12 +100,14 @@ def test_a_plan_never_widens_the_band_and_starts_with_the_best(draws):
     steps = plan(draws, candidates, 3)
     assert all(step.width_after <= step.width_before for step in steps)
     covariance = np.cov(draws, rowvar=False)
-    falls = [(mean_width(covariance) - mean_width(after(covariance, one))) / one.minutes for one in candidates]
+    falls = [(mean_width(covariance) - mean_width(after(covariance, one))) / one.minutes
+             for one in candidates]
     assert steps[0].fall_per_minute == pytest.approx(max(falls))
 
 
 def test_a_dear_measurement_is_not_planned(draws):
-    cheap, dear = wavelength_candidates(GRID, minutes=1.0), photo_candidate("photo", response(5)[1], minutes=1e6)
+    cheap, dear = wavelength_candidates(GRID, minutes=1.0), photo_candidate("photo", response(5)[1],
+                                                                            minutes=1e6)
     assert plan(draws, [*cheap, dear], 1)[0].name != "photo"
 
 
@@ -103,19 +127,21 @@ def test_nothing_to_plan_is_an_error(draws):
         plan(draws, [])
 
 
-# ---- budget and scores ---------------------------------------------------------------------------------------------
+# ---- budget and scores ---------------------------------------------------------------------------
 
 def test_the_budget_adds_up_to_the_posterior_variance():
     prior = load_prior()
     causes = {"photo noise": 1e-4 * np.eye(3), "light": 4e-4 * np.ones((3, 3))}
     measured = seen(TRUTH)
-    measured = type(measured)(measured.grid, measured.response, measured.signal, sum(causes.values()))
+    measured = type(measured)(measured.grid, measured.response, measured.signal,
+                              sum(causes.values()))
     budget = error_budget(prior, measured, causes)
     found = posterior(prior, measured.response, measured.signal[None], measured.noise_covariance)
     index = int(np.argmax(found.weights[0]))
     p = 1 / (1 + np.exp(-found.logits[index, 0]))
     # Joseph's form is exact; the filter stops when a logit moves by less than 1e-6.
-    np.testing.assert_allclose(sum(budget.values()), (p * (1 - p))**2 * found.variances[index, 0], rtol=1e-4)
+    np.testing.assert_allclose(sum(budget.values()), (p * (1 - p))**2 * found.variances[index, 0],
+                               rtol=1e-4)
     assert set(budget) == {METAMERISM, "photo noise", "light", "model floor"}
     assert with_floor(np.zeros((3, 3)))[0, 0] > 0
 
@@ -128,7 +154,8 @@ def test_a_budget_that_does_not_add_up_is_an_error():
 def test_a_constant_error_of_a_curve_scales_the_signal():
     nm, light = GRID.nm, np.ones(61)
     white = GRID.weights_nm.sum()
-    # One band, error proportional to a flat curve: the signal moves by its own size times the relative error.
+    # One band, error proportional to a flat curve: the signal moves by its own size times the
+    # relative error.
     curve_covariance = 0.01**2 * np.ones((61, 61)) / white**2
     found = sensitivity_covariance(light, GRID.weights_nm, np.full(61, 0.4), curve_covariance)
     np.testing.assert_allclose(found, (0.01 * 0.4)**2, rtol=1e-12)
@@ -143,10 +170,11 @@ def test_scores_of_known_cases():
     np.testing.assert_allclose(winkler_score(lower, upper, truth), (7 * 0.2 + 0.05 + 40 * 0.05) / 8)
     np.testing.assert_allclose(rmse(truth + 0.1, truth), 0.1)
     np.testing.assert_allclose(spectral_angle(3 * truth, truth), 0, atol=1e-7)  # the root of eps
-    np.testing.assert_allclose(spectral_angle(np.array([[1.0, 0]]), np.array([[0, 1.0]])), np.pi / 2)
+    np.testing.assert_allclose(spectral_angle(np.array([[1.0, 0]]), np.array([[0, 1.0]])),
+                               np.pi / 2)
 
 
-# ---- ranking, refinement, N ----------------------------------------------------------------------------------------
+# ---- ranking, refinement, N ----------------------------------------------------------------------
 
 def test_ranking_keeps_the_nearest(draws):
     kept = best_by_readings(draws, np.array([0, 60]), TRUTH[[0, 60]], 10)
@@ -168,7 +196,8 @@ def test_lifting_nested_knots_changes_nothing(coarse, fine):
 
 
 def test_knots_that_do_not_nest_are_an_error():
-    with pytest.raises(InputError, match="7 coefficients cannot be refined to 9: the knots do not nest; take 11"):
+    with pytest.raises(InputError, match="7 coefficients cannot be refined to 9: the knots do not "
+                       "nest; take 11"):
         lifting(7, 9)
 
 
@@ -186,12 +215,14 @@ def test_refined_draws_keep_the_signal_and_the_box():
     operator = measurement(matrix @ basis_matrix(grid.nm, 7), matrix @ surface(grid.nm, 2))
     samples = sample_refined(matrix, grid.nm, operator, 15, 300, seed=1)
     np.testing.assert_allclose(samples.coefficients @ (matrix @ basis_matrix(grid.nm, 15)).T,
-                               np.tile(operator.y, (300, 1)), atol=1e-9)  # lifting to 1e-12, twenty moves
+                               # lifting to 1e-12, twenty moves
+                               np.tile(operator.y, (300, 1)), atol=1e-9)
     assert samples.coefficients.min() >= 0 and samples.coefficients.max() <= 1
 
 
 def test_the_evidence_of_a_uniform_sum_is_its_density():
-    # Of four coefficients seen through their mean, the density is that of Bates: 4 x Irwin-Hall at 2, 4 x 2/3.
+    # Of four coefficients seen through their mean, the density is that of Bates: 4 x Irwin-Hall at
+    # 2, 4 x 2/3.
     found = log_evidence(measurement(np.full((1, 4), 0.25), np.array([0.5])))
     # The saddle point is an approximation: 4 % for four terms.
     np.testing.assert_allclose(found, np.log(4 * 2 / 3), atol=0.05)
@@ -211,11 +242,12 @@ def test_an_unreachable_signal_is_moved_by_what_is_said():
     operator, moved = into_reach(measurement(camera(7), np.array([0.1, 0.9, 1.05])))
     assert moved == pytest.approx(np.abs(operator.y - [0.1, 0.9, 1.05]).max())
     assert into_reach(grey(7))[1] == 0
-    samples = draw_spectra(type(seen(TRUTH))(GRID, response(3)[1], np.array([0.05, 0.95, 0.05]), np.zeros((3, 3))),
-                           "uniform", 100, 0, 7)
+    samples = draw_spectra(type(seen(TRUTH))(GRID, response(3)[1], np.array([0.05, 0.95, 0.05]),
+                                             np.zeros((3, 3))), "uniform", 100, 0, 7)
     assert "it was moved by up to" in samples.outcome
 
 
 def test_an_unknown_method_is_an_error():
-    with pytest.raises(InputError, match="the method 'magic' is not known; known are paper, uniform, prior"):
+    with pytest.raises(InputError, match="the method 'magic' is not known; known are paper, "
+                       "uniform, prior"):
         draw_spectra(seen(TRUTH), "magic", 10, 0, 7)

@@ -1,4 +1,6 @@
-"""Hyperspectral pictures made elsewhere: every format gives the same spectra; what cannot be right has its sentence."""
+"""Hyperspectral pictures made elsewhere: every format gives the same spectra; what cannot be right
+has its sentence.
+"""
 import json
 import os
 import tracemalloc
@@ -9,11 +11,16 @@ import pytest
 from sampling_cameras import surface
 from typer.testing import CliRunner
 
-from radiometry.errors import EnvironmentProblem, InputError
-from sampling.cube_files import open_cube
-from sampling.cube_regions import Region, point_region, read_regions, region_spectra
-from sampling.cubes import cube_of_channels, parse_wavelengths
-from session.cli import app
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.sampling.judge.cube_files import open_cube
+from spectrabox.sampling.judge.cube_regions import (
+    Region,
+    point_region,
+    read_regions,
+    region_spectra,
+)
+from spectrabox.sampling.judge.cubes import cube_of_channels, parse_wavelengths
+from spectrabox.session.cli import app
 
 NM = np.arange(400, 701, 10.0)
 FLEA = Path(os.environ.get("SPECTRABOX_DATA", "/nonexistent")) / "flea3_chart"
@@ -40,11 +47,13 @@ def values():
 def write_envi(folder, values, order="bil", endian=0, kind=4, nm=NM, unit="nm", offset=0, extra=""):
     axes = {"bsq": (2, 0, 1), "bil": (0, 2, 1), "bip": (0, 1, 2)}[order]
     height, width, bands = values.shape
-    stored = values.transpose(axes).astype(("<" if endian == 0 else ">") + {4: "f4", 5: "f8", 12: "u2"}[kind])
+    stored = values.transpose(axes).astype(("<" if endian == 0 else ">")
+                                           + {4: "f4", 5: "f8", 12: "u2"}[kind])
     (folder / "cube.img").write_bytes(b"\0" * offset + stored.tobytes())
     (folder / "cube.hdr").write_text(HEADER.format(
-        width=width, height=height, bands=bands, offset=offset, kind=kind, order=order, endian=endian, unit=unit,
-        wavelengths=", ".join(map(str, nm))) + extra)
+                                         width=width, height=height, bands=bands, offset=offset,
+                                         kind=kind, order=order, endian=endian, unit=unit,
+                                         wavelengths=", ".join(map(str, nm))) + extra)
     return folder / "cube.hdr"
 
 
@@ -52,7 +61,7 @@ def whole(cube):
     return cube.rows(0, cube.height)
 
 
-# ---- formats -------------------------------------------------------------------------------------------------------
+# ---- formats -------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("order", ["bsq", "bil", "bip"])
 @pytest.mark.parametrize("endian, kind, offset", [(0, 4, 0), (1, 5, 128)])
@@ -67,7 +76,8 @@ def test_envi_counts_are_scaled_and_gaps_marked(values, tmp_path):
     counts = np.round(values * 10000)
     counts[0, 0, 0] = 65535
     cube = open_cube(write_envi(tmp_path, counts, kind=12, nm=NM / 1000, unit="Micrometers",
-                                extra="reflectance scale factor = 10000\ndata ignore value = 65535\n"))
+                                extra="reflectance scale factor = 10000\ndata ignore value = "
+                                "65535\n"))
     np.testing.assert_array_equal(cube.nm, NM)
     read = whole(cube)
     assert np.isnan(read[0, 0, 0])
@@ -111,7 +121,7 @@ def test_without_h5py_a_matlab_7_3_file_is_answered_with_what_to_do(tmp_path, mo
 
 
 def test_channels_of_an_exr_are_their_wavelengths(values, tmp_path):
-    from capture.image_files import open_channels, write_exr
+    from spectrabox.capture.photo.image_files import open_channels, write_exr
     write_exr(tmp_path / "cube.exr", values.astype(np.float32), [f"T.{nm:g},000000nm" for nm in NM])
     cube = cube_of_channels("cube.exr", *open_channels(tmp_path / "cube.exr"))
     np.testing.assert_array_equal(cube.nm, NM)
@@ -121,9 +131,11 @@ def test_channels_of_an_exr_are_their_wavelengths(values, tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         whole(cube_of_channels("cut.exr", *open_channels(tmp_path / "cut.exr")))
     with pytest.raises(InputError, match="cannot be a hyperspectral picture"):
-        cube_of_channels("wide.exr", ["400nm", "500nm"], 2, 10**9, lambda first, last: np.zeros((1, 2, 3)))
+        cube_of_channels("wide.exr", ["400nm", "500nm"], 2, 10**9, lambda first,
+                         last: np.zeros((1, 2, 3)))
     with pytest.raises(InputError, match="is an ordinary picture"):
-        cube_of_channels("photo.exr", ["R", "G", "B"], 2, 2, lambda first, last: np.zeros((1, 2, 3)))
+        cube_of_channels("photo.exr", ["R", "G", "B"], 2, 2, lambda first,
+                         last: np.zeros((1, 2, 3)))
 
 
 def test_a_large_picture_is_read_in_part(tmp_path):
@@ -142,10 +154,11 @@ def test_a_large_picture_is_read_in_part(tmp_path):
     assert peak < 200e6  # the region's values alone are 317 MB
 
 
-# ---- regions -------------------------------------------------------------------------------------------------------
+# ---- regions -------------------------------------------------------------------------------------
 
 def test_mean_and_scatter_are_those_of_the_pixels(values, tmp_path, monkeypatch):
-    monkeypatch.setattr("sampling.cube_regions.BLOCK_VALUES", 2 * 5 * 31)   # two rows at once
+    # two rows at once
+    monkeypatch.setattr("spectrabox.sampling.judge.cube_regions.BLOCK_VALUES", 2 * 5 * 31)
     noisy = values + np.random.default_rng(1).normal(0, 0.01, values.shape)
     noisy[3, 1, 4] = np.nan
     np.save(tmp_path / "cube.npy", noisy)
@@ -164,7 +177,8 @@ def test_mean_and_scatter_are_those_of_the_pixels(values, tmp_path, monkeypatch)
 def test_masks_choose_pixels_by_their_label(values, tmp_path):
     labels = np.zeros((6, 5), int)
     labels[2:4, 1], labels[5, 4] = 3, 7
-    (tmp_path / "r.toml").write_text('[regions.a]\nmask = "m.png"\nlabel = 3\n[regions.b]\nmask = "m.png"\n')
+    (tmp_path / "r.toml").write_text('[regions.a]\nmask = "m.png"\nlabel = 3\n[regions.b]\nmask = '
+                                     '"m.png"\n')
     found = read_regions(tmp_path / "r.toml", 5, 6, lambda path: labels)
     assert [one.box for one in found] == [(1, 2, 2, 4), (1, 2, 5, 6)]
     np.save(tmp_path / "cube.npy", values)
@@ -194,7 +208,8 @@ def test_regions_that_cannot_be_are_errors(tmp_path, text, message):
 def test_points_and_wavelengths_are_read_or_refused():
     np.testing.assert_allclose(parse_wavelengths("400:700:10"), NM)
     np.testing.assert_allclose(parse_wavelengths("400,500.5,700"), [400, 500.5, 700])
-    for text in ("400:700:0", "700:400:10", "0:1e12:1e-9", "a,b", "none.txt", "0:1e308:1e-300", "1:nan:2"):
+    for text in ("400:700:0", "700:400:10", "0:1e12:1e-9", "a,b", "none.txt", "0:1e308:1e-300",
+                 "1:nan:2"):
         with pytest.raises(InputError, match="cannot be read"):
             parse_wavelengths(text)
     with pytest.raises(InputError, match="not all of them different"):
@@ -203,7 +218,7 @@ def test_points_and_wavelengths_are_read_or_refused():
         point_region("3;4", 5, 6)
 
 
-# ---- damaged and hostile files -------------------------------------------------------------------------------------
+# ---- damaged and hostile files -------------------------------------------------------------------
 
 def test_pickled_objects_are_refused(tmp_path):
     class Harmful:
@@ -237,7 +252,8 @@ def test_a_size_that_would_not_fit_is_refused_before_it_is_read(tmp_path):
     import io
     import zipfile
     header = io.BytesIO()
-    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (9000, 9000, 31)})
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False,
+                                                  "shape": (9000, 9000, 31)})
     with zipfile.ZipFile(tmp_path / "cube.npz", "w") as archive:
         archive.writestr("cube.npy", header.getvalue())
     with pytest.raises(InputError, match=r"would need 20\.1 GB of memory"):
@@ -248,9 +264,11 @@ def test_a_size_that_would_not_fit_is_refused_before_it_is_read(tmp_path):
 
 
 @pytest.mark.parametrize("content, message", [
-    (b"", "is no hyperspectral picture"), (b"hello", "is no hyperspectral picture"),
-    (b"PK\x03\x04broken", "is damaged"), (b"MATLAB 5.0 MAT-file" + b"\0" * 200, "is no MATLAB file"),
-    (b"\x93NUMPY\x01\x00", "is damaged")])
+                             (b"", "is no hyperspectral picture"),
+                             (b"hello", "is no hyperspectral picture"),
+                             (b"PK\x03\x04broken", "is damaged"),
+                             (b"MATLAB 5.0 MAT-file" + b"\0" * 200, "is no MATLAB file"),
+                             (b"\x93NUMPY\x01\x00", "is damaged")])
 def test_damaged_files_are_errors(tmp_path, content, message):
     (tmp_path / "cube.bin").write_bytes(content)
     with pytest.raises(InputError, match=message):
@@ -272,7 +290,7 @@ def test_arrays_of_other_shapes_are_errors(tmp_path):
         open_cube(tmp_path / "none.npy", NM)
 
 
-# ---- the command ---------------------------------------------------------------------------------------------------
+# ---- the command ---------------------------------------------------------------------------------
 
 def judge(*arguments, code=0):
     found = CliRunner().invoke(app, ["judge", *map(str, arguments), "--json"])
@@ -287,29 +305,35 @@ def folder(tmp_path):
     truths = {"left": surface(NM, 1), "right": surface(NM, 2), "card": np.full(NM.size, 0.9)}
     lamp = 300 * (1 + 0.5 * (NM - 400) / 300)
     cube = np.concatenate([np.tile(one * lamp, (50, 40, 1)) for one in truths.values()], axis=1)
-    np.save(tmp_path / "cube.npy", (cube * (1 + 0.02 * rng.standard_normal(cube.shape))).astype(np.float32))
+    np.save(tmp_path / "cube.npy",
+            (cube * (1 + 0.02 * rng.standard_normal(cube.shape))).astype(np.float32))
     (tmp_path / "truth.csv").write_text(f"nm,{','.join(truths)}\n" + "\n".join(
-        ",".join(f"{value:.6g}" for value in row) for row in zip(NM, *truths.values(), strict=True)))
-    (tmp_path / "r.toml").write_text("".join(f"[regions.{name}]\nrectangle = [{40 * at}, 0, {40 * at + 40}, 50]\n"
+                                            ",".join(f"{value:.6g}" for value in row)
+                                            for row in zip(NM, *truths.values(), strict=True)))
+    (tmp_path / "r.toml").write_text("".join(f"[regions.{name}]\nrectangle = [{40 * at}, 0, "
+                                             f"{40 * at + 40}, 50]\n"
                                              for at, name in enumerate(truths)))
     return tmp_path
 
 
 def test_judge_puts_a_picture_beside_our_methods(folder):
-    facts = judge(folder / "cube.npy", "--wavelengths", "400:700:10", "--regions", folder / "r.toml", "--truth",
-                  folder / "truth.csv", "--white-region", "card", "--samples", 1000, "--out", folder / "out.csv")
+    facts = judge(folder / "cube.npy", "--wavelengths", "400:700:10", "--regions",
+                  folder / "r.toml", "--truth",
+                  folder / "truth.csv", "--white-region", "card", "--samples", 1000, "--out",
+                  folder / "out.csv")
     assert [one["name"] for one in facts["regions"]] == ["left", "right", "card"]
     left = facts["regions"][0]
     assert left["pixels"] == 2000
     assert list(left["judged"]) == ["imported picture", "prior", "uniform", "paper"]
     mine = left["judged"]["imported picture"]
-    # Noise of 2 % over 2000 pixels and the card's: well below 0.001. Interpolation of 10 nm costs more.
+    # Noise of 2 % over 2000 pixels and the card's: well below 0.001. Interpolation of 10 nm costs
+    # more.
     assert mine["rmse"] < 0.004 and mine["spectral_angle"] < 0.02 and mine["whole_curve"]
     assert set(mine["delta_e00"]) == {"D65", "A", "FL11"} and max(mine["delta_e00"].values()) < 0.5
     assert mine["coverage"] > 0.9 and mine["sharpness"] < mine["width"] <= mine["winkler"]
     assert facts["means"]["prior"]["rmse"] == pytest.approx(np.mean([
         one["judged"]["prior"]["rmse"] for one in facts["regions"]]))
-    from radiometry.spectrum_files import read_table
+    from spectrabox.radiometry.spectra.spectrum_files import read_table
     table = read_table(folder / "out.csv")
     assert "left standard deviation" in table.names
 
@@ -319,38 +343,47 @@ def test_judge_says_what_is_missing(folder):
     nm, truth = ("--wavelengths", "400:700:10"), ("--truth", folder / "truth.csv")
     assert "states no wavelengths" in judge(cube, "--regions", regions, code=3)["error"]
     assert "no region was given" in judge(cube, *nm, code=3)["error"]
-    assert "no reflectance; give what reflectance 1 reads" in judge(cube, *nm, "--regions", regions, code=3)["error"]
+    assert "no reflectance; give what reflectance 1 reads" in judge(cube, *nm, "--regions", regions,
+                                                                    code=3)["error"]
     scaled = (*nm, "--full-scale", 450)
     assert len(judge(cube, *scaled, "--regions", regions)["regions"][0]["judged"]) == 0
-    assert "say which with column" in judge(cube, *scaled, "--point", "3,3", *truth, code=3)["error"]
-    assert "is no region" in judge(cube, *nm, "--regions", regions, "--white-region", "x", code=3)["error"]
-    assert "cannot be; give what" in judge(cube, *nm, "--regions", regions, "--full-scale", 0, code=3)["error"]
+    assert "say which with column" in judge(cube, *scaled, "--point", "3,3", *truth,
+                                            code=3)["error"]
+    assert "is no region" in judge(cube, *nm, "--regions", regions, "--white-region", "x",
+                                   code=3)["error"]
+    assert "cannot be; give what" in judge(cube, *nm, "--regions", regions, "--full-scale", 0,
+                                           code=3)["error"]
     short = ("--wavelengths", "450:750:10", "--full-scale", 450)
-    assert "must reach from 420 to 680 nm" in judge(cube, *short, "--point", "left=3,3", *truth, code=3)["error"]
+    assert "must reach from 420 to 680 nm" in judge(cube, *short, "--point", "left=3,3", *truth,
+                                                    code=3)["error"]
 
 
 def test_our_methods_see_the_signals_that_are_given(folder):
-    arguments = (folder / "cube.npy", "--wavelengths", "400:700:10", "--full-scale", 450, "--point", "left=3,3",
-                 "--truth", folder / "truth.csv", "--samples", 1000)
+    arguments = (folder / "cube.npy", "--wavelengths", "400:700:10", "--full-scale", 450, "--point",
+                 "left=3,3", "--truth", folder / "truth.csv", "--samples", 1000)
     (folder / "signals.csv").write_text("R,G,B\n50,50,50\n")
-    seen = judge(*arguments, "--signals", folder / "signals.csv", "--white", "100,100,100", "--noise", "0.2,0.2,0.2")
+    seen = judge(*arguments, "--signals", folder / "signals.csv", "--white", "100,100,100",
+                 "--noise", "0.2,0.2,0.2")
     own = judge(*arguments)
-    assert seen["means"]["prior"]["rmse"] > 3 * own["means"]["prior"]["rmse"]     # a grey of 0.5 is another surface
+    # a grey of 0.5 is another surface
+    assert seen["means"]["prior"]["rmse"] > 3 * own["means"]["prior"]["rmse"]
     (folder / "signals.csv").write_text("R,G,B\n50,50,50\n60,60,60\n")
-    text = judge(*arguments, "--signals", folder / "signals.csv", "--white", "100,100,100", code=3)["error"]
+    text = judge(*arguments, "--signals", folder / "signals.csv", "--white", "100,100,100",
+                 code=3)["error"]
     assert "2 signals were given for 1 regions" in text
 
 
 def test_too_few_pixels_give_no_band(folder):
-    facts = judge(folder / "cube.npy", "--wavelengths", "400:700:10", "--full-scale", 450, "--point", "left=3,3",
-                  "--truth", folder / "truth.csv", "--samples", 1000)
+    facts = judge(folder / "cube.npy", "--wavelengths", "400:700:10", "--full-scale", 450,
+                  "--point", "left=3,3", "--truth", folder / "truth.csv", "--samples", 1000)
     mine = facts["regions"][0]["judged"]["imported picture"]
     assert mine["coverage"] is None and mine["width"] is None and mine["rmse"] > 0
 
 
 def test_a_black_picture_is_judged_like_any_other(folder):
     np.save(folder / "black.npy", np.zeros((50, 40, 31)))
-    facts = judge(folder / "black.npy", "--wavelengths", "400:700:10", "--point", "left=3,3", "--truth",
+    facts = judge(folder / "black.npy", "--wavelengths", "400:700:10", "--point", "left=3,3",
+                  "--truth",
                   folder / "truth.csv", "--samples", 1000)
     mine = facts["regions"][0]["judged"]["imported picture"]
     assert mine["spectral_angle"] == pytest.approx(np.pi / 2)
@@ -358,26 +391,34 @@ def test_a_black_picture_is_judged_like_any_other(folder):
 
 
 def test_what_uplift_writes_can_be_judged(tmp_path):
-    from capture.image_files import write_exr
+    from spectrabox.capture.photo.image_files import write_exr
     curves = np.tile(surface(NM, 4), (4, 5, 1)).astype(np.float32)
     write_exr(tmp_path / "mean.exr", curves, [f"{nm:g}nm" for nm in NM])
     facts = judge(tmp_path / "mean.exr", "--point", "1,1")
     np.testing.assert_allclose(facts["regions"][0]["mean"], surface(NM, 4), atol=1e-6)  # float32
 
 
-@pytest.mark.skipif(not (FLEA / "spectra_averaged.csv").exists(), reason="SPECTRABOX_DATA names no flea3_chart")
+@pytest.mark.skipif(not (FLEA / "spectra_averaged.csv").exists(),
+                    reason="SPECTRABOX_DATA names no flea3_chart")
 def test_a_real_picture_from_matlab_is_read_and_judged(tmp_path):
-    """A chart behind seven filters, as its authors published it, with the mask of its patches and measured spectra."""
-    from radiometry.spectrum_files import read_table
+    """A chart behind seven filters, as its authors published it, with the mask of its patches and
+    measured spectra.
+    """
+    from spectrabox.radiometry.spectra.spectrum_files import read_table
     names = read_table(FLEA / "spectra_averaged.csv").names[11:35]
     labels = FLEA / "colorChecker_labels" / "d2_colorChecker30cm_550nm_labels.png"
     (tmp_path / "m.png").write_bytes(labels.read_bytes())
-    (tmp_path / "r.toml").write_text("".join(f'[regions."{name}"]\nmask = "m.png"\nlabel = {index}\n'
+    (tmp_path / "r.toml").write_text("".join(f'[regions."{name}"]\nmask = "m.png"\nlabel = '
+                                             f'{index}\n'
                                              for index, name in enumerate(names, 1)))
-    facts = judge(FLEA / "multispectral_images" / "d2_colorChecker30cm_dHyper.mat", "--wavelengths", "400:700:50",
-                  "--regions", tmp_path / "r.toml", "--truth", FLEA / "spectra_averaged.csv", "--white-region",
-                  names[18], "--samples", 1000)
-    # The light on that chart falls off by a factor of two: RMSE 0.08 and 0.055 after the best scale were measured.
-    assert facts["means"]["imported picture"]["rmse_best_scale"] < 0.06 < facts["means"]["imported picture"]["rmse"]
-    angles = {one["name"]: one["judged"]["imported picture"]["spectral_angle"] for one in facts["regions"]}
+    facts = judge(FLEA / "multispectral_images" / "d2_colorChecker30cm_dHyper.mat", "--wavelengths",
+                  "400:700:50", "--regions", tmp_path / "r.toml", "--truth",
+                  FLEA / "spectra_averaged.csv", "--white-region", names[18], "--samples", 1000)
+    # The light on that chart falls off by a factor of two: RMSE 0.08 and 0.055 after the best scale
+    # were measured.
+    assert facts["means"]["imported picture"]["rmse_best_scale"] < 0.06 < facts["means"]["imported "
+                                                                                         "picture"][
+        "rmse"]
+    angles = {one["name"]: one["judged"]["imported picture"]["spectral_angle"]
+              for one in facts["regions"]}
     assert max(angles[name] for name in ("orange", "red", "yellow")) < 0.35

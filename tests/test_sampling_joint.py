@@ -1,13 +1,17 @@
-"""Joint posterior of the materials of a scene: derivatives, what a second bounce tells, exactness of the draws."""
+"""Joint posterior of the materials of a scene: derivatives, what a second bounce tells, exactness
+of the draws.
+"""
 import numpy as np
 import pytest
 from sampling_cameras import response, surface
 
-from radiometry.errors import ConvergenceError, InputError
-from radiometry.records import LightTransport, Outcome
-from sampling.diagnostics import tail_shape
-from sampling.joint_labels import find_modes, near_labels
-from sampling.joint_posterior import (
+from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.radiometry.records import LightTransport, Outcome
+from spectrabox.sampling.polytope.diagnostics import tail_shape
+from spectrabox.sampling.prior.mixture import GRID, load_prior, reflectance
+from spectrabox.sampling.scene.draws import DISAGREES, THROUGH_TRANSPORT, draw_scene, shared_errors
+from spectrabox.sampling.scene.labels import find_modes, near_labels
+from spectrabox.sampling.scene.posterior import (
     climb,
     covariance_at,
     gaussian_of,
@@ -17,15 +21,15 @@ from sampling.joint_posterior import (
     products,
     residual_and_jacobian,
 )
-from sampling.joint_sampling import sample_joint
-from sampling.logit_mixture import GRID, load_prior, reflectance
-from sampling.scene_draws import DISAGREES, THROUGH_TRANSPORT, draw_scene, shared_errors
+from spectrabox.sampling.scene.sampling import sample_joint
 
 EXPONENTS = np.array([[1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [1, 2], [2, 1]])
 
 
 def scene(error=0.01, regions=40, exponents=EXPONENTS, covariance=None, seed=0):
-    """A synthetic scene of two materials: transport with light that met one, both, or one of them again."""
+    """A synthetic scene of two materials: transport with light that met one, both, or one of them
+    again.
+    """
     rng = np.random.default_rng(seed)
     order = exponents.sum(axis=1)
     coefficients = rng.uniform(0.2, 1, (regions, len(exponents))) * 0.5**(order - 1.0)
@@ -45,16 +49,21 @@ def prior():
 def scenes_of_the_prior(problem, count, seed):
     """Logits (n, M, P) of scenes drawn from the prior."""
     rng = np.random.default_rng(seed)
-    labels = rng.choice(len(problem.means) - 1, (count, len(problem.materials)), p=np.exp(problem.log_weights[:-1]))
+    labels = rng.choice(len(problem.means) - 1, (count, len(problem.materials)),
+                        p=np.exp(problem.log_weights[:-1]))
     z = rng.standard_normal((*labels.shape, GRID.nm.size))
-    return problem.means[labels] + np.array([[problem.roots[c] @ z_m for c, z_m in zip(row, z_n, strict=True)]
+    return problem.means[labels] + np.array([[problem.roots[c] @ z_m for c, z_m in zip(row, z_n,
+                                                                                       strict=True)]
                                              for row, z_n in zip(labels, z, strict=True)])
 
 
 def misfit(problem, logits):
     """Squared residual (n,) of scenes in units of the noise."""
-    received = (products(problem, logits)[1] @ problem.response.T).transpose(0, 2, 1).reshape(len(logits), -1)
-    return np.sum((received @ problem.rows.reshape(len(problem.rows), -1).T - problem.targets)**2, axis=1)
+    received = (products(problem, logits)[1] @ problem.response.T).transpose(0, 2,
+                                                                             1).reshape(len(logits),
+                                                                                        -1)
+    return np.sum((received @ problem.rows.reshape(len(problem.rows), -1).T - problem.targets)**2,
+                  axis=1)
 
 
 def rendered(transport, matrix, logits):
@@ -66,12 +75,15 @@ def rendered(transport, matrix, logits):
 def test_derivatives_agree_with_differences(prior):
     problem = joint_problem(*scene()[:4], prior)
     rng = np.random.default_rng(1)
-    z, direction, labels = 0.3 * rng.standard_normal(122), rng.standard_normal(122), np.array([2, 5])
+    z, direction, labels = 0.3 * rng.standard_normal(122), rng.standard_normal(122), np.array(
+        [2, 5])
     step = 1e-6
     _, jacobian = residual_and_jacobian(problem, labels, z)
-    forward, backward = (residual_and_jacobian(problem, labels, z + sign * step * direction)[0] for sign in (1, -1))
+    forward, backward = (residual_and_jacobian(problem, labels, z + sign * step * direction)[0]
+                         for sign in (1, -1))
     # Central differences: h^2 times the third derivative and eps / h of a residual of order 100.
-    np.testing.assert_allclose(jacobian @ direction, (forward - backward) / (2 * step), rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(jacobian @ direction, (forward - backward) / (2 * step), rtol=1e-5,
+                               atol=1e-5)
 
 
 def test_the_reduction_keeps_the_likelihood_up_to_a_constant(prior):
@@ -79,13 +91,15 @@ def test_the_reduction_keeps_the_likelihood_up_to_a_constant(prior):
     problem = joint_problem(transport, matrix, signal, noise, prior)
     logits = scenes_of_the_prior(problem, 5, 2)
     full = np.sum(((rendered(transport, matrix, logits) - signal) / noise)**2, axis=(1, 2))
-    # Rows whose signals scatter by less than 0.05 were dropped, at most 21: each moves the misfit by about 0.1.
+    # Rows whose signals scatter by less than 0.05 were dropped, at most 21: each moves the misfit
+    # by about 0.1.
     np.testing.assert_allclose(np.diff(full), np.diff(misfit(problem, logits)), rtol=1e-6, atol=2)
 
 
 def test_shared_errors_are_those_of_the_full_covariance(prior):
     transport, matrix, signal, noise, _ = scene()
-    common = shared_errors(signal, np.diag([4e-4, 1e-4, 1e-4]), 0.01, np.arange(40) // 20, 0.02, 0.03)
+    common = shared_errors(signal, np.diag([4e-4, 1e-4, 1e-4]), 0.01, np.arange(40) // 20, 0.02,
+                           0.03)
     assert common.shape == (3 + 1 + 2 + 6, 40, 3)
     problem = joint_problem(transport, matrix, signal, noise, prior, common)
     logits = scenes_of_the_prior(problem, 5, 3)
@@ -112,7 +126,8 @@ def test_the_map_is_stationary(prior):
     assert np.all(np.diff(modes.evidence) <= 0)
     residual, jacobian = residual_and_jacobian(problem, modes.labels[0], modes.z[0])
     slope = jacobian.T @ residual + modes.z[0]
-    # A Newton step from where the cost fell by less than 0.01 at last would lower it by no more than that.
+    # A Newton step from where the cost fell by less than 0.01 at last would lower it by no more
+    # than that.
     assert slope @ covariance_at(problem, modes.labels[0], modes.z[0]) @ slope / 2 < 0.01
 
 
@@ -130,7 +145,8 @@ def test_without_products_materials_do_not_inform_each_other(prior):
     problem = joint_problem(*scene(exponents=alone)[:4], prior)
     modes = find_modes(problem)
     across = covariance_at(problem, modes.labels[0], modes.z[0])[:61, 61:]
-    # Regions see sums of the two materials: only the three signals of each are coupled, and those are well known.
+    # Regions see sums of the two materials: only the three signals of each are coupled, and those
+    # are well known.
     assert np.abs(across).max() < 0.02
 
 
@@ -141,7 +157,8 @@ def test_products_tell_more_than_direct_light(prior):
 
 
 def test_less_noise_tells_more(prior):
-    bits = [information_bits(joint_problem(*scene(error=error)[:4], prior)).sum() for error in (0.05, 0.01, 0.002)]
+    bits = [information_bits(joint_problem(*scene(error=error)[:4], prior)).sum()
+            for error in (0.05, 0.01, 0.002)]
     assert bits[0] < bits[1] < bits[2]
 
 
@@ -149,12 +166,14 @@ def test_monte_carlo_noise_of_the_transport_tells_less(prior):
     transport, matrix, signal, noise, _ = scene(error=0.002)
     noisy = LightTransport(transport.materials, transport.exponents, transport.coefficients,
                            np.tile(1e-4 * np.eye(len(EXPONENTS)), (40, 1, 1)))
-    plain, less = (information_bits(joint_problem(one, matrix, signal, noise, prior)) for one in (transport, noisy))
+    plain, less = (information_bits(joint_problem(one, matrix, signal, noise, prior))
+                   for one in (transport, noisy))
     assert np.all(less < plain)
 
 
 def test_the_draws_have_the_law_of_the_posterior(prior):
-    # So noisy that scenes drawn from the prior and weighted with the likelihood are a second way to the same law.
+    # So noisy that scenes drawn from the prior and weighted with the likelihood are a second way to
+    # the same law.
     problem = joint_problem(*scene(error=0.4, regions=6)[:4], prior)
     found = sample_joint(problem, seed=1)
     assert found.converged
@@ -177,10 +196,12 @@ def test_the_draws_have_the_law_of_the_posterior(prior):
 
 def test_the_sampler_converges_and_holds_the_truth(prior):
     transport, matrix, signal, noise, truth = scene(error=0.05)
-    samples = sample_joint(joint_problem(transport, matrix, signal, noise, prior), seed=1, kept=2000)
+    samples = sample_joint(joint_problem(transport, matrix, signal, noise, prior), seed=1,
+                           kept=2000)
     assert samples.converged
     lower, upper = np.quantile(samples.spectra, [0.005, 0.995], axis=0)
-    assert np.mean((truth >= lower) & (truth <= upper)) > 0.9  # one case; calibration is measured by the benchmark
+    # one case; calibration is measured by the benchmark
+    assert np.mean((truth >= lower) & (truth <= upper)) > 0.9
     assert samples.spectra.min() > 0 and samples.spectra.max() < 1
 
 
@@ -212,7 +233,7 @@ def test_one_gaussian_has_the_moments_of_the_mixture(prior):
         prior.covariances[component, 30, 30]) * rng.standard_normal(20_000)
     sigma = np.sqrt((root @ root.T)[30, 30])
     assert abs(x.mean() - mean[30]) < 4 * sigma / np.sqrt(20_000)   # four standard errors
-    assert abs(x.std() / sigma - 1) < 0.04                          # heavier tails than normal: four times 1 %
+    assert abs(x.std() / sigma - 1) < 0.04  # heavier tails than normal: four times 1 %
 
 
 @pytest.mark.parametrize("shape", [0.3, 0.6, 1.0])
@@ -239,6 +260,7 @@ def test_bad_scenes_are_errors(prior):
     with pytest.raises(InputError, match="c are not in the transport, which has a, b"):
         draw_scene(transport, signal, noise, matrix, 100, 0, prior, known={"c": truth[0]})
     with pytest.raises(InputError, match="every material of the scene is known"):
-        draw_scene(transport, signal, noise, matrix, 100, 0, prior, known={"a": truth[0], "b": truth[1]})
+        draw_scene(transport, signal, noise, matrix, 100, 0, prior,
+                   known={"a": truth[0], "b": truth[1]})
     with pytest.raises(InputError, match="must be positive semi-definite"):
         shared_errors(signal, -np.eye(3))

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radiometry.errors import InputError
-from sampling.certificate import certify
-from sampling.logit_mixture import GRID, load_prior
-from sampling.r_data import read_r_columns
-from sampling.reflectance_libraries import read_library, usable, without_near_duplicates
+from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.judge.certificate import certify
+from spectrabox.sampling.prior.libraries import read_library, usable, without_near_duplicates
+from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.prior.r_data import read_r_columns
 
 NM = np.arange(380.0, 781.0, 10)
 CURVES = np.array([0.2 + 0.001 * (NM - 380), 0.7 - 0.001 * (NM - 380), np.full(NM.size, 0.4)])
@@ -32,14 +32,17 @@ def r_file(columns):
     values = b"".join(struct.pack(">ii", 14, len(column)) + np.asarray(column, ">f8").tobytes()
                       for column in columns.values())
     frame = struct.pack(">ii", 19 | 1 << 9, len(columns)) + values
-    attributes = struct.pack(">i", 2 | 1 << 10) + symbol + text("names") + names + struct.pack(">i", 254)
+    attributes = struct.pack(">i", 2 | 1 << 10) + symbol + text("names") + names + struct.pack(">i",
+                                                                                               254)
     head = b"RDX2\nX\n" + struct.pack(">iii", 2, 0x30402, 0x20300)
-    return head + struct.pack(">i", 2 | 1 << 10) + symbol + text("frame") + frame + attributes + struct.pack(">i", 254)
+    return head + struct.pack(">i",
+                              2 | 1 << 10) + symbol + text(
+        "frame") + frame + attributes + struct.pack(">i", 254)
 
 
 def write_envi(folder):
-    (folder / "a.hdr").write_text(f"ENVI\nsamples = {NM.size}\nlines = 3\ndata type = 4\nbyte order = 0\n"
-                                  f"wavelength = {{ {' , '.join(map(str, NM))} }}\n")
+    (folder / "a.hdr").write_text(f"ENVI\nsamples = {NM.size}\nlines = 3\ndata type = 4\nbyte "
+                                  f"order = 0\nwavelength = {{ {' , '.join(map(str, NM))} }}\n")
     CURVES.astype("<f4").tofile(folder / "a.sli")
 
 
@@ -49,7 +52,8 @@ def write_patches(folder):
 
 
 def csv_across():
-    return "\n".join([",".join(f"{nm:g}" for nm in NM), *(",".join(f"{v:.9f}" for v in curve) for curve in CURVES)])
+    return "\n".join([",".join(f"{nm:g}" for nm in NM), *(",".join(f"{v:.9f}" for v in curve)
+                                                          for curve in CURVES)])
 
 
 def write_across(folder):
@@ -72,7 +76,8 @@ def write_r(folder):
     (folder / "a.rda").write_bytes(bz2.compress(r_file(columns)))
 
 
-@pytest.mark.parametrize("write", [write_envi, write_patches, write_across, write_down, write_zip, write_r])
+@pytest.mark.parametrize("write",
+                         [write_envi, write_patches, write_across, write_down, write_zip, write_r])
 def test_every_format_gives_the_same_curves(write, tmp_path):
     write(tmp_path)
     found = read_library(tmp_path)
@@ -92,9 +97,11 @@ def test_what_is_left_out_is_counted():
 def test_absorbance_called_reflectance_is_read_as_what_it_is(tmp_path):
     columns = {f"X{nm:g}": -np.log10(column) for nm, column in zip(NM, CURVES.T, strict=True)}
     (tmp_path / "ikeogu.2017.rda").write_bytes(bz2.compress(r_file(columns)))
-    # Between two wavelengths a straight line in absorbance is none in reflectance: curves are compared at their own.
+    # Between two wavelengths a straight line in absorbance is none in reflectance: curves are
+    # compared at their own.
     shared = np.isin(GRID.nm, NM)
-    np.testing.assert_allclose(read_library(tmp_path).reflectances[:, shared], EXPECTED[:, shared], atol=1e-9)
+    np.testing.assert_allclose(read_library(tmp_path).reflectances[:, shared], EXPECTED[:, shared],
+                               atol=1e-9)
 
 
 def test_a_file_far_above_one_outside_the_visible_holds_no_reflectance():
@@ -117,7 +124,8 @@ def test_near_duplicates_are_dropped():
 
 
 def test_r_integers_and_gzip_are_read(tmp_path):
-    (tmp_path / "a.rda").write_bytes(gzip.compress(r_file({"X400": [1.0, 2.0], "name": [3.0, 4.0]})))
+    (tmp_path / "a.rda").write_bytes(
+        gzip.compress(r_file({"X400": [1.0, 2.0], "name": [3.0, 4.0]})))
     np.testing.assert_array_equal(read_r_columns(tmp_path / "a.rda")["name"], [3, 4])
 
 
@@ -152,18 +160,23 @@ def test_an_empty_or_missing_folder_is_an_error(tmp_path):
         read_library(tmp_path / "none")
 
 
-@pytest.mark.skipif("SPECTRABOX_DATA" not in os.environ, reason="SPECTRABOX_DATA does not name the folder of real data")
-@pytest.mark.parametrize("name, curves", [("cassava", 175), ("kremer_pigments", 1586), ("ntu_watercolour", 2444),
-                                          ("rawtoaces190", 187), ("usgs_minerals", 497)])
+@pytest.mark.skipif("SPECTRABOX_DATA" not in os.environ,
+                    reason="SPECTRABOX_DATA does not name the folder of real data")
+@pytest.mark.parametrize("name, curves",
+                         [("cassava", 175), ("kremer_pigments", 1586), ("ntu_watercolour", 2444),
+                          ("rawtoaces190", 187), ("usgs_minerals", 497)])
 def test_real_libraries_are_read_whole_and_covered(name, curves):
     library = read_library(Path(os.environ["SPECTRABOX_DATA"]) / "reflectance" / name)
     assert len(library.reflectances) == curves
     from sampling_cameras import response
-    certificate = certify(load_prior(), type(library)(name, library.reflectances[::7], {}), response(3)[1])
+    certificate = certify(load_prior(), type(library)(name, library.reflectances[::7], {}),
+                          response(3)[1])
     assert certificate.coverage[0.95] > 0.93
 
 
-@pytest.mark.skipif("SPECTRABOX_DATA" not in os.environ, reason="SPECTRABOX_DATA does not name the folder of real data")
+@pytest.mark.skipif("SPECTRABOX_DATA" not in os.environ,
+                    reason="SPECTRABOX_DATA does not name the folder of real data")
 def test_yellow_roots_absorb_blue():
-    roots = read_library(Path(os.environ["SPECTRABOX_DATA"]) / "reflectance" / "cassava").reflectances
+    roots = read_library(Path(os.environ["SPECTRABOX_DATA"]) / "reflectance"
+                         / "cassava").reflectances
     assert np.all(roots[:, GRID.nm == 450] < roots[:, GRID.nm == 650])

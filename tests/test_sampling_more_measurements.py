@@ -1,4 +1,6 @@
-"""Further measurements of one surface: each is obeyed, contradictions are named, the paper's ranking for comparison."""
+"""Further measurements of one surface: each is obeyed, contradictions are named, the paper's
+ranking for comparison.
+"""
 import json
 
 import numpy as np
@@ -6,18 +8,18 @@ import pytest
 from sampling_cameras import surface
 from typer.testing import CliRunner
 
-from radiometry.errors import InputError
-from radiometry.grid import visible_grid
-from radiometry.named_spectra import relative_response
-from sampling.logit_mixture import GRID
-from sampling.measurement_file import read_more
-from sampling.more_measurements import joined
-from sampling.paper_options import refined_as_published
-from sampling.request_draws import DrawOptions, draws_of
-from sampling.self_reflection import given_reflected_twice
-from sampling.signal_options import measurement_of_signal, parse_reading
-from sampling.spectral_samples import SpectralMeasurement, SpectralSamples
-from session.cli import app
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.sampling.further.more_measurements import joined
+from spectrabox.sampling.further.self_reflection import given_reflected_twice
+from spectrabox.sampling.measurement import SpectralMeasurement, SpectralSamples
+from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.published.options import refined_as_published
+from spectrabox.session.cli import app
+from spectrabox.session.signals.measurement_file import read_more
+from spectrabox.session.signals.request_draws import DrawOptions, draws_of
+from spectrabox.session.signals.signal_options import measurement_of_signal, parse_reading
 
 FINE = visible_grid(1)
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "LED-B3"
@@ -39,7 +41,8 @@ def run(name, *arguments, code=0):
 
 
 def sample(*arguments, code=0):
-    return run("sample", "--signal", signal(), "--noise", "0.002,0.002,0.002", "--samples", 1000, *arguments, code=code)
+    return run("sample", "--signal", signal(), "--noise", "0.002,0.002,0.002", "--samples", 1000,
+               *arguments, code=code)
 
 
 def width(facts):
@@ -89,7 +92,7 @@ noise = [0.002, 0.002, 0.002]
     return tmp_path
 
 
-# ---- each is obeyed ------------------------------------------------------------------------------------------------
+# ---- each is obeyed ------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("method", ["prior", "uniform"])
 def test_a_second_photo_under_another_light_narrows_the_band(method):
@@ -107,7 +110,8 @@ def test_everything_of_a_file_is_used(plain, more):
     found = read_more(more / "more.toml", CAMERA, response())
     assert [one.name for one in found] == [
         "the reading at 410 nm, 8 nm wide", "the band filter of filter.csv", "the photo under A",
-        "the photo under D65 by CIE 1931 2 Degree Standard Observer", "patch 1 said to be the same material"]
+        "the photo under D65 by CIE 1931 2 Degree Standard Observer",
+        "patch 1 said to be the same material"]
 
 
 def test_a_spectrometers_spot_is_obeyed_within_its_error(more):
@@ -121,7 +125,7 @@ def test_the_same_material_twice_halves_the_variance_of_the_signal():
     base = measurement_of_signal(response(), response() @ TRUTH, None, "0.01,0.01,0.01")
     again = sample("--same", signal() + ":0.002,0.002,0.002")
     assert again["outcome"]
-    from sampling.measurement_file import of_patch
+    from spectrabox.session.signals.measurement_file import of_patch
     both = joined(base, [of_patch(f"{signal()}:0.01,0.01,0.01", response(), None, 1)])
     np.testing.assert_allclose(both.noise_covariance, base.noise_covariance / 2, rtol=1e-12)
 
@@ -134,16 +138,19 @@ def test_a_wide_reading_is_the_mean_over_its_band():
     assert np.ptp(half) == pytest.approx(20, abs=2)  # a step of 1 nm at either end
 
 
-# ---- contradictions ------------------------------------------------------------------------------------------------
+# ---- contradictions ------------------------------------------------------------------------------
 
 def test_a_photo_that_no_reflectance_gives_is_named():
-    text = sample("--photo", "A=0.95,0.02,0.95:0.001,0.001,0.001", "--reading", "550:0.2", code=3)["error"]
-    assert text.startswith("the photo under A contradicts the other measurements: no reflectance between 0 and 1")
+    text = sample("--photo", "A=0.95,0.02,0.95:0.001,0.001,0.001", "--reading", "550:0.2",
+                  code=3)["error"]
+    assert text.startswith("the photo under A contradicts the other measurements: no reflectance "
+                           "between 0 and 1")
 
 
 def test_a_patch_of_another_material_is_named():
     text = sample("--same", signal(times=1.5) + ":0.002,0.002,0.002", code=3)["error"]
-    assert text.startswith("patch 1 said to be the same material: two patches said to be the same material differ by")
+    assert text.startswith("patch 1 said to be the same material: two patches said to be the same "
+                           "material differ by")
 
 
 def test_readings_at_one_place_that_differ_are_named():
@@ -153,21 +160,28 @@ def test_readings_at_one_place_that_differ_are_named():
 
 def test_what_the_prior_finds_hard_to_believe_is_said():
     wrong = float(np.interp(550, FINE.nm, TRUTH)) + 0.35
-    facts = sample("--reading", f"550:{wrong:.4f}:0.002", "--method", "uniform", "--coefficients", 21)
+    facts = sample("--reading", f"550:{wrong:.4f}:0.002", "--method", "uniform", "--coefficients",
+                   21)
     assert len(facts["doubtful"]) == 1
-    assert facts["doubtful"][0].startswith("the reading at 550 nm is hard to believe beside the others")
+    assert facts["doubtful"][0].startswith("the reading at 550 nm is hard to believe beside the "
+                                           "others")
 
 
 @pytest.mark.parametrize("text, message", [
-    ("[[reading]]\nnm = 500", "lacks reflectance"),
-    ("[[reading]]\nnm = 500\nreflectanse = 0.3", "unknown key 'reflectanse'; the nearest is 'reflectance'"),
-    ("[[reading]]\nnm = 'x'\nreflectance = 0.3", "nm = 'x'; a number is needed"),
-    ("[reading]\nnm = 500", r"write \[\[reading\]\] with two brackets"),
-    ("[[raeding]]\nnm = 500", r"the nearest that is known is \[\[reading\]\]"),
-    ("[[photo]]\nlight = 'A'\nsignal = [0.1, 'b']", "a list of numbers is needed"),
-    ("[[photo]]\nlight = 'A'\nsignal = [0.1, 0.2]", "has 2 values; the sensitivities have 3 bands"),
-    ("[[spot]]\nfile = 'none.csv'", "none.csv is missing"),
-    ("[[photo]", "is no TOML file")])
+                             ("[[reading]]\nnm = 500", "lacks reflectance"),
+                             ("[[reading]]\nnm = 500\nreflectanse = 0.3",
+                              "unknown key 'reflectanse'; the nearest is 'reflectance'"),
+                             ("[[reading]]\nnm = 'x'\nreflectance = 0.3",
+                              "nm = 'x'; a number is needed"),
+                             ("[reading]\nnm = 500", r"write \[\[reading\]\] with two brackets"),
+                             ("[[raeding]]\nnm = 500",
+                              r"the nearest that is known is \[\[reading\]\]"),
+                             ("[[photo]]\nlight = 'A'\nsignal = [0.1, 'b']",
+                              "a list of numbers is needed"),
+                             ("[[photo]]\nlight = 'A'\nsignal = [0.1, 0.2]",
+                              "has 2 values; the sensitivities have 3 bands"),
+                             ("[[spot]]\nfile = 'none.csv'", "none.csv is missing"),
+                             ("[[photo]", "is no TOML file")])
 def test_files_of_measurements_that_cannot_be_are_errors(tmp_path, text, message):
     (tmp_path / "more.toml").write_text(text)
     with pytest.raises(InputError, match=message):
@@ -175,26 +189,34 @@ def test_files_of_measurements_that_cannot_be_are_errors(tmp_path, text, message
 
 
 @pytest.mark.parametrize("arguments, message", [
-    (["--photo", "0.1,0.2,0.3"], "write LIGHT=v1,v2,v3"), (["--same", "0.1,0.2"], "--same has 2 values"),
-    (["--reading", "550/0.1:0.3"], "write NM:REFLECTANCE"), (["--more", "none.toml"], "cannot be read"),
-    (["--keep", "10"], "without it: leave it out, or take --method paper"),
-    (["--method", "paper", "--keep", "1000"], "--keep ranks draws by further measurements; give some"),
-    (["--method", "paper", "--keep", "9999", "--reading", "500:0.2"], "the best 9999 of 1000 draws"),
-    (["--refine", "15"], "--refine belongs to splines"),
-    (["--method", "uniform", "--coefficients", "7", "--refine", "10"], "the knots do not nest; take 11"),
-    (["--method", "paper", "--coefficients", "7", "--refine", "7"], "the knots do not nest"),
-    (["--truth", "none.csv"], "none.csv is missing"), (["--twice", "0.1,0.2"], "--twice has 2 values")])
+                             (["--photo", "0.1,0.2,0.3"], "write LIGHT=v1,v2,v3"),
+                             (["--same", "0.1,0.2"], "--same has 2 values"),
+                             (["--reading", "550/0.1:0.3"], "write NM:REFLECTANCE"),
+                             (["--more", "none.toml"], "cannot be read"),
+                             (["--keep", "10"], "without it: leave it out, or take --method paper"),
+                             (["--method", "paper", "--keep", "1000"],
+                              "--keep ranks draws by further measurements; give some"),
+                             (["--method", "paper", "--keep", "9999", "--reading", "500:0.2"],
+                              "the best 9999 of 1000 draws"),
+                             (["--refine", "15"], "--refine belongs to splines"),
+                             (["--method", "uniform", "--coefficients", "7", "--refine", "10"],
+                              "the knots do not nest; take 11"),
+                             (["--method", "paper", "--coefficients", "7", "--refine", "7"],
+                              "the knots do not nest"),
+                             (["--truth", "none.csv"], "none.csv is missing"),
+                             (["--twice", "0.1,0.2"], "--twice has 2 values")])
 def test_options_that_cannot_be_are_errors(arguments, message):
     assert message in sample(*arguments, code=3)["error"]
 
 
 def test_further_measurements_belong_to_one_signal(tmp_path):
     (tmp_path / "signals.csv").write_text("R,G,B\n0.2,0.3,0.2\n")
-    text = run("sample", "--signals", tmp_path / "signals.csv", "--same", "0.2,0.3,0.2", code=3)["error"]
+    text = run("sample", "--signals", tmp_path / "signals.csv", "--same", "0.2,0.3,0.2",
+               code=3)["error"]
     assert "belong to one surface; give its --signal" in text
 
 
-# ---- light reflected twice, ranking, refinement --------------------------------------------------------------------
+# ---- light reflected twice, ranking, refinement --------------------------------------------------
 
 def test_weighting_by_light_reflected_twice_is_bayes_rule():
     """Two draws whose likelihoods are 4 : 1 come out 4 : 1."""
@@ -207,7 +229,8 @@ def test_weighting_by_light_reflected_twice_is_bayes_rule():
     twice = SpectralMeasurement(GRID, ones, np.array([0.25]), np.array([[variance - 1e-6]]))
     drawn = given_reflected_twice(samples, twice, 10_000)
     share = np.mean(drawn.spectra[:, 0] == 0.5)
-    # Systematic: off by one of 10 000; the floor of the noise is 1e-6 of white squared, which was taken off.
+    # Systematic: off by one of 10 000; the floor of the noise is 1e-6 of white squared, which was
+    # taken off.
     assert share == pytest.approx(0.8, abs=2e-3)
     assert drawn.effective_samples == pytest.approx(1 / (0.8**2 + 0.2**2), rel=0.02)
 
@@ -220,19 +243,23 @@ def test_light_reflected_twice_narrows_the_band(plain):
 
 def test_ranking_keeps_the_nearest_draws_of_the_paper():
     reading = float(TRUTH[-1])
-    options = ("--method", "paper", "--coefficients", 7, "--samples", 5000, "--reading", f"700:{reading:.5f}")
-    found = CliRunner().invoke(app, ["sample", "--sensitivity", CAMERA, "--light", LIGHT, "--json", "--signal",
-                                     signal(), *map(str, options), "--keep", "1000"])
+    options = ("--method", "paper", "--coefficients", 7, "--samples", 5000, "--reading",
+               f"700:{reading:.5f}")
+    found = CliRunner().invoke(app,
+                               ["sample", "--sensitivity", CAMERA, "--light", LIGHT, "--json",
+                                "--signal", signal(), *map(str, options), "--keep", "1000"])
     ranked = json.loads(found.stdout)
     assert ranked["samples"] == 1000 and "best 1000 of 5000" in ranked["method"]
-    everything = run("sample", "--signal", signal(), "--method", "paper", "--coefficients", 7, "--samples", 5000)
+    everything = run("sample", "--signal", signal(), "--method", "paper", "--coefficients", 7,
+                     "--samples", 5000)
     assert abs(ranked["mean"][-1] - reading) <= abs(everything["mean"][-1] - reading)
     assert "need not agree" in ranked["outcome"]
 
 
 def test_ranking_by_light_reflected_twice_is_the_papers_eq_10():
     options = ("--method", "paper", "--coefficients", 7, "--samples", 4000, "--signal", signal())
-    ranked, every = (run("sample", *options, *more) for more in (("--twice", signal(power=2), "--keep", 1000), ()))
+    ranked, every = (run("sample", *options, *more)
+                     for more in (("--twice", signal(power=2), "--keep", 1000), ()))
     response5 = relative_response(CAMERA, LIGHT, FINE) @ np.array([np.interp(FINE.nm, GRID.nm, unit)
                                                                    for unit in np.eye(61)]).T
     wanted = np.array([float(part) for part in signal(power=2).split(",")])
@@ -245,27 +272,33 @@ def test_refining_as_published_keeps_the_signal_and_is_narrower():
     measurement = measurement_of_signal(response(), response() @ TRUTH, None, None)
     literal = refined_as_published(measurement, 7, 15, 500, 1)
     fitted = measurement.operator(15)
-    # Knot insertion is exact and the residual directions are unseen: what the start misses is bounded least squares'.
+    # Knot insertion is exact and the residual directions are unseen: what the start misses is
+    # bounded least squares'.
     np.testing.assert_allclose(literal.coefficients @ fitted.A.T - fitted.y, 0, atol=1e-6)
-    each, _ = draws_of(DrawOptions(7, "uniform", 1000, 1, "bounded", None, 15), measurement, [], None, None)
+    each, _ = draws_of(DrawOptions(7, "uniform", 1000, 1, "bounded", None, 15), measurement, [],
+                       None, None)
     assert each.coefficients.shape == (1000, 15)
     assert each.spectra.std(axis=0).mean() > literal.coefficients.std(axis=0).mean()
 
 
-# ---- truth, baselines, plan ----------------------------------------------------------------------------------------
+# ---- truth, baselines, plan ----------------------------------------------------------------------
 
 def test_methods_are_judged_where_the_truth_is_given(tmp_path):
     (tmp_path / "truth.csv").write_text("nm,paint\n" + "\n".join(
         f"{nm:g},{value:.6f}" for nm, value in zip(FINE.nm, TRUTH, strict=True)))
     facts = sample("--truth", tmp_path / "truth.csv", "--baseline", "--delta-light", "A")
-    assert set(facts["baselines"]) == {"Smits 1999", "Meng 2015", "Otsu 2018", "Jakob 2019", "Mallett 2019",
-                                       "Belcour-style greedy"}
-    assert set(facts["judged"]) == {"prior", *(name for name, found in facts["baselines"].items() if found)}
-    assert facts["judged"]["prior"]["rmse"] == pytest.approx(error(facts), rel=1e-3)  # six digits of the file
+    assert set(facts["baselines"]) == {"Smits 1999", "Meng 2015", "Otsu 2018", "Jakob 2019",
+                                       "Mallett 2019", "Belcour-style greedy"}
+    assert set(facts["judged"]) == {"prior", *(name for name, found in facts["baselines"].items()
+                                               if found)}
+    # six digits of the file
+    assert facts["judged"]["prior"]["rmse"] == pytest.approx(error(facts), rel=1e-3)
     assert set(facts["judged"]["Smits 1999"]["delta_e00"]) == {"A"}
     assert facts["judged"]["Smits 1999"]["width"] is None
-    shown = CliRunner().invoke(app, ["sample", "--sensitivity", CAMERA, "--light", LIGHT, "--signal", signal(),
-                                     "--samples", "1000", "--truth", str(tmp_path / "truth.csv")])
+    shown = CliRunner().invoke(app,
+                               ["sample", "--sensitivity", CAMERA, "--light", LIGHT, "--signal",
+                                signal(), "--samples", "1000", "--truth",
+                                str(tmp_path / "truth.csv")])
     assert "Winkler" in shown.stdout and "dE FL11" in shown.stdout
 
 
@@ -279,6 +312,7 @@ def test_a_plan_counts_what_was_measured_already(more):
 def test_a_plan_weighs_spots_and_cameras_by_their_minutes():
     cheap = run("plan", "--signal", signal(), "--steps", 1, "--spot-minutes", 1)
     assert cheap["steps"][0]["measurement"] == "spectrometer spot, 400-700 nm"
-    photo = run("plan", "--signal", signal(), "--steps", 1, "--photo-minutes", 0.05, "--second-camera",
+    photo = run("plan", "--signal", signal(), "--steps", 1, "--photo-minutes", 0.05,
+                "--second-camera",
                 "CIE 1931 2 Degree Standard Observer")
     assert photo["steps"][0]["measurement"] == "photo by CIE 1931 2 Degree Standard Observer"

@@ -1,10 +1,12 @@
-"""Null directions of the camera: laws of the singular value decomposition, and cameras with blind bands."""
+"""Null directions of the camera: laws of the singular value decomposition, and cameras with blind
+bands.
+"""
 import numpy as np
 import pytest
 
-from radiometry.errors import CalibrationError
-from radiometry.records import MeasurementOperator
-from sampling.nullspace import null_space
+from spectrabox.radiometry.errors import CalibrationError
+from spectrabox.radiometry.records import MeasurementOperator
+from spectrabox.sampling.polytope.null_space import null_space
 
 EPS = np.finfo(float).eps
 
@@ -13,7 +15,8 @@ def operator(A):
     return MeasurementOperator(A, np.full(len(A), 0.5), np.zeros((len(A), len(A))))
 
 
-@pytest.mark.parametrize("bands, coefficients", [(1, 4), (3, 5), (3, 7), (3, 20), (8, 20), (4, 4), (5, 3)])
+@pytest.mark.parametrize("bands, coefficients",
+                         [(1, 4), (3, 5), (3, 7), (3, 20), (8, 20), (4, 4), (5, 3)])
 def test_the_camera_cannot_see_a_null_direction(bands, coefficients):
     A = np.random.default_rng(7).uniform(size=(bands, coefficients))
     space = null_space(operator(A), c0=np.full(coefficients, 0.5))
@@ -27,7 +30,8 @@ def test_null_directions_are_orthonormal_and_with_the_rows_span_everything(bands
     A = np.random.default_rng(3).uniform(size=(bands, coefficients))
     directions = null_space(operator(A), np.full(coefficients, 0.5)).directions
     # Products of orthonormal vectors of length N are good to about N eps.
-    np.testing.assert_allclose(directions.T @ directions, np.eye(coefficients - bands), atol=10 * coefficients * EPS)
+    np.testing.assert_allclose(directions.T @ directions, np.eye(coefficients - bands),
+                               atol=10 * coefficients * EPS)
     assert np.linalg.matrix_rank(np.vstack([A, directions.T])) == coefficients
 
 
@@ -35,14 +39,16 @@ def test_scaling_a_camera_leaves_what_it_cannot_see():
     A = np.random.default_rng(5).uniform(size=(3, 9))
     first = null_space(operator(A), np.full(9, 0.5)).directions
     second = null_space(operator(np.diag([2.0, 5.0, 0.1]) @ A), np.full(9, 0.5)).directions
-    # Projectors are compared, as a basis may rotate; the rows span a well-conditioned space: 1e3 eps.
+    # Projectors are compared, as a basis may rotate; the rows span a well-conditioned space: 1e3
+    # eps.
     np.testing.assert_allclose(first @ first.T, second @ second.T, atol=1e3 * EPS)
 
 
 def test_two_channels_that_respond_alike_are_an_error():
     A = np.random.default_rng(1).uniform(size=(3, 7))
     A[2] = 2 * A[1]
-    with pytest.raises(CalibrationError, match="3 camera channels carry only 2 independent responses"):
+    with pytest.raises(CalibrationError,
+                       match="3 camera channels carry only 2 independent responses"):
         null_space(operator(A), np.full(7, 0.5))
 
 

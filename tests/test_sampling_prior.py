@@ -1,4 +1,5 @@
-"""The learnt prior: its file, its posterior against quadrature-free laws, its draws, its calibration, its refusals.
+"""The learnt prior: its file, its posterior against quadrature-free laws, its draws, its
+calibration, its refusals.
 
 Statistical tests have a significance of 1e-4 over each test (Bonferroni), at fixed seeds.
 """
@@ -9,14 +10,33 @@ import pytest
 from sampling_cameras import seen, surface
 from scipy import stats
 
-from radiometry.errors import InputError
-from sampling.logit_mixture import GRID, SHIPPED, LogitMixture, load_prior, logit, reflectance, save_prior
-from sampling.mixture_posterior import central_band, conformal_scores, mean_and_spread, mixture_quantile, posterior
-from sampling.prior_draws import FAMILIAR, OUT_OF_REACH, UNFAMILIAR, sample_prior
-from sampling.prior_training import enriched, fit_mixture, judge, train
-from sampling.reflectance_libraries import ReflectanceLibrary
-from sampling.smoothness_prior import smoothness_prior
-from sampling.spectral_samples import SpectralMeasurement, linear_between, nearest_splines, summarise_spectra
+from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.measurement import (
+    SpectralMeasurement,
+    linear_between,
+    nearest_splines,
+    summarise_spectra,
+)
+from spectrabox.sampling.prior.draws import FAMILIAR, OUT_OF_REACH, UNFAMILIAR, sample_prior
+from spectrabox.sampling.prior.libraries import ReflectanceLibrary
+from spectrabox.sampling.prior.mixture import (
+    GRID,
+    SHIPPED,
+    LogitMixture,
+    load_prior,
+    logit,
+    reflectance,
+    save_prior,
+)
+from spectrabox.sampling.prior.posterior import (
+    central_band,
+    conformal_scores,
+    mean_and_spread,
+    mixture_quantile,
+    posterior,
+)
+from spectrabox.sampling.prior.smoothness import smoothness_prior
+from spectrabox.sampling.prior.training import enriched, fit_mixture, judge, train
 
 SIGNIFICANCE = 1e-4
 
@@ -27,12 +47,15 @@ def prior():
 
 
 def library(name, seed, count=260):
-    return ReflectanceLibrary(name, np.array([surface(GRID.nm, 1000 * seed + i) for i in range(count)]), {})
+    return ReflectanceLibrary(name,
+                              np.array([surface(GRID.nm, 1000 * seed + i) for i in range(count)]),
+                              {})
 
 
 def test_logit_and_reflectance_undo_each_other():
     values = np.linspace(0.004, 0.996, 50)
-    np.testing.assert_allclose(reflectance(logit(values)), values, atol=1e-15)  # a few eps of numbers of order 1
+    # a few eps of numbers of order 1
+    np.testing.assert_allclose(reflectance(logit(values)), values, atol=1e-15)
 
 
 def test_the_shipped_prior_is_small_and_well_formed(prior):
@@ -46,7 +69,8 @@ def test_the_shipped_prior_is_small_and_well_formed(prior):
 def test_a_prior_survives_its_file(prior, tmp_path):
     save_prior(tmp_path / "other.npz", prior)
     again = load_prior(tmp_path / "other.npz")
-    np.testing.assert_array_equal(again.covariances, prior.covariances)  # already rounded to single precision
+    # already rounded to single precision
+    np.testing.assert_array_equal(again.covariances, prior.covariances)
     assert again.source == prior.source
 
 
@@ -76,10 +100,11 @@ def test_bad_prior_files_are_errors(prior, tmp_path):
 
 
 def test_a_component_far_from_zero_and_one_gives_the_linear_answer():
-    # Where the spread is tiny the logit is linear and the posterior is that of linear Gaussian regression.
+    # Where the spread is tiny the logit is linear and the posterior is that of linear Gaussian
+    # regression.
     covariance = 1e-8 * (0.5 + 0.5 * np.exp(-np.abs(GRID.nm[:, None] - GRID.nm) / 50))
-    narrow = LogitMixture(GRID.nm, np.ones(1), np.zeros((1, 61)), covariance[None], np.array([0.5, 0.99]), np.ones(2),
-                          1.0, np.inf, "test")
+    narrow = LogitMixture(GRID.nm, np.ones(1), np.zeros((1, 61)), covariance[None],
+                          np.array([0.5, 0.99]), np.ones(2), 1.0, np.inf, "test")
     measured = seen(np.full(61, 0.5), 0.002)
     signal = measured.signal + np.array([1e-5, -2e-5, 1e-5])
     found = posterior(narrow, measured.response, signal[None], measured.noise_covariance)
@@ -104,7 +129,8 @@ def test_draws_reproduce_the_signal_and_stay_between_zero_and_one(prior):
         measured = seen(surface(GRID.nm, seed))
         samples = sample_prior(measured, 500, seed, prior)
         # Newton stops at 1e-10 of white.
-        np.testing.assert_allclose(samples.spectra @ measured.response.T, np.tile(measured.signal, (500, 1)), atol=1e-9)
+        np.testing.assert_allclose(samples.spectra @ measured.response.T,
+                                   np.tile(measured.signal, (500, 1)), atol=1e-9)
         assert samples.spectra.min() > 0
         assert samples.spectra.max() < 1
         assert samples.outcome == FAMILIAR
@@ -134,9 +160,10 @@ def test_draws_are_as_wide_as_the_calibrated_band(prior):
     mean, _ = mean_and_spread(found)
     lower, upper = central_band(found, 0.95)
     width = np.diff(np.quantile(spectra, [0.025, 0.975], axis=0), axis=0)[0]
-    # Two constructions of one band: projection on the signal and the factor's place (logit or reflectance) differ by
-    # some percent where the band is skewed.
-    np.testing.assert_allclose(width.mean(), prior.band_factor(0.95) * (upper - lower).mean(), rtol=0.1)
+    # Two constructions of one band: projection on the signal and the factor's place (logit or
+    # reflectance) differ by some percent where the band is skewed.
+    np.testing.assert_allclose(width.mean(), prior.band_factor(0.95) * (upper - lower).mean(),
+                               rtol=0.1)
     np.testing.assert_allclose(spectra.mean(axis=0), mean[0], atol=0.02)
 
 
@@ -144,35 +171,43 @@ def test_bands_hold_truths_drawn_from_the_prior_itself(prior):
     rng = np.random.default_rng(11)
     plain = replace(prior, band_factors=np.ones(prior.levels.size))
     component = rng.choice(prior.weights.size, 400, p=prior.weights)
-    truth = reflectance(np.array([rng.multivariate_normal(prior.means[c], prior.covariances[c]) for c in component]))
+    truth = reflectance(np.array([rng.multivariate_normal(prior.means[c], prior.covariances[c])
+                                  for c in component]))
     held = np.mean(judge(plain, "own", seen(truth[0]).response, truth).scores[3] <= 1, axis=1)
     error = held.std() / np.sqrt(held.size)
-    # Two-sided at 1e-4, curves being independent, plus 0.02 for Laplace's approximation, measured on 4000 curves.
+    # Two-sided at 1e-4, curves being independent, plus 0.02 for Laplace's approximation, measured
+    # on 4000 curves.
     assert abs(held.mean() - 0.95) < stats.norm.isf(SIGNIFICANCE / 2) * error + 0.02
 
 
 def test_strange_signals_are_said_to_be_strange(prior):
     stripes = np.where(np.arange(61) // 8 % 2, 0.95, 0.03)
     comb = seen(stripes)
-    odd = SpectralMeasurement(comb.grid, comb.response, np.array([0.6, 0.13, 0.6]), comb.noise_covariance)
+    odd = SpectralMeasurement(comb.grid, comb.response, np.array([0.6, 0.13, 0.6]),
+                              comb.noise_covariance)
     samples = sample_prior(odd, 200, 0, prior)
     assert samples.outcome == UNFAMILIAR
     assert samples.method == "smoothness prior"
-    beyond = SpectralMeasurement(comb.grid, comb.response, np.array([0.1, 1.3, 0.1]), comb.noise_covariance)
+    beyond = SpectralMeasurement(comb.grid, comb.response, np.array([0.1, 1.3, 0.1]),
+                                 comb.noise_covariance)
     assert sample_prior(beyond, 200, 0, prior).outcome == OUT_OF_REACH
 
 
 def test_the_smoothness_prior_is_wider_than_the_learnt_one(prior):
     measured = seen(surface(GRID.nm, 5))
-    learnt, smooth = (sample_prior(measured, 2000, 0, one).spectra for one in (prior, smoothness_prior()))
+    learnt, smooth = (sample_prior(measured, 2000, 0, one).spectra
+                      for one in (prior, smoothness_prior()))
     assert np.ptp(smooth, axis=0).mean() > np.ptp(learnt, axis=0).mean()
 
 
 @pytest.mark.parametrize("change, message", [
-    ({"signal": np.array([0.1, np.nan, 0.2])}, "signal of the measurement holds numbers that are not finite"),
-    ({"noise_covariance": -np.eye(3)}, "not symmetric positive semi-definite"),
-    ({"response": np.vstack([seen(np.ones(61)).response[[0, 1, 1]]])}, "two bands respond alike"),
-])
+                             ({"signal": np.array([0.1, np.nan, 0.2])},
+                              "signal of the measurement holds numbers that are not finite"),
+                             ({"noise_covariance": -np.eye(3)},
+                              "not symmetric positive semi-definite"),
+                             ({"response": np.vstack([seen(np.ones(61)).response[[0, 1, 1]]])},
+                              "two bands respond alike"),
+                             ])
 def test_bad_measurements_are_errors(prior, change, message):
     with pytest.raises(InputError, match=message):
         sample_prior(replace(seen(np.full(61, 0.4)), **change), 10, 0, prior)
@@ -186,7 +221,7 @@ def test_no_draws_are_an_error(prior):
 def test_splines_fitted_to_draws_are_optimal():
     from scipy.optimize import lsq_linear
 
-    from radiometry.bspline import basis_matrix
+    from spectrabox.radiometry.bspline import basis_matrix
     basis = basis_matrix(GRID.nm, 13)
     spectra = np.clip(np.array([surface(GRID.nm, i) for i in range(5)]) * 2 - 0.2, 0, 1)
     ours = nearest_splines(spectra, basis)
@@ -200,7 +235,8 @@ def test_integration_at_1_nm_of_lines_at_5_nm_is_kept():
     measured = seen(np.ones(301), step_nm=1)
     coarse = surface(GRID.nm, 1)
     fine = linear_between(GRID, measured.grid) @ coarse
-    np.testing.assert_allclose(measured.response_on(GRID) @ coarse, measured.response @ fine, atol=1e-14)
+    np.testing.assert_allclose(measured.response_on(GRID) @ coarse, measured.response @ fine,
+                               atol=1e-14)
 
 
 def test_a_summary_says_what_it_is_conditional_on(prior):
@@ -210,7 +246,7 @@ def test_a_summary_says_what_it_is_conditional_on(prior):
     assert np.all(summary.lower <= summary.mean) and np.all(summary.mean <= summary.upper)
 
 
-# ---- training ------------------------------------------------------------------------------------------------------
+# ---- training ------------------------------------------------------------------------------------
 
 def test_training_calibrates_on_what_was_left_out():
     libraries = [library("one", 1), library("two", 2), library("three", 3)]
@@ -219,7 +255,8 @@ def test_training_calibrates_on_what_was_left_out():
     assert [one.name for one in judged] == ["one", "two", "three"]
     place = list(prior.levels).index(0.95)
     for one in judged:
-        # The factor is the largest of the libraries' 94 % quantiles, so none is below 94 % but by interpolation.
+        # The factor is the largest of the libraries' 94 % quantiles, so none is below 94 % but by
+        # interpolation.
         assert np.mean(one.scores[place] <= prior.band_factors[place]) >= 0.9399
     assert "one (260)" in prior.source
 
@@ -248,4 +285,5 @@ def test_too_little_to_learn_from_is_an_error():
 def test_conformal_scores_are_the_factor_that_was_needed():
     mean, lower, upper = np.full((1, 3), 0.5), np.full((1, 3), 0.4), np.full((1, 3), 0.7)
     truth = np.array([[0.3, 0.6, 0.9]])
-    np.testing.assert_allclose(conformal_scores(mean, lower, upper, truth), [[2.0, 0.5, 2.0]], atol=1e-12)
+    np.testing.assert_allclose(conformal_scores(mean, lower, upper, truth), [[2.0, 0.5, 2.0]],
+                               atol=1e-12)

@@ -1,4 +1,6 @@
-"""Mean, spread, band and bounds of draws against their definitions, and where the next reading helps most."""
+"""Mean, spread, band and bounds of draws against their definitions, and where the next reading
+helps most.
+"""
 from dataclasses import replace
 
 import numpy as np
@@ -6,13 +8,13 @@ import pytest
 import sampling_cameras
 from scipy import stats
 
-from radiometry.bspline import basis_matrix
-from radiometry.errors import ConvergenceError, InputError
-from radiometry.grid import visible_grid
-from radiometry.records import MeasurementOperator, Outcome, SpectrumSamples
-from sampling.bounds import reflectance_bounds
-from sampling.summary import next_measurement_nm, summarise
-from sampling.tilted_rejection import sample_spectra
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import MeasurementOperator, Outcome, SpectrumSamples
+from spectrabox.sampling.polytope.bounds import reflectance_bounds
+from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
+from spectrabox.sampling.summary import next_measurement_nm, summarise
 
 GRID = visible_grid(1)
 BASIS = basis_matrix(GRID.nm, 7)
@@ -20,7 +22,8 @@ BASIS = basis_matrix(GRID.nm, 7)
 
 def grey(error=0.01):
     A = sampling_cameras.camera(7)
-    return MeasurementOperator(A, A @ np.random.default_rng(8).uniform(0.1, 0.9, 7), error**2 * np.eye(3))
+    return MeasurementOperator(A, A @ np.random.default_rng(8).uniform(0.1, 0.9, 7),
+                               error**2 * np.eye(3))
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +56,8 @@ def test_weights_count_draws_as_often_as_they_say(samples):
     first, second = (summarise(some, grey(), GRID, BASIS) for some in (weighted, repeated))
     np.testing.assert_allclose(first.mean, second.mean, atol=1e-12)  # 4000 eps
     np.testing.assert_allclose(first.standard_deviation, second.standard_deviation, atol=1e-10)
-    # The weighted quantile is a draw, the other interpolates between two: they differ by the gap in the tails.
+    # The weighted quantile is a draw, the other interpolates between two: they differ by the gap in
+    # the tails.
     np.testing.assert_allclose(first.lower, second.lower, atol=0.01)
     np.testing.assert_allclose(first.upper, second.upper, atol=0.01)
 
@@ -64,8 +68,8 @@ def test_bounds_are_exact_at_every_fifth_nanometre(samples):
     np.testing.assert_array_equal(summary.bound_lower[::5], lower)
     np.testing.assert_array_equal(summary.bound_upper[::5], upper)
     between_lower, between_upper = reflectance_bounds(grey(), BASIS[2:300:25])
-    # The curves bend where the extreme spectrum changes; at a bend of 0.016 per nm, linear interpolation over 5 nm is
-    # off by 5 x 0.016 / 4.
+    # The curves bend where the extreme spectrum changes; at a bend of 0.016 per nm, linear
+    # interpolation over 5 nm is off by 5 x 0.016 / 4.
     np.testing.assert_allclose(summary.bound_lower[2:300:25], between_lower, atol=0.02)
     np.testing.assert_allclose(summary.bound_upper[2:300:25], between_upper, atol=0.02)
 
@@ -73,7 +77,8 @@ def test_bounds_are_exact_at_every_fifth_nanometre(samples):
 def test_a_coarse_grid_of_its_own_is_used_whole(samples):
     grid = visible_grid(25)
     summary = summarise(samples, grey(), grid, basis_matrix(grid.nm, 7))
-    np.testing.assert_array_equal(summary.bound_lower, reflectance_bounds(grey(), basis_matrix(grid.nm, 7))[0])
+    np.testing.assert_array_equal(summary.bound_lower,
+                                  reflectance_bounds(grey(), basis_matrix(grid.nm, 7))[0])
 
 
 def test_the_band_lies_within_the_bounds(samples):
@@ -96,7 +101,9 @@ def test_the_next_reading_goes_where_conditioning_on_it_helps_most(samples):
 
 def test_the_next_reading_is_where_the_only_doubt_lies():
     direction = np.exp(-0.5 * ((GRID.nm - 640) / 8)**2)
-    assert next_measurement_nm(GRID, 0.01 * np.outer(direction, direction)) == pytest.approx(640, abs=1)  # a grid step
+    # a grid step
+    assert next_measurement_nm(GRID, 0.01 * np.outer(direction, direction)) == pytest.approx(640,
+                                                                                             abs=1)
 
 
 def test_the_reading_it_asks_for_narrows_real_draws():
@@ -108,22 +115,27 @@ def test_the_reading_it_asks_for_narrows_real_draws():
     reading = np.interp(summary.next_measurement_nm, GRID.nm, summary.mean)
     more = MeasurementOperator(np.vstack([operator.A, row]), np.r_[operator.y, reading], noise)
     after = summarise(sample_spectra(more, 2_000, seed=2), more, GRID, BASIS)
-    # One-sided at 1e-4: variances of 2000 draws are good to about 3 %, so a fall of 20 % cannot be chance.
+    # One-sided at 1e-4: variances of 2000 draws are good to about 3 %, so a fall of 20 % cannot be
+    # chance.
     allowed = 0.8 + stats.norm.isf(1e-4) * 0.03
     assert GRID.weights_nm @ after.standard_deviation**2 < allowed * (GRID.weights_nm @ summary.standard_deviation**2)
 
 
 def test_the_conditions_are_named(samples):
     text = summarise(samples, grey(), GRID, BASIS).conditional_on
-    for part in ("basis of 7 functions", "between 0 and 1", "noise of 1, 1, 1 % of white", "uniform"):
+    for part in ("basis of 7 functions", "between 0 and 1", "noise of 1, 1, 1 % of white",
+                 "uniform"):
         assert part in text
     without_noise = sample_spectra(grey(0.0), 1_000, seed=1)
-    assert "a signal without noise" in summarise(without_noise, grey(0.0), GRID, BASIS).conditional_on
-    assert summarise(samples, grey(), GRID, BASIS, conditional_on="My words.").conditional_on == "My words."
+    assert "a signal without noise" in summarise(without_noise, grey(0.0), GRID,
+                                                 BASIS).conditional_on
+    assert summarise(samples, grey(), GRID, BASIS,
+                     conditional_on="My words.").conditional_on == "My words."
 
 
 def test_a_signal_out_of_reach_is_named():
-    operator = MeasurementOperator(sampling_cameras.camera(7), np.array([0.1, 1.2, 0.1]), 1e-4 * np.eye(3))
+    operator = MeasurementOperator(sampling_cameras.camera(7), np.array([0.1, 1.2, 0.1]),
+                                   1e-4 * np.eye(3))
     summary = summarise(sample_spectra(operator, 1_000, seed=1), operator, GRID, BASIS)
     assert Outcome.UNREACHABLE.value in summary.conditional_on
     assert "No spectrum fits within the noise: the bounds allow" in summary.conditional_on
@@ -135,7 +147,8 @@ def test_too_few_draws_for_a_band_are_an_error(samples, level, needed):
     match = f"a {100 * level:g} % band needs {needed} effective draws and there are {needed - 1}; draw more"
     with pytest.raises(ConvergenceError, match=match):
         summarise(few, grey(), GRID, BASIS, level)
-    assert summarise(replace(samples, effective_samples=float(needed)), grey(), GRID, BASIS, level).level == level
+    assert summarise(replace(samples, effective_samples=float(needed)), grey(), GRID, BASIS,
+                     level).level == level
 
 
 def test_a_basis_that_is_not_on_the_grid_is_an_error(samples):
@@ -151,7 +164,9 @@ def test_a_level_that_is_no_probability_is_an_error(samples):
 def test_one_certain_spectrum_has_no_spread():
     A = np.eye(7)
     operator = MeasurementOperator(A, np.linspace(0.2, 0.8, 7), np.zeros((7, 7)))
-    point = SpectrumSamples(np.tile(operator.y, (1000, 1)), None, "given", 1.0, 1000.0, 0, Outcome.EXACT)
+    point = SpectrumSamples(np.tile(operator.y, (1000, 1)), None, "given", 1.0, 1000.0, 0,
+                            Outcome.EXACT)
     summary = summarise(point, operator, GRID, BASIS)
     np.testing.assert_allclose(summary.standard_deviation, 0, atol=1e-7)  # the root of 1e-15
-    np.testing.assert_allclose(summary.bound_upper - summary.bound_lower, 0, atol=1e-6)  # the solver's tolerance
+    # the solver's tolerance
+    np.testing.assert_allclose(summary.bound_upper - summary.bound_lower, 0, atol=1e-6)

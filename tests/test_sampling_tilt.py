@@ -1,29 +1,43 @@
-"""The maximum-entropy tilt: its moments against quadrature, its optimality, and signals at and beyond the edge."""
+"""The maximum-entropy tilt: its moments against quadrature, its optimality, and signals at and
+beyond the edge.
+"""
 import numpy as np
 import pytest
 from sampling_cameras import camera, measurement
 from scipy.integrate import quad
 
-from radiometry.errors import CalibrationError, ConvergenceError, InputError
-from radiometry.records import MeasurementOperator
-from sampling.tilt import GRADIENT_ATOL, SERIES_BELOW, max_entropy_tilt, tilt_moments
+from spectrabox.radiometry.errors import CalibrationError, ConvergenceError, InputError
+from spectrabox.radiometry.records import MeasurementOperator
+from spectrabox.sampling.polytope.tilt import (
+    GRADIENT_ATOL,
+    SERIES_BELOW,
+    max_entropy_tilt,
+    tilt_moments,
+)
 
 
-@pytest.mark.parametrize("h", [-300.0, -8.0, -0.3, -0.011, -0.009, 0.0, 1e-5, 0.009, 0.011, 2.0, 40.0])
+@pytest.mark.parametrize("h",
+                         [-300.0, -8.0, -0.3, -0.011, -0.009, 0.0, 1e-5, 0.009, 0.011, 2.0, 40.0])
 def test_moments_agree_with_quadrature(h):
     top = max(h, 0.0)
-    integral, first = (quad(lambda c, p=p: c**p * np.exp(h * c - top), 0, 1, epsabs=1e-13, points=[1e-3, 0.999])[0]
+    integral, first = (quad(lambda c, p=p: c**p * np.exp(h * c - top), 0, 1, epsabs=1e-13,
+                            points=[1e-3, 0.999])[0]
                        for p in (0, 1))
     mean = first / integral
-    second = quad(lambda c: (c - mean)**2 * np.exp(h * c - top), 0, 1, epsabs=1e-13, points=[1e-3, 0.999])[0]
-    # Quadrature is good to 1e-12; the closed forms lose eps / h^2 by cancellation, at most 3e-12 at the switch.
-    np.testing.assert_allclose(tilt_moments(np.array(h)), [np.log(integral) + top, mean, second / integral], atol=2e-11)
+    second = quad(lambda c: (c - mean)**2 * np.exp(h * c - top), 0, 1, epsabs=1e-13,
+                  points=[1e-3, 0.999])[0]
+    # Quadrature is good to 1e-12; the closed forms lose eps / h^2 by cancellation, at most 3e-12 at
+    # the switch.
+    np.testing.assert_allclose(tilt_moments(np.array(h)),
+                               [np.log(integral) + top, mean, second / integral], atol=2e-11)
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_series_and_closed_form_meet_where_they_switch(sign):
-    below, above = (tilt_moments(np.array(sign * SERIES_BELOW * (1 + shift))) for shift in (-1e-9, 1e-9))
-    # The next terms of the series, h^4 / 2880, h^5 / 30240 and h^4 / 6048 at h = 0.01, are under 4e-12; eps / h^2 too.
+    below, above = (tilt_moments(np.array(sign * SERIES_BELOW * (1 + shift)))
+                    for shift in (-1e-9, 1e-9))
+    # The next terms of the series, h^4 / 2880, h^5 / 30240 and h^4 / 6048 at h = 0.01, are under
+    # 4e-12; eps / h^2 too.
     np.testing.assert_allclose(np.array(below), np.array(above), atol=2e-11)
 
 
@@ -43,14 +57,17 @@ def test_means_reproduce_the_signal_up_to_the_noise(coefficients, bands, error):
 def test_the_negative_of_a_signal_has_the_negative_tilt():
     A = camera(9)
     y = A @ np.random.default_rng(4).uniform(size=9)
-    positive, negative = max_entropy_tilt(measurement(A, y)), max_entropy_tilt(measurement(A, 1 - y))
-    # Both stop at a gradient under 1e-10; the smallest singular value of the Hessian here is above 1e-4.
+    positive, negative = max_entropy_tilt(measurement(A, y)), max_entropy_tilt(measurement(A,
+                                                                                           1 - y))
+    # Both stop at a gradient under 1e-10; the smallest singular value of the Hessian here is above
+    # 1e-4.
     np.testing.assert_allclose(negative.c, 1 - positive.c, atol=1e-6)
 
 
 def test_middle_grey_needs_no_tilt():
     A = camera(11)
-    np.testing.assert_allclose(max_entropy_tilt(measurement(A, np.full(3, 0.5))).h, 0, atol=1e-8)  # optimum at start
+    # optimum at start
+    np.testing.assert_allclose(max_entropy_tilt(measurement(A, np.full(3, 0.5))).h, 0, atol=1e-8)
 
 
 @pytest.mark.parametrize("coefficients", [5, 9, 21])
@@ -70,7 +87,8 @@ def test_a_signal_out_of_reach_without_noise_is_an_error():
 @pytest.mark.parametrize("reflectance", [0.0, 1.0])
 def test_perfect_black_and_white_without_noise_are_on_the_edge(reflectance):
     A = camera(7)
-    with pytest.raises(ConvergenceError, match="lies on the edge of what reflectances between 0 and 1 can give"):
+    with pytest.raises(ConvergenceError, match="lies on the edge of what reflectances between 0 "
+                       "and 1 can give"):
         max_entropy_tilt(measurement(A, A @ np.full(7, reflectance)))
     assert max_entropy_tilt(measurement(A, A @ np.full(7, reflectance), 1e-3)).reachable
 
@@ -80,16 +98,19 @@ def test_numbers_that_are_not_finite_are_an_error(field):
     fields = {"A": camera(7), "y": np.full(3, 0.5), "noise_covariance": np.eye(3)}
     fields[field] = fields[field].copy()
     fields[field].flat[0] = np.nan
-    with pytest.raises(InputError, match=f"{field} of the measurement holds numbers that are not finite"):
+    with pytest.raises(InputError, match=f"{field} of the measurement holds numbers that are not "
+                       "finite"):
         max_entropy_tilt(MeasurementOperator(**fields))
 
 
 def test_more_bands_than_coefficients_are_an_error():
-    with pytest.raises(InputError, match="8 bands over-determine 5 coefficients: nothing is left to sample"):
+    with pytest.raises(InputError, match="8 bands over-determine 5 coefficients: nothing is left "
+                       "to sample"):
         max_entropy_tilt(measurement(camera(5, 8), np.full(8, 0.5)))
 
 
-@pytest.mark.parametrize("covariance", [-np.eye(3), np.triu(np.ones((3, 3))), np.ones((3, 3)) - 0.5 * np.eye(3)])
+@pytest.mark.parametrize("covariance",
+                         [-np.eye(3), np.triu(np.ones((3, 3))), np.ones((3, 3)) - 0.5 * np.eye(3)])
 def test_a_covariance_that_is_none_is_an_error(covariance):
     with pytest.raises(InputError, match="not symmetric positive semi-definite"):
         max_entropy_tilt(MeasurementOperator(camera(7), np.full(3, 0.5), covariance))

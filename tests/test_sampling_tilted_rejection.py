@@ -1,4 +1,5 @@
-"""Draws from the exact posterior: constraints, closed forms, plain rejection as reference, calibration on average.
+"""Draws from the exact posterior: constraints, closed forms, plain rejection as reference,
+calibration on average.
 
 Statistical tests have a significance of 1e-4 over each test (Bonferroni), at fixed seeds.
 """
@@ -8,13 +9,19 @@ from sampling_cameras import camera, grey, measurement
 from scipy import stats
 from scipy.optimize import linprog, lsq_linear
 
-from radiometry.bspline import basis_matrix
-from radiometry.errors import CalibrationError, ConvergenceError, InputError
-from radiometry.records import MeasurementOperator, Outcome
-from sampling.nullspace import null_space
-from sampling.per_axis_box import axis_intervals, sample_per_axis
-from sampling.tilt import Tilt, max_entropy_tilt
-from sampling.tilted_rejection import METHOD, collect, draw_tilted, sample_spectra, tilted_proposals
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.errors import CalibrationError, ConvergenceError, InputError
+from spectrabox.radiometry.records import MeasurementOperator, Outcome
+from spectrabox.sampling.polytope.null_space import null_space
+from spectrabox.sampling.polytope.tilt import Tilt, max_entropy_tilt
+from spectrabox.sampling.polytope.tilted_rejection import (
+    METHOD,
+    collect,
+    draw_tilted,
+    sample_spectra,
+    tilted_proposals,
+)
+from spectrabox.sampling.published.per_axis_box import axis_intervals, sample_per_axis
 
 SIGNIFICANCE = 1e-4
 NM = np.linspace(400, 700, 31)
@@ -36,10 +43,13 @@ def assert_mean_and_covariance(c, mean, covariance):
 
 
 def draws_from_bounding_box(operator, draws, rng):
-    """Uniform draws of {A c = y, 0 <= c <= 1}: uniform in the bounding box of the null coordinates, then filtered."""
+    """Uniform draws of {A c = y, 0 <= c <= 1}: uniform in the bounding box of the null coordinates,
+    then filtered.
+    """
     space = null_space(operator, max_entropy_tilt(operator).c)
     Z = space.directions
-    low, high = ([sign * linprog(sign * z, A_eq=operator.A, b_eq=operator.y, bounds=(0, 1)).fun - z @ space.c0
+    low, high = ([sign * linprog(sign * z, A_eq=operator.A, b_eq=operator.y, bounds=(0, 1)).fun
+                  - z @ space.c0
                   for z in Z.T] for sign in (1, -1))
     kept = np.empty((0, len(Z)))
     while len(kept) < draws:
@@ -60,7 +70,8 @@ def draws_by_likelihood(operator, draws, rng):
     return kept[:draws]
 
 
-@pytest.mark.parametrize("coefficients, bands", [(4, 4), (5, 3), (7, 3), (9, 3), (21, 3), (31, 3), (13, 5), (21, 6)])
+@pytest.mark.parametrize("coefficients, bands",
+                         [(4, 4), (5, 3), (7, 3), (9, 3), (21, 3), (31, 3), (13, 5), (21, 6)])
 def test_draws_without_noise_reproduce_the_signal_inside_the_box(coefficients, bands):
     operator = grey(coefficients, bands=bands)
     samples = sample_spectra(operator, 500, seed=1)
@@ -68,7 +79,8 @@ def test_draws_without_noise_reproduce_the_signal_inside_the_box(coefficients, b
     assert samples.coefficients.min() >= 0
     assert samples.coefficients.max() <= 1
     # One K x K solve with numbers of order 1 and a condition number under 1e3.
-    np.testing.assert_allclose(samples.coefficients @ operator.A.T, np.tile(operator.y, (500, 1)), atol=1e-12)
+    np.testing.assert_allclose(samples.coefficients @ operator.A.T, np.tile(operator.y, (500, 1)),
+                               atol=1e-12)
     assert samples.outcome is Outcome.EXACT
     assert (samples.method, samples.effective_samples, samples.weights) == (METHOD, 500, None)
 
@@ -86,15 +98,17 @@ def test_draws_without_noise_follow_the_law_of_plain_rejection(signal_seed):
     operator = grey(5, seed=signal_seed)
     basis = basis_matrix(NM, 5)
     reference = draws_from_bounding_box(operator, 10_000, np.random.default_rng(2))
-    assert_same_law(sample_spectra(operator, 10_000, seed=3).coefficients @ basis.T, reference @ basis.T)
+    assert_same_law(sample_spectra(operator, 10_000, seed=3).coefficients @ basis.T,
+                    reference @ basis.T)
 
 
 SIGNALS_WITH_NOISE = {
     "within reach": (np.array([0.4, 0.5, 0.6]), 0.04 * np.eye(3)),
     "dark": (np.array([0.03, 0.05, 0.02]), 0.01 * np.eye(3)),
-    "correlated noise": (np.array([0.3, 0.4, 0.6]), 0.02 * (np.ones((3, 3)) + np.diag([0.3, 1, 2]))),
+    "correlated noise": (np.array([0.3, 0.4, 0.6]),
+                         0.02 * (np.ones((3, 3)) + np.diag([0.3, 1, 2]))),
     "out of reach": (np.array([0.2, 1.05, 0.3]), 0.05 * np.eye(3)),
-}
+    }
 
 
 @pytest.mark.parametrize("case", SIGNALS_WITH_NOISE)
@@ -115,7 +129,8 @@ def test_the_law_does_not_depend_on_the_tilt(error, shift):
     theta = best.theta + shift
     other = Tilt(theta, theta @ operator.A, best.c, best.residual, True) if shift.any() else \
         Tilt(np.zeros(3), np.zeros(7), best.c, best.residual, True)
-    first, second = (collect(tilted_proposals(operator, tilt, np.random.default_rng(seed)), 4_000)[0]
+    first, second = (collect(tilted_proposals(operator, tilt, np.random.default_rng(seed)),
+                             4_000)[0]
                      for seed, tilt in enumerate((best, other)))
     assert_same_law(first, second)
 
@@ -124,16 +139,19 @@ def test_the_law_does_not_depend_on_the_tilt(error, shift):
 @pytest.mark.parametrize("coefficients", [2, 4, 9])
 def test_draws_on_a_simplex_have_the_moments_of_dirichlet(total, coefficients):
     A = np.full((1, coefficients), 1 / coefficients)
-    c = sample_spectra(measurement(A, np.array([total / coefficients])), 20_000, seed=4).coefficients
+    c = sample_spectra(measurement(A, np.array([total / coefficients])), 20_000,
+                       seed=4).coefficients
     # For a sum s <= 1 the upper limits never bind and c / s is Dirichlet(1, ..., 1).
-    covariance = total**2 * (np.eye(coefficients) - 1 / coefficients) / (coefficients * (coefficients + 1))
+    covariance = total**2 * (np.eye(coefficients) - 1 / coefficients) / (coefficients
+                                                                         * (coefficients + 1))
     assert_mean_and_covariance(c, np.full(coefficients, total / coefficients), covariance)
 
 
 def test_coefficients_the_camera_does_not_see_are_uniform():
     A = np.eye(3, 7)
     c = sample_spectra(measurement(A, np.array([0.1, 0.5, 0.8])), 20_000, seed=4).coefficients
-    np.testing.assert_allclose(c[:, :3], np.tile([0.1, 0.5, 0.8], (len(c), 1)), atol=1e-15)  # identity: nothing rounds
+    # identity: nothing rounds
+    np.testing.assert_allclose(c[:, :3], np.tile([0.1, 0.5, 0.8], (len(c), 1)), atol=1e-15)
     assert_mean_and_covariance(c[:, 3:], np.full(4, 0.5), np.eye(4) / 12)
 
 
@@ -141,7 +159,8 @@ def test_coefficients_the_camera_does_not_see_are_uniform():
 def test_a_camera_of_single_coefficients_gives_truncated_normals(error):
     y = np.array([0.1, 1 + 3 * error, 0.8])
     c = sample_spectra(measurement(np.eye(3, 5), y, error), 5_000, seed=6).coefficients
-    laws = [stats.truncnorm(-value / error, (1 - value) / error, value, error) for value in y] + [stats.uniform()] * 2
+    laws = [stats.truncnorm(-value / error, (1 - value) / error, value,
+                            error) for value in y] + [stats.uniform()] * 2
     p = [stats.kstest(column, law.cdf).pvalue for column, law in zip(c.T, laws, strict=True)]
     assert min(p) > SIGNIFICANCE / len(p)
 
@@ -150,7 +169,8 @@ def test_as_many_coefficients_as_bands_leave_one_point():
     operator = grey(4, bands=4)
     c = sample_spectra(operator, 10, seed=1).coefficients
     # One 4 x 4 solve; the condition number of this camera is about 30.
-    np.testing.assert_allclose(c, np.tile(np.linalg.solve(operator.A, operator.y), (10, 1)), atol=1e-12)
+    np.testing.assert_allclose(c, np.tile(np.linalg.solve(operator.A, operator.y), (10, 1)),
+                               atol=1e-12)
 
 
 @pytest.mark.parametrize("coefficients", [5, 9, 21])
@@ -186,13 +206,15 @@ def test_bands_hold_the_truth_as_often_as_they_say(coefficients):
         trial[:] = (draws < row @ truth).mean(axis=0)
     for rank in ranks.T:
         inside = int(np.count_nonzero((rank >= 0.025) & (rank < 0.975)))
-        # Four tests in this parametrised case; ranks of 1000 draws are uniform to 1e-3, far below the 0.08 KS detects.
+        # Four tests in this parametrised case; ranks of 1000 draws are uniform to 1e-3, far below
+        # the 0.08 KS detects.
         assert stats.binomtest(inside, len(rank), 0.95).pvalue > SIGNIFICANCE / 4
         assert stats.kstest(rank, "uniform").pvalue > SIGNIFICANCE / 4
 
 
 def test_a_hopeless_acceptance_is_an_error():
-    with pytest.raises(ConvergenceError, match=r"only 0 of 2\d* proposals were accepted; use fewer coefficients"):
+    with pytest.raises(ConvergenceError,
+                       match=r"only 0 of 2\d* proposals were accepted; use fewer coefficients"):
         collect(lambda proposals: np.empty((0, 7)), 10)
 
 
@@ -212,17 +234,21 @@ def test_errors_of_the_measurement_reach_the_caller():
         sample_spectra(measurement(A[[0, 1, 1]], np.full(3, 0.5)), 10, seed=0)
 
 
-# ---- the sampler as published, for comparison ----------------------------------------------------------------------
+# ---- the sampler as published, for comparison ----------------------------------------------------
 
 def test_the_published_sampler_keeps_the_signal_but_understates_the_spread():
     operator = grey(9)
     basis = basis_matrix(NM, 9)
     c0 = lsq_linear(operator.A, operator.y, bounds=(0, 1), tol=1e-12).x
-    published, exact = sample_per_axis(operator, c0, 5_000, seed=1), sample_spectra(operator, 5_000, seed=1)
+    published, exact = sample_per_axis(operator, c0, 5_000, seed=1), sample_spectra(operator, 5_000,
+                                                                                    seed=1)
     # Round-off of c0 + Z z, with numbers of order 1 and a c0 good to 1e-8.
-    np.testing.assert_allclose(published.coefficients @ operator.A.T, np.tile(operator.y, (5_000, 1)), atol=1e-8)
-    spread = (published.coefficients @ basis.T).std(axis=0) / (exact.coefficients @ basis.T).std(axis=0)
-    # One-sided: standard deviations of 5000 draws are good to 1 %, the shortfall near the box's corners is far more.
+    np.testing.assert_allclose(published.coefficients @ operator.A.T,
+                               np.tile(operator.y, (5_000, 1)), atol=1e-8)
+    spread = (published.coefficients @ basis.T).std(axis=0) / (exact.coefficients
+                                                               @ basis.T).std(axis=0)
+    # One-sided: standard deviations of 5000 draws are good to 1 %, the shortfall near the box's
+    # corners is far more.
     assert spread.min() < 0.9
     assert published.outcome is Outcome.CONVERGED
 
@@ -233,12 +259,14 @@ def test_the_published_intervals_end_where_a_coefficient_reaches_zero_or_one():
     for ends in axis_intervals(space.c0, space.directions):
         at_ends = space.c0[:, None] + space.directions * ends
         distance = np.minimum(np.abs(at_ends), np.abs(1 - at_ends)).min(axis=0)
-        np.testing.assert_allclose(distance, 0, atol=1e-14)  # one product and one sum of numbers of order 1
+        # one product and one sum of numbers of order 1
+        np.testing.assert_allclose(distance, 0, atol=1e-14)
         assert np.all((at_ends > -1e-14) & (at_ends < 1 + 1e-14))
 
 
 def test_the_published_sampler_refuses_a_start_outside_the_box():
-    with pytest.raises(InputError, match=r"c0 runs from -0\.1 to 0\.5; the method needs a start within 0 to 1"):
+    with pytest.raises(InputError,
+                       match=r"c0 runs from -0\.1 to 0\.5; the method needs a start within 0 to 1"):
         sample_per_axis(grey(7), np.r_[-0.1, np.full(6, 0.5)], 10, seed=0)
     with pytest.raises(InputError, match=r"c0 has shape \(6,\); \(7,\) is needed"):
         sample_per_axis(grey(7), np.full(6, 0.5), 10, seed=0)

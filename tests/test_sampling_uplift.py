@@ -4,14 +4,21 @@ import pytest
 from sampling_cameras import grey, response, seen, surface
 from scipy import stats
 
-from radiometry.bspline import basis_matrix
-from radiometry.colour_upsampling import METHODS, observer_response, upsampled
-from radiometry.errors import InputError
-from radiometry.named_spectra import test_reflectances as shipped_reflectances
-from sampling.baselines import baseline_spectra, greedy_draws, to_tristimulus
-from sampling.logit_mixture import GRID, load_prior
-from sampling.tilted_rejection import sample_spectra
-from sampling.uplift import build_table, lattice, outside, table_error, uplift_directly, uplift_pixels
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.colour_upsampling import METHODS, observer_response, upsampled
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances as shipped_reflectances
+from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
+from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.prior.tables import (
+    build_table,
+    lattice,
+    outside,
+    table_error,
+    uplift_directly,
+    uplift_pixels,
+)
+from spectrabox.sampling.published.baselines import baseline_spectra, greedy_draws, to_tristimulus
 
 FAST = tuple(method for method in METHODS if method != "Meng 2015")
 
@@ -32,7 +39,8 @@ def test_the_table_is_exact_at_its_points(table):
 
 def test_greys_are_on_the_lattice_but_for_their_level():
     found = lattice(9)[:, 4, 4]
-    np.testing.assert_allclose(found, np.repeat(found[:, 1:2], 3, axis=1), rtol=1e-12)  # exp(0) is exact
+    # exp(0) is exact
+    np.testing.assert_allclose(found, np.repeat(found[:, 1:2], 3, axis=1), rtol=1e-12)
 
 
 def test_between_its_points_the_table_says_how_far_off_it_is(table):
@@ -42,7 +50,9 @@ def test_between_its_points_the_table_says_how_far_off_it_is(table):
 
 
 def test_pixels_that_no_reflectance_gives_are_counted(table):
-    assert outside(np.array([[0.1, 0.2, 1.2], [0.5, 0.5, 0.5], [-0.1, 0, 0]])).tolist() == [True, False, True]
+    assert outside(np.array([[0.1, 0.2, 1.2], [0.5, 0.5, 0.5], [-0.1, 0, 0]])).tolist() == [True,
+                                                                                            False,
+                                                                                            True]
     mean, _ = uplift_pixels(table, np.array([[-0.5, 0.0, 2.0]]))
     assert np.all(np.isfinite(mean))
 
@@ -63,7 +73,8 @@ def test_a_grey_is_recovered_grey(method):
 def test_baselines_of_the_observer_itself_lose_nothing():
     matrix = observer_response(GRID)
     signals = np.array([[0.2, 0.3, 0.1], [1.0, 1.0, 1.0]])
-    np.testing.assert_allclose(to_tristimulus(matrix, signals), signals, atol=1e-10)  # a regression of exact data
+    # a regression of exact data
+    np.testing.assert_allclose(to_tristimulus(matrix, signals), signals, atol=1e-10)
     with pytest.raises(InputError, match="2 bands give no colour"):
         to_tristimulus(matrix[:2], signals[:, :2])
 
@@ -79,7 +90,8 @@ def test_every_baseline_gives_a_spectrum():
 def test_greedy_draws_keep_the_signal_and_are_not_uniform():
     operator, basis = grey(9), basis_matrix(GRID.nm[::6], 9)
     draws, share = greedy_draws(operator, 5000, seed=1)
-    np.testing.assert_allclose(draws @ operator.A.T, np.tile(operator.y, (len(draws), 1)), atol=1e-9)
+    np.testing.assert_allclose(draws @ operator.A.T, np.tile(operator.y, (len(draws), 1)),
+                               atol=1e-9)
     assert 0 < share < 1
     exact = sample_spectra(operator, 5000, 2).coefficients @ basis.T
     p = [stats.ks_2samp(a, b).pvalue for a, b in zip((draws @ basis.T).T, exact.T, strict=True)]

@@ -1,4 +1,6 @@
-"""A scene as an operator wrote it: what is read, what is rewritten, and every documented refusal by its message."""
+"""A scene as an operator wrote it: what is read, what is rewritten, and every documented refusal by
+its message.
+"""
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
@@ -6,10 +8,10 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from fixtures.cornell_box import cornell_box_xml
-from radiometry.errors import InputError
-from reconstruct.scene_file import check_materials, not_plain_products, read_scene
-from reconstruct.scene_xml import scene_xml
+from spectrabox.fixtures.cornell_box import cornell_box_xml
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.scene.scene_file import check_materials, not_plain_products, read_scene
+from spectrabox.reconstruct.scene.scene_xml import scene_xml
 
 ONES = np.ones(3)
 
@@ -21,7 +23,8 @@ def read(folder, text, name="box.xml"):
 
 
 def rewritten(scene, **options):
-    given = {"reflectances": {bsdf: np.array([0.1, 0.2, 0.3]) for bsdf in scene.bsdf_ids}, "light": ONES,
+    given = {"reflectances": {bsdf: np.array([0.1, 0.2, 0.3]) for bsdf in scene.bsdf_ids},
+             "light": ONES,
              "bands": {"R": ONES, "G": 2 * ONES}, "range_nm": (400.0, 700.0), "size": (8, 6)}
     return ET.fromstring(scene_xml(scene, **(given | options)))
 
@@ -30,7 +33,8 @@ def test_what_a_scene_says_of_itself(tmp_path):
     scene = read(tmp_path, cornell_box_xml(64, 7))
     assert (scene.width, scene.height, scene.max_depth) == (64, 64, 7)
     assert scene.bsdf_ids == ("white", "green", "red") and scene.light_ids == ("lamp",)
-    assert scene.surfaces["green_wall"] == "green" and "lamp" not in scene.surfaces and len(scene.surfaces) == 7
+    assert scene.surfaces["green_wall"] == "green" and "lamp" not in scene.surfaces and len(
+        scene.surfaces) == 7
 
 
 def test_the_session_s_spectra_replace_the_scene_s_own_and_the_scene_stays(tmp_path):
@@ -56,9 +60,10 @@ def test_each_light_gets_its_own_spectrum(tmp_path):
 
 
 def test_a_coated_surface_keeps_its_coat_and_is_no_plain_product(tmp_path):
-    text = cornell_box_xml().replace('<bsdf type="diffuse" id="red"><spectrum name="reflectance" value="0.5"/>',
-                                     '<bsdf type="roughplastic" id="red"><float name="alpha" value="0.1"/>'
-                                     '<rgb name="diffuse_reflectance" value="1,0,0"/>')
+    text = cornell_box_xml().replace('<bsdf type="diffuse" id="red"><spectrum name="reflectance" '
+                                     'value="0.5"/>',
+                                     '<bsdf type="roughplastic" id="red"><float name="alpha" '
+                                     'value="0.1"/><rgb name="diffuse_reflectance" value="1,0,0"/>')
     scene = read(tmp_path, text)
     assert not_plain_products(scene) == ("red",)
     coat = next(node for node in rewritten(scene).findall("bsdf") if node.get("id") == "red")
@@ -68,28 +73,36 @@ def test_a_coated_surface_keeps_its_coat_and_is_no_plain_product(tmp_path):
 
 
 def test_a_two_sided_surface_stays_two_sided(tmp_path):
-    text = cornell_box_xml().replace('<bsdf type="diffuse" id="red"><spectrum name="reflectance" value="0.5"/></bsdf>',
-                                     '<bsdf type="twosided" id="red"><bsdf type="diffuse"><spectrum name="reflectance" '
+    text = cornell_box_xml().replace('<bsdf type="diffuse" id="red"><spectrum name="reflectance" '
+                                     'value="0.5"/></bsdf>', '<bsdf type="twosided" id="red"><bsdf '
+                                     'type="diffuse"><spectrum name="reflectance" '
                                      'value="0.5"/></bsdf></bsdf>')
-    wall = next(node for node in rewritten(read(tmp_path, text)).findall("bsdf") if node.get("id") == "red")
-    assert wall.get("type") == "twosided" and wall.find("bsdf/spectrum/string").get("value") == "0.1, 0.2, 0.3"
+    wall = next(node for node in rewritten(read(tmp_path, text)).findall("bsdf") if node.get("id")
+                == "red")
+    assert wall.get("type") == "twosided" and wall.find("bsdf/spectrum/string").get(
+        "value") == "0.1, 0.2, 0.3"
 
 
 def test_a_surface_without_a_reflectance_is_refused(tmp_path):
-    text = cornell_box_xml().replace('<bsdf type="diffuse" id="red"><spectrum name="reflectance" value="0.5"/>',
+    text = cornell_box_xml().replace('<bsdf type="diffuse" id="red"><spectrum name="reflectance" '
+                                     'value="0.5"/>',
                                      '<bsdf type="dielectric" id="red">')
-    with pytest.raises(InputError, match="'red' is of type 'dielectric', which has no reflectance spectrum"):
+    with pytest.raises(InputError, match="'red' is of type 'dielectric', which has no reflectance "
+                       "spectrum"):
         rewritten(read(tmp_path, text))
 
 
 def test_files_are_named_in_full_whatever_the_folder_one_works_in(tmp_path):
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "a.ply").write_text("ply", encoding="utf-8")
-    text = cornell_box_xml().replace("</scene>", '<shape type="ply" id="mesh"><ref id="red"/>'
-                                     '<string name="filename" value="meshes/a.ply"/></shape></scene>')
+    text = cornell_box_xml().replace("</scene>", '<shape type="ply" id="mesh"><ref '
+                                     'id="red"/><string name="filename" '
+                                     'value="meshes/a.ply"/></shape></scene>')
     scene = read(tmp_path, text)
-    named = [node.get("value") for node in rewritten(scene).iter("string") if node.get("name") == "filename"]
-    assert named == [str(tmp_path / "meshes" / "a.ply")] and scene.files == (tmp_path / "meshes" / "a.ply",)
+    named = [node.get("value") for node in rewritten(scene).iter("string") if node.get("name")
+             == "filename"]
+    assert named == [str(tmp_path / "meshes" / "a.ply")] and scene.files == (tmp_path / "meshes"
+                                                                             / "a.ply",)
 
 
 BROKEN = {
@@ -133,4 +146,5 @@ def test_materials_and_surfaces_must_match(tmp_path):
     assert check_materials(scene, {"w": "white", "g": "green", "r": "red"}) == []
     first, second = check_materials(scene, {"w": "white", "g": "green", "blue paint": "blue"})
     assert first == "material 'blue paint' names the BSDF 'blue', which box.xml lacks; it has white, green, red"
-    assert second.startswith("box.xml: the BSDF 'red' of red_wall has no material; add [materials.red]")
+    assert second.startswith("box.xml: the BSDF 'red' of red_wall has no material; add "
+                             "[materials.red]")

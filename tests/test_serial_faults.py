@@ -1,12 +1,22 @@
-"""Every instrument against every fault of a line: no wrong spectrum is accepted, and the instrument is given back."""
+"""Every instrument against every fault of a line: no wrong spectrum is accepted, and the instrument
+is given back.
+"""
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from capture.transcript import read_transcript
-from capture.transcript_faults import Fault, FaultKind
-from capture.transcript_trials import DEADLINE_S, TOO_FAST, WRONG_SPEED, run_all, run_trial, subject_of
-from fixtures.meter_transcripts import FOLDER, clean_meters
+from spectrabox.capture.transcripts.faults import Fault, FaultKind
+from spectrabox.capture.transcripts.transcript import read_transcript
+from spectrabox.fixtures.meter_transcripts import FOLDER, clean_meters
+
+from benchmarks.transcript_trials import (
+    DEADLINE_S,
+    TOO_FAST,
+    WRONG_SPEED,
+    run_all,
+    run_trial,
+    subject_of,
+)
 
 PLACES = 3                  # benchmarks/bench_fault_matrix.py runs more
 METERS = [meter.name for meter in clean_meters()]
@@ -15,8 +25,8 @@ FAULTS = [kind.value for kind in FaultKind] + [WRONG_SPEED, TOO_FAST]
 
 @pytest.fixture(scope="module")
 def subjects():
-    return [subject_of(read_transcript(FOLDER / f"{meter.name}.transcript"), meter.values, meter.change, meter.leave)
-            for meter in clean_meters()]
+    return [subject_of(read_transcript(FOLDER / f"{meter.name}.transcript"), meter.values,
+                       meter.change, meter.leave) for meter in clean_meters()]
 
 
 @pytest.fixture(scope="module")
@@ -50,24 +60,30 @@ def test_every_error_is_a_sentence_that_says_what_to_do(matrix):
 
 
 def test_a_line_that_always_fails_ends_in_an_error_and_a_free_instrument(subjects):
-    kinds = [FaultKind.NOISE, FaultKind.ZERO_BYTE, FaultKind.TRUNCATE, FaultKind.DROP, FaultKind.DUPLICATE,
-             FaultKind.ECHO_BEFORE]
-    cases = [(subject, kind.value, Fault(kind, step, 0.6, every=True)) for subject in subjects for kind in kinds
+    kinds = [FaultKind.NOISE, FaultKind.ZERO_BYTE, FaultKind.TRUNCATE, FaultKind.DROP,
+             FaultKind.DUPLICATE, FaultKind.ECHO_BEFORE]
+    cases = [(subject, kind.value, Fault(kind, step, 0.6, every=True)) for subject in subjects
+             for kind in kinds
              for step in (0, 20)]
     with ThreadPoolExecutor(8) as pool:
         trials = list(pool.map(lambda case: run_trial(*case), cases))
-    assert not [trial for trial in trials if trial.wrong or not trial.left or trial.seconds > DEADLINE_S]
-    # A doubled last reply comes after all that is needed: the PR-650's spectrum is right. All others are refused.
-    assert {(t.instrument, t.fault) for t in trials if t.result == "spectrum"} <= {("pr650", "duplicate")}
+    assert not [trial for trial in trials if trial.wrong or not trial.left or trial.seconds
+                > DEADLINE_S]
+    # A doubled last reply comes after all that is needed: the PR-650's spectrum is right. All
+    # others are refused.
+    assert {(t.instrument, t.fault) for t in trials if t.result == "spectrum"} <= {("pr650",
+                                                                                    "duplicate")}
 
 
 @pytest.mark.parametrize("fault", [FaultKind.STALL.value, FaultKind.DRIBBLE.value])
 def test_a_slow_line_is_waited_for(matrix, fault):
-    # A computer that is itself too busy to serve the line within 0.25 s may fail a trial: one in six may.
+    # A computer that is itself too busy to serve the line within 0.25 s may fail a trial: one in
+    # six may.
     chosen = [trial.result for trial in matrix if trial.fault == fault]
     assert chosen.count("spectrum") >= 5 * len(chosen) / 6
 
 
 def test_a_fault_in_a_held_result_is_repaired_by_reading_again(matrix):
-    repaired = [trial for trial in matrix if trial.fault == FaultKind.CHANGE_DIGIT.value and trial.result == "spectrum"]
+    repaired = [trial for trial in matrix if trial.fault == FaultKind.CHANGE_DIGIT.value
+                and trial.result == "spectrum"]
     assert len(repaired) >= 3

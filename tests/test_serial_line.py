@@ -7,8 +7,13 @@ import time
 import pytest
 import serial
 
-from capture.instruments.errors import LineFaultError, LineLostError, NoReplyError, PortError
-from capture.serial_line import LineSettings, Pace, list_ports, open_line
+from spectrabox.capture.meter.instruments.errors import (
+    LineFaultError,
+    LineLostError,
+    NoReplyError,
+    PortError,
+)
+from spectrabox.capture.meter.serial_line import LineSettings, Pace, list_ports, open_line
 
 SETTINGS = LineSettings(9600)
 
@@ -42,12 +47,14 @@ def test_a_line_that_dribbles_ends_at_the_deadline(line):
     thread = threading.Thread(target=dribble)
     thread.start()
     started = time.monotonic()
-    with pytest.raises(NoReplyError, match=r"no complete reply within 0\.4 s \(only \d+ bytes came"):
+    with pytest.raises(NoReplyError,
+                       match=r"no complete reply within 0\.4 s \(only \d+ bytes came"):
         opened.read_line(0.4)
     seconds = time.monotonic() - started
     stop.set()
     thread.join()
-    # One inner read of 0.02 s past the limit; the rest is for a busy computer. pyserial's own readline never ends here.
+    # One inner read of 0.02 s past the limit; the rest is for a busy computer. pyserial's own
+    # readline never ends here.
     assert 0.4 <= seconds < 1.4
 
 
@@ -63,7 +70,8 @@ def test_bytes_nobody_asked_for_are_an_error_and_not_the_next_reply(line):
 def test_bytes_that_are_no_text_are_a_fault_of_the_line(line, data):
     opened, master = line
     os.write(master, data)
-    with pytest.raises(LineFaultError, match="is not text; the speed is wrong or the line is noisy"):
+    with pytest.raises(LineFaultError,
+                       match="is not text; the speed is wrong or the line is noisy"):
         opened.read_line(1.0)
 
 
@@ -98,7 +106,8 @@ def test_a_refused_port_names_the_group(monkeypatch, tmp_path):
     monkeypatch.setattr(serial, "serial_for_url", refuse)
     import grp
     group = grp.getgrgid(port.stat().st_gid).gr_name
-    with pytest.raises(PortError, match=f"belongs to the group {group}; run 'sudo usermod -aG {group} "):
+    with pytest.raises(PortError, match=f"belongs to the group {group}; run 'sudo usermod -aG "
+                       f"{group} "):
         open_line(str(port), SETTINGS, silent)
 
 
@@ -108,7 +117,8 @@ def test_a_port_address_that_cannot_be_is_refused():
 
 
 def test_listing_the_ports_opens_none(monkeypatch):
-    monkeypatch.setattr(serial, "serial_for_url", lambda *args, **kwargs: pytest.fail("a port was opened"))
+    monkeypatch.setattr(serial, "serial_for_url", lambda *args, **kwargs: pytest.fail("a port was "
+                                                                                      "opened"))
     monkeypatch.setattr(serial.Serial, "open", lambda self: pytest.fail("a port was opened"))
     assert all({"port", "usb"} <= set(entry) for entry in list_ports())
 

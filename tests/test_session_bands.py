@@ -5,11 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from capture.developed import open_any, write_developed
-from radiometry.errors import InputError
-from session.inputs import read_photo
-from session.pipeline import load_finished, reconstruction_of, run_stages
-from session.session_file import read_session
+from spectrabox.capture.develop.developed import open_any, write_developed
+from spectrabox.radiometry.errors import InputError
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import load_finished, reconstruction_of, run_stages
+from spectrabox.session.stages.inputs import read_photo
 
 BANDS = {"red filter": 0, "green filter": 1, "blue filter": 2}
 EXPOSED = (1.0, 0.5, 2.0)   # of each band, times the photo's own
@@ -44,7 +44,8 @@ def test_a_session_of_bands_finds_what_the_colour_photo_finds(captured, finished
     config = split_into_bands(captured, {"object": "box", "chart": "chart", "flat": "flat"})
     run = run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None)
     stacked, whole = (reconstruction_of(stored) for stored in (run.stored,
-                                                               load_finished(read_session(finished)).stored))
+                                                               load_finished(read_session(
+                                                                                 finished)).stored))
     np.testing.assert_allclose(stacked.signal, whole.signal, rtol=0.02)
 
 

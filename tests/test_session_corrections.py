@@ -7,22 +7,23 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from calibrate.lens import Lens
-from calibrate.lens_files import write_lens
-from capture.raw import read_raw
-from fixtures.box_render import box_light
-from fixtures.demo_photos import camera_sensitivities, exposure_for, take_photo
-from fixtures.demo_session import PAINTS
-from fixtures.dng import write_dng
-from fixtures.lamp import radiance
-from fixtures.paints import NM, paint
-from radiometry.errors import InputError
-from reconstruct.scene_file import read_scene
-from session.pipeline import joint_of, load_finished, reconstruction_of, run_stages
-from session.session_file import read_session
+from spectrabox.calibrate.geometry.lens import Lens
+from spectrabox.calibrate.geometry.lens_files import write_lens
+from spectrabox.capture.photo.raw import read_raw
+from spectrabox.fixtures.box_render import box_light
+from spectrabox.fixtures.demo_photos import camera_sensitivities, exposure_for, take_photo
+from spectrabox.fixtures.demo_session import PAINTS
+from spectrabox.fixtures.dng import write_dng
+from spectrabox.fixtures.lamp import radiance
+from spectrabox.fixtures.paints import NM, paint
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import joint_of, load_finished, reconstruction_of, run_stages
 
 SIZE = (208, 312)
-CARD = [[[100, 60], [200, 60], [200, 120], [100, 120]]]  # of the box's white back wall and, in the chart photo, a patch
+# of the box's white back wall and, in the chart photo, a patch
+CARD = [[[100, 60], [200, 60], [200, 120], [100, 120]]]
 
 
 def run(config):
@@ -41,20 +42,25 @@ def scene_lens(folder, k1):
     fov = float(root.find("sensor/float[@name='fov']").get("value"))
     focal = SIZE[1] / 2 / np.tan(np.radians(fov) / 2)
     matrix = np.array([[focal, 0, SIZE[1] / 2 - 0.5], [0, focal, SIZE[0] / 2 - 0.5], [0, 0, 1]])
-    return Lens(SIZE[1], SIZE[0], matrix, np.array([k1, 0, 0, 0, 0]), np.zeros(4), np.zeros(5), 0.0, "as made")
+    return Lens(SIZE[1], SIZE[0], matrix, np.array([k1, 0, 0, 0, 0]), np.zeros(4), np.zeros(5), 0.0,
+                "as made")
 
 
 def test_a_photo_through_a_distorting_lens_is_undistorted(captured, finished):
     lens = scene_lens(captured, -0.25)
     reflectances = {name: paint(of)[1] for name, of in PAINTS.items()}
-    box = box_light(NM, reflectances, radiance(NM), camera_sensitivities(), size=SIZE, spp=4, seed=3,
+    box = box_light(NM, reflectances, radiance(NM), camera_sensitivities(), size=SIZE, spp=4,
+                    seed=3,
                     progress=lambda *_: None)
     pixels = np.stack(np.meshgrid(np.arange(SIZE[1]), np.arange(SIZE[0])), axis=-1).reshape(-1, 1, 2).astype(float)
-    straight = cv2.undistortPoints(pixels, lens.matrix, lens.distortion, P=lens.matrix).reshape(*SIZE, 2)
-    bent = np.stack([map_coordinates(box[..., k], [straight[..., 1], straight[..., 0]], order=1, mode="nearest")
+    straight = cv2.undistortPoints(pixels, lens.matrix, lens.distortion,
+                                   P=lens.matrix).reshape(*SIZE, 2)
+    bent = np.stack([map_coordinates(box[..., k], [straight[..., 1], straight[..., 0]], order=1,
+                                     mode="nearest")
                      for k in range(3)], axis=-1)
     (captured / "photos" / "box.dng").unlink()
-    take_photo(captured / "photos" / "box.dng", bent, exposure_for(box, 0.7), np.random.default_rng(6))
+    take_photo(captured / "photos" / "box.dng", bent, exposure_for(box, 0.7),
+               np.random.default_rng(6))
     crooked = reconstruction_of(run(read_session(captured)))
     write_lens(captured / "lens.json", lens)
     mended = reconstruction_of(run(append(captured, '\n[camera]\nlens = "lens.json"\n')))
@@ -70,13 +76,17 @@ def dim(folder, factor):
     black = np.tile(frame.black_level, np.array(frame.mosaic.shape) // 2)
     mosaic = np.clip((frame.mosaic - black) * factor + black, 0, 15871).round().astype(np.uint16)
     path.unlink()
-    write_dng(path, mosaic, black=tuple(frame.black_level[[0, 0, 1, 1], [0, 1, 0, 1]]), white=int(frame.white_level),
-              exposure_s=Fraction(frame.exposure_s).limit_denominator(100000), f_number=frame.f_number,
-              iso=int(frame.iso), make="Spectrabox", model="Synthetic 5100", serial="DEMO-1")
+    write_dng(path, mosaic, black=tuple(frame.black_level[[0, 0, 1, 1], [0, 1, 0, 1]]),
+              white=int(frame.white_level),
+              exposure_s=Fraction(frame.exposure_s).limit_denominator(100000),
+              f_number=frame.f_number, iso=int(frame.iso), make="Spectrabox",
+              model="Synthetic 5100", serial="DEMO-1")
 
 
 def test_a_lamp_that_dimmed_between_the_photos_is_found_by_a_reference_in_both(captured):
-    """The same reference photographed: its ratio before dimming is measured, so that only the drift is tested."""
+    """The same reference photographed: its ratio before dimming is measured, so that only the drift
+    is tested.
+    """
     drift = f"\n[drift]\nchart_px = {CARD}\nobject_px = {CARD}\nrelative_error = 0.002\n"
     before = run(append(captured, drift))
     found = joint_of(before).views[0].light_scale
@@ -87,5 +97,6 @@ def test_a_lamp_that_dimmed_between_the_photos_is_found_by_a_reference_in_both(c
 
 
 def test_references_in_one_photo_only_are_refused(captured):
-    with pytest.raises(InputError, match=re.escape("drift.chart_px names 1 references and drift.object_px 0")):
+    with pytest.raises(InputError, match=re.escape("drift.chart_px names 1 references and "
+                                                   "drift.object_px 0")):
         append(captured, f"\n[drift]\nchart_px = {CARD}\n")

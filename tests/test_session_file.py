@@ -1,8 +1,8 @@
 import pytest
 
-from radiometry.errors import InputError
-from session.session_file import read_session, try_read_session
-from session.template import SESSION_TEMPLATE
+from spectrabox.radiometry.errors import InputError
+from spectrabox.session.config.session_file import read_session, try_read_session
+from spectrabox.session.config.template import SESSION_TEMPLATE
 
 GOOD = """
 [photos]
@@ -43,26 +43,41 @@ def test_a_spectrum_may_name_its_column(tmp_path):
 
 
 @pytest.mark.parametrize("change, sentence", [
-    (("[photos]", "[foto]"), "unknown key 'foto'; did you mean 'photos'"),
-    (("bsdf = ", "bsfd = "), "unknown key 'bsfd' in [materials.white]; did you mean 'bsdf'"),
-    (('object = "photos/box.dng"', "object = 3"), "photos.object is 3; str or list or table is needed"),
-    (('object = "photos/box.dng"', ""), "photos.object is missing"),
-    (('chart = "photos/chart.dng"', ""), "photos.chart is missing, but sensitivities or scale are to come from it"),
-    (('[chart]\nscene = "scene/chart.xml"', ""), "chart.scene is missing"),
-    (("[scene]", '[scale]\nfrom = "moon"\n[scene]'), "scale.from is 'moon'"),
-    (("[scene]", '[scale]\nfrom = "material"\n[scene]'), "no material has a known spectrum"),
-    (("[scene]", "[reconstruct]\nwidth = 5\n[scene]"), "reconstruct.width is 5; 16 to 1024 is possible"),
-    (("[scene]", "[sampling]\nlevel = 2\n[scene]"), "sampling.level is 2; 0.5 to 0.999 is possible"),
-    (("[scene]", "[reconstruct]\nengine = \"warp\"\n[scene]"),
-     "reconstruct.engine is 'warp'; auto, transport, gradient"),
-    (("[scene]", "[sampling]\nmethod = \"dice\"\n[scene]"), "sampling.method is 'dice'; prior, uniform"),
-    (("[scene]", "[chart.x]\n[scene]"), "unknown key 'x' in [chart]"),
-    (('bsdf = "white"', 'bsdf = "white"\nknown = "spectra/w.csv"'), "every material is known"),
-    (('bsdf = "white"', 'bsdf = "white"\n[materials.other]\nbsdf = "white"'), "name the same BSDF 'white'"),
-    (('[light]\nspectrum = "spectra/light.csv"', ""), "the table [light] is missing"),
-    (("[materials.white]", "[materials"), "is not valid TOML"),
-    (('scene = "scene/chart.xml"', 'scene = "scene/chart.xml"\ncorners_px = [[1, 2], [3, 4]]'),
-     "corners_px needs four [x, y] pairs")])
+                             (("[photos]", "[foto]"), "unknown key 'foto'; did you mean 'photos'"),
+                             (("bsdf = ", "bsfd = "), "unknown key 'bsfd' in [materials.white]; "
+                              "did you mean 'bsdf'"),
+                             (('object = "photos/box.dng"', "object = 3"),
+                              "photos.object is 3; str or list or table is needed"),
+                             (('object = "photos/box.dng"', ""), "photos.object is missing"),
+                             (('chart = "photos/chart.dng"', ""), "photos.chart is missing, but "
+                              "sensitivities or scale are to come from it"), (('[chart]\nscene = '
+                                                                               '"scene/chart.xml"',
+                                                                               ""), "chart.scene "
+                                                                              "is missing"),
+                             (("[scene]", '[scale]\nfrom = "moon"\n[scene]'),
+                              "scale.from is 'moon'"),
+                             (("[scene]", '[scale]\nfrom = "material"\n[scene]'),
+                              "no material has a known spectrum"),
+                             (("[scene]", "[reconstruct]\nwidth = 5\n[scene]"),
+                              "reconstruct.width is 5; 16 to 1024 is possible"),
+                             (("[scene]", "[sampling]\nlevel = 2\n[scene]"),
+                              "sampling.level is 2; 0.5 to 0.999 is possible"),
+                             (("[scene]", "[reconstruct]\nengine = \"warp\"\n[scene]"),
+                              "reconstruct.engine is 'warp'; auto, transport, gradient"),
+                             (("[scene]", "[sampling]\nmethod = \"dice\"\n[scene]"),
+                              "sampling.method is 'dice'; prior, uniform"),
+                             (("[scene]", "[chart.x]\n[scene]"), "unknown key 'x' in [chart]"),
+                             (('bsdf = "white"', 'bsdf = "white"\nknown = "spectra/w.csv"'),
+                              "every material is known"),
+                             (('bsdf = "white"',
+                               'bsdf = "white"\n[materials.other]\nbsdf = "white"'),
+                              "name the same BSDF 'white'"), (('[light]\nspectrum = '
+                                                               '"spectra/light.csv"', ""),
+                                                              "the table [light] is missing"),
+                             (("[materials.white]", "[materials"), "is not valid TOML"),
+                             (('scene = "scene/chart.xml"',
+                               'scene = "scene/chart.xml"\ncorners_px = [[1, 2], [3, 4]]'),
+                              "corners_px needs four [x, y] pairs")])
 def test_each_fault_gets_its_sentence(tmp_path, change, sentence):
     assert change[0] in GOOD
     found = problems_of(tmp_path, GOOD.replace(*change))
@@ -71,7 +86,8 @@ def test_each_fault_gets_its_sentence(tmp_path, change, sentence):
 
 def test_all_faults_are_said_at_once(tmp_path):
     text = GOOD.replace("[photos]", "[photos]\nflatt = \"a\"").replace("bsdf = ", "bsfd = ")
-    assert len(problems_of(tmp_path, text)) == 3  # two unknown keys and the bsdf that is then missing
+    # two unknown keys and the bsdf that is then missing
+    assert len(problems_of(tmp_path, text)) == 3
 
 
 def test_a_missing_session_says_how_to_start_one(tmp_path):

@@ -3,10 +3,10 @@ import json
 import numpy as np
 import pytest
 
-from radiometry.errors import EnvironmentProblem, InputError
-from radiometry.files import sha256_of, write_text_whole
-from radiometry.grid import visible_grid
-from radiometry.records import (
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.files import sha256_of, write_text_whole
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import (
     Calibration,
     LightScale,
     Outcome,
@@ -15,22 +15,30 @@ from radiometry.records import (
     Spectrum,
     SurfaceAgreement,
 )
-from session.record_files import pack, unpack
-from session.store import fingerprint, load_stage, save_stage, stage_folder, why_stale
+from spectrabox.session.store.record_files import pack, unpack
+from spectrabox.session.store.store import (
+    fingerprint,
+    load_stage,
+    save_stage,
+    stage_folder,
+    why_stale,
+)
 
 GRID = visible_grid(10)
 
 
 def calibration():
     curves = np.random.default_rng(2).uniform(size=(3, GRID.nm.size))
-    fit = SensitivityFit(GRID, curves, None, None, None, None, None, None, 12.5, "m", Outcome.ILL_POSED)
+    fit = SensitivityFit(GRID, curves, None, None, None, None, None, None, 12.5, "m",
+                         Outcome.ILL_POSED)
     light = Spectrum(GRID, np.ones(GRID.nm.size), Quantity.RADIANCE, "lamp")
     return Calibration(fit, light, LightScale(2.0, None, None, "chart"), np.eye(3), ("a", "b"))
 
 
 def same(a, b):
     if hasattr(a, "__dataclass_fields__"):
-        return type(a) is type(b) and all(same(getattr(a, name), getattr(b, name)) for name in a.__dataclass_fields__)
+        return type(a) is type(b) and all(same(getattr(a, name), getattr(b, name))
+                                          for name in a.__dataclass_fields__)
     return np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b
 
 
@@ -41,7 +49,8 @@ def test_a_record_comes_back_as_it_was_stored():
 
 
 def test_tuples_of_names_and_whole_numbers_survive():
-    record = SurfaceAgreement(("a", "b"), ("w", "w"), np.array([3, 4]), np.ones((2, 3)), np.zeros((2, 3)))
+    record = SurfaceAgreement(("a", "b"), ("w", "w"), np.array([3, 4]), np.ones((2, 3)),
+                              np.zeros((2, 3)))
     arrays = {}
     back = unpack(SurfaceAgreement, json.loads(json.dumps(pack(record, "r", arrays))), arrays)
     assert same(back, record)
@@ -92,7 +101,8 @@ def test_damaged_arrays_get_a_sentence(tmp_path):
 
 def test_stored_arrays_cannot_carry_code(tmp_path):
     save(tmp_path, 1)
-    np.savez(tmp_path / "photo" / "arrays.npz", **{"calibration.sensitivity.curves": np.array([{}], dtype=object)})
+    np.savez(tmp_path / "photo" / "arrays.npz",
+             **{"calibration.sensitivity.curves": np.array([{}], dtype=object)})
     with pytest.raises(InputError, match="damaged"):
         load_stage(tmp_path, "photo").record(Calibration, "calibration")
 
@@ -101,13 +111,15 @@ def test_the_same_records_give_the_same_bytes(tmp_path):
     save(tmp_path / "a", 1)
     save(tmp_path / "b", 1)
     for name in ("facts.json", "arrays.npz"):
-        assert sha256_of(tmp_path / "a" / "photo" / name) == sha256_of(tmp_path / "b" / "photo" / name)
+        assert sha256_of(tmp_path / "a" / "photo" / name) == sha256_of(tmp_path / "b" / "photo"
+                                                                       / name)
 
 
 def test_why_a_stage_is_stale_is_said_in_words():
     before = {"files": {"a.dng": "1", "b.csv": "2"}, "settings": {"width": 96}}
     now = {"files": {"a.dng": "9", "c.csv": "2"}, "settings": {"width": 96}}
-    assert why_stale(before, now) == ["files: a.dng changed", "files: b.csv is no longer used", "files: c.csv is new"]
+    assert why_stale(before, now) == ["files: a.dng changed", "files: b.csv is no longer used",
+                                      "files: c.csv is new"]
     assert why_stale(before, before) == []
     assert fingerprint(before) != fingerprint(now)
 
@@ -116,7 +128,8 @@ def test_a_text_file_is_written_whole_or_not_at_all(tmp_path):
     path = tmp_path / "a.txt"
     write_text_whole(path, "first")
     with pytest.raises(UnicodeEncodeError):
-        write_text_whole(path, "second \ud800")  # a lone surrogate cannot be encoded, half way through the write
+        # a lone surrogate cannot be encoded, half way through the write
+        write_text_whole(path, "second \ud800")
     assert path.read_text() == "first"
     assert [file.name for file in tmp_path.iterdir()] == ["a.txt"]
 
@@ -126,5 +139,7 @@ def test_a_folder_that_cannot_be_written_gets_a_sentence(tmp_path):
     blocked.write_text("not a folder")
     with pytest.raises(EnvironmentProblem, match="cannot be written"):
         write_text_whole(blocked / "report.html", "x")
-    with pytest.raises(EnvironmentProblem, match="cannot be written"), stage_folder(blocked / "results", "photo"):
+    with pytest.raises(EnvironmentProblem, match="cannot be written"), stage_folder(blocked
+                                                                                    / "results",
+                                                                                    "photo"):
         pass

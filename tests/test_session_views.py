@@ -2,34 +2,46 @@
 import numpy as np
 import pytest
 
-from fixtures.box_render import box_light
-from fixtures.demo_photos import camera_sensitivities, chart_light, exposure_for, take_photo
-from fixtures.demo_session import PAINTS
-from fixtures.paints import NM, chart_truth, paint
-from radiometry.records import Quantity
-from radiometry.spectrum_files import table_text
-from session.assemble import assemble
-from session.outputs import write_outputs
-from session.pipeline import joint_of, load_finished, run_stages
-from session.report.page import write_report
-from session.session_file import read_session
+from spectrabox.fixtures.box_render import box_light
+from spectrabox.fixtures.demo_photos import (
+    camera_sensitivities,
+    chart_light,
+    exposure_for,
+    take_photo,
+)
+from spectrabox.fixtures.demo_session import PAINTS
+from spectrabox.fixtures.paints import NM, chart_truth, paint
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import joint_of, load_finished, run_stages
+from spectrabox.session.report.page import write_report
+from spectrabox.session.stages.assemble import assemble
+from spectrabox.session.store.outputs import write_outputs
 
 SIZE = (208, 312)
 
 
 def add_warm_view(folder, chart):
-    """The same box under a lamp like a black body of 2856 K, whose strength only the photos tell."""
-    warm = 0.6 * (NM / 560.0) ** -5 * (np.expm1(1.4388e7 / 560 / 2856) / np.expm1(1.4388e7 / NM / 2856))
+    """The same box under a lamp like a black body of 2856 K, whose strength only the photos
+    tell.
+    """
+    warm = 0.6 * (NM / 560.0) ** -5 * (np.expm1(1.4388e7 / 560 / 2856)
+                                       / np.expm1(1.4388e7 / NM / 2856))
     curves, rng = camera_sensitivities(), np.random.default_rng(5)
     reflectances = {name: paint(of)[1] for name, of in PAINTS.items()}
-    box = box_light(NM, reflectances, warm, curves, size=SIZE, spp=4, seed=3, progress=lambda *_: None)
+    box = box_light(NM, reflectances, warm, curves, size=SIZE, spp=4, seed=3,
+                    progress=lambda *_: None)
     take_photo(folder / "photos" / "box_warm.dng", box, exposure_for(box, 0.7), rng)
-    (folder / "spectra" / "warm.csv").write_text(table_text(NM, {"value": warm}, quantity=Quantity.RADIANCE,
+    (folder / "spectra" / "warm.csv").write_text(table_text(NM, {"value": warm},
+                                                            quantity=Quantity.RADIANCE,
                                                             source="warm lamp"), encoding="utf-8")
     view = '\n[views.warm]\nphoto = "photos/box_warm.dng"\nlight = "spectra/warm.csv"\n'
     if chart:
-        of_chart = chart_light(chart_truth(np.random.default_rng(1).spawn(5)[0]), warm, curves, SIZE)
-        take_photo(folder / "photos" / "chart_warm.dng", of_chart, exposure_for(of_chart, 0.75), rng)
+        of_chart = chart_light(chart_truth(np.random.default_rng(1).spawn(5)[0]), warm, curves,
+                               SIZE)
+        take_photo(folder / "photos" / "chart_warm.dng", of_chart, exposure_for(of_chart, 0.75),
+                   rng)
         view += 'chart = "photos/chart_warm.dng"\n'
     with (folder / "session.toml").open("a", encoding="utf-8") as stream:
         stream.write(view)
@@ -40,7 +52,8 @@ def run(config):
     return run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None)
 
 
-@pytest.mark.parametrize("chart", [False, True], ids=["scale from common materials", "chart under each light"])
+@pytest.mark.parametrize("chart", [False, True],
+                         ids=["scale from common materials", "chart under each light"])
 def test_a_second_light_narrows_the_bands(captured, finished, chart):
     config = add_warm_view(captured, chart)
     both, one = run(config), load_finished(read_session(finished))
@@ -64,15 +77,19 @@ def test_a_second_light_narrows_the_bands(captured, finished, chart):
 def test_another_exposure_of_the_same_light_adds_no_band(captured):
     from fractions import Fraction
 
-    from capture.raw import read_raw
-    from fixtures.dng import write_dng
+    from spectrabox.capture.photo.raw import read_raw
+    from spectrabox.fixtures.dng import write_dng
     frame = read_raw(captured / "photos" / "box.dng")
     tile = np.tile(frame.black_level, np.array(frame.mosaic.shape) // 2)
-    halved = np.random.default_rng(2).binomial(np.maximum(frame.mosaic - tile, 0).astype(int), 0.5) + tile
-    write_dng(captured / "photos" / "short.dng", np.clip(halved, 0, 15871).round().astype(np.uint16),
-              black=tuple(frame.black_level[[0, 0, 1, 1], [0, 1, 0, 1]]), white=int(frame.white_level),
-              exposure_s=Fraction(frame.exposure_s).limit_denominator(100000) / 2, f_number=frame.f_number,
-              iso=int(frame.iso), make="Spectrabox", model="Synthetic 5100", serial="DEMO-1")
+    halved = np.random.default_rng(2).binomial(np.maximum(frame.mosaic - tile, 0).astype(int),
+                                               0.5) + tile
+    write_dng(captured / "photos" / "short.dng",
+              np.clip(halved, 0, 15871).round().astype(np.uint16),
+              black=tuple(frame.black_level[[0, 0, 1, 1], [0, 1, 0, 1]]),
+              white=int(frame.white_level),
+              exposure_s=Fraction(frame.exposure_s).limit_denominator(100000) / 2,
+              f_number=frame.f_number, iso=int(frame.iso), make="Spectrabox",
+              model="Synthetic 5100", serial="DEMO-1")
     with (captured / "session.toml").open("a", encoding="utf-8") as stream:
         stream.write('\n[views.short]\nphoto = "photos/short.dng"\n')
     joint = joint_of(run(read_session(captured)).stored)

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from fixtures.spectral_files import NM, REFLECTANCE, asd_bytes, write_examples
-from radiometry.records import Quantity
-from radiometry.spectrum_files import read_spectrum
-from session.cli import app
+from spectrabox.fixtures.spectral_files import NM, REFLECTANCE, asd_bytes, write_examples
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
+from spectrabox.session.cli import app
 
 
 def run(*arguments):
@@ -24,7 +24,8 @@ def test_show_gives_the_keys_that_scripts_rely_on(tmp_path):
         assert facts["quantity"] == "reflectance" and facts["unit"] in ("1", "percent")
         factor = 0.01 if facts["unit"] == "percent" else 1
         column = facts.get("values") or facts["spectra"][0]["values"]
-        np.testing.assert_allclose(np.array(column) * factor, REFLECTANCE, rtol=1e-7)  # the least exact format
+        # the least exact format
+        np.testing.assert_allclose(np.array(column) * factor, REFLECTANCE, rtol=1e-7)
 
 
 def test_show_says_what_is_not_stated(tmp_path):
@@ -32,7 +33,8 @@ def test_show_says_what_is_not_stated(tmp_path):
     result = run("show", tmp_path / "loose.csv")
     assert "quantity not stated, unit not stated" in result.stdout and "no number at 1 of 3" in result.stdout
     facts = json.loads(run("show", tmp_path / "loose.csv", "--json").stdout)
-    assert facts["quantity"] is None and facts["unit"] is None and facts["values"] == [0.5, None, 0.7]
+    assert facts["quantity"] is None and facts["unit"] is None and facts["values"] == [0.5, None,
+                                                                                       0.7]
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".sp", ".spdx", ".sli"])
@@ -57,7 +59,8 @@ def test_convert_never_guesses_a_quantity(tmp_path):
     (tmp_path / "loose.csv").write_text("nm,v\n400,0.5\n500,0.6\n")
     result = run("convert", tmp_path / "loose.csv", "-o", tmp_path / "o.spdx", "--json")
     assert result.exit_code == 3 and "say it with --quantity" in json.loads(result.stdout)["error"]
-    assert run("convert", tmp_path / "loose.csv", "-o", tmp_path / "o.spdx", "--quantity", "radiance").exit_code == 0
+    assert run("convert", tmp_path / "loose.csv", "-o", tmp_path / "o.spdx", "--quantity",
+               "radiance").exit_code == 0
     assert read_spectrum(tmp_path / "o.spdx", role=Quantity.RELATIVE).quantity is Quantity.RADIANCE
     (tmp_path / "raw.asd").write_bytes(asd_bytes(kind=0))
     result = run("convert", tmp_path / "raw.asd", "-o", tmp_path / "o.csv", "--json")
@@ -68,14 +71,20 @@ def test_several_files_go_into_a_folder(tmp_path):
     paths = [path for name, path in write_examples(tmp_path).items() if name in ("ASD", "SVC")]
     for index, path in enumerate(paths):
         path.rename(tmp_path / f"{index}{path.suffix}")
-    result = run("convert", tmp_path / "0.asd", tmp_path / "1.sig", "-o", tmp_path / "out", "--to", ".sp")
-    assert result.exit_code == 0 and sorted(path.name for path in (tmp_path / "out").iterdir()) == ["0.sp", "1.sp"]
+    result = run("convert", tmp_path / "0.asd", tmp_path / "1.sig", "-o", tmp_path / "out", "--to",
+                 ".sp")
+    assert result.exit_code == 0 and sorted(path.name
+                                            for path in (tmp_path / "out").iterdir()) == ["0.sp",
+                                                                                          "1.sp"]
 
 
 @pytest.mark.parametrize("options, code, message", [
-    (("--grid", "400:701:5"), 2, "does not divide"), (("--grid", "x"), 2, "FIRST:LAST:STEP"),
-    (("--grid", "300:700:5"), 3, "covers 380-780 nm"), (("--column", "nothing"), 3, "no column named 'nothing'"),
-    (("--quantity", "mood"), 2, "is not one of"), (("--quantity", "radiance"), 3, "cannot be written as radiance")])
+                             (("--grid", "400:701:5"), 2, "does not divide"),
+                             (("--grid", "x"), 2, "FIRST:LAST:STEP"),
+                             (("--grid", "300:700:5"), 3, "covers 380-780 nm"),
+                             (("--column", "nothing"), 3, "no column named 'nothing'"),
+                             (("--quantity", "mood"), 2, "is not one of"),
+                             (("--quantity", "radiance"), 3, "cannot be written as radiance")])
 def test_bad_options_get_one_sentence(tmp_path, options, code, message):
     path = write_examples(tmp_path)["ASD"]
     result = run("convert", path, "-o", tmp_path / "o.csv", *options)

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from radiometry.chart import measured_chart
-from radiometry.errors import InputError
-from radiometry.grid import grid_from_nm, visible_grid
-from radiometry.records import Quantity, Spectrum
-from radiometry.spectrum_files import (
+from spectrabox.radiometry.chart import measured_chart
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import grid_from_nm, visible_grid
+from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_curves,
     read_spectrum,
@@ -25,7 +25,8 @@ def write(tmp_path, text, name="s.csv"):
 
 def test_a_canonical_file_comes_back_as_written(tmp_path):
     nm, values = np.arange(380.0, 731.0), np.random.default_rng(1).uniform(size=351)
-    path = write(tmp_path, table_text(nm, {"value": values}, quantity=Quantity.REFLECTANCE, source="lab 7"))
+    path = write(tmp_path, table_text(nm, {"value": values}, quantity=Quantity.REFLECTANCE,
+                                      source="lab 7"))
     spectrum = read_spectrum(path, role=Quantity.REFLECTANCE)
     assert spectrum.source == "lab 7" and spectrum.quantity is Quantity.REFLECTANCE
     # Nine significant digits are written: half a unit of the ninth.
@@ -33,7 +34,8 @@ def test_a_canonical_file_comes_back_as_written(tmp_path):
 
 
 def test_the_standard_error_travels_with_the_values(tmp_path):
-    spectrum = read_spectrum(write(tmp_path, CANONICAL + "400,0.5,0.01\n500,0.6,0.02\n"), role=Quantity.REFLECTANCE)
+    spectrum = read_spectrum(write(tmp_path, CANONICAL + "400,0.5,0.01\n500,0.6,0.02\n"),
+                             role=Quantity.REFLECTANCE)
     np.testing.assert_array_equal(spectrum.standard_error, [0.01, 0.02])
 
 
@@ -47,12 +49,15 @@ def test_loose_files_are_read(tmp_path, text):
 
 def test_a_column_is_chosen_by_name_or_number(tmp_path):
     path = write(tmp_path, "nm,red,green,red\n400,1,2,3\n500,4,5,6\n")
-    np.testing.assert_array_equal(read_spectrum(path, role=Quantity.RELATIVE, column="green").values, [2, 5])
-    np.testing.assert_array_equal(read_spectrum(path, role=Quantity.RELATIVE, column=4).values, [3, 6])
+    np.testing.assert_array_equal(read_spectrum(path, role=Quantity.RELATIVE,
+                                                column="green").values, [2, 5])
+    np.testing.assert_array_equal(read_spectrum(path, role=Quantity.RELATIVE, column=4).values,
+                                  [3, 6])
 
 
 def test_units_are_converted_to_si(tmp_path):
-    path = write(tmp_path, "# quantity: radiance\n# unit: uW cm-2 sr-1 nm-1\nnm,v\n400,100\n500,200\n")
+    path = write(tmp_path, "# quantity: radiance\n# unit: uW cm-2 sr-1 "
+                 "nm-1\nnm,v\n400,100\n500,200\n")
     spectrum = read_spectrum(path, role=Quantity.RELATIVE)
     assert spectrum.quantity is Quantity.RADIANCE
     np.testing.assert_allclose(spectrum.values, [1, 2])
@@ -97,7 +102,8 @@ def test_resampling_reproduces_a_line_and_never_extrapolates():
     for step in (1.0, 10.0):
         nm = np.arange(400.0, 701.0, step)
         # Both rules are exact for lines up to round-off.
-        np.testing.assert_allclose(on_grid(nm, 0.001 * nm, grid, "line"), 0.001 * grid.nm, rtol=1e-12)
+        np.testing.assert_allclose(on_grid(nm, 0.001 * nm, grid, "line"), 0.001 * grid.nm,
+                                   rtol=1e-12)
     with pytest.raises(InputError, match="covers 420-700 nm; 400-700 nm is needed"):
         on_grid(np.arange(420.0, 701.0), np.ones(281), grid, "lamp.csv")
 
@@ -106,7 +112,8 @@ def test_coarse_samples_do_not_overshoot():
     nm = np.arange(400.0, 701.0, 10)
     step = np.where(nm < 550, 0.1, 0.9)
     fine = on_grid(nm, step, visible_grid(), "step")
-    assert fine.min() >= 0.1 - 1e-12 and fine.max() <= 0.9 + 1e-12  # monotone between samples, up to round-off
+    # monotone between samples, up to round-off
+    assert fine.min() >= 0.1 - 1e-12 and fine.max() <= 0.9 + 1e-12
 
 
 def test_curves_come_with_their_names(tmp_path):
@@ -117,8 +124,9 @@ def test_curves_come_with_their_names(tmp_path):
 
 
 def test_a_spectrum_keeps_its_own_grid():
-    from radiometry.records import Spectrum
-    spectrum = Spectrum(grid_from_nm(np.array([380.0, 800.0])), np.array([0.0, 0.42]), Quantity.RELATIVE, "ramp")
+    from spectrabox.radiometry.records import Spectrum
+    spectrum = Spectrum(grid_from_nm(np.array([380.0, 800.0])), np.array([0.0, 0.42]),
+                        Quantity.RELATIVE, "ramp")
     # Coarser than 2.5 nm: the cubic through two points is their line.
     line = 0.001 * (visible_grid().nm - 380)
     np.testing.assert_allclose(spectrum_on_grid(spectrum, visible_grid()), line, atol=1e-12)
@@ -126,14 +134,18 @@ def test_a_spectrum_keeps_its_own_grid():
 
 def test_a_hole_in_a_spectrum_is_not_bridged(tmp_path):
     rows = [f"{nm},{'' if 500 < nm < 560 else 1}" for nm in range(380, 781, 5)]
-    spectrum = read_spectrum(write(tmp_path, "nm,value\n" + "\n".join(rows), "light.csv"), role=Quantity.RELATIVE)
+    spectrum = read_spectrum(write(tmp_path, "nm,value\n" + "\n".join(rows), "light.csv"),
+                             role=Quantity.RELATIVE)
     with pytest.raises(InputError, match=r"light.csv, column value has no values between 500 and 560 nm: measure or"):
         spectrum_on_grid(spectrum, visible_grid())
 
 
-@pytest.mark.parametrize("nm", [[400, 450, 500, 600, 700], [*range(380, 716, 5), 900], [300, *range(390, 711, 10)]])
+@pytest.mark.parametrize("nm",
+                         [[400, 450, 500, 600, 700], [*range(380, 716, 5), 900],
+                          [300, *range(390, 711, 10)]])
 def test_a_coarse_grid_and_steps_outside_the_visible_are_no_holes(nm):
-    spectrum = Spectrum(grid_from_nm(np.array(nm)), np.ones(len(nm)), Quantity.RELATIVE, "light.csv")
+    spectrum = Spectrum(grid_from_nm(np.array(nm)), np.ones(len(nm)), Quantity.RELATIVE,
+                        "light.csv")
     # Ones interpolate to ones within round-off.
     np.testing.assert_allclose(spectrum_on_grid(spectrum, visible_grid()), 1, rtol=1e-14)
 
@@ -144,15 +156,16 @@ def test_a_chart_of_one_s_own_is_read_in_the_unit_that_its_file_states(tmp_path,
     reflectances = np.random.default_rng(2).uniform(0.03, 0.9, (24, 1)) * np.ones(nm.size)
     text = table_text(nm, {f"patch {i}": factor * row for i, row in enumerate(reflectances)},
                       quantity=Quantity.REFLECTANCE, source="chart")
-    found = measured_chart(write(tmp_path, text.replace("# unit: 1", f"# unit: {unit}")), visible_grid())
+    found = measured_chart(write(tmp_path, text.replace("# unit: 1", f"# unit: {unit}")),
+                           visible_grid())
     # Nine significant digits are written.
     np.testing.assert_allclose(found, reflectances[:, :1] * np.ones(301), rtol=1e-8)
 
 
 def test_a_chart_in_percent_that_does_not_say_so_is_refused(tmp_path):
     nm = np.arange(400.0, 701.0, 5.0)
-    text = table_text(nm, {f"patch {i}": np.full(nm.size, 30.0) for i in range(24)}, quantity=Quantity.REFLECTANCE,
-                      source="chart")
+    text = table_text(nm, {f"patch {i}": np.full(nm.size, 30.0) for i in range(24)},
+                      quantity=Quantity.REFLECTANCE, source="chart")
     with pytest.raises(InputError, match="a reflectance of 30 looks like percent"):
         measured_chart(write(tmp_path, text), visible_grid())
     with pytest.raises(InputError, match="holds 1 columns; 24 are needed, one per patch"):

@@ -4,7 +4,11 @@ import warnings
 import numpy as np
 import pytest
 
-from radiometry.luminous import LUMENS_PER_WATT, luminance_of, luminous_efficiency
+from spectrabox.radiometry.spectra.luminous import (
+    LUMENS_PER_WATT,
+    luminance_of,
+    luminous_efficiency,
+)
 
 
 def test_the_efficiency_is_the_cie_1931_observers():
@@ -14,7 +18,8 @@ def test_the_efficiency_is_the_cie_1931_observers():
         observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
     nm = np.arange(380.0, 781.0)
     truth = np.interp(nm, observer.wavelengths, np.asarray(observer.values)[:, 1])
-    # The table has every fifth value; between them the cubic differs by less than 0.001 of the peak.
+    # The table has every fifth value; between them the cubic differs by less than 0.001 of the
+    # peak.
     np.testing.assert_allclose(luminous_efficiency(nm), truth, atol=1e-3)
     # An integral over it: the differences average out.
     assert luminous_efficiency(nm).sum() == pytest.approx(truth.sum(), rel=1e-4)

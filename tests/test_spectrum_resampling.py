@@ -4,8 +4,8 @@ import warnings
 import numpy as np
 import pytest
 
-from radiometry.errors import InputError
-from radiometry.resampling import resampled, sprague
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.spectra.resampling import resampled, sprague
 
 NM = np.arange(380.0, 781.0, 5)
 LAMP = 1 + np.sin(NM / 20) / 2 + 3 * np.exp(-(((NM - 546) / 12) ** 2))
@@ -23,7 +23,8 @@ def test_sprague_is_colour_sciences():
 @pytest.mark.parametrize("degree", range(5))
 def test_sprague_reproduces_polynomials(degree):
     values = ((NM - 580) / 100) ** degree
-    # Exact up to the fourth degree; the standard's rule for points beyond the ends is so for lines only.
+    # Exact up to the fourth degree; the standard's rule for points beyond the ends is so for lines
+    # only.
     at = np.linspace(380, 780, 333) if degree < 2 else np.linspace(395, 765, 333)
     np.testing.assert_allclose(sprague(NM, values, at), ((at - 580) / 100) ** degree, atol=1e-11)
 
@@ -41,7 +42,8 @@ def test_a_coarser_grid_keeps_the_integral(step):
     fine_nm = np.linspace(400 - step / 2, 700 + step / 2, 200_001)
     truth = np.trapezoid(sprague(NM, LAMP, fine_nm), fine_nm)
     assert "mean over each" in rule
-    # Gauss-Legendre is exact for the quintic; the check itself is a trapezoid of 200 001 points: 1e-9.
+    # Gauss-Legendre is exact for the quintic; the check itself is a trapezoid of 200 001 points:
+    # 1e-9.
     assert coarse.sum() * step == pytest.approx(truth, rel=1e-8)
 
 
@@ -49,7 +51,8 @@ def test_there_and_back_changes_a_smooth_spectrum_little():
     smooth = 1 + 0.5 * np.sin(NM / 60)
     fine, _ = resampled(NM, smooth, np.arange(380.0, 781.0), "x")
     back, _ = resampled(np.arange(380.0, 781.0), fine, NM, "x")
-    # A mean over 5 nm differs from the value by f'' h^2 / 24 = 1.5e-4; the ends are cut and differ by f' h / 4.
+    # A mean over 5 nm differs from the value by f'' h^2 / 24 = 1.5e-4; the ends are cut and differ
+    # by f' h / 4.
     np.testing.assert_allclose(back[1:-1], smooth[1:-1], atol=2e-4)
 
 

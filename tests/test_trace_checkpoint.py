@@ -1,17 +1,20 @@
-"""The numbers that paths are drawn from, and traces that are stopped, go on, and use any number of cores."""
+"""The numbers that paths are drawn from, and traces that are stopped, go on, and use any number of
+cores.
+"""
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from fixtures.cornell_box import MATERIALS
-from reconstruct import transport
-from reconstruct.inverse_problem import inverse_problem
-from reconstruct.path_samples import GENERATOR, ShiftedLattice, generating_vector
-from reconstruct.path_tracer import Tracer
-from reconstruct.renderer import start_mitsuba
-from reconstruct.transport import trace_transport
-from reconstruct.transport_engine import unit_scene
+from spectrabox.fixtures.cornell_box import MATERIALS
+from spectrabox.reconstruct.engines.transport_engine import unit_scene
+from spectrabox.reconstruct.problem import inverse_problem
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.tracer import transport
+from spectrabox.reconstruct.tracer.path_samples import GENERATOR, ShiftedLattice, generating_vector
+from spectrabox.reconstruct.tracer.path_tracer import Tracer
+from spectrabox.reconstruct.tracer.transport import trace_transport
+
 from tests.cornell_problem import BANDS, SCALE_ONE, WIDTH, camera, photo_of, scene, specs
 
 SIZE = (WIDTH, WIDTH)
@@ -27,8 +30,8 @@ def mitsuba():
 @pytest.fixture(scope="module")
 def box(tmp_path_factory):
     photo = photo_of(np.ones((WIDTH, WIDTH, 3)))
-    return unit_scene(inverse_problem(scene(tmp_path_factory.mktemp("box"), max_depth=4), photo, camera(), SCALE_ONE,
-                                      specs(), BANDS, 7))
+    return unit_scene(inverse_problem(scene(tmp_path_factory.mktemp("box"), max_depth=4), photo,
+                                      camera(), SCALE_ONE, specs(), BANDS, 7))
 
 
 @pytest.fixture
@@ -38,14 +41,16 @@ def short(monkeypatch):
 
 
 def traced(box, **options):
-    return trace_transport(box, NAMES, SIZE, HALVES, **({"bounces": 3, "spp": 32, "seed": 4} | options))
+    return trace_transport(box, NAMES, SIZE, HALVES,
+                           **({"bounces": 3, "spp": 32, "seed": 4} | options))
 
 
 def test_each_coordinate_of_the_lattice_has_one_point_in_each_of_as_many_intervals(mitsuba):
     count = 1 << 10
     lattice = ShiftedLattice(70, 5)
     for dimension in (0, 1, 33, len(GENERATOR) - 1, len(GENERATOR), 69):
-        place = np.array(lattice.integer(mitsuba.UInt32(np.arange(count)), mitsuba.UInt32(dimension)), dtype=np.uint64)
+        place = np.array(lattice.integer(mitsuba.UInt32(np.arange(count)),
+                                         mitsuba.UInt32(dimension)), dtype=np.uint64)
         shifted = (place - np.uint64(place[0])) % np.uint64(1 << 32)
         assert np.array_equal(np.sort(shifted >> np.uint64(22)), np.arange(count))
 
@@ -56,12 +61,16 @@ def test_generators_are_odd_so_that_no_coordinate_repeats():
 
 
 def test_the_lattice_s_integral_is_closer_than_independent_numbers(mitsuba):
-    """Shifted rules are unbiased, and even: their error of a smooth integral is a small part of the independent one."""
+    """Shifted rules are unbiased, and even: their error of a smooth integral is a small part of the
+    independent one.
+    """
     count, index = 1 << 12, mitsuba.UInt32(np.arange(1 << 12))
     sums = []
     for seed in range(32):
         lattice = ShiftedLattice(4, seed)
-        pairs = [np.array(lattice.pair(index, mitsuba.UInt32(first))).reshape(2, -1) for first in (0, 2)]
+        pairs = [np.array(lattice.pair(index, mitsuba.UInt32(first))).reshape(2,
+                                                                              -1) for first in (0,
+                                                                                                2)]
         sums.append(np.prod(np.concatenate(pairs), axis=0).mean())
     # The product of four uniform numbers has mean 1/16 and variance 1/81 - 1/256.
     independent = np.sqrt((1 / 81 - 1 / 256) / count)
@@ -85,11 +94,13 @@ def test_any_number_of_cores_gives_the_same_bits(box, short):
 
 @pytest.mark.parametrize("brightness", [1e-9, 1e9])
 def test_contributions_are_counted_in_units_that_suit_the_light(box, brightness):
-    """A signal in other units is the same signal: no rounding of a dim scene, no overflow of a bright one."""
+    """A signal in other units is the same signal: no rounding of a dim scene, no overflow of a
+    bright one.
+    """
     exponents = transport.exponents_up_to(3, 3)
     signals = np.full((len(exponents), 1), 1.0)
-    images = [transport.shaded_image(box, NAMES, SIZE, exponents, signals * factor, bounces=3, spp=16, seed=2) / factor
-              for factor in (1.0, brightness)]
+    images = [transport.shaded_image(box, NAMES, SIZE, exponents, signals * factor, bounces=3,
+                                     spp=16, seed=2) / factor for factor in (1.0, brightness)]
     # float32 products, and multiples of a unit 2^-30 of the trial's largest sum.
     np.testing.assert_allclose(images[0], images[1], rtol=1e-5, atol=1e-7 * images[0].max())
 

@@ -1,7 +1,9 @@
-"""Figure 1: from a photo of one object to its spectrum, with uncertainty, and again after two readings.
+"""Figure 1: from a photo of one object to its spectrum, with uncertainty, and again after two
+readings.
 
-Upper row as in the paper: descent through the renderer, draws of a box around its answer (Sec. 3.2), the best of them
-by readings at 400 and 700 nm (Eq. 9). Lower row: traced light transport, the learnt prior, conditioned on the same two.
+Upper row as in the paper: descent through the renderer, draws of a box around its answer (Sec.
+3.2), the best of them by readings at 400 and 700 nm (Eq. 9). Lower row: traced light transport, the
+learnt prior, conditioned on the same two.
 """
 from __future__ import annotations
 
@@ -13,20 +15,21 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.records import LightScale, LinearImage, Reconstruction
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.reconstruct.inverse_rendering import reconstruct
+from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec, View
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.shape.shape import wearing
+from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.published.per_axis_box import sample_per_axis
+from spectrabox.sampling.published.ranking import best_by_readings
+
 from benchmarks.paper.figure_4 import spectra_behind
 from benchmarks.paper.synthetic_photo import BANDS, GRID, measured_camera, photograph, scene_of
-from fixtures.object_views import cameras, object_mesh, view_xml, write_ply
-from radiometry.bspline import basis_matrix
-from radiometry.named_spectra import test_reflectances
-from radiometry.records import LightScale, LinearImage, Reconstruction
-from reconstruct.inverse_problem import InversionSettings, MaterialSpec, View
-from reconstruct.inverse_rendering import reconstruct
-from reconstruct.renderer import start_mitsuba
-from reconstruct.shape import wearing
-from sampling.logit_mixture import GRID as PRIOR_GRID
-from sampling.per_axis_box import sample_per_axis
-from sampling.ranking import best_by_readings
-from sampling.spectral_samples import SpectralMeasurement
 
 WIDTH, PHOTO_SPP, COEFFICIENTS, STEPS, STEP_SPP = 48, 512, 7, 120, 16
 SAMPLE = 20     # of CES99, counted from 0: a yellow that the prior was not trained on
@@ -41,11 +44,14 @@ def main() -> None:
     start_mitsuba("cpu")
     truth = test_reflectances(GRID)["CES99"][SAMPLE]
     photo, found = inverted(truth)
-    as_published, ours = (SpectralMeasurement(GRID, camera_response(), answer.signal[0], np.zeros((3, 3)))
+    as_published, ours = (SpectralMeasurement(GRID, camera_response(), answer.signal[0],
+                                              np.zeros((3, 3)))
                           for answer in found)
-    box = sample_per_axis(as_published.operator(COEFFICIENTS), np.clip(found[0].coefficients[0], 0, 1), DRAWS, 0)
+    box = sample_per_axis(as_published.operator(COEFFICIENTS), np.clip(found[0].coefficients[0], 0,
+                                                                       1), DRAWS, 0)
     spectra = box.coefficients @ basis_matrix(PRIOR_GRID.nm, COEFFICIENTS).T
-    best = best_by_readings(spectra, np.array([0, 60]), np.interp((400.0, 700.0), GRID.nm, truth), KEPT)
+    best = best_by_readings(spectra, np.array([0, 60]), np.interp((400.0, 700.0), GRID.nm, truth),
+                            KEPT)
     draws = {("paper", False): spectra, ("paper", True): spectra[best]}
     for readings in (False, True):
         draws["ours", readings] = spectra_behind("prior", readings, ours, truth, COEFFICIENTS)
@@ -54,10 +60,12 @@ def main() -> None:
     if arguments.json:
         print(json.dumps({"rows": table, "picture": str(arguments.out)}))
         return
-    print("Paper: two more readings reduce the uncertainty and bring the mean to the measured spectrum.")
+    print("Paper: two more readings reduce the uncertainty and bring the mean to the measured "
+          "spectrum.")
     print(f"{'whose':<6} {'spectrum':<28} {'RMSE':>7} {'sd':>7}")
     for row in table:
-        print(f"{row['whose']:<6} {row['spectrum']:<28} {row['rmse']:7.4f} {row['standard_deviation']:7.4f}")
+        print(f"{row['whose']:<6} {row['spectrum']:<28} {row['rmse']:7.4f} "
+              f"{row['standard_deviation']:7.4f}")
 
 
 def camera_response() -> np.ndarray:
@@ -75,10 +83,12 @@ def inverted(truth: np.ndarray) -> tuple[LinearImage, list[Reconstruction]]:
         mesh = Path(folder) / "object.ply"
         write_ply(mesh, *object_mesh())
         blank = photograph(scene, {"paint": truth}, camera, 8)
-        shown = wearing(View("photo", scene, blank, camera, BANDS, scale), "object", mesh).scene_file
+        shown = wearing(View("photo", scene, blank, camera, BANDS, scale), "object",
+                        mesh).scene_file
         photo = photograph(shown, {"paint": truth}, camera, PHOTO_SPP)
-        return photo, [reconstruct(shown, photo, camera, scale, (MaterialSpec("paint", "paint"),), BANDS,
-                                   InversionSettings(COEFFICIENTS, STEPS, STEP_SPP, engine=engine),
+        return photo, [reconstruct(shown, photo, camera, scale, (MaterialSpec("paint", "paint"),),
+                                   BANDS, InversionSettings(COEFFICIENTS, STEPS, STEP_SPP,
+                                                            engine=engine),
                                    lambda done, what: None) for engine in ("gradient", "transport")]
 
 
@@ -90,7 +100,8 @@ def rows(truth: np.ndarray, found: list[Reconstruction],
               "rmse": float(np.sqrt(np.mean((answer.spectra[0] - truth) ** 2)))}
              for name, answer in zip(("paper", "ours"), found, strict=True)]
     for (name, readings), spectra in draws.items():
-        table.append({"whose": name, "spectrum": f"mean of draws{', with readings' if readings else ''}",
+        table.append({"whose": name,
+                      "spectrum": f"mean of draws{', with readings' if readings else ''}",
                       "rmse": float(np.sqrt(np.mean((spectra.mean(axis=0) - at) ** 2))),
                       "standard_deviation": float(spectra.std(axis=0).mean())})
     return sorted(table, key=lambda row: row["whose"], reverse=True)
@@ -98,7 +109,9 @@ def rows(truth: np.ndarray, found: list[Reconstruction],
 
 def picture(photo: LinearImage, truth: np.ndarray, found: list[Reconstruction],
             draws: dict[tuple[str, bool], np.ndarray], path: Path) -> None:
-    """Photo, answers with their standard deviation, and thirty draws before and after the readings."""
+    """Photo, answers with their standard deviation, and thirty draws before and after the
+    readings.
+    """
     import matplotlib
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
@@ -114,7 +127,8 @@ def picture(photo: LinearImage, truth: np.ndarray, found: list[Reconstruction],
         for readings, colour in ((False, "tab:green"), (True, "tab:red")):
             spectra, when = draws[name, readings], "after" if readings else "before"
             axes[row, 1].plot(nm, spectra.mean(axis=0), color=colour, label=f"mean, {when}")
-            axes[row, 1].plot(nm, spectra.std(axis=0), color=colour, linestyle=":", label=f"deviation, {when}")
+            axes[row, 1].plot(nm, spectra.std(axis=0), color=colour, linestyle=":",
+                              label=f"deviation, {when}")
             axis = axes[row, 3 if readings else 2]
             axis.fill_between(nm, spectra.min(axis=0), spectra.max(axis=0), color="0.9")
             axis.plot(nm, spectra[:30].T, linewidth=0.6)

@@ -1,9 +1,11 @@
-"""Figure 10: chart photo and light to camera sensitivities, as published and with a prior of measured cameras.
+"""Figure 10: chart photo and light to camera sensitivities, as published and with a prior of
+measured cameras.
 
-A chart photo is simulated with measured curves (Nikon 5100, National Physical Laboratory) under LED-B3 with 1 % noise
-per patch: 24 BabelColor reflectances. The published fit has 10 spline coefficients a band, zero at 400 and 700 nm
-(Eqs. 18-20); the prior was learnt on other bodies, see docs/calibration.md. A photo of the chart is reproduced by both:
-that it is says nothing of the curves.
+A chart photo is simulated with measured curves (Nikon 5100, National Physical Laboratory) under
+LED-B3 with 1 % noise per patch: 24 BabelColor reflectances. The published fit has 10 spline
+coefficients a band, zero at 400 and 700 nm (Eqs. 18-20); the prior was learnt on other bodies, see
+docs/calibration.md. A photo of the chart is reproduced by both: that it is says nothing of the
+curves.
 """
 from __future__ import annotations
 
@@ -14,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from calibrate.chart_answers import ChartAnswer, answer_chart
-from radiometry.chart import chart_reflectances
-from radiometry.grid import grid_from_nm, visible_grid
-from radiometry.named_spectra import light, sensitivities
-from radiometry.records import PatchSamples, Quantity, Spectrum
+from spectrabox.calibrate.chart_answers import ChartAnswer, answer_chart
+from spectrabox.radiometry.chart import chart_reflectances
+from spectrabox.radiometry.grid import grid_from_nm, visible_grid
+from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum
+from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 
 GRID = visible_grid()
 CAMERA, LIGHT, NOISE, PHOTOS = "Nikon 5100 (NPL)", "LED-B3", 0.01, 8
@@ -26,7 +28,8 @@ METHODS = ("paper", "nonnegative", "smooth", "prior")
 COLOURS = ("tab:red", "tab:green", "tab:blue")
 
 
-def photographed(curves: np.ndarray, reflectances: np.ndarray, power: np.ndarray, seed: int) -> PatchSamples:
+def photographed(curves: np.ndarray, reflectances: np.ndarray, power: np.ndarray,
+                 seed: int) -> PatchSamples:
     """Signals of the chart with their noise, stated."""
     signal = reflectances @ (curves * power * GRID.weights_nm).T
     signal /= signal.max()
@@ -41,20 +44,26 @@ def to_green(curves: np.ndarray) -> np.ndarray:
 
 
 def judged(found: ChartAnswer, truth: np.ndarray, samples: PatchSamples) -> dict[str, float]:
-    """Relative RMSE of the curves, coverage of the 90 % band, misfit of the photo, CIEDE2000 of held-out patches."""
+    """Relative RMSE of the curves, coverage of the 90 % band, misfit of the photo, CIEDE2000 of
+    held-out patches.
+    """
     ours, theirs = to_green(found.curves), to_green(truth)
     assert found.lower is not None and found.upper is not None
     scale = found.curves[1].max() / truth[1].max()
     inside = (scale * truth >= found.lower) & (scale * truth <= found.upper)
-    return {"error": float(np.sqrt(((ours - theirs)**2).sum(axis=1) / (theirs**2).sum(axis=1)).mean()),
+    return {"error": float(np.sqrt(((ours - theirs)**2).sum(axis=1)
+                                   / (theirs**2).sum(axis=1)).mean()),
             "coverage_90": float(inside.mean()),
             "photo": float(np.sqrt(np.mean((found.made.predicted / samples.mean - 1)**2))),
             "held_out_delta_e00": float(np.mean(found.held_out_delta_e))}
 
 
-def picture(answers: dict[str, ChartAnswer], truth: np.ndarray, power: np.ndarray, samples: PatchSamples,
+def picture(answers: dict[str, ChartAnswer], truth: np.ndarray, power: np.ndarray,
+            samples: PatchSamples,
             path: Path) -> None:
-    """The light, the curves of both methods against the truth, and the chart as photographed and as predicted."""
+    """The light, the curves of both methods against the truth, and the chart as photographed and as
+    predicted.
+    """
     import matplotlib
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
@@ -67,12 +76,15 @@ def picture(answers: dict[str, ChartAnswer], truth: np.ndarray, power: np.ndarra
         scale = truth[1].max() / found.curves[1].max()
         assert found.lower is not None and found.upper is not None
         for band, colour in enumerate(COLOURS):
-            axis.fill_between(GRID.nm, scale * found.lower[band], scale * found.upper[band], color=colour, alpha=0.2)
+            axis.fill_between(GRID.nm, scale * found.lower[band], scale * found.upper[band],
+                              color=colour, alpha=0.2)
             axis.plot(GRID.nm, scale * found.curves[band], color=colour, linestyle="--")
             axis.plot(GRID.nm, truth[band], color=colour)
-        axis.set(title=f"{method}: fit (dashed), measured", xlabel="wavelength (nm)", ylim=(-0.1, 1.3))
+        axis.set(title=f"{method}: fit (dashed), measured", xlabel="wavelength (nm)",
+                 ylim=(-0.1, 1.3))
     white = samples.mean[18]
-    shown = [(one / white).clip(0, 1)**(1 / 2.2) for one in (samples.mean, answers["prior"].made.predicted)]
+    shown = [(one / white).clip(0, 1)**(1 / 2.2) for one in (samples.mean,
+                                                             answers["prior"].made.predicted)]
     rows = [np.repeat(np.repeat(one.reshape(4, 6, 3), 10, axis=0), 10, axis=1) for one in shown]
     axes[3].imshow(np.concatenate([rows[0], np.ones((5, 60, 3)), rows[1]]))
     axes[3].set(title="photo; below it, predicted (prior)", xticks=[], yticks=[])
@@ -91,21 +103,25 @@ def main() -> None:
     found: dict[str, list[dict[str, float]]] = {method: [] for method in METHODS}
     for seed in range(PHOTOS):
         samples = photographed(truth, reflectances, power, seed)
-        answers = {method: answer_chart(samples, reflectances, lamp, GRID, method=method) for method in METHODS}
+        answers = {method: answer_chart(samples, reflectances, lamp, GRID, method=method)
+                   for method in METHODS}
         for method, answer in answers.items():
             found[method].append(judged(answer, truth, samples))
         if seed == 0:
             picture(answers, truth, power, samples, arguments.out)
-    table: list[dict[str, Any]] = [{"method": method, **{key: float(np.mean([row[key] for row in rows]))
-                                                         for key in rows[0]}} for method, rows in found.items()]
+    table: list[dict[str, Any]] = [{"method": method,
+                                    **{key: float(np.mean([row[key] for row in rows]))
+                                       for key in rows[0]}} for method, rows in found.items()]
     if arguments.json:
         print(json.dumps({"rows": table, "picture": str(arguments.out)}))
         return
-    print(f"Paper: curves fitted to one chart photo, zero at both ends. {CAMERA}, {LIGHT}, mean of {PHOTOS} photos:")
-    print(f"{'method':<12} {'curve error':>11} {'90 % holds':>11} {'photo misfit':>13} {'held-out dE00':>14}")
+    print(f"Paper: curves fitted to one chart photo, zero at both ends. {CAMERA}, {LIGHT}, mean of "
+          f"{PHOTOS} photos:")
+    print(f"{'method':<12} {'curve error':>11} {'90 % holds':>11} {'photo misfit':>13} "
+          f"{'held-out dE00':>14}")
     for row in table:
-        print(f"{row['method']:<12} {row['error']:11.3f} {row['coverage_90']:11.3f} {row['photo']:13.4f} "
-              f"{row['held_out_delta_e00']:14.2f}")
+        print(f"{row['method']:<12} {row['error']:11.3f} {row['coverage_90']:11.3f} "
+              f"{row['photo']:13.4f} {row['held_out_delta_e00']:14.2f}")
 
 
 if __name__ == "__main__":

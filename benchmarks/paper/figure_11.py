@@ -1,10 +1,11 @@
-"""Figure 11: the paper's physical box, its photos with a grey and with a yellow cube, run as two sessions.
+"""Figure 11: the paper's physical box, its photos with a grey and with a yellow cube, run as two
+sessions.
 
-The photos come from the authors' repository and went through the camera's colour processing; README and report say what
-does not fit. White is given, as a lab would that has measured one paint; green, red and the cube are found and compared
-with their measured spectra over 430-670 nm. Each photo is run twice: as a session runs, and with the paper's descent
-(N = 7), whose answers then get the paper's draws. The data carry no licence: nothing of them is kept, no picture is
-shipped.
+The photos come from the authors' repository and went through the camera's colour processing; README
+and report say what does not fit. White is given, as a lab would that has measured one paint; green,
+red and the cube are found and compared with their measured spectra over 430-670 nm. Each photo is
+run twice: as a session runs, and with the paper's descent (N = 7), whose answers then get the
+paper's draws. The data carry no licence: nothing of them is kept, no picture is shipped.
 """
 from __future__ import annotations
 
@@ -19,17 +20,25 @@ from typing import Any
 
 import numpy as np
 
-from radiometry.grid import visible_grid
-from radiometry.records import Quantity
-from radiometry.spectrum_files import SpectralTable, on_grid, read_curves, read_spectrum, read_table, spectrum_on_grid
-from sampling.logit_mixture import GRID
-from sampling.methods import draw_spectra
-from sampling.spectral_samples import SpectralMeasurement
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.spectrum_files import (
+    SpectralTable,
+    on_grid,
+    read_curves,
+    read_spectrum,
+    read_table,
+    spectrum_on_grid,
+)
+from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.methods import draw_spectra
+from spectrabox.sampling.prior.mixture import GRID
 
 FINE = visible_grid(1)
 DESCENT = 'engine = "gradient"\ncoefficients = 7\nsteps = 200'
 COLUMNS = ("inverse rendering", "mean", "lower 0.95", "upper 0.95")
-MATERIALS = {"white": ("white", "white_wall"), "green": ("green", "green_wall"), "red": ("red", "red_wall")}
+MATERIALS = {"white": ("white", "white_wall"), "green": ("green", "green_wall"),
+             "red": ("red", "red_wall")}
 SESSION = """
 [session]
 name = "the paper's box with the {cube} cube"
@@ -53,7 +62,9 @@ draws = 2000
 
 
 def write_session(data: Path, folder: Path, cube: str, width: int, descent: str = "") -> None:
-    """A session folder of one photo: white known, everything else with its measured spectrum as truth."""
+    """A session folder of one photo: white known, everything else with its measured spectrum as
+    truth.
+    """
     for name, part in (("photos", f"{cube}_downsampled.exr"), ("spectra", "light.csv"),
                        ("spectra", "fitted_sensitivity.csv"), ("spectra", "materials.csv"),
                        ("scene", f"cbox_spectral_{cube}.xml")):
@@ -69,17 +80,20 @@ def write_session(data: Path, folder: Path, cube: str, width: int, descent: str 
 
 def run(folder: Path) -> SpectralTable:
     """The table of spectra that a run of the session leaves, as an operator gets it."""
-    ended = subprocess.run([sys.executable, "-m", "session.cli", "run", str(folder), "--device", "cpu"], check=False,
-                           capture_output=True, text=True)
+    ended = subprocess.run([sys.executable, "-m", "spectrabox", "run", str(folder), "--device",
+                            "cpu"], check=False, capture_output=True, text=True)
     if not (folder / "spectra.csv").is_file():
         raise SystemExit(f"the session of {folder.name} did not run: {ended.stderr.strip()[-500:]}")
     return read_table(folder / "spectra.csv")
 
 
 def judged(found: dict[str, np.ndarray], truth: np.ndarray, inside: np.ndarray) -> dict[str, float]:
-    """RMSE of the one spectrum and of the mean, and coverage of the band, at the wavelengths that are inside."""
+    """RMSE of the one spectrum and of the mean, and coverage of the band, at the wavelengths that
+    are inside.
+    """
     expected, lower, upper = truth[inside], found["lower 0.95"][inside], found["upper 0.95"][inside]
-    errors = {f"rmse_{name.replace(' ', '_')}": float(np.sqrt(np.mean((found[name][inside] - expected)**2)))
+    errors = {f"rmse_{name.replace(' ', '_')}": float(
+                  np.sqrt(np.mean((found[name][inside] - expected)**2)))
               for name in ("inverse rendering", "mean")}
     return {**errors, "coverage": float(np.mean((expected >= lower) & (expected <= upper))),
             "width": float(np.mean(upper - lower))}
@@ -88,7 +102,8 @@ def judged(found: dict[str, np.ndarray], truth: np.ndarray, inside: np.ndarray) 
 def camera(folder: Path) -> np.ndarray:
     """Response (3, 301) of the published curves under the lamp, rows summing to 1."""
     nm, _, curves = read_curves(folder / "fitted_sensitivity.csv")
-    lamp = spectrum_on_grid(read_spectrum(folder / "light.csv", role=Quantity.RELATIVE, column=2), FINE)
+    lamp = spectrum_on_grid(read_spectrum(folder / "light.csv", role=Quantity.RELATIVE, column=2),
+                            FINE)
     response = on_grid(nm, curves, FINE, "fitted_sensitivity.csv") * lamp * FINE.weights_nm
     return response / response.sum(axis=1, keepdims=True)
 
@@ -99,11 +114,15 @@ def paper_draws(response: np.ndarray, one: np.ndarray) -> dict[str, np.ndarray]:
     spectra = draw_spectra(measurement, "paper", 2000, 0, 7).spectra
     lower, upper = np.quantile(spectra, [0.025, 0.975], axis=0)
     made = {"mean": spectra.mean(axis=0), "lower 0.95": lower, "upper 0.95": upper}
-    return {"inverse rendering": one, **{key: np.interp(FINE.nm, GRID.nm, values) for key, values in made.items()}}
+    return {"inverse rendering": one, **{key: np.interp(FINE.nm, GRID.nm, values) for key,
+                                         values in made.items()}}
 
 
-def picture(shown: dict[str, tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]], path: Path) -> None:
-    """Mean and band, the paper's descent (dashed) and the measured spectrum of every unknown material."""
+def picture(shown: dict[str, tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]],
+            path: Path) -> None:
+    """Mean and band, the paper's descent (dashed) and the measured spectrum of every unknown
+    material.
+    """
     import matplotlib
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
@@ -115,7 +134,8 @@ def picture(shown: dict[str, tuple[np.ndarray, dict[str, np.ndarray], np.ndarray
         axis.plot(nm, found["descent"], color="tab:orange", linestyle="--")
         axis.plot(nm, truth, color="black")
         axis.set(title=name, xlim=(400, 700), ylim=(0, 1))
-    figure.suptitle("black: measured; green, grey: mean and 95 % of our draws; dashed: the paper's descent", fontsize=9)
+    figure.suptitle("black: measured; green, grey: mean and 95 % of our draws; dashed: the paper's "
+                    "descent", fontsize=9)
     figure.supxlabel("wavelength (nm)", fontsize=9)
     figure.supylabel("reflectance", fontsize=9)
     figure.tight_layout()
@@ -130,7 +150,8 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     if arguments.data is None or not (arguments.data / "yale_box").is_dir():
-        print("skipped: the photos of the physical box are not here; give the folder that holds yale_box with --data")
+        print("skipped: the photos of the physical box are not here; give the folder that holds "
+              "yale_box with --data")
         return
     truths = read_table(arguments.data / "yale_box" / "materials.csv")
     response = camera(arguments.data / "yale_box")
@@ -145,7 +166,8 @@ def main() -> None:
                 tables.append(run(folder))
         table, published = tables
         inside = (table.nm >= 430) & (table.nm <= 670)
-        for name, column in (("green", "green_wall"), ("red", "red_wall"), ("cube", f"{cube}_cube")):
+        for name, column in (("green", "green_wall"), ("red", "red_wall"),
+                             ("cube", f"{cube}_cube")):
             truth = np.interp(table.nm, truths.nm, truths.values[truths.names.index(column)])
             found = {key: table.values[table.names.index(f"{name} {key}")] for key in COLUMNS}
             one = published.values[published.names.index(f"{name} inverse rendering")]
@@ -158,13 +180,15 @@ def main() -> None:
     if arguments.json:
         print(json.dumps({"rows": rows, "picture": str(arguments.out)}))
         return
-    print("Paper: spectra of walls and cubes with uncertainty; errors are larger than in synthetic scenes. 430-670 nm:")
-    print(f"{'photo':<7} {'material':<9} {'whose':<6} {'RMSE one spectrum':>18} {'RMSE mean':>10} {'95 % holds':>11} "
-          f"{'width':>6}")
+    print("Paper: spectra of walls and cubes with uncertainty; errors are larger than in synthetic "
+          "scenes. 430-670 nm:")
+    print(f"{'photo':<7} {'material':<9} {'whose':<6} {'RMSE one spectrum':>18} {'RMSE mean':>10} "
+          f"{'95 % holds':>11} {'width':>6}")
     for row in rows:
         for whose, key in (("ours", ""), ("paper", "_paper")):
-            print(f"{row['photo']:<7} {row['material']:<9} {whose:<6} {row['rmse_inverse_rendering' + key]:18.3f} "
-                  f"{row['rmse_mean' + key]:10.3f} {row['coverage' + key]:11.3f} {row['width' + key]:6.3f}")
+            print(f"{row['photo']:<7} {row['material']:<9} {whose:<6} "
+                  f"{row['rmse_inverse_rendering' + key]:18.3f} {row['rmse_mean' + key]:10.3f} "
+                  f"{row['coverage' + key]:11.3f} {row['width' + key]:6.3f}")
 
 
 if __name__ == "__main__":

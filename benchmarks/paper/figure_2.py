@@ -1,4 +1,6 @@
-"""Figure 2: how well B-splines of N = 5 to 21 coefficients in [0, 1] fit measured spectra, library by library."""
+"""Figure 2: how well B-splines of N = 5 to 21 coefficients in [0, 1] fit measured spectra, library
+by library.
+"""
 from __future__ import annotations
 
 import argparse
@@ -8,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from radiometry.bspline import basis_matrix
-from radiometry.named_spectra import test_reflectances
-from sampling.logit_mixture import GRID
-from sampling.reflectance_libraries import read_library
-from sampling.scores import rmse
-from sampling.spectral_samples import nearest_splines
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.sampling.judge.scores import rmse
+from spectrabox.sampling.measurement import nearest_splines
+from spectrabox.sampling.prior.libraries import read_library
+from spectrabox.sampling.prior.mixture import GRID
 
 SIZES = (5, 7, 9, 11, 13, 15, 21)
 SHOWN = (5, 7, 13)
@@ -33,7 +35,8 @@ def picture(sets: dict[str, np.ndarray], table: list[dict[str, Any]], path: Path
         for count in SHOWN:
             basis = basis_matrix(GRID.nm, count)
             axis.plot(GRID.nm, basis @ nearest_splines(curve[None], basis)[0], label=f"N = {count}")
-        axis.set(title=f"{name}, {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance", ylim=(0, 1))
+        axis.set(title=f"{name}, {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance",
+                 ylim=(0, 1))
     axes[0].legend(fontsize=8)
     for row, colour in zip(table, plt.get_cmap("tab20").colors, strict=False):  # type: ignore[attr-defined]
         axes[3].semilogy(SIZES, [row[f"N={count}"][1] for count in SIZES], marker=".", color=colour,
@@ -46,13 +49,15 @@ def picture(sets: dict[str, np.ndarray], table: list[dict[str, Any]], path: Path
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, help="folder with reflectance/; without it the shipped sets alone")
+    parser.add_argument("--data", type=Path,
+                        help="folder with reflectance/; without it the shipped sets alone")
     parser.add_argument("--out", type=Path, default=Path("figure_2.png"))
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     sets = dict(test_reflectances(GRID))
     if arguments.data is not None:
-        folders = sorted(path for path in (arguments.data / "reflectance").iterdir() if path.is_dir())
+        folders = sorted(path for path in (arguments.data / "reflectance").iterdir()
+                         if path.is_dir())
         sets = {folder.name: read_library(folder).reflectances for folder in folders} | sets
     table: list[dict[str, Any]] = []
     for name, curves in sets.items():
@@ -65,13 +70,16 @@ def main() -> None:
     if arguments.json:
         print(json.dumps({"rows": table, "picture": str(arguments.out)}))
         return
-    print("Paper: more coefficients fit better; paints need fewer than natural spectra. RMSE, median / 95 % quantile:")
+    print("Paper: more coefficients fit better; paints need fewer than natural spectra. RMSE, "
+          "median / 95 % quantile:")
     print(f"{'library':<24} {'n':>5} " + " ".join(f"{'N=' + str(count):>15}" for count in SIZES))
     for row in table:
         print(f"{row['library']:<24} {row['curves']:5d} "
-              + " ".join(f"{row[f'N={count}'][0]:7.4f}/{row[f'N={count}'][1]:.4f} " for count in SIZES))
+              + " ".join(f"{row[f'N={count}'][0]:7.4f}/{row[f'N={count}'][1]:.4f} "
+                         for count in SIZES))
     if arguments.data is None:
-        print("missing: the measured libraries; give the folder that holds reflectance/ with --data")
+        print(
+            "missing: the measured libraries; give the folder that holds reflectance/ with --data")
 
 
 if __name__ == "__main__":

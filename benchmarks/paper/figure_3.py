@@ -1,8 +1,10 @@
-"""Figure 3: what light reflected twice tells of two surfaces that face each other (self- and mutual reflection).
+"""Figure 3: what light reflected twice tells of two surfaces that face each other (self- and mutual
+reflection).
 
-Analytic: each surface's direct signal, that of light reflected twice off it, and of light reflected off both, relative
-to white, with 0.5 % noise. The paper ranks pairs of draws by these (Eq. 10); the joint posterior obeys them within
-their noise. Pairs of chart colours; figure 7 does the same through rendered light transport.
+Analytic: each surface's direct signal, that of light reflected twice off it, and of light reflected
+off both, relative to white, with 0.5 % noise. The paper ranks pairs of draws by these (Eq. 10); the
+joint posterior obeys them within their noise. Pairs of chart colours; figure 7 does the same
+through rendered light transport.
 """
 from __future__ import annotations
 
@@ -12,24 +14,26 @@ from pathlib import Path
 
 import numpy as np
 
-from radiometry.grid import visible_grid
-from radiometry.named_spectra import relative_response, test_reflectances
-from radiometry.records import LightTransport
-from sampling.joint_posterior import joint_problem
-from sampling.joint_sampling import sample_joint
-from sampling.logit_mixture import GRID, load_prior
-from sampling.methods import draw_spectra
-from sampling.ranking import best_by_signals
-from sampling.spectral_samples import SpectralMeasurement, linear_between
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import LightTransport
+from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
+from spectrabox.sampling.measurement import SpectralMeasurement, linear_between
+from spectrabox.sampling.methods import draw_spectra
+from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.published.ranking import best_by_signals
+from spectrabox.sampling.scene.posterior import joint_problem
+from spectrabox.sampling.scene.sampling import sample_joint
 
 FINE = visible_grid(1)
 NOISE, DRAWS, KEPT, COEFFICIENTS = 0.005, 20_000, 1_000, 7
-PAIRS = ((12, 14), (13, 14), (12, 15), (6, 7), (5, 16), (3, 8), (9, 10), (4, 11))   # of the chart, from 0
+# of the chart, from 0
+PAIRS = ((12, 14), (13, 14), (12, 15), (6, 7), (5, 16), (3, 8), (9, 10), (4, 11))
 PRODUCTS = {"direct": [[1, 0], [0, 1]], "and self": [[1, 0], [0, 1], [2, 0], [0, 2]],
             "and self, mutual": [[1, 0], [0, 1], [2, 0], [0, 2], [1, 1]]}
 
 
-def measured(truths: np.ndarray, response: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def measured(truths: np.ndarray, response: np.ndarray,
+             rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Signals (5, 3) of all products of two reflectances (2, 61), and their standard errors."""
     exponents = np.array(PRODUCTS["and self, mutual"])
     clean = np.exp(exponents @ np.log(truths)) @ response.T
@@ -37,7 +41,9 @@ def measured(truths: np.ndarray, response: np.ndarray, rng: np.random.Generator)
 
 
 def by_paper(signals: np.ndarray, response: np.ndarray, products: str) -> np.ndarray:
-    """Draws (1000, 2, 61) around one solution each; beyond the direct light, pairs ranked by Eq. 10."""
+    """Draws (1000, 2, 61) around one solution each; beyond the direct light, pairs ranked by Eq.
+    10.
+    """
     pair = []
     for seed, signal in enumerate(signals[:2]):
         measurement = SpectralMeasurement(GRID, response, signal, np.zeros((3, 3)))
@@ -45,12 +51,14 @@ def by_paper(signals: np.ndarray, response: np.ndarray, products: str) -> np.nda
     both = np.stack(pair, axis=1)
     if products == "direct":
         return both[:KEPT]
-    seen = [both[:, 0]**2, both[:, 1]**2] + ([both[:, 0] * both[:, 1]] if products == "and self, mutual" else [])
+    seen = [both[:, 0]**2, both[:, 1]**2] + ([both[:, 0] * both[:, 1]]
+                                             if products == "and self, mutual" else [])
     found = np.stack([one @ response.T for one in seen], axis=1)
     return both[best_by_signals(found, signals[2:2 + len(seen)], KEPT)]
 
 
-def by_posterior(signals: np.ndarray, errors: np.ndarray, response: np.ndarray, products: str) -> np.ndarray:
+def by_posterior(signals: np.ndarray, errors: np.ndarray, response: np.ndarray,
+                 products: str) -> np.ndarray:
     """Draws (T, 2, 61) of the joint posterior under the learnt prior."""
     exponents = np.array(PRODUCTS[products])
     count = len(exponents)
@@ -85,7 +93,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("figure_3.png"))
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
-    response = relative_response("CIE 1931 2 Degree Standard Observer", "D65", FINE) @ linear_between(GRID, FINE)
+    response = relative_response("CIE 1931 2 Degree Standard Observer", "D65",
+                                 FINE) @ linear_between(GRID, FINE)
     chart = np.clip(test_reflectances(GRID)["BabelColor Average"], 0.002, 0.998)
     found: dict[tuple[str, str], list[tuple[float, ...]]] = {}
     shown: dict[str, np.ndarray] = {}
@@ -94,26 +103,28 @@ def main() -> None:
         signals, errors = measured(truths, response, np.random.default_rng(number))
         for products in PRODUCTS:
             for method, spectra in (("paper", by_paper(signals, response, products)),
-                                    ("joint posterior", by_posterior(signals, errors, response, products))):
+                                    ("joint posterior", by_posterior(signals, errors, response,
+                                                                     products))):
                 lower, upper = np.quantile(spectra, [0.025, 0.975], axis=0)
                 error = np.sqrt(np.mean((spectra.mean(axis=0) - truths)**2, axis=1)).mean()
                 held = np.mean((truths >= lower) & (truths <= upper))
-                found.setdefault((method, products), []).append((error, held, float(np.mean(upper - lower))))
+                found.setdefault((method, products),
+                                 []).append((error, held, float(np.mean(upper - lower))))
                 if number == 0:
                     shown[f"{method}, {'direct ' if products != 'direct' else ''}{products}"] = spectra
     table = [{"method": method, "products": products, "pairs": len(rows), **dict(zip(
         ("rmse", "coverage_95", "width"), map(float, np.mean(rows, axis=0)), strict=True))}
         for (method, products), rows in sorted(found.items(), key=lambda one: one[0][0], reverse=True)]
-    picture(dict(sorted(shown.items(), key=lambda one: one[0].startswith("joint"))), chart[list(PAIRS[0])],
-            arguments.out)
+    picture(dict(sorted(shown.items(), key=lambda one: one[0].startswith("joint"))),
+            chart[list(PAIRS[0])], arguments.out)
     if arguments.json:
         print(json.dumps({"rows": table, "picture": str(arguments.out)}))
         return
     print("Paper: self-reflection brings the sampled spectra nearer to the truth.")
     print(f"{'method':<16} {'products':<16} {'RMSE':>7} {'95 % holds':>11} {'width':>6}")
     for row in table:
-        print(f"{row['method']:<16} {row['products']:<16} {row['rmse']:7.4f} {row['coverage_95']:11.3f} "
-              f"{row['width']:6.3f}")
+        print(f"{row['method']:<16} {row['products']:<16} {row['rmse']:7.4f} "
+              f"{row['coverage_95']:11.3f} {row['width']:6.3f}")
 
 
 if __name__ == "__main__":

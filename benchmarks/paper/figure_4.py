@@ -1,11 +1,14 @@
-"""Figure 4: 20 measured spectra, each on an object in a photo; then with two more readings, at 400 and 700 nm.
+"""Figure 4: 20 measured spectra, each on an object in a photo; then with two more readings, at 400
+and 700 nm.
 
-The object is a ball beside a flash. Its colour is what the transport engine finds in the photo. The paper ranks draws
-of its box by the readings (Eq. 9); beside it exact uniform draws and the learnt prior, which are conditioned on them.
-Table of the RMSE of the mean, the standard deviation and the coverage over all spectra.
+The object is a ball beside a flash. Its colour is what the transport engine finds in the photo. The
+paper ranks draws of its box by the readings (Eq. 9); beside it exact uniform draws and the learnt
+prior, which are conditioned on them. Table of the RMSE of the mean, the standard deviation and the
+coverage over all spectra.
 
-The spectra are CES99 samples, which the learnt prior was not trained on. ``--data`` adds a table of those of the data
-folder, which are what it was trained on: there its rows show how it does on what it knows, no more.
+The spectra are CES99 samples, which the learnt prior was not trained on. ``--data`` adds a table of
+those of the data folder, which are what it was trained on: there its rows show how it does on what
+it knows, no more.
 """
 from __future__ import annotations
 
@@ -16,21 +19,22 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.fixtures.object_views import cameras, view_xml
+from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.radiometry.records import LightScale
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.reconstruct.inverse_rendering import reconstruct
+from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.sampling.further.conditioning import Reading, condition
+from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.methods import draw_spectra
+from spectrabox.sampling.prior.libraries import read_library
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import load_prior
+from spectrabox.sampling.published.ranking import best_by_readings
+
 from benchmarks.paper.synthetic_photo import BANDS, GRID, measured_camera, photograph, scene_of
-from fixtures.object_views import cameras, view_xml
-from radiometry.errors import ConvergenceError, InputError
-from radiometry.named_spectra import test_reflectances
-from radiometry.records import LightScale
-from reconstruct.inverse_problem import InversionSettings, MaterialSpec
-from reconstruct.inverse_rendering import reconstruct
-from reconstruct.renderer import start_mitsuba
-from sampling.conditioning import Reading, condition
-from sampling.logit_mixture import GRID as PRIOR_GRID
-from sampling.logit_mixture import load_prior
-from sampling.methods import draw_spectra
-from sampling.ranking import best_by_readings
-from sampling.reflectance_libraries import read_library
-from sampling.spectral_samples import SpectralMeasurement
 
 SPECTRA, WIDTH, PHOTO_SPP, COEFFICIENTS = 20, 24, 256, 7
 DRAWS, KEPT, READING_ERROR = 10_000, 1_000, 0.005
@@ -56,12 +60,15 @@ def main() -> None:
     print("Paper: two more readings bring the mean close to the truth and shrink the uncertainty.")
     for source, table in tables.items():
         print(f"{SPECTRA} spectra of {source}")
-        print(f"{'method':<8} {'readings':<10} {'spectra':>7} {'RMSE':>7} {'sd':>7} {'95 % holds':>11}")
+        print(f"{'method':<8} {'readings':<10} {'spectra':>7} {'RMSE':>7} {'sd':>7} "
+              f"{'95 % holds':>11}")
         for row in table:
-            print(f"{row['method']:<8} {'400, 700' if row['readings'] else 'none':<10} {row['spectra']:7d} "
-                  f"{row['rmse']:7.4f} {row['standard_deviation']:7.4f} {row['coverage_95']:11.3f}")
+            print(f"{row['method']:<8} {'400, 700' if row['readings'] else 'none':<10} "
+                  f"{row['spectra']:7d} {row['rmse']:7.4f} {row['standard_deviation']:7.4f} "
+                  f"{row['coverage_95']:11.3f}")
     if arguments.data is None:
-        print("missing: spectra of the measured libraries; give the folder that holds reflectance/ with --data")
+        print("missing: spectra of the measured libraries; give the folder that holds reflectance/ "
+              "with --data")
 
 
 def measured_spectra(data: Path | None) -> tuple[np.ndarray, str]:
@@ -70,23 +77,28 @@ def measured_spectra(data: Path | None) -> tuple[np.ndarray, str]:
         curves = test_reflectances(GRID)["CES99"]
         return curves[np.linspace(0, len(curves) - 1, SPECTRA).astype(int)], "CES99, every fifth"
     if not (data / "reflectance").is_dir():
-        raise InputError(f"{data} has no folder reflectance/: give the data folder, or leave --data out")
+        raise InputError(f"{data} has no folder reflectance/: give the data folder, or leave "
+                         "--data out")
     folders = sorted(path for path in (data / "reflectance").iterdir() if path.is_dir())
     chosen = []
     for folder in folders:
         curves = read_library(folder).reflectances
-        chosen += list(curves[np.linspace(0, len(curves) - 1, -(-SPECTRA // len(folders))).astype(int)])
+        chosen += list(curves[np.linspace(0, len(curves) - 1,
+                                          -(-SPECTRA // len(folders))).astype(int)])
     fine = np.array([np.interp(GRID.nm, PRIOR_GRID.nm, curve) for curve in chosen[:SPECTRA]])
     return fine, f"{', '.join(folder.name for folder in folders)} (the learnt prior's own training sets)"
 
 
 def spectra_behind(method: str, readings: bool, measurement: SpectralMeasurement, truth: np.ndarray,
                    coefficients: int) -> np.ndarray:
-    """Draws (T, 61), the paper's ranked by the two readings of the truth (P,), the others conditioned on them."""
+    """Draws (T, 61), the paper's ranked by the two readings of the truth (P,), the others
+    conditioned on them.
+    """
     at = np.interp((400.0, 700.0), GRID.nm, truth)
     if method == "paper":
         spectra = draw_spectra(measurement, "paper", DRAWS, 0, coefficients).spectra
-        return spectra[best_by_readings(spectra, np.array([0, 60]), at, KEPT)] if readings else spectra
+        return spectra[best_by_readings(spectra, np.array([0, 60]), at,
+                                        KEPT)] if readings else spectra
     extra = [Reading.at_wavelength(nm, float(value), READING_ERROR)
              for nm, value in zip((400.0, 700.0), at, strict=True)]
     measured = condition(measurement, extra) if readings else measurement
@@ -110,11 +122,12 @@ def rows(truths: np.ndarray) -> tuple[list[dict[str, Any]], list[dict[str, Any]]
                     shown[index // 5][f"{method}{', readings' if readings else ''}"] = spectra
                 at = np.interp(PRIOR_GRID.nm, GRID.nm, truth)
                 lower, upper = np.quantile(spectra, [0.025, 0.975], axis=0)
-                scores.append((np.sqrt(np.mean((spectra.mean(axis=0) - at) ** 2)), spectra.std(axis=0).mean(),
-                               np.mean((at >= lower) & (at <= upper))))
+                scores.append((np.sqrt(np.mean((spectra.mean(axis=0) - at) ** 2)),
+                               spectra.std(axis=0).mean(), np.mean((at >= lower) & (at <= upper))))
             error, deviation, held = np.mean(scores, axis=0)
-            table.append({"method": method, "readings": readings, "spectra": len(scores), "rmse": float(error),
-                          "standard_deviation": float(deviation), "coverage_95": float(held)})
+            table.append({"method": method, "readings": readings, "spectra": len(scores),
+                          "rmse": float(error), "standard_deviation": float(deviation),
+                          "coverage_95": float(held)})
     return table, shown
 
 
@@ -122,10 +135,12 @@ def found_in_photo(truth: np.ndarray) -> SpectralMeasurement:
     """The ball's colour as the transport engine finds it in a photo of the ball with this paint."""
     camera, scene = measured_camera(), scene_of(view_xml(cameras(6)[3], WIDTH))
     photo = photograph(scene, {"paint": truth}, camera, PHOTO_SPP)
-    found = reconstruct(scene, photo, camera, LightScale(1.0, None, None, "given"), (MaterialSpec("paint", "paint"),),
-                        BANDS, InversionSettings(COEFFICIENTS), lambda done, what: None)
+    found = reconstruct(scene, photo, camera, LightScale(1.0, None, None, "given"),
+                        (MaterialSpec("paint", "paint"),), BANDS, InversionSettings(COEFFICIENTS),
+                        lambda done, what: None)
     response = camera.sensitivity.curves * GRID.weights_nm
-    return SpectralMeasurement(GRID, response / response.sum(axis=1, keepdims=True), found.signal[0], np.zeros((3, 3)))
+    return SpectralMeasurement(GRID, response / response.sum(axis=1, keepdims=True),
+                               found.signal[0], np.zeros((3, 3)))
 
 
 def picture(shown: list[dict[str, Any]], path: Path) -> None:
@@ -147,7 +162,8 @@ def picture(shown: list[dict[str, Any]], path: Path) -> None:
             axis.set_title(method, fontsize=9)
     figure.supxlabel("wavelength (nm)")
     figure.supylabel("reflectance")
-    figure.suptitle("black: measured; grey: from the colour alone; green: with two readings", fontsize=10)
+    figure.suptitle("black: measured; grey: from the colour alone; green: with two readings",
+                    fontsize=10)
     figure.tight_layout()
     figure.savefig(path, dpi=75)
 

@@ -1,7 +1,7 @@
 """Figure 5: refining the basis against sampling the fine basis directly, over the 24 chart colours.
 
-Read literally (Eq. 16) one lifted solution gets residual draws ("as published"); "refined" gives every coarse draw its
-own. Only nested knots.
+Read literally (Eq. 16) one lifted solution gets residual draws ("as published"); "refined" gives
+every coarse draw its own. Only nested knots.
 """
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from radiometry.bspline import basis_matrix
-from radiometry.grid import visible_grid
-from radiometry.named_spectra import relative_response, test_reflectances
-from radiometry.records import MeasurementOperator
-from sampling.methods import into_reach
-from sampling.paper_options import refined_as_published
-from sampling.refinement import sample_refined
-from sampling.spectral_samples import SpectralMeasurement
-from sampling.tilted_rejection import sample_spectra
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import MeasurementOperator
+from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
+from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.methods import into_reach
+from spectrabox.sampling.polytope.refinement import sample_refined
+from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
+from spectrabox.sampling.published.options import refined_as_published
 
 FINE = visible_grid(1)
 NM = FINE.nm[::5]
@@ -60,16 +60,21 @@ def main() -> None:
     for pair in arguments.pairs:
         shown: dict[str, np.ndarray] = {}
         coarse, fine = (int(part) for part in pair.split(":"))
-        found: dict[str, list[tuple[float, float, float]]] = {"coarse": [], "as published": [], "refined": [],
-                                                                "fine": []}
+        found: dict[str, list[tuple[float, float, float]]] = {"coarse": [], "as published": [],
+                                                              "refined": [],
+                                                              "fine": []}
         for index, truth in enumerate(truths):
-            measured = {count: into_reach(MeasurementOperator(response @ basis_matrix(FINE.nm, count), response @ truth,
-                                                              np.zeros((3, 3))))[0] for count in (coarse, fine)}
+            measured = {count: into_reach(MeasurementOperator(response @ basis_matrix(FINE.nm,
+                                                                                      count),
+                                                              response @ truth,
+                                                              np.zeros((3, 3))))[0]
+                        for count in (coarse, fine)}
             exact = SpectralMeasurement(FINE, response, response @ truth, np.zeros((3, 3)))
             draws = {"coarse": sample_spectra(measured[coarse], arguments.draws, 0).coefficients,
-                     "as published": refined_as_published(exact, coarse, fine, arguments.draws, 0).coefficients,
-                     "refined": sample_refined(response, FINE.nm, measured[coarse], fine, arguments.draws,
-                                               0).coefficients,
+                     "as published": refined_as_published(exact, coarse, fine, arguments.draws,
+                                                          0).coefficients,
+                     "refined": sample_refined(response, FINE.nm, measured[coarse], fine,
+                                               arguments.draws, 0).coefficients,
                      "fine": sample_spectra(measured[fine], arguments.draws, 0).coefficients}
             for name, c in draws.items():
                 spectra = c @ basis_matrix(NM, c.shape[1]).T
@@ -81,7 +86,8 @@ def main() -> None:
                 found[name].append((float(error), float(held), float(np.mean(upper - lower))))
         for name, values in found.items():
             rmse, held, width = np.mean(values, axis=0)
-            table.append({"pair": pair, "sampled": name, "rmse": rmse, "coverage_95": held, "width": width})
+            table.append({"pair": pair, "sampled": name, "rmse": rmse, "coverage_95": held,
+                          "width": width})
     picture(shown, truths[SHOWN][::5], arguments.out)
     if arguments.json:
         print(json.dumps({"rows": table, "picture": str(arguments.out)}))
@@ -89,8 +95,8 @@ def main() -> None:
     print("Paper: refining the basis improves on sampling the fine basis directly.")
     print(f"{'pair':<6} {'sampled':<12} {'RMSE':>7} {'95 % holds':>11} {'width':>6}")
     for row in table:
-        print(f"{row['pair']:<6} {row['sampled']:<12} {row['rmse']:7.4f} {row['coverage_95']:11.3f} "
-              f"{row['width']:6.3f}")
+        print(f"{row['pair']:<6} {row['sampled']:<12} {row['rmse']:7.4f} "
+              f"{row['coverage_95']:11.3f} {row['width']:6.3f}")
 
 
 if __name__ == "__main__":

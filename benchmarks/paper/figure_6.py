@@ -1,7 +1,8 @@
 """Figure 6: shape and spectrum of one object from photos around it, starting from a grey sphere.
 
-Twelve photos of 48 x 48 pixels with a flash beside the camera. Silhouettes are compared in the views that were used and
-in six others; the spectrum that the transport engine finds on the found shape with the one on the true shape.
+Twelve photos of 48 x 48 pixels with a flash beside the camera. Silhouettes are compared in the
+views that were used and in six others; the spectrum that the transport engine finds on the found
+shape with the one on the true shape.
 """
 from __future__ import annotations
 
@@ -16,19 +17,33 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.paper.synthetic_photo import BANDS, GRID, measured_camera, photograph, scene_of, spectrum_rmse
-from fixtures.object_views import cameras, object_mesh, view_xml, write_ply
-from radiometry.chart import PATCH_NAMES, chart_reflectances
-from radiometry.records import LightScale
-from reconstruct.inverse_problem import InversionSettings, MaterialSpec, View, inverse_problems
-from reconstruct.inverse_rendering import reconstruct_views
-from reconstruct.renderer import render, start_mitsuba
-from reconstruct.shape import ShapeReconstruction, ShapeSettings, reconstruct_shape, silhouette, wearing
-from reconstruct.shape_mesh import write_mesh
-from sampling.logit_mixture import GRID as PRIOR_GRID
-from sampling.logit_mixture import load_prior
-from sampling.methods import draw_spectra
-from sampling.spectral_samples import SpectralMeasurement
+from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
+from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
+from spectrabox.radiometry.records import LightScale
+from spectrabox.reconstruct.inverse_rendering import reconstruct_views
+from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec, View, inverse_problems
+from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
+from spectrabox.reconstruct.shape.mesh import write_mesh
+from spectrabox.reconstruct.shape.shape import (
+    ShapeReconstruction,
+    ShapeSettings,
+    reconstruct_shape,
+    silhouette,
+    wearing,
+)
+from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.methods import draw_spectra
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import load_prior
+
+from benchmarks.paper.synthetic_photo import (
+    BANDS,
+    GRID,
+    measured_camera,
+    photograph,
+    scene_of,
+    spectrum_rmse,
+)
 
 WIDTH, VIEWS, OTHERS, PHOTO_SPP, COEFFICIENTS = 48, 12, 6, 256, 9
 PAINT = "orange"
@@ -38,7 +53,8 @@ MATERIALS = (MaterialSpec(PAINT, "paint"),)
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("figure_6.png"))
-    parser.add_argument("--mesh", type=Path, help="where the found mesh goes; without it beside the picture")
+    parser.add_argument("--mesh", type=Path,
+                        help="where the found mesh goes; without it beside the picture")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the text")
     arguments = parser.parse_args()
     mesh = arguments.mesh or arguments.out.with_suffix(".ply")
@@ -48,24 +64,29 @@ def main() -> None:
     if arguments.json:
         print(json.dumps(result | {"picture": str(arguments.out), "mesh": str(mesh)}))
         return
-    print("Paper: from a black sphere, shape and appearance are found, matching the photos' colours.")
+    print("Paper: from a black sphere, shape and appearance are found, matching the photos' "
+          "colours.")
     print(f"{result['seconds']:.0f} s for {result['steps']} steps; {result['outcome']}")
     for name in ("used", "other"):
         mean, least = result[f"iou_{name}"]
         print(f"silhouettes, {name} views: IoU mean {mean:.4f}, least {least:.4f} "
               f"(start {result[f'start_iou_{name}']:.3f})")
-    print("spectrum RMSE: " + ", ".join(f"{name} {value:.4f}" for name, value in result["rmse"].items()))
-    print(f"learnt prior on the found shape: 95 % of draws hold the truth at {result['coverage_95']:.3f} of "
-          f"wavelengths, standard deviation {result['standard_deviation']:.4f}")
+    print("spectrum RMSE: " + ", ".join(f"{name} {value:.4f}" for name,
+                                        value in result["rmse"].items()))
+    print("learnt prior on the found shape: 95 % of draws hold the truth at "
+          f"{result['coverage_95']:.3f} of wavelengths, standard deviation "
+          f"{result['standard_deviation']:.4f}")
 
 
 def measure(true_mesh: Path, found_mesh: Path, out: Path) -> dict[str, Any]:
     """All figures; writes the found mesh and the picture."""
     write_ply(true_mesh, *object_mesh())
     truth = chart_reflectances("BabelColor Average", GRID)[PATCH_NAMES.index(PAINT)]
-    used, other = photos(cameras(VIEWS), true_mesh, truth), photos(cameras(OTHERS, 1.0), true_mesh, truth)
+    used, other = photos(cameras(VIEWS), true_mesh, truth), photos(cameras(OTHERS, 1.0), true_mesh,
+                                                                   truth)
     start = time.perf_counter()
-    found = reconstruct_shape(used, "object", MATERIALS, ShapeSettings(COEFFICIENTS), lambda done, what: None)
+    found = reconstruct_shape(used, "object", MATERIALS, ShapeSettings(COEFFICIENTS), lambda done,
+                              what: None)
     seconds = time.perf_counter() - start
     write_mesh(found_mesh, found.vertices, found.faces)
     spectra, drawn = {"descent": found.spectrum}, []
@@ -73,30 +94,40 @@ def measure(true_mesh: Path, found_mesh: Path, out: Path) -> dict[str, Any]:
         answer = reconstruct_views([wearing(view, "object", mesh) for view in used], MATERIALS,
                                    InversionSettings(COEFFICIENTS), lambda done, what: None)
         spectra[name] = answer.spectra[0]
-        measurement = SpectralMeasurement(GRID, answer.response[:3], answer.signal[0][:3], np.zeros((3, 3)))
-        drawn.append(draw_spectra(measurement, "prior", 2000, 0, COEFFICIENTS, load_prior()).spectra)
+        measurement = SpectralMeasurement(GRID, answer.response[:3], answer.signal[0][:3],
+                                          np.zeros((3, 3)))
+        drawn.append(draw_spectra(measurement, "prior", 2000, 0, COEFFICIENTS,
+                                  load_prior()).spectra)
         spectra[f"{name}, learnt prior"] = np.interp(GRID.nm, PRIOR_GRID.nm, drawn[-1].mean(axis=0))
-    band, at = np.quantile(drawn[0], [0.025, 0.975], axis=0), np.interp(PRIOR_GRID.nm, GRID.nm, truth)
-    result: dict[str, Any] = {"seconds": seconds, "steps": len(found.loss_history), "outcome": found.outcome.value,
-                              "rmse": {name: spectrum_rmse(curve, truth) for name, curve in spectra.items()},
+    band, at = np.quantile(drawn[0], [0.025, 0.975], axis=0), np.interp(PRIOR_GRID.nm, GRID.nm,
+                                                                        truth)
+    result: dict[str, Any] = {"seconds": seconds, "steps": len(found.loss_history),
+                              "outcome": found.outcome.value,
+                              "rmse": {name: spectrum_rmse(curve, truth) for name,
+                                       curve in spectra.items()},
                               "coverage_95": float(np.mean((at >= band[0]) & (at <= band[1]))),
                               "standard_deviation": float(drawn[0].std(axis=0).mean())}
     for name, views in (("used", used), ("other", other)):
         overlap = [iou(view, found_mesh, true_mesh) for view in views]
         result[f"iou_{name}"] = [float(np.mean(overlap)), float(np.min(overlap))]
         result[f"start_iou_{name}"] = float(np.mean([iou(view, None, true_mesh) for view in views]))
-    picture(used[::4], other[:1], found, found_mesh, true_mesh, spectra | {"truth": truth}, band, out)
+    picture(used[::4], other[:1], found, found_mesh, true_mesh, spectra | {"truth": truth}, band,
+            out)
     return result
 
 
 def photos(positions: np.ndarray, mesh: Path, truth: np.ndarray) -> list[View]:
-    """A view from each position whose scene holds a sphere and whose photo shows the true object."""
+    """A view from each position whose scene holds a sphere and whose photo shows the true
+    object.
+    """
     camera, views = measured_camera(), []
     for number, position in enumerate(positions):
         scene = scene_of(view_xml(position, WIDTH))
         blank = photograph(scene, {"paint": truth}, camera, 8)
-        view = View(f"view {number + 1}", scene, blank, camera, BANDS, LightScale(1.0, None, None, "given"))
-        photo = photograph(wearing(view, "object", mesh).scene_file, {"paint": truth}, camera, PHOTO_SPP, number)
+        view = View(f"view {number + 1}", scene, blank, camera, BANDS,
+                    LightScale(1.0, None, None, "given"))
+        photo = photograph(wearing(view, "object", mesh).scene_file, {"paint": truth}, camera,
+                           PHOTO_SPP, number)
         views.append(replace(view, photo=photo))
     return views
 
@@ -113,25 +144,30 @@ def iou(view: View, mesh: Path | None, true_mesh: Path) -> float:
     return float(np.minimum(first, second).sum() / np.maximum(first, second).sum())
 
 
-def picture(used: Sequence[View], other: Sequence[View], found: ShapeReconstruction, mesh: Path, true_mesh: Path,
-            spectra: dict[str, np.ndarray], band: np.ndarray, path: Path) -> None:
-    """Photos, renderings of what was found, silhouettes (both white, true alone red, found alone blue), spectra."""
+def picture(used: Sequence[View], other: Sequence[View], found: ShapeReconstruction, mesh: Path,
+            true_mesh: Path, spectra: dict[str, np.ndarray], band: np.ndarray, path: Path) -> None:
+    """Photos, renderings of what was found, silhouettes (both white, true alone red, found alone
+    blue), spectra.
+    """
     import matplotlib
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    places: list[Any] = [[*(f"{row}, {column}" for column in range(4)), *3 * ["spectra"]] for row in range(3)]
+    places: list[Any] = [[*(f"{row}, {column}" for column in range(4)), *3 * ["spectra"]]
+                         for row in range(3)]
     figure, axes = plt.subplot_mosaic(places, figsize=(12.5, 5), layout="constrained")
     for column, view in enumerate([*used, *other]):
         problem = inverse_problems([wearing(view, "object", mesh)], MATERIALS, COEFFICIENTS)[0]
         rendered = render(problem.scene(found.coefficients[None]), 256, 3)[0]
         a, b = outline(view, mesh), outline(view, true_mesh)
         bright = np.percentile(view.photo.signal, 99.5)
-        rows = [np.clip(image / bright, 0, 1) ** (1 / 2.2) for image in (view.photo.signal, rendered)]
+        rows = [np.clip(image / bright, 0, 1) ** (1 / 2.2) for image in (view.photo.signal,
+                                                                         rendered)]
         for row, image in enumerate([*rows, np.stack([b, np.minimum(a, b), a], axis=-1)]):
             axes[f"{row}, {column}"].imshow(image)
             axes[f"{row}, {column}"].set(xticks=[], yticks=[])
-        axes[f"0, {column}"].set_title(view.name if column < len(used) else "view not used", fontsize=9)
+        axes[f"0, {column}"].set_title(view.name if column < len(used) else "view not used",
+                                       fontsize=9)
     for row, name in enumerate(("photo", "found", "silhouettes")):
         axes[f"{row}, 0"].set_ylabel(name)
     axis = axes["spectra"]

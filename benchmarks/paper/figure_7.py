@@ -1,8 +1,10 @@
-"""Figure 7: blue and yellow walls of a Cornell box, explained by direct light alone and with interreflection.
+"""Figure 7: blue and yellow walls of a Cornell box, explained by direct light alone and with
+interreflection.
 
-The photo holds all bounces. Inverse rendering by the paper's descent (from black, 7 coefficients) and by traced light
-transport; then spectra behind the colours that it found, by the paper's sampler and by the learnt prior. The last rows
-sample the true colours. RMSE against the true spectra, 400-700 nm.
+The photo holds all bounces. Inverse rendering by the paper's descent (from black, 7 coefficients)
+and by traced light transport; then spectra behind the colours that it found, by the paper's sampler
+and by the learnt prior. The last rows sample the true colours. RMSE against the true spectra,
+400-700 nm.
 """
 from __future__ import annotations
 
@@ -13,21 +15,30 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.paper.synthetic_photo import BANDS, GRID, measured_camera, photograph, scene_of, spectrum_rmse
-from fixtures.cornell_box import cornell_box_xml
-from radiometry.chart import PATCH_NAMES, chart_reflectances
-from radiometry.records import LightScale, LinearImage
-from reconstruct.inverse_problem import InversionSettings, MaterialSpec
-from reconstruct.inverse_rendering import reconstruct
-from reconstruct.renderer import start_mitsuba
-from sampling.logit_mixture import GRID as PRIOR_GRID
-from sampling.logit_mixture import load_prior
-from sampling.methods import draw_spectra
-from sampling.prior_draws import FAMILIAR
-from sampling.spectral_samples import SpectralMeasurement
+from spectrabox.fixtures.cornell_box import cornell_box_xml
+from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
+from spectrabox.radiometry.records import LightScale, LinearImage
+from spectrabox.reconstruct.inverse_rendering import reconstruct
+from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.methods import draw_spectra
+from spectrabox.sampling.prior.draws import FAMILIAR
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import load_prior
+
+from benchmarks.paper.synthetic_photo import (
+    BANDS,
+    GRID,
+    measured_camera,
+    photograph,
+    scene_of,
+    spectrum_rmse,
+)
 
 WIDTH, BOUNCES, COEFFICIENTS, PHOTO_SPP = 48, 8, 7, 1024
-WALLS = {"white": "white 9.5", "green": "blue", "red": "yellow"}   # BSDF ids of the box, and what they wear
+# BSDF ids of the box, and what they wear
+WALLS = {"white": "white 9.5", "green": "blue", "red": "yellow"}
 STEPS, STEP_SPP, DRAWS = 120, 12, 2000
 SAMPLERS = (("prior", "ours: learnt prior, mean"), ("paper", "paper: mean of its box"))
 
@@ -43,7 +54,8 @@ def main() -> None:
     if arguments.json:
         print(json.dumps({"rows": table, "picture": str(arguments.out)}))
         return
-    print("Paper: with interreflection the walls' spectra are found more accurately than with direct light alone.")
+    print("Paper: with interreflection the walls' spectra are found more accurately than with "
+          "direct light alone.")
     print(f"{'light':<20} {'method':<28} {'blue':>7} {'yellow':>7}")
     for row in table:
         print(f"{row['light']:<20} {row['method']:<28} {row['blue']:7.3f} {row['yellow']:7.3f}")
@@ -56,7 +68,8 @@ def rows() -> tuple[list[dict[str, Any]], dict[tuple[str, str], np.ndarray], Lin
     chart, camera = chart_reflectances("BabelColor Average", GRID), measured_camera()
     truth = {bsdf: chart[PATCH_NAMES.index(patch)] for bsdf, patch in WALLS.items()}
     photo = photograph(scene_of(cornell_box_xml(WIDTH, BOUNCES + 1)), truth, camera, PHOTO_SPP)
-    materials = tuple(MaterialSpec(WALLS[bsdf], bsdf, truth[bsdf] if bsdf == "white" else None) for bsdf in WALLS)
+    materials = tuple(MaterialSpec(WALLS[bsdf], bsdf, truth[bsdf] if bsdf == "white" else None)
+                      for bsdf in WALLS)
     wanted = np.array([truth["green"], truth["red"]])
     response = camera.sensitivity.curves * GRID.weights_nm
     response /= response.sum(axis=1, keepdims=True)
@@ -67,8 +80,8 @@ def rows() -> tuple[list[dict[str, Any]], dict[tuple[str, str], np.ndarray], Lin
         box = scene_of(cornell_box_xml(WIDTH, bounces + 1))
         for engine in engines:
             settings = InversionSettings(COEFFICIENTS, STEPS, STEP_SPP, engine=engine)
-            found = reconstruct(box, photo, camera, LightScale(1.0, None, None, "given"), materials, BANDS, settings,
-                                lambda done, what: None)
+            found = reconstruct(box, photo, camera, LightScale(1.0, None, None, "given"), materials,
+                                BANDS, settings, lambda done, what: None)
             name = "paper: descent" if engine == "gradient" else "ours: traced transport"
             curves[light, name] = found.spectra[1:]
             method, then = SAMPLERS[engine == "gradient"]
@@ -77,13 +90,17 @@ def rows() -> tuple[list[dict[str, Any]], dict[tuple[str, str], np.ndarray], Lin
         key = "(true colour)", then
         curves[key], warnings[key] = sampled(response, wanted @ response.T, method)
     table = [{"light": light, "method": method, "blue": spectrum_rmse(found[0], wanted[0]),
-              "yellow": spectrum_rmse(found[1], wanted[1]), "warnings": warnings.get((light, method), {})}
+              "yellow": spectrum_rmse(found[1], wanted[1]),
+              "warnings": warnings.get((light, method), {})}
              for (light, method), found in curves.items() if method != "truth"]
     return table, curves, photo
 
 
-def sampled(response: np.ndarray, signals: np.ndarray, method: str) -> tuple[np.ndarray, dict[str, str]]:
-    """Mean (2, P) of the spectra behind each signal (K,), and what the sampler warns of, by wall."""
+def sampled(response: np.ndarray, signals: np.ndarray,
+            method: str) -> tuple[np.ndarray, dict[str, str]]:
+    """Mean (2, P) of the spectra behind each signal (K,), and what the sampler warns of, by
+    wall.
+    """
     means, warnings = [], {}
     for wall, signal in zip(("blue", "yellow"), signals, strict=True):
         measurement = SpectralMeasurement(GRID, response, signal, np.zeros((3, 3)))
@@ -110,8 +127,10 @@ def picture(curves: dict[tuple[str, str], np.ndarray], photo: LinearImage, path:
             axis.plot(GRID.nm, curves["", "truth"][wall], color="black", linewidth=2, label="truth")
             for (shown, method), found in curves.items():
                 if shown == light:
-                    axis.plot(GRID.nm, found[wall], label=method, linestyle="--" if "paper" in method else "-")
-            axis.set(title=f"{name} wall, {light}", ylim=(0, 1), xlabel="wavelength (nm)", ylabel="reflectance")
+                    axis.plot(GRID.nm, found[wall], label=method, linestyle="--"
+                              if "paper" in method else "-")
+            axis.set(title=f"{name} wall, {light}", ylim=(0, 1), xlabel="wavelength (nm)",
+                     ylabel="reflectance")
     handles, labels = axes[0, 1].get_legend_handles_labels()
     axes[1, 0].legend(handles, labels, loc="center")
     figure.tight_layout()

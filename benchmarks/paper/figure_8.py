@@ -1,8 +1,10 @@
-"""Figure 8: the orange box in a Cornell box, from one photo in three bands against brute force at 31 wavelengths.
+"""Figure 8: the orange box in a Cornell box, from one photo in three bands against brute force at
+31 wavelengths.
 
-The brute force has a monochrome photo at each wavelength, and finds one reflectance for each by Adam from black through
-Mitsuba's monochrome variant, as in the paper. Every third wavelength is run, the time scaled to 31 and the RMSE taken
-at these. The three-band methods see one photo of a measured camera. Times are the processor's: other work slows clocks.
+The brute force has a monochrome photo at each wavelength, and finds one reflectance for each by
+Adam from black through Mitsuba's monochrome variant, as in the paper. Every third wavelength is
+run, the time scaled to 31 and the RMSE taken at these. The three-band methods see one photo of a
+measured camera. Times are the processor's: other work slows clocks.
 """
 from __future__ import annotations
 
@@ -16,26 +18,36 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.paper.synthetic_photo import BANDS, GRID, measured_camera, photograph, scene_of, spectrum_rmse
-from fixtures.cornell_box import cornell_box_xml
-from radiometry.chart import PATCH_NAMES, chart_reflectances
-from radiometry.records import LightScale
-from reconstruct.gradient import LEARNING_RATE, START, cosine_rate
-from reconstruct.inverse_problem import InversionSettings, MaterialSpec, inverse_problem
-from reconstruct.inverse_rendering import reconstruct
-from reconstruct.llvm import ensure_llvm
-from reconstruct.per_wavelength import VARIANT, monochrome_xml
-from reconstruct.renderer import start_mitsuba
-from sampling.logit_mixture import GRID as PRIOR_GRID
-from sampling.logit_mixture import load_prior
-from sampling.methods import draw_spectra
-from sampling.spectral_samples import SpectralMeasurement
+from spectrabox.fixtures.cornell_box import cornell_box_xml
+from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
+from spectrabox.radiometry.records import LightScale
+from spectrabox.reconstruct.engines.gradient import LEARNING_RATE, START, cosine_rate
+from spectrabox.reconstruct.engines.per_wavelength import VARIANT, monochrome_xml
+from spectrabox.reconstruct.inverse_rendering import reconstruct
+from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec, inverse_problem
+from spectrabox.reconstruct.rendering.llvm import ensure_llvm
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.methods import draw_spectra
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import load_prior
+
+from benchmarks.paper.synthetic_photo import (
+    BANDS,
+    GRID,
+    measured_camera,
+    photograph,
+    scene_of,
+    spectrum_rmse,
+)
 
 WIDTH, BOUNCES, COEFFICIENTS, PHOTO_SPP, DRAWS = 32, 6, 7, 1024, 2000
-PATCHES = {"white": "white 9.5", "green": "green", "red": "red", "small": "orange", "large": "white 9.5"}
+PATCHES = {"white": "white 9.5", "green": "green", "red": "red", "small": "orange",
+           "large": "white 9.5"}
 STEPS, STEP_SPP = 120, 16
 NM = np.linspace(400, 700, 11)
-SINGLE_STEPS = 80       # at each wavelength; at 40 the overshoot of Adam was left. The last quarter is averaged
+# at each wavelength; at 40 the overshoot of Adam was left. The last quarter is averaged
+SINGLE_STEPS = 80
 
 
 def main() -> None:
@@ -49,8 +61,10 @@ def main() -> None:
     if arguments.json:
         print(json.dumps({"rows": table, "picture": str(arguments.out)}))
         return
-    print("Paper: brute force is more accurate and takes 7.1 times as long as the descent on three bands.")
-    print(f"{'method':<52} {'photos':>6} {'steps':>6} {'RMSE':>7} {'CPU s':>8} {'brute force / this':>18}")
+    print("Paper: brute force is more accurate and takes 7.1 times as long as the descent on three "
+          "bands.")
+    print(f"{'method':<52} {'photos':>6} {'steps':>6} {'RMSE':>7} {'CPU s':>8} "
+          f"{'brute force / this':>18}")
     for row in table:
         print(f"{row['method']:<52} {row['photos']:6d} {row['steps']:6d} {row['rmse']:7.4f} "
               f"{row['seconds']:8.1f} {row['ratio']:18.1f}")
@@ -62,17 +76,20 @@ def rows() -> tuple[list[dict[str, Any]], dict[str, np.ndarray]]:
     truth = {bsdf: chart[PATCH_NAMES.index(patch)] for bsdf, patch in PATCHES.items()}
     box = scene_of(cornell_box_xml(WIDTH, BOUNCES + 1, painted_blocks=True))
     photo, scale = photograph(box, truth, camera, PHOTO_SPP), LightScale(1.0, None, None, "given")
-    materials = tuple(MaterialSpec(bsdf, bsdf, None if bsdf == "small" else truth[bsdf]) for bsdf in PATCHES)
+    materials = tuple(MaterialSpec(bsdf, bsdf, None if bsdf == "small" else truth[bsdf])
+                      for bsdf in PATCHES)
     curves, seconds, steps = {"truth": truth["small"]}, {}, {}
     orange = list(PATCHES).index("small")
-    for engine, name in (("gradient", "paper: descent on three bands"), ("transport", "ours: traced transport")):
+    for engine, name in (("gradient", "paper: descent on three bands"),
+                         ("transport", "ours: traced transport")):
         start = time.process_time()
         found = reconstruct(box, photo, camera, scale, materials, BANDS,
-                            InversionSettings(COEFFICIENTS, STEPS, STEP_SPP, engine=engine), lambda done, what: None)
+                            InversionSettings(COEFFICIENTS, STEPS, STEP_SPP, engine=engine),
+                            lambda done, what: None)
         curves[name], seconds[name] = found.spectra[orange], time.process_time() - start
         response = camera.sensitivity.curves * GRID.weights_nm
-        measurement = SpectralMeasurement(GRID, response / response.sum(axis=1, keepdims=True), found.signal[orange],
-                                          np.zeros((3, 3)))
+        measurement = SpectralMeasurement(GRID, response / response.sum(axis=1, keepdims=True),
+                                          found.signal[orange], np.zeros((3, 3)))
         method = "paper" if engine == "gradient" else "prior"
         draws = draw_spectra(measurement, method, DRAWS, 0, COEFFICIENTS, load_prior())
         then = f"{name}, then mean of {'its box' if method == 'paper' else 'the learnt prior'}"
@@ -83,20 +100,24 @@ def rows() -> tuple[list[dict[str, Any]], dict[str, np.ndarray]]:
     problem = inverse_problem(box, photo, camera, scale, materials, BANDS, COEFFICIENTS)
     at = np.array([np.interp(NM, GRID.nm, truth[bsdf]) for bsdf in PATCHES])
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        found_at, brute_s = pool.submit(brute_force, monochrome_xml(problem), tuple(PATCHES), at, orange).result()
+        found_at, brute_s = pool.submit(brute_force, monochrome_xml(problem), tuple(PATCHES), at,
+                                        orange).result()
     brute_s *= 31 / NM.size
     name = "paper: brute force, 31 wavelengths"
     curves[name], seconds[name] = np.interp(GRID.nm, NM, found_at), brute_s
     steps[name] = 31 * SINGLE_STEPS
-    table = [{"method": key, "photos": 31 if key == name else 1, "steps": steps.get(key, 0), "seconds": seconds[key],
-              "rmse": spectrum_rmse(found_at, at[orange]) if key == name else spectrum_rmse(curve, truth["small"]),
-              "ratio": brute_s / seconds[key]} for key, curve in curves.items() if key != "truth"]
+    table = [{"method": key, "photos": 31 if key == name else 1, "steps": steps.get(key, 0),
+              "seconds": seconds[key], "rmse": spectrum_rmse(found_at, at[orange]) if key == name
+              else spectrum_rmse(curve, truth["small"]), "ratio": brute_s / seconds[key]} for key,
+             curve in curves.items() if key != "truth"]
     return table, curves
 
 
 def brute_force(xml: str, bsdfs: tuple[str, ...], reflectances: np.ndarray,
                 wanted: int) -> tuple[np.ndarray, float]:
-    """Reflectance of one BSDF at each wavelength of NM, and seconds of finding all; in a process of its own."""
+    """Reflectance of one BSDF at each wavelength of NM, and seconds of finding all; in a process of
+    its own.
+    """
     ensure_llvm()
     import drjit as dr
     import mitsuba as mi

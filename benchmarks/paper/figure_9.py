@@ -1,10 +1,12 @@
-"""Figure 9: against an image-based result, imported as a hyperspectral picture and judged by the same measures.
+"""Figure 9: against an image-based result, imported as a hyperspectral picture and judged by the
+same measures.
 
-The paper compares with MST++, whose weights are not at hand. In its place stands a stated stand-in: a multilayer
-perceptron (scikit-learn, 3-64-64-31) that maps an RGB pixel to 31 reflectances, fitted on measured spectra at random
-brightness, as such networks are fitted on pictures. It is presumably weaker than MST++: it sees no neighbours. What the
-comparison is about holds for both: a picture alone does not tell shading from reflectance. The scene is a row of shaded
-patches of the chart. Our methods see the same pixels divided by their shading, which rendering knows from the geometry.
+The paper compares with MST++, whose weights are not at hand. In its place stands a stated stand-in:
+a multilayer perceptron (scikit-learn, 3-64-64-31) that maps an RGB pixel to 31 reflectances, fitted
+on measured spectra at random brightness, as such networks are fitted on pictures. It is presumably
+weaker than MST++: it sees no neighbours. What the comparison is about holds for both: a picture
+alone does not tell shading from reflectance. The scene is a row of shaded patches of the chart. Our
+methods see the same pixels divided by their shading, which rendering knows from the geometry.
 """
 from __future__ import annotations
 
@@ -20,22 +22,23 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
-from radiometry.grid import visible_grid
-from radiometry.named_spectra import relative_response, test_reflectances
-from radiometry.spectrum_files import read_table
-from sampling.cube_answers import JudgeRequest, judge_answer
-from sampling.cube_files import open_cube
-from sampling.cube_regions import Region, read_regions
-from sampling.logit_mixture import GRID, load_prior
-from sampling.methods import draw_spectra
-from sampling.reflectance_libraries import read_library
-from sampling.spectral_samples import SpectralMeasurement, linear_between
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
+from spectrabox.radiometry.spectra.spectrum_files import read_table
+from spectrabox.sampling.judge.cube_files import open_cube
+from spectrabox.sampling.judge.cube_regions import Region, read_regions
+from spectrabox.sampling.measurement import SpectralMeasurement, linear_between
+from spectrabox.sampling.methods import draw_spectra
+from spectrabox.sampling.prior.libraries import read_library
+from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.session.signals.cube_answers import JudgeRequest, judge_answer
 
 NM = np.arange(400, 701, 10.0)
 TRAINING = ("CES99", "NIST CQS test colours", "CIE 13.3 test colours")
 SIDE, NOISE, DARKEST = 40, 0.005, 0.35
 OBSERVER, LIGHT = "CIE 1931 2 Degree Standard Observer", "D65"
-REQUEST = JudgeRequest(None, 1.0, None, OBSERVER, LIGHT, ("D65", "A", "FL11"), 2000, 0, 7, False, None)
+REQUEST = JudgeRequest(None, 1.0, None, OBSERVER, LIGHT, ("D65", "A", "FL11"), 2000, 0, 7, False,
+                       None)
 
 
 def fine_response() -> np.ndarray:
@@ -57,7 +60,10 @@ def network(curves: np.ndarray, rng: np.random.Generator) -> MLPRegressor:
     """The stand-in, fitted on mixtures of measured curves (n, 61) at random brightness."""
     share = rng.random((20_000, 1))
     pairs = rng.integers(len(curves), size=(20_000, 2))
-    mixed = (share * curves[pairs[:, 0]] + (1 - share) * curves[pairs[:, 1]]) * rng.uniform(DARKEST, 1, (20_000, 1))
+    mixed = (share * curves[pairs[:, 0]] + (1 - share) * curves[pairs[:, 1]]) * rng.uniform(DARKEST,
+                                                                                            1,
+                                                                                            (20_000,
+                                                                                             1))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)     # 60 rounds are what it gets
         layers = MLPRegressor(hidden_layer_sizes=(64, 64), max_iter=60, random_state=0)
@@ -76,8 +82,11 @@ def shaded_picture(chart: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return picture * (1 + NOISE * rng.standard_normal(picture.shape))
 
 
-def picture(facts: dict[str, Any], chart: np.ndarray, signals: list[np.ndarray], path: Path) -> None:
-    """Mean and scatter of the imported picture beside mean, band and draws of the learnt prior, for three patches."""
+def picture(facts: dict[str, Any], chart: np.ndarray, signals: list[np.ndarray],
+            path: Path) -> None:
+    """Mean and scatter of the imported picture beside mean, band and draws of the learnt prior, for
+    three patches.
+    """
     import matplotlib
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
@@ -87,20 +96,27 @@ def picture(facts: dict[str, Any], chart: np.ndarray, signals: list[np.ndarray],
     for axis, index in zip(axes, (6, 13, 15), strict=False):
         one = facts["regions"][index]
         mean, spread = np.array(one["mean"]), np.array(one["standard_deviation"])
-        measurement = SpectralMeasurement(visible_grid(1), fine_response(), signals[index], signal_noise())
-        draws = draw_spectra(measurement, "prior", REQUEST.draws, REQUEST.seed, REQUEST.coefficients, prior).spectra
-        axis.fill_between(GRID.nm, *np.quantile(draws, [0.025, 0.975], axis=0), color="tab:green", alpha=0.2)
+        measurement = SpectralMeasurement(visible_grid(1), fine_response(), signals[index],
+                                          signal_noise())
+        draws = draw_spectra(measurement, "prior", REQUEST.draws, REQUEST.seed,
+                             REQUEST.coefficients, prior).spectra
+        axis.fill_between(GRID.nm, *np.quantile(draws, [0.025, 0.975], axis=0), color="tab:green",
+                          alpha=0.2)
         axis.plot(GRID.nm, draws[:10].T, color="tab:green", linewidth=0.4)
-        axis.plot(GRID.nm, draws.mean(axis=0), color="tab:green", label="learnt prior, 95 % and ten draws")
+        axis.plot(GRID.nm, draws.mean(axis=0), color="tab:green",
+                  label="learnt prior, 95 % and ten draws")
         axis.fill_between(NM, mean - spread, mean + spread, color="tab:orange", alpha=0.2)
         axis.plot(NM, mean, color="tab:orange", label="stand-in network, sd over pixels")
         axis.plot(GRID.nm, chart[index], color="black", label="measured")
-        axis.set(title=f"patch {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance", ylim=(0, 1))
+        axis.set(title=f"patch {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance",
+                 ylim=(0, 1))
     axes[0].legend(fontsize=7)
     names = list(facts["means"])
     for offset, key in enumerate(("rmse", "rmse_best_scale")):
-        axes[3].bar(np.arange(len(names)) + 0.4 * offset, [facts["means"][name][key] for name in names], 0.4,
-                    label=("RMSE", "after the best scale")[offset])
+        axes[3].bar(np.arange(len(names)) + 0.4 * offset,
+                    [facts["means"][name][key] for name in names], 0.4, label=("RMSE", "after the "
+                                                                               "best scale")[
+                        offset])
     axes[3].set_xticks(np.arange(len(names)) + 0.2, ["network", *names[1:]])
     axes[3].set_title("mean of 24 patches")
     axes[3].legend(fontsize=7)
@@ -109,57 +125,71 @@ def picture(facts: dict[str, Any], chart: np.ndarray, signals: list[np.ndarray],
 
 
 def filter_wheel(data: Path) -> str:
-    """The real cube of the data folder: a chart behind seven filters, relative to its white patch."""
+    """The real cube of the data folder: a chart behind seven filters, relative to its white
+    patch.
+    """
     import cv2
     folder = data / "flea3_chart"
     truths = read_table(folder / "spectra_averaged.csv")
     names = truths.names[11:35]
-    cube = open_cube(folder / "multispectral_images" / "d2_colorChecker30cm_dHyper.mat", np.arange(400, 701, 50.0))
+    cube = open_cube(folder / "multispectral_images" / "d2_colorChecker30cm_dHyper.mat",
+                     np.arange(400, 701, 50.0))
     mask = folder / "colorChecker_labels" / "d2_colorChecker30cm_550nm_labels.png"
     with tempfile.TemporaryDirectory() as scratch:
         toml = Path(scratch) / "regions.toml"
         (Path(scratch) / "labels.png").write_bytes(mask.read_bytes())
         toml.write_text("".join(f'[regions."{name}"]\nmask = "labels.png"\nlabel = {index}\n'
                                 for index, name in enumerate(names, 1)))
-        regions = read_regions(toml, cube.width, cube.height, lambda path: np.asarray(cv2.imread(str(path), -1)))
+        regions = read_regions(toml, cube.width, cube.height,
+                               lambda path: np.asarray(cv2.imread(str(path), -1)))
     return judge_answer(cube, regions, truths, replace(REQUEST, white_region=names[18]))[1]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, help="folder with reflectance/ to fit on, and flea3_chart, a real picture")
+    parser.add_argument("--data", type=Path, help="folder with reflectance/ to fit on, and "
+                        "flea3_chart, a real picture")
     parser.add_argument("--out", type=Path, default=Path("figure_9.png"))
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     rng, sets = np.random.default_rng(9), test_reflectances(GRID)
     curves = np.concatenate([sets[name] for name in TRAINING])
     if arguments.data is not None:
-        folders = sorted(path for path in (arguments.data / "reflectance").iterdir() if path.is_dir())
-        curves = np.concatenate([curves, *(read_library(folder).reflectances for folder in folders)])
+        folders = sorted(path for path in (arguments.data / "reflectance").iterdir()
+                         if path.is_dir())
+        curves = np.concatenate([curves, *(read_library(folder).reflectances
+                                           for folder in folders)])
     chart = sets["BabelColor Average"]
     rgb = shaded_picture(chart, rng)
-    cube = np.clip(network(curves, rng).predict(rgb.reshape(-1, 3)), 0, 1).reshape(*rgb.shape[:2], NM.size)
+    cube = np.clip(network(curves, rng).predict(rgb.reshape(-1, 3)), 0, 1).reshape(*rgb.shape[:2],
+                                                                                   NM.size)
     with tempfile.TemporaryDirectory() as scratch:
         np.save(Path(scratch) / "network.npy", cube.astype(np.float32))
         truth = Path(scratch) / "truth.csv"
         truth.write_text("nm," + ",".join(f"patch {i + 1}" for i in range(24)) + "\n" + "\n".join(
             ",".join(f"{value:.8g}" for value in row) for row in zip(GRID.nm, *chart, strict=True)))
-        regions = [Region(f"patch {i + 1}", None, (SIDE * i, 0, SIDE * (i + 1), SIDE), None) for i in range(24)]
-        signals = [(rgb[:, SIDE * i:SIDE * (i + 1)] / shading()).mean(axis=(0, 1)) for i in range(24)]
-        facts, text, _ = judge_answer(open_cube(Path(scratch) / "network.npy", NM), regions, read_table(truth),
-                                      replace(REQUEST, signals=signals, noise=",".join([f"{NOISE / SIDE:g}"] * 3)))
+        regions = [Region(f"patch {i + 1}", None, (SIDE * i, 0, SIDE * (i + 1), SIDE),
+                          None) for i in range(24)]
+        signals = [(rgb[:, SIDE * i:SIDE * (i + 1)] / shading()).mean(axis=(0, 1))
+                   for i in range(24)]
+        facts, text, _ = judge_answer(open_cube(Path(scratch) / "network.npy", NM), regions,
+                                      read_table(truth), replace(REQUEST, signals=signals,
+                                                                 noise=",".join(
+                                                                     [f"{NOISE / SIDE:g}"] * 3)))
     picture(facts, chart, signals, arguments.out)
     if arguments.json:
-        print(json.dumps({"means": facts["means"], "fitted_on": len(curves), "picture": str(arguments.out)}))
+        print(json.dumps({"means": facts["means"], "fitted_on": len(curves),
+                          "picture": str(arguments.out)}))
         return
-    print(f"Paper: the spectra of an image-based network (MST++) are far from the truth. Stand-in network, fitted on "
-          f"{len(curves)} spectra:")
+    print("Paper: the spectra of an image-based network (MST++) are far from the truth. Stand-in "
+          f"network, fitted on {len(curves)} spectra:")
     print("\n".join(line for line in text.splitlines() if line.startswith(("region", "mean of"))))
     if arguments.data is None:
-        print("missing: measured libraries to fit on and a real picture; give the folder that holds reflectance/ and "
-              "flea3_chart/ with --data")
+        print("missing: measured libraries to fit on and a real picture; give the folder that "
+              "holds reflectance/ and flea3_chart/ with --data")
     elif (arguments.data / "flea3_chart").is_dir():
-        print("A real picture made elsewhere: a chart behind seven filters (ours: RGB of the truth, no filters):")
+        print("A real picture made elsewhere: a chart behind seven filters (ours: RGB of the "
+              "truth, no filters):")
         print("\n".join(line for line in filter_wheel(arguments.data).splitlines()
                         if line.startswith(("region", "mean of"))))
 

@@ -1,4 +1,6 @@
-"""Photos of scenes with known spectra: Mitsuba's ``path`` with its spectral film, and a measured camera."""
+"""Photos of scenes with known spectra: Mitsuba's ``path`` with its spectral film, and a measured
+camera.
+"""
 from __future__ import annotations
 
 import tempfile
@@ -8,11 +10,19 @@ from pathlib import Path
 import colour
 import numpy as np
 
-from radiometry.grid import visible_grid
-from radiometry.records import Calibration, LinearImage, Outcome, PhotoKind, Quantity, SensitivityFit, Spectrum
-from reconstruct.renderer import load_scene, render
-from reconstruct.scene_file import SceneFile, read_scene
-from reconstruct.scene_xml import scene_xml
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import (
+    Calibration,
+    LinearImage,
+    Outcome,
+    PhotoKind,
+    Quantity,
+    SensitivityFit,
+    Spectrum,
+)
+from spectrabox.reconstruct.rendering.renderer import load_scene, render
+from spectrabox.reconstruct.scene.scene_file import SceneFile, read_scene
+from spectrabox.reconstruct.scene.scene_xml import scene_xml
 
 GRID = visible_grid()
 BANDS = ("R", "G", "B")
@@ -23,10 +33,11 @@ def measured_camera(light: np.ndarray | None = None) -> Calibration:
     """A measured camera without error, under a constant light or the one given (P,)."""
     camera = colour.MSDS_CAMERA_SENSITIVITIES["Nikon 5100 (NPL)"]
     curves = np.array([np.interp(GRID.nm, camera.wavelengths, curve) for curve in camera.values.T])
-    fit = SensitivityFit(GRID, curves / curves.max(), None, None, None, None, None, None, None, "measured",
-                         Outcome.CONVERGED)
+    fit = SensitivityFit(GRID, curves / curves.max(), None, None, None, None, None, None, None,
+                         "measured", Outcome.CONVERGED)
     values = np.ones(GRID.nm.size) if light is None else light
-    return Calibration(fit, Spectrum(GRID, values, Quantity.RADIANCE, "given"), None, np.zeros((3, 3)), ())
+    return Calibration(fit, Spectrum(GRID, values, Quantity.RADIANCE, "given"), None,
+                       np.zeros((3, 3)), ())
 
 
 def scene_of(xml: str) -> SceneFile:
@@ -37,15 +48,19 @@ def scene_of(xml: str) -> SceneFile:
         return read_scene(path)
 
 
-def photograph(scene: SceneFile, truth: Mapping[str, np.ndarray], calibration: Calibration, spp: int,
+def photograph(scene: SceneFile, truth: Mapping[str, np.ndarray], calibration: Calibration,
+               spp: int,
                seed: int = 77) -> LinearImage:
-    """Photo of the scene with true reflectances (P,) by BSDF id; its variance is that of the rendering."""
+    """Photo of the scene with true reflectances (P,) by BSDF id; its variance is that of the
+    rendering.
+    """
     xml = scene_xml(scene, reflectances=truth, light=calibration.light.values, integrator="path",
                     bands=dict(zip(BANDS, calibration.sensitivity.curves, strict=True)),
                     range_nm=(GRID.nm[0], GRID.nm[-1]), size=(scene.width, scene.height))
     signal, variance = render(load_scene(xml), spp, seed, PASSES)
-    return LinearImage(signal.astype(np.float32), variance.astype(np.float32), np.zeros(signal.shape, bool), 1.0, None,
-                       None, None, PhotoKind.LINEAR_FILE, "", "rendered", "")
+    return LinearImage(signal.astype(np.float32), variance.astype(np.float32),
+                       np.zeros(signal.shape, bool), 1.0, None, None, None, PhotoKind.LINEAR_FILE,
+                       "", "rendered", "")
 
 
 def spectrum_rmse(found: np.ndarray, truth: np.ndarray) -> float:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from session.command_line import Debug, Json, answer, command, fail
-from session.commands.camera_inputs import (
+from spectrabox.session.command_line import Debug, Json, answer, command, fail
+from spectrabox.session.commands.camera_inputs import (
     read_light,
     read_measured_curves,
     read_reflectances,
@@ -18,27 +18,30 @@ from session.commands.camera_inputs import (
 )
 
 if TYPE_CHECKING:
-    from calibrate.camera_prior import CameraPrior
-    from calibrate.chart_answers import ChartAnswer
+    from spectrabox.calibrate.chart_answers import ChartAnswer
+    from spectrabox.calibrate.prior.camera_prior import CameraPrior
 
 METHODS = ("prior", "smooth", "nonnegative", "paper", "file")
 SECOND_LIGHTS = ("A", "D65", "FL2", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-RGB1", "LED-V1")
 Light = Annotated[str, typer.Option(metavar="FILE|NAME", show_default=False,
                                     help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")]
-Reference = Annotated[str, typer.Option(metavar="NAME|CSV", help="Chart reflectances: a published average, or a CSV of "
-                                        "24 columns.")]
+Reference = Annotated[str, typer.Option(metavar="NAME|CSV", help="Chart reflectances: a published "
+                                        "average, or a CSV of 24 columns.")]
 Lights = Annotated[list[str], typer.Option(metavar="FILE|NAME", show_default=False,
-                                           help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3. Once for "
-                                           "each photo, or once for all.")]
-Charts = Annotated[list[Path] | None, typer.Option(metavar="PHOTO", help="Raw, DNG, or linear EXR or TIFF of a "
-                                                   "ColorChecker; several of one camera may be given.")]
-Tables = Annotated[list[Path] | None, typer.Option(metavar="CSV", help="24 rows of signals in place of a photo; "
-                                                   "columns named standard_error... hold their errors.")]
-Corners = Annotated[list[str] | None, typer.Option(metavar="'X,Y X,Y X,Y X,Y'", help="Outer corners of the patches at "
-                                                   "dark skin, bluish green, black and white, where the chart is not "
+                                           help="CSV of the light's spectrum, or a CIE name: D65, "
+                                           "A, LED-B3. Once for each photo, or once for all.")]
+Charts = Annotated[list[Path] | None, typer.Option(metavar="PHOTO", help="Raw, DNG, or linear EXR "
+                                                   "or TIFF of a ColorChecker; several of one "
+                                                   "camera may be given.")]
+Tables = Annotated[list[Path] | None, typer.Option(metavar="CSV", help="24 rows of signals in "
+                                                   "place of a photo; columns named "
+                                                   "standard_error... hold their errors.")]
+Corners = Annotated[list[str] | None, typer.Option(metavar="'X,Y X,Y X,Y X,Y'", help="Outer "
+                                                   "corners of the patches at dark skin, bluish "
+                                                   "green, black and white, where the chart is not "
                                                    "found.")]
-References = Annotated[list[str], typer.Option(metavar="NAME|CSV", help="Chart reflectances: a published average, or a "
-                                               "CSV of 24 columns.")]
+References = Annotated[list[str], typer.Option(metavar="NAME|CSV", help="Chart reflectances: a "
+                                               "published average, or a CSV of 24 columns.")]
 PriorFile = Annotated[Path | None, typer.Option("--prior", metavar="NPZ",
                                                 help="A prior of your own; the shipped one by default.")]
 camera = typer.Typer(no_args_is_help=True, help="Sensitivities of a camera: fit, prior, preflight.")
@@ -61,8 +64,8 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
         prior_file: PriorFile = None, as_json: Json = False, debug: Debug = False) -> None:
     """Sensitivities from chart photos and light spectra, with error bars.
 
-    Of several photos the first --light and --reference belong to the first photo, the second to the second; one alone
-    serves all.
+    Of several photos the first --light and --reference belong to the first photo, the second to the
+    second; one alone serves all.
     """
     with command(as_json, debug):
         if method not in METHODS:
@@ -72,22 +75,26 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
         if (method == "file") != (curves is not None):
             fail(as_json, "measured curves need both --method file and --curves CSV", 2)
         photos = chart or patches or []
-        for option, given in (("--light", light), ("--reference", reference), ("--corners", corners or [""])):
+        for option, given in (("--light", light), ("--reference", reference),
+                              ("--corners", corners or [""])):
             if len(given) not in (1, len(photos)):
-                fail(as_json, f"{len(given)} times {option} for {len(photos)} photos; give one for each "
-                     "or one for all", 2)
+                fail(as_json, f"{len(given)} times {option} for {len(photos)} photos; give one for "
+                     "each or one for all", 2)
         require_outputs([path for path in (out, samples) if path is not None],
-                        [*photos, *map(Path, light), *map(Path, reference), *(path for path in (curves, prior_file)
-                                                                              if path is not None)])
-        from calibrate.chart_answers import answer_chart, facts_of
-        from radiometry.grid import visible_grid
+                        [*photos, *map(Path, light), *map(Path, reference),
+                         *(path for path in (curves, prior_file)
+                           if path is not None)])
+        from spectrabox.calibrate.chart_answers import answer_chart, facts_of
+        from spectrabox.radiometry.grid import visible_grid
         grid = visible_grid()
-        shots, names = read_shots(list(photos), list(light), list(reference), list(corners or []), bool(chart), grid)
+        shots, names = read_shots(list(photos), list(light), list(reference), list(corners or []),
+                                  bool(chart), grid)
         given_curves = None if curves is None else read_measured_curves(curves, len(names), grid)
         first = shots[0]
         result = answer_chart(first.samples, first.reflectances, first.light, grid,
                               method=None if method == "file" else method, more=shots[1:],
-                              prior=None if prior_file is None else _prior(prior_file), curves=given_curves)
+                              prior=None if prior_file is None else _prior(prior_file),
+                              curves=given_curves)
         source = ", ".join(shot.light.source for shot in shots)
         facts = {**facts_of(result, grid), "bands": list(names), "light": source}
         if out is not None:
@@ -111,51 +118,61 @@ def prior(folder: Annotated[Path, typer.Argument(metavar="FOLDER", show_default=
     with command(as_json, debug):
         if out.suffix.lower() != ".npz":
             fail(as_json, f"{out} is no NPZ name; give --out NAME.npz", 2)
-        from calibrate.camera_database import read_camera_database
-        from calibrate.camera_prior import save_prior
-        from calibrate.learnt_prior import build_prior
-        from radiometry.files import writable
+        from spectrabox.calibrate.prior.camera_database import read_camera_database
+        from spectrabox.calibrate.prior.camera_prior import save_prior
+        from spectrabox.calibrate.prior.learnt_prior import build_prior
+        from spectrabox.radiometry.files import writable
         database = read_camera_database(folder, leave_out=tuple(leave_out or ()))
         made = build_prior(database.nm, database.curves, database.names, licence=licence,
                            source=source or f"{len(database.names)} cameras of {folder.name}")
         with writable(out.parent):
             out.parent.mkdir(parents=True, exist_ok=True)
             save_prior(out, made)
-        families = [members for members, level in zip(made.members, made.level, strict=True) if level == 0]
-        facts = {"file": str(out), "cameras": list(database.names), "skipped": list(database.skipped),
+        families = [members for members, level in zip(made.members, made.level,
+                                                      strict=True) if level == 0]
+        facts = {"file": str(out), "cameras": list(database.names),
+                 "skipped": list(database.skipped),
                  "families": families, "bands": made.bands}
-        lines = [f"wrote {out}: {len(database.names)} cameras, {len(families)} families of two or more",
+        lines = [f"wrote {out}: {len(database.names)} cameras, {len(families)} families of two or "
+                 "more",
                  *(f"- skipped: {reason}" for reason in database.skipped)]
         answer(as_json, facts, "\n".join(lines))
 
 
 def preflight(light: Light,
-              noise: Annotated[float, typer.Option(help="Relative error of a patch, everything included.")] = 0.01,
+              noise: Annotated[float, typer.Option(help="Relative error of a patch, everything "
+                                                   "included.")] = 0.01,
               reference: Reference = "BabelColor Average", prior_file: PriorFile = None,
               as_json: Json = False, debug: Debug = False) -> None:
-    """Before shooting: expected error of the curves for this chart and light, and what second light would help."""
+    """Before shooting: expected error of the curves for this chart and light, and what second light
+    would help.
+    """
     with command(as_json, debug):
         if not 0 < noise < 1:
             fail(as_json, f"--noise {noise:g} is not between 0 and 1; 0.01 means 1 %", 2)
-        from calibrate.camera_prior import shipped_prior
-        from calibrate.photo_checks import light_power
-        from calibrate.preflight import preflight as expected_of
-        from radiometry.chart import patch_centres_uv
-        from radiometry.grid import visible_grid
-        from radiometry.named_spectra import light as named_light
+        from spectrabox.calibrate.photo_checks import light_power
+        from spectrabox.calibrate.preflight import preflight as expected_of
+        from spectrabox.calibrate.prior.camera_prior import shipped_prior
+        from spectrabox.radiometry.chart import patch_centres_uv
+        from spectrabox.radiometry.grid import visible_grid
+        from spectrabox.radiometry.spectra.named_spectra import light as named_light
         grid = visible_grid()
         power, unseen = light_power(read_light(light, grid), grid)
         second = {name: named_light(name, grid) for name in SECOND_LIGHTS if name != light}
         known = shipped_prior() if prior_file is None else _prior(prior_file)
-        expected = expected_of(known, read_reflectances(reference, grid), power, grid, relative_error=noise,
-                               places=patch_centres_uv(), second=second)
-        facts = {"wavelengths_nm": grid.nm.tolist(), "expected_error": expected.expected_error.tolist(),
+        expected = expected_of(known, read_reflectances(reference, grid), power, grid,
+                               relative_error=noise, places=patch_centres_uv(), second=second)
+        facts = {"wavelengths_nm": grid.nm.tolist(),
+                 "expected_error": expected.expected_error.tolist(),
                  "expected_error_unlike": expected.unlike_error.tolist(),
-                 "half_width": expected.half_width.tolist(), "condition_number": expected.condition_number,
+                 "half_width": expected.half_width.tolist(),
+                 "condition_number": expected.condition_number,
                  "unlit_nm": [list(pair) for pair in expected.unlit_nm], "checks": list(unseen),
-                 "second_lights": [{"light": name, "expected_error": error} for name, error in expected.second_lights]}
+                 "second_lights": [{"light": name, "expected_error": error} for name,
+                                   error in expected.second_lights]}
         best, error = expected.second_lights[0]
-        lines = ["expected error of the curves: " + ", ".join(f"{value:.1%}" for value in expected.expected_error)
+        lines = ["expected error of the curves: " + ", ".join(f"{value:.1%}"
+                                                              for value in expected.expected_error)
                  + f" at {noise:.1%} a patch (condition number {expected.condition_number:.4g})",
                  f"of a camera unlike those measured: {expected.unlike_error.mean():.1%}", *unseen,
                  f"a second photo under {best} would bring the mean to {error:.1%}"]
@@ -163,7 +180,7 @@ def preflight(light: Light,
 
 
 def _prior(path: Path) -> CameraPrior:
-    from calibrate.camera_prior import load_prior
+    from spectrabox.calibrate.prior.camera_prior import load_prior
     return load_prior(path)
 
 

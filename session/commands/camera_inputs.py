@@ -4,17 +4,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radiometry.errors import InputError
+from spectrabox.radiometry.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from calibrate.calibration import ChartShot
-    from calibrate.chart_answers import ChartAnswer
-    from radiometry.records import PatchSamples, Spectrum, WavelengthGrid
+    from spectrabox.calibrate.calibration import ChartShot
+    from spectrabox.calibrate.chart_answers import ChartAnswer
+    from spectrabox.radiometry.records import PatchSamples, Spectrum, WavelengthGrid
 
 
-def read_shots(photos: list[Path], lights: list[str], references: list[str], corners: list[str], decode: bool,
+def read_shots(photos: list[Path], lights: list[str], references: list[str], corners: list[str],
+               decode: bool,
                grid: WavelengthGrid) -> tuple[tuple[ChartShot, ...], tuple[str, ...]]:
     """Every photo with its light and chart, and the names of the bands.
 
@@ -32,8 +33,8 @@ def read_shots(photos: list[Path], lights: list[str], references: list[str], cor
     """
     import numpy as np
 
-    from calibrate.calibration import ChartShot
-    from calibrate.patch_files import read_patches
+    from spectrabox.calibrate.calibration import ChartShot
+    from spectrabox.calibrate.patch_files import read_patches
     shots: list[ChartShot] = []
     names: list[tuple[str, ...]] = []
     known_lights = {name: read_light(name, grid) for name in lights}
@@ -45,19 +46,21 @@ def read_shots(photos: list[Path], lights: list[str], references: list[str], cor
         shots.append(ChartShot(measured, known_charts[reference], known_lights[light]))
         names.append(bands)
         if any(np.array_equal(measured.mean, shot.samples.mean) for shot in shots[:-1]):
-            raise InputError(f"{photo.name} holds the same signals as another of the photos; counted twice, one photo "
-                             "would seem surer than it is: give each photo once")
+            raise InputError(f"{photo.name} holds the same signals as another of the photos; "
+                             "counted twice, one photo would seem surer than it is: give each "
+                             "photo once")
         if bands != names[0]:
             raise InputError(f"{photo.name} has the bands {', '.join(bands)}, {photos[0].name} has "
-                             f"{', '.join(names[0])}; all photos must be of one camera, its bands in the same order")
+                             f"{', '.join(names[0])}; all photos must be of one camera, its bands "
+                             "in the same order")
     return tuple(shots), names[0]
 
 
 def read_light(name: str, grid: WavelengthGrid) -> Spectrum:
     """A light from a spectral file, or by its CIE name."""
-    from radiometry.named_spectra import light as named_light
-    from radiometry.records import Quantity, Spectrum
-    from radiometry.spectrum_files import read_spectrum
+    from spectrabox.radiometry.records import Quantity, Spectrum
+    from spectrabox.radiometry.spectra.named_spectra import light as named_light
+    from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
     suffix = Path(name).suffix[1:]
     if Path(name).exists() or (suffix and not suffix.isdigit()):    # FL3.15 is a light and no file
         return read_spectrum(Path(name), role=Quantity.RELATIVE)
@@ -66,44 +69,49 @@ def read_light(name: str, grid: WavelengthGrid) -> Spectrum:
 
 def read_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
     """Chart reflectances (24, P) by name or from a table of 24 columns."""
-    from radiometry.chart import chart_reflectances, measured_chart
-    return measured_chart(Path(reference), grid) if Path(reference).suffix else chart_reflectances(reference, grid)
+    from spectrabox.radiometry.chart import chart_reflectances, measured_chart
+    return measured_chart(Path(reference),
+                          grid) if Path(reference).suffix else chart_reflectances(reference, grid)
 
 
 def _patches_of_picture(chart: Path, corners: str | None) -> tuple[PatchSamples, tuple[str, ...]]:
     """Patch statistics and band names of a photo."""
     import numpy as np
 
-    from capture.chart_detection import find_chart
-    from capture.chart_reference import typical_signals
-    from capture.linear import open_photo
-    from capture.patches import require_unclipped, sample_patches
-    from radiometry.chart import PATCH_NAMES
+    from spectrabox.capture.chart.detection import find_chart
+    from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+    from spectrabox.capture.chart.reference import typical_signals
+    from spectrabox.capture.photo.linear import open_photo
+    from spectrabox.radiometry.chart import PATCH_NAMES
     photo = open_photo(chart)
     bands = photo.signal.shape[2]
     places = None
     if corners is not None:
         try:
-            places = np.array([[float(number) for number in word.split(",")] for word in corners.split()])
+            places = np.array([[float(number) for number in word.split(",")]
+                               for word in corners.split()])
         except ValueError:
             places = np.zeros(0)
         if places.shape != (4, 2):
-            raise InputError(f"--corners {corners} are not four points; write --corners 'x,y x,y x,y x,y'")
+            raise InputError(f"--corners {corners} are not four points; write --corners 'x,y x,y "
+                             "x,y x,y'")
     measured = sample_patches(photo, find_chart(photo, typical_signals(bands), places))
     require_unclipped(measured, PATCH_NAMES, chart.name)
-    return measured, ("R", "G", "B") if bands == 3 else tuple(f"band {index + 1}" for index in range(bands))
+    return measured, ("R", "G", "B") if bands == 3 else tuple(f"band {index + 1}"
+                                                              for index in range(bands))
 
 
 def read_measured_curves(path: Path, bands: int, grid: WavelengthGrid) -> np.ndarray:
     """Measured sensitivities (K, P) of largest value 1."""
-    from radiometry.spectrum_files import on_grid, read_curves
+    from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
     nm, names, curves = read_curves(path)
     if len(names) != bands:
-        raise InputError(f"{path.name} holds {len(names)} curves, the photo has {bands} bands; give a column per band")
+        raise InputError(f"{path.name} holds {len(names)} curves, the photo has {bands} bands; "
+                         "give a column per band")
     values = on_grid(nm, curves, grid, path.name)
     if values.max() <= 0 or values.min() < -0.05 * values.max():
-        raise InputError(f"{path.name}: sensitivities must be positive; they run from {values.min():.3g} to "
-                         f"{values.max():.3g}")
+        raise InputError(f"{path.name}: sensitivities must be positive; they run from "
+                         f"{values.min():.3g} to {values.max():.3g}")
     return values.clip(0) / values.max()
 
 
@@ -118,18 +126,21 @@ def require_outputs(outputs: list[Path], inputs: list[Path]) -> None:
         if path.is_dir():
             raise InputError(f"{path} is a folder; give the name of a file to write")
         if path.resolve() in {source.resolve() for source in inputs}:
-            raise InputError(f"{path} is an input of this command and would be replaced; give another name")
+            raise InputError(f"{path} is an input of this command and would be replaced; give "
+                             "another name")
 
 
-def write_curves(path: Path, result: ChartAnswer, names: tuple[str, ...], grid: WavelengthGrid, light: str) -> None:
+def write_curves(path: Path, result: ChartAnswer, names: tuple[str, ...], grid: WavelengthGrid,
+                 light: str) -> None:
     """Curves and their standard errors as a CSV."""
-    from radiometry.files import write_text_whole
-    from radiometry.records import Quantity
-    from radiometry.spectrum_files import table_text
+    from spectrabox.radiometry.files import write_text_whole
+    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.spectra.spectrum_files import table_text
     columns: dict[str, Any] = dict(zip(names, result.curves, strict=True))
     error = result.made.calibration.sensitivity.standard_error
     if error is not None:
-        columns |= {f"standard_error {name}": values for name, values in zip(names, error, strict=True)}
+        columns |= {f"standard_error {name}": values for name,
+                    values in zip(names, error, strict=True)}
     source = f"{result.made.calibration.sensitivity.method}, light {light}".replace("\n", " ")
     write_text_whole(path, table_text(grid.nm, columns, quantity=Quantity.RELATIVE, source=source))
 
@@ -138,7 +149,7 @@ def write_draws(path: Path, result: ChartAnswer, grid: WavelengthGrid) -> None:
     """Draws of all curves together as an NPZ."""
     import numpy as np
 
-    from radiometry.files import writable
+    from spectrabox.radiometry.files import writable
     if result.draws is None:
         raise InputError("draws come with the method prior only; leave --samples out")
     with writable(path.parent), path.open("wb") as file:

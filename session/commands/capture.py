@@ -1,4 +1,6 @@
-"""Commands between camera and calibration: develop a photo to linear signal, and judge a chart photo."""
+"""Commands between camera and calibration: develop a photo to linear signal, and judge a chart
+photo.
+"""
 from __future__ import annotations
 
 from pathlib import Path
@@ -6,15 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from radiometry.errors import CheckError, InputError
-from session.command_line import Debug, Json, answer, command, fail
+from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.session.command_line import Debug, Json, answer, command, fail
 
 if TYPE_CHECKING:
-    from capture.chart_quality import ChartVerdict
-    from radiometry.records import ChartDetection, LinearImage
+    from spectrabox.capture.chart.quality import ChartVerdict
+    from spectrabox.radiometry.records import ChartDetection, LinearImage
 
 ENCODED_SUFFIXES = (".jpg", ".jpeg", ".png")
-Photos = Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Camera raw, DNG, or linear EXR or TIFF.",
+Photos = Annotated[list[Path], typer.Argument(metavar="PHOTO...",
+                                              help="Camera raw, DNG, or linear EXR or TIFF.",
                                               show_default=False)]
 RE_SHOOT = 4
 
@@ -38,44 +41,52 @@ def chart(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
           as_json: Json = False, debug: Debug = False) -> None:
     """Find the chart; patch statistics; is this photo good enough?"""
     with command(as_json, debug):
-        from capture.chart_detection import chart_overlay, locate_chart
-        from capture.chart_quality import judge_chart
-        from capture.chart_reference import PATCH_NAMES, typical_signals
-        from capture.image_files import write_png
+        from spectrabox.capture.chart.detection import chart_overlay, locate_chart
+        from spectrabox.capture.chart.quality import judge_chart
+        from spectrabox.capture.chart.reference import PATCH_NAMES, typical_signals
+        from spectrabox.capture.photo.image_files import write_png
         image = _open(photo, encoded)
         reference = typical_signals(image.signal.shape[2])
         try:
             detection = locate_chart(image, reference, _corners(corners))
             if detection.mirrored:
-                raise CheckError(f"photo {image.source} shows the chart mirrored; give the photo as the camera took "
-                                 f"it, "
-                                 "without flipping or a mirror in the light path")
+                raise CheckError(f"photo {image.source} shows the chart mirrored; give the photo "
+                                 "as the camera took it, without flipping or a mirror in the light "
+                                 "path")
             verdict = judge_chart(image, detection, reference, PATCH_NAMES)
         except CheckError as error:
             if debug or not as_json:
                 raise
-            answer(True, {"verdict": "refused", "reasons": [str(error)], "corners_px": None, "mean": None,
-                          "standard_error": None, "mirrored": None, "confidence": 0.0, "photo": str(photo)}, "")
+            answer(True, {"verdict": "refused", "reasons": [str(error)], "corners_px": None,
+                          "mean": None, "standard_error": None, "mirrored": None, "confidence": 0.0,
+                          "photo": str(photo)}, "")
             raise typer.Exit(error.exit_code) from None
         if overlay is not None:
             write_png(overlay, chart_overlay(image, detection))
-        answer(as_json, _facts(photo, image, detection, verdict), _text(photo, image, detection, verdict))
+        answer(as_json, _facts(photo, image, detection, verdict),
+               _text(photo, image, detection, verdict))
         if verdict.verdict != "good":
             raise typer.Exit(RE_SHOOT)
 
 
 def develop(photos: Photos,
-            out: Annotated[Path, typer.Option("--out", "-o", metavar="OUT.exr", help="Where to write the signal.",
+            out: Annotated[Path, typer.Option("--out", "-o", metavar="OUT.exr",
+                                              help="Where to write the signal.",
                                               show_default=False)],
-            dark: Annotated[list[Path] | None, typer.Option(help="Dark frame at the photo's exposure and ISO; several "
-                                                            "are averaged.")] = None,
-            flat: Annotated[Path | None, typer.Option(help="White card in the same place: divides the photo.")] = None,
+            dark: Annotated[list[Path] | None, typer.Option(help="Dark frame at the photo's "
+                                                            "exposure and ISO; several are "
+                                                            "averaged.")] = None,
+            flat: Annotated[Path | None, typer.Option(help="White card in the same place: divides "
+                                                      "the photo.")] = None,
             not_linear: Annotated[bool, typer.Option(
-                "--not-linear", help="Take JPEG, PNG and 8-bit files too, decoded as sRGB and marked so.")] = False,
+                                      "--not-linear", help="Take JPEG, PNG and 8-bit files too, "
+                                      "decoded as sRGB and marked so.")] = False,
             as_json: Json = False, debug: Debug = False) -> None:
-    """Raw to linear camera signal: black and dark removed, exposures merged, flat-fielded; an EXR with its variance."""
+    """Raw to linear camera signal: black and dark removed, exposures merged, flat-fielded; an EXR
+    with its variance.
+    """
     with command(as_json, debug):
-        from capture.developed import develop_photos, write_developed
+        from spectrabox.capture.develop.developed import develop_photos, write_developed
         if out.suffix.lower() != ".exr":
             fail(as_json, f"{out} is no EXR name; give -o NAME.exr, signal needs floating point", 2)
         image, notes = develop_photos(photos, dark or [], flat, not_linear)
@@ -84,13 +95,14 @@ def develop(photos: Photos,
                  "size": [image.signal.shape[1], image.signal.shape[0]]}
         lines = [f"wrote {out}: {image.signal.shape[1]} x {image.signal.shape[0]} pixels, "
                  f"{facts['saturated_fraction']:.2%} saturated, noise at half scale "
-                 + ", ".join(f"{value:.3%}" for value in facts["noise_at_half"]), *(f"- {note}" for note in notes)]
+                 + ", ".join(f"{value:.3%}" for value in facts["noise_at_half"]),
+                 *(f"- {note}" for note in notes)]
         answer(as_json, facts, "\n".join(lines))
 
 
 def _open(photo: Path, encoded: bool | None) -> LinearImage:
-    from capture.image_files import is_image_file, read_encoded_file
-    from capture.linear import open_photo
+    from spectrabox.capture.photo.image_files import is_image_file, read_encoded_file
+    from spectrabox.capture.photo.linear import open_photo
     if encoded is None:
         encoded = photo.suffix.lower() in ENCODED_SUFFIXES
     if encoded and is_image_file(photo):
@@ -108,42 +120,50 @@ def _corners(given: list[str] | None) -> Any:
     except ValueError:
         points = np.empty(0)
     if points.shape != (4, 2):
-        raise InputError(f"--corners {' '.join(words)} are not four points; write --corners 'x,y x,y x,y x,y' at dark "
-                         "skin, bluish green, black and white")
+        raise InputError(f"--corners {' '.join(words)} are not four points; write --corners 'x,y "
+                         "x,y x,y x,y' at dark skin, bluish green, black and white")
     return points
 
 
 def _photo_facts(image: LinearImage) -> dict[str, Any]:
     import numpy as np
     bright = [float(np.sqrt(np.median(near))) if (near := image.variance[..., band][
-        np.abs(image.signal[..., band] - 0.5) < 0.1]).size else None for band in range(image.signal.shape[2])]
-    return {"camera": image.camera, "exposure_s": image.exposure_s, "iso": image.iso, "f_number": image.f_number,
-            "kind": image.kind.value, "source": image.source, "sha256": image.sha256,
+                                                      np.abs(image.signal[..., band] - 0.5)
+                                                      < 0.1]).size else None
+              for band in range(image.signal.shape[2])]
+    return {"camera": image.camera, "exposure_s": image.exposure_s, "iso": image.iso,
+            "f_number": image.f_number, "kind": image.kind.value, "source": image.source,
+            "sha256": image.sha256,
             "saturated_fraction": float(image.saturated.any(axis=2).mean()),
             "noise_at_half": [2 * value for value in bright if value is not None]}
 
 
-def _facts(photo: Path, image: LinearImage, detection: ChartDetection, verdict: ChartVerdict) -> dict[str, Any]:
+def _facts(photo: Path, image: LinearImage, detection: ChartDetection,
+           verdict: ChartVerdict) -> dict[str, Any]:
     import numpy as np
     samples = verdict.samples
     error = np.sqrt(np.diagonal(samples.covariance_of_mean, axis1=1, axis2=2))
     return {"verdict": verdict.verdict, "reasons": list(verdict.reasons),
             "corners_px": detection.corners_px.tolist(), "mean": samples.mean.tolist(),
-            "standard_error": error.tolist(), "mirrored": detection.mirrored, "confidence": detection.confidence,
-            "pixels": samples.pixels.tolist(), "saturated_fraction": samples.saturated_fraction.tolist(),
+            "standard_error": error.tolist(), "mirrored": detection.mirrored,
+            "confidence": detection.confidence, "pixels": samples.pixels.tolist(),
+            "saturated_fraction": samples.saturated_fraction.tolist(),
             "gradient": samples.gradient.tolist(), "excluded_fraction": verdict.excluded.tolist(),
             "white_signal": verdict.white_signal, "uneven": verdict.uneven, "glare": verdict.glare,
             "tilt_deg": verdict.tilt_deg, "blur": verdict.blur, "how_found": detection.how_found,
-            "kind": image.kind.value, "camera": image.camera, "exposure_s": image.exposure_s, "photo": str(photo)}
+            "kind": image.kind.value, "camera": image.camera, "exposure_s": image.exposure_s,
+            "photo": str(photo)}
 
 
 def _text(photo: Path, image: LinearImage, detection: ChartDetection, verdict: ChartVerdict) -> str:
     lines = [f"{verdict.verdict.upper()}  {photo.name}: chart {detection.how_found}, "
              f"agreement {detection.confidence:.2f}"]
     lines += [f"- {reason}" for reason in verdict.reasons]
-    lines.append(f"white patch {verdict.white_signal:.0%} of full scale, light even to {verdict.uneven:.0%}, glare "
-                 f"{verdict.glare:.1%}, tilt {verdict.tilt_deg:.0f} degrees, edges {verdict.blur:.0%} of a patch, "
-                 f"{verdict.pixels} pixels or more per patch")
+    lines.append(f"white patch {verdict.white_signal:.0%} of full scale, light even to "
+                 f"{verdict.uneven:.0%}, glare {verdict.glare:.1%}, tilt {verdict.tilt_deg:.0f} "
+                 f"degrees, edges {verdict.blur:.0%} of a patch, {verdict.pixels} pixels or more "
+                 "per patch")
     if image.kind.name != "RAW":
-        lines.append(f"{image.kind.value}: good for finding the chart; calibrate with the camera's raw file")
+        lines.append(f"{image.kind.value}: good for finding the chart; calibrate with the camera's "
+                     "raw file")
     return "\n".join(lines)

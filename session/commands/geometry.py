@@ -1,4 +1,6 @@
-"""Commands about the camera's geometry: its lens, its place in the scene, photos without distortion."""
+"""Commands about the camera's geometry: its lens, its place in the scene, photos without
+distortion.
+"""
 from __future__ import annotations
 
 from pathlib import Path
@@ -6,48 +8,53 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from radiometry.errors import InputError
-from session.command_line import Debug, Json, answer, command
-from session.commands.light_position import light
+from spectrabox.radiometry.errors import InputError
+from spectrabox.session.command_line import Debug, Json, answer, command
+from spectrabox.session.commands.light_position import light
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from calibrate.lens import Lens, Pose
-    from radiometry.records import LinearImage
+    from spectrabox.calibrate.geometry.lens import Lens, Pose
+    from spectrabox.radiometry.records import LinearImage
 
-Photo = Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False, help="Raw, DNG, EXR, TIFF, JPEG or PNG.")]
-BoardFile = Annotated[Path | None, typer.Option("--board", metavar="board.toml", help="The ChArUco board: columns, "
-                                                "rows, square, marker.")]
-LensFile = Annotated[Path | None, typer.Option("--lens", metavar="lens.json", help="From 'spectrabox geometry lens'.")]
+Photo = Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False,
+                                       help="Raw, DNG, EXR, TIFF, JPEG or PNG.")]
+BoardFile = Annotated[Path | None, typer.Option("--board", metavar="board.toml", help="The ChArUco "
+                                                "board: columns, rows, square, marker.")]
+LensFile = Annotated[Path | None, typer.Option("--lens", metavar="lens.json",
+                                               help="From 'spectrabox geometry lens'.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace the output where it exists.")]
 
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    group = typer.Typer(no_args_is_help=True, help="Lens and place of the camera, photos without distortion.")
+    group = typer.Typer(no_args_is_help=True,
+                        help="Lens and place of the camera, photos without distortion.")
     for function in (board, lens, pose, undistort, light):
         group.command()(function)
     app.add_typer(group, name="geometry")
 
 
-def board(board_file: Annotated[Path, typer.Option("--board", metavar="board.toml", show_default=False)],
+def board(board_file: Annotated[Path, typer.Option("--board", metavar="board.toml",
+                                                   show_default=False)],
           out: Annotated[Path, typer.Option("--out", "-o", metavar="PNG", show_default=False)],
-          square_px: Annotated[int, typer.Option(min=40, help="Width of a square in the picture.")] = 200,
+          square_px: Annotated[int, typer.Option(min=40,
+                                                 help="Width of a square in the picture.")] = 200,
           force: Force = False, as_json: Json = False, debug: Debug = False) -> None:
     """Draw a ChArUco board for printing; measure its squares on the print."""
     with command(as_json, debug):
-        from calibrate.board import read_board
-        from calibrate.geometry import board_picture
-        from capture.image_files import write_png
-        from radiometry.files import writable
+        from spectrabox.calibrate.geometry.board import read_board
+        from spectrabox.calibrate.geometry.projection import board_picture
+        from spectrabox.capture.photo.image_files import write_png
+        from spectrabox.radiometry.files import writable
         _require_new(out, force, board_file)
         picture = board_picture(read_board(board_file), square_px)
         with writable(out.parent):
             write_png(out, picture[..., None].repeat(3, axis=2))
         answer(as_json, {"out": str(out), "size": list(picture.shape[::-1])},
-               f"wrote {out}: print it without scaling, glue it flat, then measure squares and markers and write their "
-               f"widths into {board_file.name}")
+               f"wrote {out}: print it without scaling, glue it flat, then measure squares and "
+               f"markers and write their widths into {board_file.name}")
 
 
 def lens(photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", show_default=False,
@@ -56,12 +63,14 @@ def lens(photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", show_d
          out: Annotated[Path, typer.Option("--out", "-o", metavar="lens.json", show_default=False)],
          overlay: Annotated[Path | None, typer.Option(metavar="DIR", help="Write each photo with its corners.")] = None,
          force: Force = False, as_json: Json = False, debug: Debug = False) -> None:
-    """Focal length, principal point and distortion from photos of a ChArUco board, with standard errors."""
+    """Focal length, principal point and distortion from photos of a ChArUco board, with standard
+    errors.
+    """
     with command(as_json, debug):
-        from calibrate.board import read_board
-        from calibrate.geometry import find_board, lens_from_views
-        from calibrate.lens_files import lens_facts, write_lens
-        from radiometry.errors import CheckError
+        from spectrabox.calibrate.geometry.board import read_board
+        from spectrabox.calibrate.geometry.lens_files import lens_facts, write_lens
+        from spectrabox.calibrate.geometry.projection import find_board, lens_from_views
+        from spectrabox.radiometry.errors import CheckError
         _require_new(out, force, *photos, board_file)
         printed = read_board(board_file)
         views, names, skipped, sizes = [], [], [], {}
@@ -79,39 +88,45 @@ def lens(photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", show_d
                 _overlay(overlay / f"{photo.stem}.png", image, views[-1][1], views[-1][1][:0])
         if len(set(sizes.values())) > 1:
             raise InputError("the photos differ in size ("
-                             + ", ".join(f"{name} {size[0]} x {size[1]}" for name, size in sizes.items())
+                             + ", ".join(f"{name} {size[0]} x {size[1]}" for name,
+                                         size in sizes.items())
                              + "); give whole photos of one camera")
         source = f"{len(views)} views of a board, {sum(len(view[1]) for view in views)} corners"
         if len(views) < len(photos) and len(views) < 3:
-            raise CheckError(f"{len(views)} of {len(photos)} photos show the board, 3 or more are needed; {skipped[0]}")
+            raise CheckError(f"{len(views)} of {len(photos)} photos show the board, 3 or more are "
+                             f"needed; {skipped[0]}")
         found, by_view = lens_from_views(views, *next(iter(sizes.values())), source)
         write_lens(out, found)
         facts = {**lens_facts(found), "out": str(out), "skipped": skipped,
                  "views": [{"photo": name, "corners": len(view[1]), "rms_px": float(rms)}
                            for name, view, rms in zip(names, views, by_view, strict=True)]}
-        answer(as_json, facts, "\n".join([*_lens_lines(found), *skipped, f"wrote {out}: it holds for this zoom, focus "
-                                                                          "and size of photo"]))
+        answer(as_json, facts, "\n".join([*_lens_lines(found), *skipped, f"wrote {out}: it holds "
+                                          "for this zoom, focus and size of photo"]))
 
 
 def pose(photo: Photo,
-         scene: Annotated[Path, typer.Option(metavar="scene.xml", help="The Mitsuba scene to place the camera in.",
+         scene: Annotated[Path, typer.Option(metavar="scene.xml",
+                                             help="The Mitsuba scene to place the camera in.",
                                              show_default=False)],
          out: Annotated[Path, typer.Option("--out", "-o", metavar="scene.xml", show_default=False,
                                            help="Where to write its copy with the found camera.")],
-         points_file: Annotated[Path | None, typer.Option("--points", metavar="points.toml", help="Known points: "
-                                                          "[points.NAME] scene = [x, y, z], px = [x, y].")] = None,
+         points_file: Annotated[Path | None, typer.Option("--points", metavar="points.toml",
+                                                          help="Known points: [points.NAME] scene "
+                                                          "= [x, y, z], px = [x, y].")] = None,
          board_file: BoardFile = None, lens_file: LensFile = None,
-         overlay: Annotated[Path | None, typer.Option(metavar="PNG", help="Write the photo with the points given and "
-                                                      "reprojected.")] = None,
+         overlay: Annotated[Path | None, typer.Option(metavar="PNG", help="Write the photo with "
+                                                      "the points given and reprojected.")] = None,
          force: Force = False, as_json: Json = False, debug: Debug = False) -> None:
-    """Place the camera in the scene, from a ChArUco board or known points such as a box's corners."""
+    """Place the camera in the scene, from a ChArUco board or known points such as a box's
+    corners.
+    """
     with command(as_json, debug):
-        from calibrate.geometry import spread
-        from calibrate.lens import mitsuba_sensor
-        from calibrate.lens_files import lens_facts, read_lens
-        from calibrate.pose import FLAT, pose_and_focal_length, pose_from_points
-        from radiometry.files import write_text_whole
-        from reconstruct.pose_scene import scene_with_camera
+        from spectrabox.calibrate.geometry.lens import mitsuba_sensor
+        from spectrabox.calibrate.geometry.lens_files import lens_facts, read_lens
+        from spectrabox.calibrate.geometry.pose import FLAT, pose_and_focal_length, pose_from_points
+        from spectrabox.calibrate.geometry.projection import spread
+        from spectrabox.radiometry.files import write_text_whole
+        from spectrabox.reconstruct.scene.pose_scene import scene_with_camera
         _require_new(out, force, photo, points_file, board_file, lens_file)
         image = _open(photo)
         names, places, points = _known_points(image, points_file, board_file)
@@ -129,7 +144,8 @@ def pose(photo: Photo,
         flat = points_file is not None and spread(places)[2] < FLAT
         facts = {"out": str(out), **_pose_facts(found, names), "camera": {**camera, "to_world":
                  camera["to_world"].tolist()}, "lens": lens_facts(used), "in_one_plane": bool(flat)}
-        answer(as_json, facts, "\n".join(_pose_lines(found, used, names, lens_file, out, bool(flat))))
+        answer(as_json, facts,
+               "\n".join(_pose_lines(found, used, names, lens_file, out, bool(flat))))
 
 
 def undistort(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False,
@@ -139,11 +155,11 @@ def undistort(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_defaul
               force: Force = False, as_json: Json = False, debug: Debug = False) -> None:
     """The photo as the renderer's pinhole sees it: a linear EXR with its variance."""
     with command(as_json, debug):
-        from calibrate.geometry import undistorted
-        from calibrate.lens_files import read_lens
-        from capture.image_files import write_linear_exr
-        from capture.linear import open_photo
-        from radiometry.files import writable
+        from spectrabox.calibrate.geometry.lens_files import read_lens
+        from spectrabox.calibrate.geometry.projection import undistorted
+        from spectrabox.capture.photo.image_files import write_linear_exr
+        from spectrabox.capture.photo.linear import open_photo
+        from spectrabox.radiometry.files import writable
         if out.suffix.lower() != ".exr":
             raise InputError(f"{out} is no EXR name; give -o NAME.exr, signal needs floating point")
         _require_new(out, force, photo)
@@ -152,13 +168,14 @@ def undistort(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_defaul
         with writable(out.parent):
             write_linear_exr(out, straight)
         lost = float(straight.saturated.all(axis=2).mean() - image.saturated.all(axis=2).mean())
-        answer(as_json, {"out": str(out), "size": [straight.signal.shape[1], straight.signal.shape[0]],
+        answer(as_json, {"out": str(out),
+                         "size": [straight.signal.shape[1], straight.signal.shape[0]],
                          "outside_fraction": max(lost, 0.0)},
-               f"wrote {out}: {straight.signal.shape[1]} x {straight.signal.shape[0]} pixels, {max(lost, 0.0):.1%} of "
-               "which the photo does not show (marked as saturated)")
+               f"wrote {out}: {straight.signal.shape[1]} x {straight.signal.shape[0]} pixels, "
+               f"{max(lost, 0.0):.1%} of which the photo does not show (marked as saturated)")
 
 
-# ---- what the commands share ----------------------------------------------------------------------------------------
+# ---- what the commands share ---------------------------------------------------------------------
 
 def _require_new(out: Path, force: bool, *inputs: Path | None) -> None:
     if out.resolve() in {given.resolve() for given in inputs if given is not None}:
@@ -168,7 +185,7 @@ def _require_new(out: Path, force: bool, *inputs: Path | None) -> None:
 
 
 def _open(photo: Path) -> LinearImage:
-    from capture.developed import open_any
+    from spectrabox.capture.develop.developed import open_any
     return open_any(photo, not_linear=True)
 
 
@@ -180,25 +197,26 @@ def _whole_size(image: LinearImage) -> tuple[int, int]:
 def _require_size(image: LinearImage, lens: Lens) -> None:
     if _whole_size(image) != (lens.width, lens.height):
         width, height = _whole_size(image)
-        raise InputError(f"photo {image.source} has {width} x {height} pixels, the lens was found at {lens.width} x "
-                         f"{lens.height}; use whole photos of the same camera, of one kind of file")
+        raise InputError(f"photo {image.source} has {width} x {height} pixels, the lens was found "
+                         f"at {lens.width} x {lens.height}; use whole photos of the same camera, "
+                         "of one kind of file")
 
 
 def _grey(image: LinearImage) -> np.ndarray:
-    from capture.preview import preview_rgb8
+    from spectrabox.capture.photo.preview import preview_rgb8
     return preview_rgb8(image).mean(axis=2).astype("uint8")
 
 
 def _whole_px(points: np.ndarray, image: LinearImage) -> np.ndarray:
-    from capture.patches import sensor_from_image
+    from spectrabox.capture.chart.patches import sensor_from_image
     return sensor_from_image(points, image.sensor_step)
 
 
 def _known_points(image: LinearImage, points_file: Path | None,
                   board_file: Path | None) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Names, places in the scene and pixels of the whole photo."""
-    from calibrate.board import in_scene, read_board, read_points
-    from calibrate.geometry import find_board
+    from spectrabox.calibrate.geometry.board import in_scene, read_board, read_points
+    from spectrabox.calibrate.geometry.projection import find_board
     if (points_file is None) == (board_file is None):
         raise typer.BadParameter("give either --points or --board", param_hint="--points / --board")
     if points_file is not None:
@@ -212,10 +230,10 @@ def _known_points(image: LinearImage, points_file: Path | None,
 
 
 def _overlay(path: Path, image: LinearImage, given: np.ndarray, seen: np.ndarray) -> None:
-    from calibrate.geometry import points_overlay
-    from capture.image_files import write_png
-    from capture.preview import preview_rgb8
-    from radiometry.files import writable
+    from spectrabox.calibrate.geometry.projection import points_overlay
+    from spectrabox.capture.photo.image_files import write_png
+    from spectrabox.capture.photo.preview import preview_rgb8
+    from spectrabox.radiometry.files import writable
     with writable(path.parent):
         write_png(path, points_overlay(preview_rgb8(image), given, seen, image.sensor_step))
 
@@ -223,11 +241,12 @@ def _overlay(path: Path, image: LinearImage, given: np.ndarray, seen: np.ndarray
 def _pose_facts(found: Pose, names: tuple[str, ...]) -> dict[str, Any]:
     import numpy as np
 
-    from calibrate.lens import camera_place
+    from spectrabox.calibrate.geometry.lens import camera_place
     position, error, direction, angle = camera_place(found)
     misses = np.linalg.norm(found.residuals_px, axis=1)
-    return {"position": position.tolist(), "position_standard_error": error.tolist(), "direction": direction.tolist(),
-            "direction_standard_error_deg": angle, "rms_px": found.rms_px,
+    return {"position": position.tolist(), "position_standard_error": error.tolist(),
+            "direction": direction.tolist(), "direction_standard_error_deg": angle,
+            "rms_px": found.rms_px,
             "residuals_px": {name: float(miss) for name, miss in zip(names, misses, strict=True)}}
 
 
@@ -235,10 +254,11 @@ def _lens_lines(lens: Lens) -> list[str]:
     values = lens.matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
     lines = [f"{lens.source}, rms {lens.rms_px:.2f} pixels"]
     lines += [f"  {name:<3} {value:10.2f} pixels, standard error {error:.2f}"
-              for name, value, error in zip(("fx", "fy", "cx", "cy"), values, lens.standard_error, strict=True)]
-    lines += [f"  {name:<3} {value:10.5f}, standard error {error:.5f}"
-              for name, value, error in zip(("k1", "k2", "p1", "p2", "k3"), lens.distortion, lens.distortion_error,
+              for name, value, error in zip(("fx", "fy", "cx", "cy"), values, lens.standard_error,
                                             strict=True)]
+    lines += [f"  {name:<3} {value:10.5f}, standard error {error:.5f}"
+              for name, value, error in zip(("k1", "k2", "p1", "p2", "k3"), lens.distortion,
+                                            lens.distortion_error, strict=True)]
     return lines
 
 
@@ -248,16 +268,18 @@ def _pose_lines(found: Pose, lens: Lens, names: tuple[str, ...], lens_file: Path
     worst = max(facts["residuals_px"], key=facts["residuals_px"].get)
     place = ", ".join(f"{value:.4g} ({error:.2g})" for value, error in
                       zip(facts["position"], facts["position_standard_error"], strict=True))
-    lines = [f"camera at {place} in the scene's unit (standard errors in brackets), its direction known to "
-             f"{facts['direction_standard_error_deg']:.2f} degrees",
-             f"{len(names)} points, rms {found.rms_px:.2f} pixels, largest {facts['residuals_px'][worst]:.2f} at "
-             f"{worst}"]
+    lines = [f"camera at {place} in the scene's unit (standard errors in brackets), its direction "
+             f"known to {facts['direction_standard_error_deg']:.2f} degrees",
+             f"{len(names)} points, rms {found.rms_px:.2f} pixels, largest "
+             f"{facts['residuals_px'][worst]:.2f} at {worst}"]
     if lens_file is None:
-        lines.append(f"focal length {lens.matrix[0, 0]:.1f} pixels (standard error {lens.standard_error[0]:.1f}); "
-                     "principal point in the middle and no distortion are assumed: a lens file is better")
+        lines.append(f"focal length {lens.matrix[0, 0]:.1f} pixels (standard error "
+                     f"{lens.standard_error[0]:.1f}); principal point in the middle and no "
+                     "distortion are assumed: a lens file is better")
     elif lens.distortion.any():
-        lines.append("the scene now shows the undistorted photo: undistort the photo with this lens too")
+        lines.append("the scene now shows the undistorted photo: undistort the photo with this "
+                     "lens too")
     if flat:
-        lines.append("all points lie in one plane: had left and right been exchanged, nothing would show it; look at "
-                     "the position")
+        lines.append("all points lie in one plane: had left and right been exchanged, nothing "
+                     "would show it; look at the position")
     return [*lines, f"wrote {out}"]

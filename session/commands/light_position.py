@@ -6,53 +6,63 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from radiometry.errors import ConvergenceError, InputError
-from session.command_line import Debug, Device, Json, answer, check_device, command
+from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.session.command_line import Debug, Device, Json, answer, check_device, command
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from reconstruct.light_position import LightPosition
+    from spectrabox.reconstruct.scene.light_position import LightPosition
 
-SOUND = 2.0             # chi-square per degree of freedom, above which the place found depends on what was allowed for
+# chi-square per degree of freedom, above which the place found depends on what was allowed for
+SOUND = 2.0
 
 
 def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False,
-                                                help="Camera raw, DNG, or linear EXR or TIFF, as the scene shows it.")],
-          scene: Annotated[Path, typer.Option(metavar="scene.xml", help="The Mitsuba scene.", show_default=False)],
-          light_spectrum: Annotated[str, typer.Option("--light", help="Spectrum of the light: a file or a CIE name.",
-                                                      show_default=False)],
-          sensitivity: Annotated[str, typer.Option(help="Camera: a file of curves or a name.", show_default=False)],
+                                                help="Camera raw, DNG, or linear EXR or TIFF, as "
+                                                "the scene shows it.")],
+          scene: Annotated[Path, typer.Option(metavar="scene.xml", help="The Mitsuba scene.",
+                                              show_default=False)],
+          light_spectrum: Annotated[str, typer.Option("--light", help="Spectrum of the light: a "
+                                                      "file or a CIE name.", show_default=False)],
+          sensitivity: Annotated[str, typer.Option(help="Camera: a file of curves or a name.",
+                                                   show_default=False)],
           reflectances: Annotated[Path, typer.Option(metavar="paints.csv", show_default=False,
-                                                     help="One column per BSDF of the scene, named by its id.")],
+                                                     help="One column per BSDF of the scene, named "
+                                                     "by its id.")],
           out: Annotated[Path, typer.Option("--out", "-o", metavar="scene.xml", show_default=False,
                                             help="Where to write its copy with the light moved.")],
-          light_id: Annotated[str | None, typer.Option(help="Which light, where the scene has several.")] = None,
+          light_id: Annotated[str | None,
+                              typer.Option(
+                                  help="Which light, where the scene has several.")] = None,
           lens_file: Annotated[Path | None, typer.Option("--lens", metavar="lens.json",
-                                                         help="Undistort the photo with this lens first.")] = None,
-          width: Annotated[int, typer.Option(min=16, max=1024, help="Of the rendered view in pixels.")] = 96,
+                                                         help="Undistort the photo with this lens "
+                                                         "first.")] = None,
+          width: Annotated[int, typer.Option(min=16, max=1024,
+                                             help="Of the rendered view in pixels.")] = 96,
           spp: Annotated[int, typer.Option(min=1, help="Paths per pixel of each rendering.")] = 256,
           seed: Annotated[int, typer.Option(min=0, help="Of the paths.")] = 1,
-          force: Annotated[bool, typer.Option("--force", help="Replace the output where it exists.")] = False,
+          force: Annotated[bool, typer.Option("--force",
+                                              help="Replace the output where it exists.")] = False,
           device: Device = "auto", as_json: Json = False, debug: Debug = False) -> None:
     """Refine where a light stands, from a photo of surfaces of known reflectance."""
     with command(as_json, debug):
         check_device(device)
-        from capture.binning import bin_image, render_size
-        from capture.linear import open_photo
-        from radiometry.files import write_text_whole
-        from radiometry.grid import visible_grid
-        from radiometry.named_spectra import light as spectrum_of_light
-        from radiometry.named_spectra import sensitivities
-        from radiometry.records import Outcome
-        from radiometry.response import response_matrix
-        from reconstruct.light_place import light_number
-        from reconstruct.light_position import refine_light_position
-        from reconstruct.pose_scene import scene_with_light_moved
-        from reconstruct.renderer import start_mitsuba
-        from reconstruct.scene_file import read_scene
-        from session.inputs import check_aspect
-        from session.progress import progress_display
+        from spectrabox.capture.photo.binning import bin_image, render_size
+        from spectrabox.capture.photo.linear import open_photo
+        from spectrabox.radiometry.files import write_text_whole
+        from spectrabox.radiometry.grid import visible_grid
+        from spectrabox.radiometry.records import Outcome
+        from spectrabox.radiometry.response import response_matrix
+        from spectrabox.radiometry.spectra.named_spectra import light as spectrum_of_light
+        from spectrabox.radiometry.spectra.named_spectra import sensitivities
+        from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+        from spectrabox.reconstruct.scene.light_place import light_number
+        from spectrabox.reconstruct.scene.light_position import refine_light_position
+        from spectrabox.reconstruct.scene.pose_scene import scene_with_light_moved
+        from spectrabox.reconstruct.scene.scene_file import read_scene
+        from spectrabox.session.stages.inputs import check_aspect
+        from spectrabox.session.stages.progress import progress_display
         if out.resolve() in {photo.resolve(), reflectances.resolve()}:
             raise InputError(f"{out} is an input of this command; give another name for the output")
         if out.exists() and not force:
@@ -60,23 +70,26 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
         grid = visible_grid()
         written = read_scene(scene)
         number = light_number(written, light_id)
-        response = response_matrix(grid, sensitivities(sensitivity, grid), spectrum_of_light(light_spectrum, grid))
+        response = response_matrix(grid, sensitivities(sensitivity, grid),
+                                   spectrum_of_light(light_spectrum, grid))
         paints = _paints(reflectances)
         image = open_photo(photo)
         if lens_file is not None:
-            from calibrate.geometry import undistorted
-            from calibrate.lens_files import read_lens
+            from spectrabox.calibrate.geometry.lens_files import read_lens
+            from spectrabox.calibrate.geometry.projection import undistorted
             image = undistorted(image, read_lens(lens_file))
         if image.signal.shape[2] != len(response):
-            raise InputError(f"photo {photo.name} has {image.signal.shape[2]} bands and {sensitivity} has "
-                             f"{len(response)} curves; one curve per band is needed")
+            raise InputError(f"photo {photo.name} has {image.signal.shape[2]} bands and "
+                             f"{sensitivity} has {len(response)} curves; one curve per band is "
+                             "needed")
         check_aspect(image, written, photo.name)
         size = render_size(image.signal.shape[1], image.signal.shape[0], width)
         start_mitsuba(device)
         with progress_display(as_json) as show:
-            found = refine_light_position(written, paints, response, bin_image(image, *size), light_id=light_id,
-                                          spp=spp, seed=seed,
-                                          progress=lambda done, message: show("light", done, message))
+            found = refine_light_position(written, paints, response, bin_image(image, *size),
+                                          light_id=light_id, spp=spp, seed=seed,
+                                          progress=lambda done,
+                                          message: show("light", done, message))
         write_text_whole(out, scene_with_light_moved(scene, number, found.offset, out.parent))
         answer(as_json, _facts(found, out), _text(found, out))
         if found.outcome is Outcome.STEP_LIMIT:
@@ -84,15 +97,17 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
 
 
 def _paints(path: Path) -> dict[str, np.ndarray]:
-    from radiometry.grid import visible_grid
-    from radiometry.spectrum_files import read_reflectances
+    from spectrabox.radiometry.grid import visible_grid
+    from spectrabox.radiometry.spectra.spectrum_files import read_reflectances
     return read_reflectances(path, visible_grid())
 
 
 def _facts(found: LightPosition, out: Path) -> dict[str, Any]:
-    return {"light": found.light, "offset": found.offset.tolist(), "standard_error": found.standard_error.tolist(),
+    return {"light": found.light, "offset": found.offset.tolist(),
+            "standard_error": found.standard_error.tolist(),
             "covariance": found.covariance.tolist(), "light_scale": found.scale.value,
-            "light_scale_standard_error": found.scale.standard_error, "chi_square_before": found.before,
+            "light_scale_standard_error": found.scale.standard_error,
+            "chi_square_before": found.before,
             "chi_square": found.misfit, "steps": len(found.offsets) - 1,
             "outcome": found.outcome.value, "out": str(out)}
 
@@ -101,8 +116,12 @@ def _text(found: LightPosition, out: Path) -> str:
     moved = ", ".join(f"{axis} {value:+.3g} ({error:.2g})" for axis, value, error in
                       zip("xyz", found.offset, found.standard_error, strict=True))
     return "\n".join([
-        f"light {found.light!r} moved by {moved} in the scene's unit (standard errors in brackets)",
-        f"chi-square per degree of freedom {found.misfit:.2f}, {found.before:.2f} with the light as given",
-        *([] if found.misfit < SOUND else ["something else than the light's place is wrong too (a lamp with a beam, a "
-                                           "photo that is not linear, geometry): do not rely on this place"]),
-        found.outcome.value, f"wrote {out}"])
+                      f"light {found.light!r} moved by {moved} in the scene's unit (standard "
+                      "errors in brackets)",
+                      f"chi-square per degree of freedom {found.misfit:.2f}, {found.before:.2f} "
+                      "with the light as given",
+                      *([] if found.misfit < SOUND else ["something else than the light's place is "
+                                                         "wrong too (a lamp with a beam, a photo "
+                                                         "that is not linear, geometry): do not "
+                                                         "rely on this place"]),
+                      found.outcome.value, f"wrote {out}"])

@@ -1,4 +1,6 @@
-"""Commands for spectroradiometers: which ports there are, who answers, measure into a session, play a recording."""
+"""Commands for spectroradiometers: which ports there are, who answers, measure into a session, play
+a recording.
+"""
 from __future__ import annotations
 
 import contextlib
@@ -10,18 +12,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from radiometry.errors import CheckError, InputError
-from session.command_line import Debug, Json, answer, command
+from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.session.command_line import Debug, Json, answer, command
 
 if TYPE_CHECKING:
-    from capture.instruments.interface import MeterSettings
-    from capture.serial_line import Pace
-    from radiometry.readings import SpectralReading
-    from radiometry.records import Spectrum
+    from spectrabox.capture.meter.instruments.interface import MeterSettings
+    from spectrabox.capture.meter.serial_line import Pace
+    from spectrabox.radiometry.records import Spectrum
+    from spectrabox.radiometry.spectra.readings import SpectralReading
 
 ROLES = ("light", "white", "paint", "chart")
-Port = Annotated[str, typer.Option(help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'.",
-                                   show_default=False)]
+Port = Annotated[str,
+                 typer.Option(help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'.",
+                              show_default=False)]
 Meter = Annotated[str, typer.Option(help="cs2000, cr250, pr655, pr650, specbos1211 or specbos2501.",
                                     show_default=False)]
 Png = Annotated[Path | None, typer.Option(help="Draw the spectrum into this PNG.")]
@@ -41,7 +44,7 @@ def register(app: typer.Typer) -> None:
 def list_of_ports(as_json: Json = False, debug: Debug = False) -> None:
     """The ports of this computer. None is opened, so that no instrument notices."""
     with command(as_json, debug):
-        from capture.serial_line import list_ports
+        from spectrabox.capture.meter.serial_line import list_ports
         ports = list_ports()
         lines = [f"{entry['port']:<16} {entry['usb'] or '':<10} {entry['manufacturer'] or ''} "
                  f"{entry['description'] or ''}"
@@ -53,7 +56,7 @@ def list_of_ports(as_json: Json = False, debug: Debug = False) -> None:
 def identify(port: Port, instrument: Meter, as_json: Json = False, debug: Debug = False) -> None:
     """Ask the instrument who it is, then leave it as found."""
     with command(as_json, debug), _stopped_by_termination():
-        from capture.measurement import open_instrument, trusted_identity
+        from spectrabox.capture.meter.measurement import open_instrument, trusted_identity
         with open_instrument(instrument, port, lambda direction, data: None, _pace()) as meter:
             identity = trusted_identity(meter)
         answer(as_json, {"instrument": identity.model, "serial_number": identity.serial_number,
@@ -77,19 +80,22 @@ def measure(port: Port, instrument: Meter,
             wait: Annotated[bool, typer.Option(help="Ask before each patch of a chart.")] = True,
             plot: Annotated[bool, typer.Option(help="Draw the spectrum in the terminal.")] = False,
             png: Png = None, as_json: Json = False, debug: Debug = False) -> None:
-    """Measure into a session. Every reading is on disk before it is shown; a broken series goes on where it stopped."""
+    """Measure into a session. Every reading is on disk before it is shown; a broken series goes on
+    where it stopped.
+    """
     with command(as_json, debug), _stopped_by_termination():
-        from capture.instruments.interface import MeterSettings
+        from spectrabox.capture.meter.instruments.interface import MeterSettings
         names = _names(role, name)
         wanted = MeterSettings(integration_ms, averages, sync_hz)
         spectra = folder / "spectra"
         if again:
             _set_aside(spectra, names)
-        readings = _measure_all(spectra, names, port, instrument, wanted, repeat, wait and role == "chart")
+        readings = _measure_all(spectra, names, port, instrument, wanted, repeat,
+                                wait and role == "chart")
         written, spectrum = _write_result(spectra, role, names, white_reflectance)
         facts = _series_facts(spectra, names)
         if png is not None and spectrum is not None:
-            from capture.measurement_plot import png_plot
+            from spectrabox.capture.meter.measurement_plot import png_plot
             png_plot(spectrum, png)
         answer(as_json, {"taken": len(readings), "file": str(written), "series": facts,
                          "png": None if png is None else str(png)},
@@ -103,56 +109,66 @@ def replay(transcript: Annotated[Path, typer.Argument(metavar="FILE", help="A tr
            png: Png = None, as_json: Json = False, debug: Debug = False) -> None:
     """Play a recorded transcript to the driver's own code and show what it reads."""
     with command(as_json, debug):
-        from capture.measurement_files import reading_facts
-        from capture.transcript import read_transcript
-        from capture.transcript_replay import replay_transcript
-        played = replay_transcript(read_transcript(transcript), speed=speed, over_socket=over_socket)
+        from spectrabox.capture.meter.measurement_files import reading_facts
+        from spectrabox.capture.transcripts.replay import replay_transcript
+        from spectrabox.capture.transcripts.transcript import read_transcript
+        played = replay_transcript(read_transcript(transcript), speed=speed,
+                                   over_socket=over_socket)
         spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
         if png is not None and spectra:
-            from capture.measurement_plot import png_plot
+            from spectrabox.capture.meter.measurement_plot import png_plot
             png_plot(spectra[-1], png)
-        facts = {"instrument": played.instrument, "synthetic": played.synthetic, "problems": list(played.problems),
+        facts = {"instrument": played.instrument, "synthetic": played.synthetic,
+                 "problems": list(played.problems),
                  "readings": [reading_facts(reading) for reading in played.readings]}
-        lines = [_reading_line(number, reading) for number, reading in enumerate(played.readings, 1)]
+        lines = [_reading_line(number, reading) for number, reading in enumerate(played.readings,
+                                                                                 1)]
         lines += [f"- {problem}" for problem in played.problems]
         lines += ["synthetic: built from protocol notes, not recorded from an instrument"] if played.synthetic else []
         if plot and spectra:
-            from capture.measurement_plot import text_plot
+            from spectrabox.capture.meter.measurement_plot import text_plot
             lines.append(text_plot(spectra[-1]))
         answer(as_json, facts, "\n".join(lines))
 
 
 def _names(role: str, name: str | None) -> list[str]:
-    from radiometry.chart import PATCH_NAMES
+    from spectrabox.radiometry.chart import PATCH_NAMES
     if role not in ROLES:
         raise typer.BadParameter(f"{role!r} is not one of {', '.join(ROLES)}", param_hint="--as")
     if role == "chart":
-        return [f"chart-{number:02d}-{patch.replace(' ', '-')}" for number, patch in enumerate(PATCH_NAMES, 1)]
+        return [f"chart-{number:02d}-{patch.replace(' ', '-')}" for number,
+                patch in enumerate(PATCH_NAMES, 1)]
     if role == "paint" and name is None:
         raise typer.BadParameter("a paint needs a name, such as --name red", param_hint="--name")
     return [name or role]
 
 
 def _set_aside(spectra: Path, names: list[str]) -> None:
-    from capture.measurement_files import readings_folder, set_aside
+    from spectrabox.capture.meter.measurement_files import readings_folder, set_aside
     for name in names:
         if (folder := readings_folder(spectra, name)).is_dir():
             set_aside(folder)
 
 
-def _measure_all(spectra: Path, names: list[str], port: str, instrument: str, wanted: MeterSettings, repeat: int,
+def _measure_all(spectra: Path, names: list[str], port: str, instrument: str, wanted: MeterSettings,
+                 repeat: int,
                  wait: bool) -> list[SpectralReading]:
     """Take the readings that are still missing; those on disk are not taken again."""
-    from capture.measurement import open_instrument, take_reading, trusted_identity
-    from capture.measurement_files import readings_folder, store_reading, stored_readings
-    from capture.transcript_replay import record
+    from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
+    from spectrabox.capture.meter.measurement_files import (
+        readings_folder,
+        store_reading,
+        stored_readings,
+    )
+    from spectrabox.capture.transcripts.replay import record
 
     stored = {name: stored_readings(readings_folder(spectra, name)) for name in names}
     have = {name: sum(reading.spectrum is not None for reading in stored[name]) for name in names}
     missing = [name for name in names if have[name] < repeat]
     taken: list[SpectralReading] = []
     if not missing:
-        print(f"{names[0]} has its {repeat} readings already; --again starts a new series", file=sys.stderr)
+        print(f"{names[0]} has its {repeat} readings already; --again starts a new series",
+              file=sys.stderr)
         return taken
     with record(spectra / "readings", instrument, wanted) as log, \
             open_instrument(instrument, port, log, _pace()) as meter:
@@ -172,35 +188,47 @@ def _measure_all(spectra: Path, names: list[str], port: str, instrument: str, wa
 
 def _ready(what: str) -> bool:
     """Ask the operator to point the instrument; False to stop here and go on another time."""
-    print(f"{what}: point the instrument at it and press Enter (q and Enter to stop here)", file=sys.stderr, flush=True)
+    print(f"{what}: point the instrument at it and press Enter (q and Enter to stop here)",
+          file=sys.stderr, flush=True)
     line = sys.stdin.readline()
     return bool(line) and line.strip().lower() != "q"
 
 
-def _write_result(spectra: Path, role: str, names: list[str], white_reflectance: float) -> tuple[Path, Spectrum | None]:
-    """Write the mean, or the reflectance where a white standard was measured; gives the file and one spectrum."""
-    from capture.measurement_files import readings_folder, stored_readings
-    from capture.measurement_series import reflectance_from, series_of, series_spectrum
-    from radiometry.files import write_text_whole
-    from radiometry.spectrum_files import table_text
+def _write_result(spectra: Path, role: str, names: list[str],
+                  white_reflectance: float) -> tuple[Path, Spectrum | None]:
+    """Write the mean, or the reflectance where a white standard was measured; gives the file and
+    one spectrum.
+    """
+    from spectrabox.capture.meter.measurement_files import readings_folder, stored_readings
+    from spectrabox.capture.meter.measurement_series import (
+        reflectance_from,
+        series_of,
+        series_spectrum,
+    )
+    from spectrabox.radiometry.files import write_text_whole
+    from spectrabox.radiometry.spectra.spectrum_files import table_text
 
     def mean(name: str) -> Spectrum:
         readings = stored_readings(readings_folder(spectra, name))
         source = f"{readings[-1].instrument} {readings[-1].serial_number}, " if readings else ""
-        return series_spectrum(series_of(readings, name), f"{source}{name}, mean of {len(readings)}")
+        return series_spectrum(series_of(readings, name),
+                               f"{source}{name}, mean of {len(readings)}")
 
     measured = [name for name in names if any(reading.spectrum is not None
-                                              for reading in stored_readings(readings_folder(spectra, name)))]
+                                              for reading
+                                              in stored_readings(readings_folder(spectra, name)))]
     if role == "chart" and len(measured) < len(names):
-        raise CheckError(f"{len(measured)} of {len(names)} patches are measured and kept; run the same command again "
-                         f"to go "
-                         f"on with {next(name for name in names if name not in measured)}")
+        raise CheckError(f"{len(measured)} of {len(names)} patches are measured and kept; run the "
+                         "same command again to go on with "
+                         f"{next(name for name in names if name not in measured)}")
     results = [mean(name) for name in names]
     white = None
     if role in ("paint", "chart") and readings_folder(spectra, "white").is_dir():
         white = mean("white")
-        results = [reflectance_from(result, white, white_reflectance, result.source) for result in results]
-    path = spectra / (f"{names[0]}.csv" if role != "chart" else "chart.csv" if white else "chart-radiance.csv")
+        results = [reflectance_from(result, white, white_reflectance, result.source)
+                   for result in results]
+    path = spectra / (f"{names[0]}.csv" if role != "chart" else "chart.csv" if white
+                      else "chart-radiance.csv")
     columns = {"value": results[0].values} if role != "chart" else \
         {name.partition("-")[2]: result.values for name, result in zip(names, results, strict=True)}
     if role != "chart" and results[0].standard_error is not None:
@@ -211,19 +239,22 @@ def _write_result(spectra: Path, role: str, names: list[str], white_reflectance:
 
 
 def _series_facts(spectra: Path, names: list[str]) -> list[dict[str, Any]]:
-    from capture.measurement_files import readings_folder, stored_readings
-    from capture.measurement_series import series_of
+    from spectrabox.capture.meter.measurement_files import readings_folder, stored_readings
+    from spectrabox.capture.meter.measurement_series import series_of
     facts = []
     for name in names:
         series = series_of(stored_readings(readings_folder(spectra, name)), name)
         repeated = series.readings > 1
         facts.append({
-            "name": name, "readings": series.readings, "quantity": series.quantity.name.lower(),
-            "relative_spread": float((series.spread @ series.grid.weights_nm) / (series.mean @ series.grid.weights_nm))
-            if repeated else None,
-            "relative_drift": series.relative_drift if repeated else None,
-            "relative_drift_error": series.relative_drift_error if series.readings > 2 else None,
-            "flags": list(series.flags)})
+                      "name": name, "readings": series.readings,
+                      "quantity": series.quantity.name.lower(),
+                      "relative_spread": float((series.spread @ series.grid.weights_nm)
+                                               / (series.mean @ series.grid.weights_nm)) if repeated
+                      else None,
+                      "relative_drift": series.relative_drift if repeated else None,
+                      "relative_drift_error": series.relative_drift_error if series.readings > 2
+                      else None,
+                      "flags": list(series.flags)})
     return facts
 
 
@@ -235,7 +266,7 @@ def _measured_text(written: Path, facts: list[dict[str, Any]], spectrum: Spectru
         lines.append(f"{fact['name']}: {fact['readings']} readings of {fact['quantity']}{spread}")
         lines += [f"- {flag}" for flag in fact["flags"]]
     if spectrum is not None:
-        from capture.measurement_plot import text_plot
+        from spectrabox.capture.meter.measurement_plot import text_plot
         lines.append(text_plot(spectrum))
     return "\n".join([*lines, f"wrote {written}: name it in session.toml"])
 
@@ -250,18 +281,21 @@ def _pace() -> Pace:
     """Real time; a recording played for a test may run faster."""
     import os
 
-    from capture.serial_line import Pace
+    from spectrabox.capture.meter.serial_line import Pace
     text = os.environ.get("SPECTRABOX_METER_PACE", "1")
     try:
         scale = float(text)
     except ValueError:
-        raise InputError(f"SPECTRABOX_METER_PACE is {text!r}; a number such as 0.01 is needed") from None
+        raise InputError(
+            f"SPECTRABOX_METER_PACE is {text!r}; a number such as 0.01 is needed") from None
     return Pace() if scale == 1 else Pace(scale, shortest_limit_s=REPLAY_LIMIT_S)
 
 
 @contextlib.contextmanager
 def _stopped_by_termination() -> Iterator[None]:
-    """Leave the instrument as found when the terminal closes or the process is asked to end, as on Ctrl-C."""
+    """Leave the instrument as found when the terminal closes or the process is asked to end, as on
+    Ctrl-C.
+    """
     def stop(number: int, frame: object) -> None:
         raise KeyboardInterrupt
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]

@@ -1,4 +1,6 @@
-"""Commands on signals and spectra without a session: sample, uplift, plan, certify, judge, prior train."""
+"""Commands on signals and spectra without a session: sample, uplift, plan, certify, judge, prior
+train.
+"""
 from __future__ import annotations
 
 from pathlib import Path
@@ -6,25 +8,34 @@ from typing import Annotated, Any
 
 import typer
 
-from session.command_line import Debug, Json, answer, command
+from spectrabox.session.command_line import Debug, Json, answer, command
 
-Sensitivity = Annotated[str, typer.Option(help="CSV of sensitivities, or a camera or observer by its name.")]
-Light = Annotated[str, typer.Option(help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")]
-White = Annotated[str | None, typer.Option(help="What a perfect white reads in each band; 1 by default.")]
-Noise = Annotated[str | None, typer.Option(help="Standard error of the signal in each band, in its unit.")]
-Coefficients = Annotated[int, typer.Option(help="N of the B-spline class: bounds, and the methods uniform and paper.")]
+Sensitivity = Annotated[str, typer.Option(help="CSV of sensitivities, or a camera or observer by "
+                                          "its name.")]
+Light = Annotated[str,
+                  typer.Option(help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")]
+White = Annotated[str | None, typer.Option(help="What a perfect white reads in each band; 1 by "
+                                           "default.")]
+Noise = Annotated[str | None, typer.Option(help="Standard error of the signal in each band, in its "
+                                           "unit.")]
+Coefficients = Annotated[int, typer.Option(help="N of the B-spline class: bounds, and the methods "
+                                           "uniform and paper.")]
 PriorFile = Annotated[Path | None, typer.Option("--prior", help="A prior of your own; the shipped one by default.")]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same draws.")]
 Readings = Annotated[list[str] | None, typer.Option(
-    "--reading", help="One more reading, NM:REFLECTANCE[:ERROR], NM/FWHM for a band; may be repeated.")]
+                         "--reading", help="One more reading, NM:REFLECTANCE[:ERROR], NM/FWHM for "
+                         "a band; may be repeated.")]
 Photos = Annotated[list[str] | None, typer.Option(
-    "--photo", help="A photo by this camera under another light, LIGHT=v1,v2,v3[:e1,e2,e3]; may be repeated.")]
+                       "--photo", help="A photo by this camera under another light, "
+                       "LIGHT=v1,v2,v3[:e1,e2,e3]; may be repeated.")]
 Same = Annotated[list[str] | None, typer.Option(
     "--same", help="Another patch of the same material, v1,v2,v3[:e1,e2,e3]; may be repeated.")]
-More = Annotated[Path | None, typer.Option(help="TOML of further measurements: reading, band, spot, photo, same.")]
+More = Annotated[Path | None, typer.Option(help="TOML of further measurements: reading, band, "
+                                           "spot, photo, same.")]
 DELTA_LIGHTS = ("D65", "A", "FL11")     # daylight, incandescent, narrow bands
 DeltaLight = Annotated[list[str] | None, typer.Option(
-    "--delta-light", help="Light of colour differences; may be repeated. D65, A and FL11 by default.")]
+                           "--delta-light", help="Light of colour differences; may be repeated. "
+                           "D65, A and FL11 by default.")]
 Level = Annotated[float, typer.Option(help="Of the bands.")]
 
 
@@ -32,7 +43,8 @@ def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
     for function in (sample, uplift, plan, certify, judge):
         app.command()(function)
-    prior = typer.Typer(no_args_is_help=True, help="The prior on reflectances: train one of your own.")
+    prior = typer.Typer(no_args_is_help=True,
+                        help="The prior on reflectances: train one of your own.")
     prior.command("train")(prior_train)
     prior.callback()(lambda: None)  # keeps "train" a word of its own while it is the only command
     app.add_typer(prior, name="prior")
@@ -62,13 +74,15 @@ def sample(sensitivity: Sensitivity, light: Light,
            delta_light: DeltaLight = None, as_json: Json = False, debug: Debug = False) -> None:
     """Every spectrum behind one signal: mean, band, exact bounds and draws."""
     with command(as_json, debug):
-        from sampling.answers import SampleRequest, sample_answer
-        from sampling.request_draws import DrawOptions
+        from spectrabox.session.signals.answers import SampleRequest, sample_answer
+        from spectrabox.session.signals.request_draws import DrawOptions
         options = DrawOptions(coefficients, method, samples, seed, start, keep, refine)
         lights = tuple(delta_light or DELTA_LIGHTS)
-        request = SampleRequest(sensitivity, light, signal, signals, white, noise, options, prior, level,
-                                tuple(reading or ()), tuple(photo or ()), tuple(same or ()), more, twice, baseline,
-                                truth, column, lights, light_error, sensitivity_error)
+        request = SampleRequest(sensitivity, light, signal, signals, white, noise, options, prior,
+                                level,
+                                tuple(reading or ()), tuple(photo or ()), tuple(same or ()), more,
+                                twice, baseline, truth, column, lights, light_error,
+                                sensitivity_error)
         facts, text, arrays = sample_answer(request)
         if out is not None:
             write_arrays(out, arrays)
@@ -76,22 +90,25 @@ def sample(sensitivity: Sensitivity, light: Light,
         answer(as_json, facts, text)
 
 
-def uplift(image: Annotated[Path, typer.Argument(metavar="IMAGE", help="Linear EXR or TIFF, or a camera raw.")],
-           out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder of the results.")],
+def uplift(image: Annotated[Path, typer.Argument(metavar="IMAGE",
+                                                 help="Linear EXR or TIFF, or a camera raw.")],
+           out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR",
+                                             help="Folder of the results.")],
            sensitivity: Sensitivity, light: Light, white: White = None,
            noise: Annotated[float, typer.Option(help="Relative standard error of a pixel.")] = 0.01,
-           side: Annotated[int, typer.Option(help="Points per side of the table; 33 is finer and slower.")] = 25,
-           as_json: Json = False, debug: Debug = False) -> None:
+           side: Annotated[int, typer.Option(help="Points per side of the table; 33 is finer and "
+                                             "slower.")] = 25, as_json: Json = False,
+           debug: Debug = False) -> None:
     """Mean and spread of the spectrum behind every pixel, as spectral EXR."""
     with command(as_json, debug):
         import numpy as np
 
-        from capture.image_files import write_exr
-        from capture.linear import open_photo
-        from radiometry.files import writable
-        from sampling.judgement_answers import uplift_answer
-        from sampling.logit_mixture import GRID
-        from sampling.signal_options import numbers
+        from spectrabox.capture.photo.image_files import write_exr
+        from spectrabox.capture.photo.linear import open_photo
+        from spectrabox.radiometry.files import writable
+        from spectrabox.sampling.prior.mixture import GRID
+        from spectrabox.session.signals.judgement_answers import uplift_answer
+        from spectrabox.session.signals.signal_options import numbers
         signals = np.asarray(open_photo(image).signal, dtype=float)
         if white is not None:
             signals = signals / numbers(white, signals.shape[2], "white")
@@ -100,42 +117,54 @@ def uplift(image: Annotated[Path, typer.Argument(metavar="IMAGE", help="Linear E
         with writable(out):
             for path, values in zip(paths.values(), (mean, spread), strict=True):
                 write_exr(path, values.astype(np.float32), [f"{nm:g}nm" for nm in GRID.nm])
-        answer(as_json, {**{name: str(path) for name, path in paths.items()}, "pixels": int(mean[..., 0].size),
-                         "outside_0_to_1": beyond},
-               f"wrote {paths['mean']} and {paths['standard_deviation']}; {100 * beyond:.1f} % of pixels lie outside "
-               "what a reflectance between 0 and 1 can give and were taken at the edge")
+        answer(as_json, {**{name: str(path) for name, path in paths.items()},
+                         "pixels": int(mean[..., 0].size), "outside_0_to_1": beyond},
+               f"wrote {paths['mean']} and {paths['standard_deviation']}; {100 * beyond:.1f} % of "
+               "pixels lie outside what a reflectance between 0 and 1 can give and were taken at "
+               "the edge")
 
 
-def plan(sensitivity: Sensitivity, light: Light, signal: Annotated[str, typer.Option(help="v1,v2,v3.")],
+def plan(sensitivity: Sensitivity, light: Light,
+         signal: Annotated[str, typer.Option(help="v1,v2,v3.")],
          white: White = None, noise: Noise = None,
          reading: Readings = None, photo: Photos = None, same: Same = None, more: More = None,
          steps: Annotated[int, typer.Option(help="Readings to plan.")] = 3,
-         other: Annotated[list[str] | None, typer.Option("--second-light", help="A light for another photo.")] = None,
-         camera: Annotated[list[str] | None, typer.Option("--second-camera", help="Another camera's curves.")] = None,
+         other: Annotated[list[str] | None, typer.Option("--second-light",
+                                                         help="A light for another photo.")] = None,
+         camera: Annotated[list[str] | None, typer.Option("--second-camera",
+                                                          help="Another camera's curves.")] = None,
          reading_minutes: Annotated[float, typer.Option(help="Of one spot reading.")] = 2.0,
          photo_minutes: Annotated[float, typer.Option(help="Of one more photo.")] = 5.0,
-         spot_minutes: Annotated[float | None, typer.Option(help="Of a whole spectrum by a spectrometer.")] = None,
+         spot_minutes: Annotated[float | None, typer.Option(help="Of a whole spectrum by a "
+                                                            "spectrometer.")] = None,
          seed: Seed = 0, as_json: Json = False, debug: Debug = False) -> None:
-    """Which reading or photo to take next, given those taken: fall of the band's width per minute."""
+    """Which reading or photo to take next, given those taken: fall of the band's width per
+    minute.
+    """
     with command(as_json, debug):
-        from sampling.judgement_answers import PlanRequest, plan_answer
+        from spectrabox.session.signals.judgement_answers import PlanRequest, plan_answer
         answer(as_json, *plan_answer(PlanRequest(
-            sensitivity, light, signal, white, noise, steps, tuple(other or ()), tuple(camera or ()),
-            tuple(reading or ()), tuple(photo or ()), tuple(same or ()), more, reading_minutes, photo_minutes,
-            spot_minutes, seed)))
+                                         sensitivity, light, signal, white, noise, steps,
+                                         tuple(other or ()), tuple(camera or ()),
+                                         tuple(reading or ()), tuple(photo or ()),
+                                         tuple(same or ()), more, reading_minutes, photo_minutes,
+                                         spot_minutes, seed)))
 
 
-def certify(folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Measured reflectances.")],
+def certify(folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...",
+                                                          help="Measured reflectances.")],
             sensitivity: Sensitivity = "CIE 1931 2 Degree Standard Observer", light: Light = "D65",
-            noise: Annotated[float, typer.Option(help="Relative standard error of the signals.")] = 0.0,
+            noise: Annotated[float,
+                             typer.Option(help="Relative standard error of the signals.")] = 0.0,
             prior: PriorFile = None, delta_light: DeltaLight = None,
             out: Annotated[Path | None, typer.Option(help="Write the page there (.md).")] = None,
             as_json: Json = False, debug: Debug = False) -> None:
     """Do the bands hold the truth on your own spectra? A certificate page."""
     with command(as_json, debug):
-        from radiometry.files import write_text_whole
-        from sampling.judgement_answers import certify_answer
-        facts, page = certify_answer(folders, sensitivity, light, noise, prior, tuple(delta_light or DELTA_LIGHTS))
+        from spectrabox.radiometry.files import write_text_whole
+        from spectrabox.session.signals.judgement_answers import certify_answer
+        facts, page = certify_answer(folders, sensitivity, light, noise, prior,
+                                     tuple(delta_light or DELTA_LIGHTS))
         if out is not None:
             write_text_whole(out, page)
             facts["page"] = str(out)
@@ -160,28 +189,36 @@ def judge(cube: Annotated[Path, typer.Argument(metavar="CUBE", help="ENVI, .npy,
           baseline: Annotated[bool, typer.Option("--baseline", help="Also other authors' single spectra.")] = False,
           out: Annotated[Path | None, typer.Option(help="CSV of the regions' spectra.")] = None,
           as_json: Json = False, debug: Debug = False) -> None:
-    """Spectra recovered elsewhere, as a hyperspectral picture, judged by the same measures beside our methods."""
+    """Spectra recovered elsewhere, as a hyperspectral picture, judged by the same measures beside
+    our methods.
+    """
     with command(as_json, debug):
-        from capture.image_files import read_plane
-        from radiometry.errors import InputError
-        from radiometry.files import write_text_whole
-        from radiometry.grid import visible_grid
-        from radiometry.named_spectra import sensitivities
-        from radiometry.spectrum_files import read_table
-        from sampling.cube_answers import JudgeRequest, judge_answer
-        from sampling.cube_regions import point_region, read_regions
-        from sampling.cubes import parse_wavelengths
-        from sampling.signal_options import read_signals
-        picture = open_picture(cube, None if wavelengths is None else parse_wavelengths(wavelengths), variable)
+        from spectrabox.capture.photo.image_files import read_plane
+        from spectrabox.radiometry.errors import InputError
+        from spectrabox.radiometry.files import write_text_whole
+        from spectrabox.radiometry.grid import visible_grid
+        from spectrabox.radiometry.spectra.named_spectra import sensitivities
+        from spectrabox.radiometry.spectra.spectrum_files import read_table
+        from spectrabox.sampling.judge.cube_regions import point_region, read_regions
+        from spectrabox.sampling.judge.cubes import parse_wavelengths
+        from spectrabox.session.signals.cube_answers import JudgeRequest, judge_answer
+        from spectrabox.session.signals.signal_options import read_signals
+        picture = open_picture(cube, None if wavelengths is None
+                               else parse_wavelengths(wavelengths), variable)
         chosen = [point_region(text, picture.width, picture.height) for text in point or ()]
         if regions is not None:
-            chosen += read_regions(regions, picture.width, picture.height, lambda path: read_plane(path)[0])
+            chosen += read_regions(regions, picture.width, picture.height,
+                                   lambda path: read_plane(path)[0])
         if not chosen:
             raise InputError("no region was given; give --regions FILE.toml or --point x,y")
-        seen = None if signals is None else read_signals(signals, len(sensitivities(sensitivity, visible_grid(1))))
-        request = JudgeRequest(column, full_scale, white_region, sensitivity, light, tuple(delta_light or DELTA_LIGHTS),
-                               samples, seed, coefficients, baseline, prior, seen, white, noise)
-        facts, text, table = judge_answer(picture, chosen, None if truth is None else read_table(truth), request)
+        seen = None if signals is None else read_signals(signals,
+                                                         len(sensitivities(sensitivity,
+                                                                           visible_grid(1))))
+        request = JudgeRequest(column, full_scale, white_region, sensitivity, light,
+                               tuple(delta_light or DELTA_LIGHTS), samples, seed, coefficients,
+                               baseline, prior, seen, white, noise)
+        facts, text, table = judge_answer(picture, chosen, None if truth is None
+                                          else read_table(truth), request)
         if out is not None:
             write_text_whole(out, table)
             facts["file"] = str(out)
@@ -190,10 +227,10 @@ def judge(cube: Annotated[Path, typer.Argument(metavar="CUBE", help="ENVI, .npy,
 
 def open_picture(path: Path, wavelengths: Any, variable: str | None) -> Any:
     """A hyperspectral picture of any known format, an EXR being one by what it begins with."""
-    from capture.image_files import open_channels
-    from radiometry.spectral_formats.spectral_exr import MAGIC
-    from sampling.cube_files import open_cube
-    from sampling.cubes import cube_of_channels
+    from spectrabox.capture.photo.image_files import open_channels
+    from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC
+    from spectrabox.sampling.judge.cube_files import open_cube
+    from spectrabox.sampling.judge.cubes import cube_of_channels
     if path.is_file():
         with path.open("rb") as file:
             if file.read(len(MAGIC)) == MAGIC:
@@ -201,16 +238,21 @@ def open_picture(path: Path, wavelengths: Any, variable: str | None) -> Any:
     return open_cube(path, wavelengths, variable)
 
 
-def prior_train(folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="One folder per library.")],
+def prior_train(folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...",
+                                                              help="One folder per library.")],
                 out: Annotated[Path, typer.Option(help="The prior, .npz.")],
-                sensitivity: Sensitivity = "CIE 1931 2 Degree Standard Observer", light: Light = "D65",
-                components: Annotated[int, typer.Option(help="Of the mixture.")] = 8, seed: Seed = 0,
+                sensitivity: Sensitivity = "CIE 1931 2 Degree Standard Observer",
+                light: Light = "D65",
+                components: Annotated[int, typer.Option(help="Of the mixture.")] = 8,
+                seed: Seed = 0,
                 as_json: Json = False, debug: Debug = False) -> None:
-    """Learn a prior from folders of measured reflectances; calibrate it on each left out in turn."""
+    """Learn a prior from folders of measured reflectances; calibrate it on each left out in
+    turn.
+    """
     with command(as_json, debug):
-        from radiometry.files import writable
-        from sampling.judgement_answers import train_answer
-        from sampling.logit_mixture import save_prior
+        from spectrabox.radiometry.files import writable
+        from spectrabox.sampling.prior.mixture import save_prior
+        from spectrabox.session.signals.judgement_answers import train_answer
         facts, text, prior = train_answer(folders, sensitivity, light, components, seed)
         with writable(out.parent):
             save_prior(out, prior)
@@ -221,7 +263,7 @@ def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
     """An .npz under exactly the name that was asked for."""
     import numpy as np
 
-    from radiometry.files import writable
+    from spectrabox.radiometry.files import writable
     with writable(path.parent):
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("wb") as file:

@@ -7,8 +7,17 @@ from typing import Annotated
 
 import typer
 
-from radiometry.errors import InputError
-from session.command_line import Debug, Device, Folder, Json, Outside, answer, check_device, command
+from spectrabox.radiometry.errors import InputError
+from spectrabox.session.command_line import (
+    Debug,
+    Device,
+    Folder,
+    Json,
+    Outside,
+    answer,
+    check_device,
+    command,
+)
 
 STAGE_NAMES = "chart, photo, calibrate, reconstruct, sample"
 
@@ -19,13 +28,15 @@ def register(app: typer.Typer) -> None:
         app.command()(function)
 
 
-def demo(folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where to write it.")] = Path("demo-session"),
-         seed: Annotated[int, typer.Option(help="Of the synthetic photos.")] = 1, device: Device = "auto",
+def demo(folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where to write it.")] = Path(
+             "demo-session"),
+         seed: Annotated[int, typer.Option(help="Of the synthetic photos.")] = 1,
+         device: Device = "auto",
          as_json: Json = False, debug: Debug = False) -> None:
     """Make a synthetic capture session with known truth, run it, write its report."""
     with command(as_json, debug):
         check_device(device)
-        from session.demo import make_demo
+        from spectrabox.session.demo import make_demo
         make_demo(folder, seed)
         execute(folder, only=None, force=False, device=device, allow_outside=False, as_json=as_json)
 
@@ -33,68 +44,81 @@ def demo(folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where to 
 def new(folder: Folder, as_json: Json = False, debug: Debug = False) -> None:
     """Start a session folder with a commented session.toml."""
     with command(as_json, debug):
-        from radiometry.files import writable, write_text_whole
-        from session.session_schema import FILE_NAME
-        from session.template import SESSION_TEMPLATE
+        from spectrabox.radiometry.files import writable, write_text_whole
+        from spectrabox.session.config.session_schema import FILE_NAME
+        from spectrabox.session.config.template import SESSION_TEMPLATE
         if (folder / FILE_NAME).exists():
-            raise InputError(f"{folder / FILE_NAME} exists already; edit it, or choose another folder")
+            raise InputError(f"{folder / FILE_NAME} exists already; edit it, or choose another "
+                             "folder")
         with writable(folder):
             for name in ("photos", "spectra", "scene"):
                 (folder / name).mkdir(parents=True, exist_ok=True)
         write_text_whole(folder / FILE_NAME, SESSION_TEMPLATE)
-        answer(as_json, {"session": str(folder / FILE_NAME)}, f"wrote {folder / FILE_NAME}: fill it in, then run "
-               f"'spectrabox check {folder}'")
+        answer(as_json, {"session": str(folder / FILE_NAME)}, f"wrote {folder / FILE_NAME}: fill "
+               f"it in, then run 'spectrabox check {folder}'")
 
 
-def check(folder: Folder, allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
+def check(folder: Folder, allow_outside: Outside = False, as_json: Json = False,
+          debug: Debug = False) -> None:
     """Read every input, run nothing long, say everything that is wrong at once."""
     with command(as_json, debug):
-        from session.check import find_problems
+        from spectrabox.session.check import find_problems
         problems = find_problems(folder, allow_outside)
         sentences = [problem.sentence for problem in problems]
-        text = "\n".join(f"- {sentence}" for sentence in sentences) or "nothing is wrong: ready to run"
+        text = "\n".join(f"- {sentence}"
+                         for sentence in sentences) or "nothing is wrong: ready to run"
         answer(as_json, {"ready": not problems, "problems": sentences}, text)
         if problems:
             raise typer.Exit(min(problem.exit_code for problem in problems))
 
 
-def run(folder: Folder, only: Annotated[str | None, typer.Option(help=f"One stage alone: {STAGE_NAMES}.")] = None,
-        force: Annotated[bool, typer.Option("--force", help="Run also what is up to date.")] = False,
-        device: Device = "auto", allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
+def run(folder: Folder, only: Annotated[str | None, typer.Option(help="One stage alone: "
+                                                                 f"{STAGE_NAMES}.")] = None,
+        force: Annotated[bool, typer.Option("--force",
+                                            help="Run also what is up to date.")] = False,
+        device: Device = "auto", allow_outside: Outside = False, as_json: Json = False,
+        debug: Debug = False) -> None:
     """Run every stage whose inputs changed, and write the report."""
     with command(as_json, debug):
         check_device(device)
-        execute(folder, only=only, force=force, device=device, allow_outside=allow_outside, as_json=as_json)
+        execute(folder, only=only, force=force, device=device, allow_outside=allow_outside,
+                as_json=as_json)
 
 
-def status(folder: Folder, allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
+def status(folder: Folder, allow_outside: Outside = False, as_json: Json = False,
+           debug: Debug = False) -> None:
     """What is done, what is stale and why."""
     with command(as_json, debug):
-        from session.pipeline import stage_states
-        from session.session_file import read_session
+        from spectrabox.session.config.session_file import read_session
+        from spectrabox.session.pipeline import stage_states
         states = stage_states(read_session(folder, allow_outside))
         lines = [f"{state.name:<12} {state.state:<10} "
-                 + (f"{state.seconds:.1f} s" if state.state == "done" and state.seconds is not None else
+                 + (f"{state.seconds:.1f} s" if state.state == "done" and state.seconds is not None
+                    else
                     "; ".join(state.reasons)) for state in states]
         report = folder / "report.html"
         lines.append(f"{'report':<12} {'written' if report.exists() else 'missing'}")
-        answer(as_json, {"stages": [{"name": state.name, "state": state.state, "reasons": list(state.reasons),
-                                     "seconds": state.seconds} for state in states],
-                         "report": str(report) if report.exists() else None}, "\n".join(lines))
+        answer(as_json,
+               {"stages": [{"name": state.name, "state": state.state,
+                            "reasons": list(state.reasons), "seconds": state.seconds}
+                           for state in states],
+                "report": str(report) if report.exists() else None}, "\n".join(lines))
 
 
-def report(folder: Folder, allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
+def report(folder: Folder, allow_outside: Outside = False, as_json: Json = False,
+           debug: Debug = False) -> None:
     """Rebuild report.html from stored results."""
     with command(as_json, debug):
-        from session.assemble import assemble
-        from session.outputs import write_outputs
-        from session.pipeline import load_finished
-        from session.provenance import provenance
-        from session.report.page import write_report
-        from session.session_file import read_session
+        from spectrabox.session.config.session_file import read_session
+        from spectrabox.session.pipeline import load_finished
+        from spectrabox.session.report.page import write_report
+        from spectrabox.session.stages.assemble import assemble
+        from spectrabox.session.store.outputs import write_outputs
+        from spectrabox.session.store.provenance import provenance
         config = read_session(folder, allow_outside)
         results = assemble(config, load_finished(config),
-                           provenance(["spectrabox", "report"], config.session.seed, "stored results"))
+                           provenance(["spectrabox", "report"], config.session.seed,
+                                      "stored results"))
         path = write_report(results)
         write_outputs(results)
         answer(as_json, {"report": str(path)}, f"wrote {path}")
@@ -110,29 +134,34 @@ def relight(folder: Folder,
             width: Annotated[int, typer.Option(min=16, max=4096, help="In pixels.")] = 480,
             spp: Annotated[int, typer.Option(min=1, max=65536, help="Paths per pixel.")] = 64, device: Device = "auto",
             allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
-    """Render the scene with the recovered spectra under any light, and say how far its colours are known there."""
+    """Render the scene with the recovered spectra under any light, and say how far its colours are
+    known there.
+    """
     with command(as_json, debug):
         check_device(device)
-        from capture.image_files import write_exr, write_png
-        from session.inputs import read_session_scene
-        from session.pipeline import load_finished
-        from session.relight import OBSERVER
-        from session.relight import relight as render_under
-        from session.session_file import read_session
+        from spectrabox.capture.photo.image_files import write_exr, write_png
+        from spectrabox.session.config.session_file import read_session
+        from spectrabox.session.pipeline import load_finished
+        from spectrabox.session.relight import OBSERVER
+        from spectrabox.session.relight import relight as render_under
+        from spectrabox.session.stages.inputs import read_session_scene
         config = read_session(folder, allow_outside)
         scene = read_session_scene(config)
         size = (width, max(round(width * scene.height / scene.width), 1))
-        made = render_under(config, load_finished(config), light=light, observer=observer or OBSERVER, size=size,
-                            spp=spp, device=device)
+        made = render_under(config, load_finished(config), light=light, observer=observer
+                            or OBSERVER, size=size, spp=spp, device=device)
         label = re.sub(r"[^\w.-]", "-", Path(light or "session").stem)
         png = out or folder / f"relit {label}.png"
         write_png(png, made.picture)
         write_exr(png.with_suffix(".exr"), made.xyz, ("X", "Y", "Z"))
-        lines = [f"{colour.name:<16} L* {colour.lab[0]:5.1f}  a* {colour.lab[1]:6.1f}  b* {colour.lab[2]:6.1f}"
+        lines = [f"{colour.name:<16} L* {colour.lab[0]:5.1f}  a* {colour.lab[1]:6.1f}  b* "
+                 f"{colour.lab[2]:6.1f}"
                  + ("   given" if colour.delta_e00_95 is None else
-                    f"   draws within dE00 {colour.delta_e00_median:.2f} (half), {colour.delta_e00_95:.2f} (95 %)")
+                    f"   draws within dE00 {colour.delta_e00_median:.2f} (half), "
+                    f"{colour.delta_e00_95:.2f} (95 %)")
                  for colour in made.colours]
-        answer(as_json, {"png": str(png), "exr": str(png.with_suffix(".exr")), "light": light or "session",
+        answer(as_json, {"png": str(png), "exr": str(png.with_suffix(".exr")), "light": light
+                         or "session",
                          "colours": [vars(colour) for colour in made.colours]},
                "\n".join([*lines, f"picture: {png}"]))
 
@@ -141,11 +170,13 @@ def doctor(device: Device = "auto", as_json: Json = False, debug: Debug = False)
     """Is this machine ready: LLVM, GPU, versions?"""
     with command(as_json, debug):
         check_device(device)
-        from session.doctor import examine
+        from spectrabox.session.doctor import examine
         facts = examine(device)
         llvm = facts["llvm"]
-        lines = [f"{'ready' if facts['ready'] else 'NOT READY'}: {facts['variant'] or 'no renderer'}, "
-                 f"LLVM {llvm['version'] if llvm else 'none'}, {facts['cores']} cores, Python {facts['python']}"]
+        lines = [f"{'ready' if facts['ready'] else 'NOT READY'}: "
+                 f"{facts['variant'] or 'no renderer'}, LLVM "
+                 f"{llvm['version'] if llvm else 'none'}, {facts['cores']} cores, Python "
+                 f"{facts['python']}"]
         lines += [f"{name} {version}" for name, version in facts["versions"].items()]
         lines += [f"- {problem}" for problem in facts["problems"]]
         answer(as_json, facts, "\n".join(lines))
@@ -153,28 +184,32 @@ def doctor(device: Device = "auto", as_json: Json = False, debug: Debug = False)
             raise typer.Exit(7)
 
 
-def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_outside: bool, as_json: bool) -> None:
+def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_outside: bool,
+            as_json: bool) -> None:
     """Run a session and tell the operator what came of it."""
-    from session.assemble import assemble
-    from session.outputs import write_outputs
-    from session.pipeline import load_finished, run_stages
-    from session.progress import progress_display
-    from session.provenance import provenance
-    from session.report.page import write_report
-    from session.session_file import read_session
-    from session.summary_text import run_facts, run_text
+    from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.pipeline import load_finished, run_stages
+    from spectrabox.session.report.page import write_report
+    from spectrabox.session.stages.assemble import assemble
+    from spectrabox.session.stages.progress import progress_display
+    from spectrabox.session.store.outputs import write_outputs
+    from spectrabox.session.store.provenance import provenance
+    from spectrabox.session.summary_text import run_facts, run_text
 
     config = read_session(folder, allow_outside)
     with progress_display() as progress:
         finished = run_stages(config, device=device, only=only, force=force, progress=progress)
         if only is not None and only != "sample":
-            answer(as_json, {"stages": [{"name": only, "seconds": finished.stored[only].seconds, "state": "run"}],
-                             "report": None, "materials": []},
-                   f"stage {only} took {finished.stored[only].seconds:.1f} s; run without --only for the report")
+            answer(as_json,
+                   {"stages": [{"name": only, "seconds": finished.stored[only].seconds,
+                                "state": "run"}], "report": None, "materials": []},
+                   f"stage {only} took {finished.stored[only].seconds:.1f} s; run without --only "
+                   "for the report")
             return
         finished = load_finished(config) if only is not None else finished
         progress("report", 0.0, "")
-        command_line = ["spectrabox", "run", folder.name, "--device", device, *(["--force"] if force else []),
+        command_line = ["spectrabox", "run", folder.name, "--device", device, *(["--force"] if force
+                                                                                else []),
                         *(["--only", only] if only else [])]
         results = assemble(config, finished, provenance(command_line, config.session.seed, device))
         path = write_report(results)

@@ -7,17 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from radiometry.errors import InputError
-from session.command_line import Debug, Json, answer, command
+from spectrabox.radiometry.errors import InputError
+from spectrabox.session.command_line import Debug, Json, answer, command
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from radiometry.records import Quantity, Spectrum
-    from radiometry.spectral_formats.table import SpectralTable
+    from spectrabox.radiometry.records import Quantity, Spectrum
+    from spectrabox.radiometry.spectra.formats.table import SpectralTable
 
 Files = Annotated[list[Path],
-                  typer.Argument(metavar="FILE...", help="Files of spectra, of any format.", show_default=False)]
+                  typer.Argument(metavar="FILE...", help="Files of spectra, of any format.",
+                                 show_default=False)]
 Column = Annotated[str | None, typer.Option(help="Name or number of one column.")]
 WRITTEN = (".csv", ".sp", ".spdx", ".sli")
 MOST_LISTED = 12
@@ -27,7 +28,8 @@ QUANTITY_HELP = "reflectance, radiance, irradiance or relative, where the file d
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    spectrum = typer.Typer(name="spectrum", no_args_is_help=True, rich_markup_mode=None, help="Spectral files.")
+    spectrum = typer.Typer(name="spectrum", no_args_is_help=True, rich_markup_mode=None,
+                           help="Spectral files.")
     for function in (show, convert):
         spectrum.command()(function)
     app.add_typer(spectrum)
@@ -37,10 +39,11 @@ def show(files: Files, column: Column = None, plot: Annotated[bool, typer.Option
          as_json: Json = False, debug: Debug = False) -> None:
     """What a file holds: format, range, quantity, unit, and what to beware of."""
     with command(as_json, debug):
-        from radiometry.spectrum_files import read_table
+        from spectrabox.radiometry.spectra.spectrum_files import read_table
         tables = [read_table(path) for path in files]
         facts = [_facts(table, column) for table in tables]
-        text = "\n\n".join(_text(table, fact, column, plot) for table, fact in zip(tables, facts, strict=True))
+        text = "\n\n".join(_text(table, fact, column, plot) for table,
+                           fact in zip(tables, facts, strict=True))
         answer(as_json, facts[0] if len(facts) == 1 else {"files": facts}, text)
 
 
@@ -48,50 +51,60 @@ def convert(files: Files,
             out: Annotated[Path, typer.Option("--out", "-o", help=OUT_HELP, show_default=False)],
             column: Column = None,
             quantity: Annotated[str | None, typer.Option(help=QUANTITY_HELP)] = None,
-            grid: Annotated[str | None, typer.Option(help="FIRST:LAST:STEP in nm, such as 400:700:5.")] = None,
+            grid: Annotated[str | None,
+                            typer.Option(help="FIRST:LAST:STEP in nm, such as 400:700:5.")] = None,
             to: Annotated[str, typer.Option(help="Format of the files in a folder.")] = ".csv",
             as_json: Json = False, debug: Debug = False) -> None:
-    """Write spectra in another format, on another grid where one is given. Nothing is extrapolated."""
+    """Write spectra in another format, on another grid where one is given. Nothing is
+    extrapolated.
+    """
     with command(as_json, debug):
         suffix = to if len(files) > 1 else out.suffix.lower()
         if suffix not in WRITTEN:
-            raise typer.BadParameter(f"{suffix!r} is not one of {', '.join(WRITTEN)}", param_hint="--out")
+            raise typer.BadParameter(f"{suffix!r} is not one of {', '.join(WRITTEN)}",
+                                     param_hint="--out")
         written = []
         for path in files:
             target = out / f"{path.stem}{suffix}" if len(files) > 1 else out
-            written.append({"file": str(target), "notes": _convert(path, target, column, quantity, grid)})
+            written.append({"file": str(target), "notes": _convert(path, target, column, quantity,
+                                                                   grid)})
         answer(as_json, {"written": written}, "\n".join(
-            f"wrote {entry['file']}" + "".join(f"\n- {note}" for note in entry["notes"]) for entry in written))
+                   f"wrote {entry['file']}" + "".join(f"\n- {note}" for note in entry["notes"])
+                   for entry in written))
 
 
 def _facts(table: SpectralTable, column: str | None) -> dict[str, Any]:
-    from radiometry.records import Quantity
+    from spectrabox.radiometry.records import Quantity
     indices = _indices(table, column)
     main = indices[0] if len(indices) == 1 or table.main is None else table.names.index(table.main)
     units = {member.name.lower(): member.value for member in Quantity}
     stated = table.fact("quantity", main)
     facts: dict[str, Any] = {
-        "file": table.file, "format": table.facts.get("format"), "wavelengths_nm": table.nm.tolist(),
-        "quantity": stated, "unit": table.fact("unit", main) or (units.get(stated) if stated else None),
+        "file": table.file, "format": table.facts.get("format"),
+        "wavelengths_nm": table.nm.tolist(),
+        "quantity": stated, "unit": table.fact("unit", main)
+        or (units.get(stated) if stated else None),
         "source": table.facts.get("source", table.file), "notes": list(table.notes),
         "facts": {key: value for key, value in table.facts.items()
                   if key not in ("quantity", "unit", "source", "format")}}
     if len(indices) == 1 or table.main is not None:
         facts.update(values=_plain(table.values[main]), column=table.names[main])
     facts["spectra"] = [{"name": table.names[index], "values": _plain(table.values[index]),
-                         "quantity": table.fact("quantity", index), "unit": table.fact("unit", index)}
-                         for index in indices]
+                         "quantity": table.fact("quantity", index),
+                         "unit": table.fact("unit", index)}
+                        for index in indices]
     return facts
 
 
 def _plain(values: np.ndarray) -> list[float | None]:
-    return [float(value) if value == value and abs(value) != float("inf") else None for value in values]
+    return [float(value) if value == value and abs(value) != float("inf") else None
+            for value in values]
 
 
 def _indices(table: SpectralTable, column: str | None) -> list[int]:
     if column is None:
         return list(range(len(table.names)))
-    from radiometry.spectrum_files import column_index
+    from spectrabox.radiometry.spectra.spectrum_files import column_index
     return [column_index(table, _name_or_number(column))]
 
 
@@ -101,19 +114,21 @@ def _name_or_number(column: str) -> str | int:
 
 def _text(table: SpectralTable, facts: dict[str, Any], column: str | None, plot: bool) -> str:
     quantity = f"{facts['quantity'] or 'quantity not stated'}, {facts['unit'] or 'unit not stated'}"
-    lines = [f"{table.file}: {facts['format']}, {table.nm[0]:g}-{table.nm[-1]:g} nm, {table.nm.size} wavelengths, "
-             f"{len(table.names)} {'column' if len(table.names) == 1 else 'columns'}",
+    lines = [f"{table.file}: {facts['format']}, {table.nm[0]:g}-{table.nm[-1]:g} nm, "
+             f"{table.nm.size} wavelengths, {len(table.names)} "
+             f"{'column' if len(table.names) == 1 else 'columns'}",
              f"source: {facts['source']}", f"quantity: {quantity}"]
     for entry in facts["spectra"][:MOST_LISTED]:
         numbers = [value for value in entry["values"] if value is not None]
         span = f"{min(numbers):.4g} to {max(numbers):.4g}" if numbers else "no numbers"
         stated = entry["quantity"] or "quantity not stated"
         lines.append(f"  {entry['name'] or '(no name)':<28} {span:<24} {stated}")
-    lines += [f"  and {len(facts['spectra']) - MOST_LISTED} more"] if len(facts["spectra"]) > MOST_LISTED else []
+    lines += [f"  and {len(facts['spectra']) - MOST_LISTED} more"] if len(
+        facts["spectra"]) > MOST_LISTED else []
     lines += [f"- {note}" for note in table.notes]
     if plot:
-        from capture.measurement_plot import text_plot
-        from radiometry.records import Quantity
+        from spectrabox.capture.meter.measurement_plot import text_plot
+        from spectrabox.radiometry.records import Quantity
         stated = (facts["quantity"] or "relative").upper()
         role = Quantity[stated] if stated in Quantity.__members__ else Quantity.RELATIVE
         lines.append(text_plot(_one(table, column, role)))
@@ -121,21 +136,22 @@ def _text(table: SpectralTable, facts: dict[str, Any], column: str | None, plot:
 
 
 def _one(table: SpectralTable, column: str | None, role: Quantity) -> Spectrum:
-    from radiometry.grid import grid_from_nm
-    from radiometry.records import Spectrum
-    from radiometry.spectrum_files import column_index
+    from spectrabox.radiometry.grid import grid_from_nm
+    from spectrabox.radiometry.records import Spectrum
+    from spectrabox.radiometry.spectra.spectrum_files import column_index
     index = column_index(table, None if column is None else _name_or_number(column))
     keep = table.values[index] == table.values[index]
     return Spectrum(grid_from_nm(table.nm[keep]), table.values[index][keep], role, table.file)
 
 
-def _convert(path: Path, target: Path, column: str | None, quantity: str | None, grid: str | None) -> list[str]:
+def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
+             grid: str | None) -> list[str]:
     import numpy as np
 
-    from radiometry.files import write_text_whole
-    from radiometry.resampling import resampled
-    from radiometry.spectral_formats.envi import envi_files
-    from radiometry.spectrum_files import read_table, spectrum_of, table_text
+    from spectrabox.radiometry.files import write_text_whole
+    from spectrabox.radiometry.spectra.formats.envi import envi_files
+    from spectrabox.radiometry.spectra.resampling import resampled
+    from spectrabox.radiometry.spectra.spectrum_files import read_table, spectrum_of, table_text
 
     table = read_table(path)
     role = _stated_quantity(table, column, quantity)
@@ -144,9 +160,8 @@ def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
     names = [name for name in names if not name.startswith("standard_error")]
     spectra = [spectrum_of(table, role=role, column=name) for name in names]
     if any(not np.array_equal(spectrum.grid.nm, spectra[0].grid.nm) for spectrum in spectra):
-        raise InputError(f"{path.name}: its columns have numbers at different wavelengths; convert them one by one "
-                         f"with "
-                         "--column")
+        raise InputError(f"{path.name}: its columns have numbers at different wavelengths; convert "
+                         "them one by one with --column")
     nm, notes = spectra[0].grid.nm, list(table.notes)
     columns = {name if len(names) > 1 else "value": spectrum.values
                for name, spectrum in zip(names, spectra, strict=True)}
@@ -157,7 +172,8 @@ def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
         notes.append("standard errors were left out: only a CSV on the same grid can hold them")
     if grid is not None:
         target_nm = _grid(grid)
-        results = {name: resampled(nm, values, target_nm, path.name) for name, values in columns.items()}
+        results = {name: resampled(nm, values, target_nm, path.name) for name,
+                   values in columns.items()}
         nm, columns = target_nm, {name: values for name, (values, _) in results.items()}
         notes.append(f"resampled with {next(iter(results.values()))[1]}")
     stated = spectra[0].quantity
@@ -173,14 +189,14 @@ def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
 
 
 def _text_writer(suffix: str, csv_writer: Any) -> Any:
-    from radiometry.spectral_formats.cgats import sp_text
-    from radiometry.spectral_formats.tm27 import spdx_text
+    from spectrabox.radiometry.spectra.formats.cgats import sp_text
+    from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
     return {".csv": csv_writer, ".sp": sp_text, ".spdx": spdx_text}[suffix]
 
 
 def _stated_quantity(table: SpectralTable, column: str | None, quantity: str | None) -> Quantity:
-    from radiometry.records import Quantity
-    from radiometry.spectrum_files import column_index
+    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.spectra.spectrum_files import column_index
     known = ", ".join(member.name.lower() for member in Quantity)
     if quantity is not None and quantity.upper() not in Quantity.__members__:
         raise typer.BadParameter(f"{quantity!r} is not one of {known}", param_hint="--quantity")
@@ -188,12 +204,12 @@ def _stated_quantity(table: SpectralTable, column: str | None, quantity: str | N
         column_index(table, None if column is None else _name_or_number(column))
     stated = table.fact("quantity", first)
     if stated is None and quantity is None:
-        raise InputError(f"{table.file} does not state what it is a spectrum of; say it with --quantity ({known})")
+        raise InputError(f"{table.file} does not state what it is a spectrum of; say it with "
+                         f"--quantity ({known})")
     name = (stated or quantity or "").upper()
     if name not in Quantity.__members__:
-        raise InputError(f"{table.file}, column {table.names[first]!r}, holds {stated}; known are {known}: name "
-                         f"another "
-                         "column with --column")
+        raise InputError(f"{table.file}, column {table.names[first]!r}, holds {stated}; known are "
+                         f"{known}: name another column with --column")
     if stated is not None and quantity is not None and stated != quantity:
         raise InputError(f"{table.file} states {stated}; it cannot be written as {quantity}")
     return Quantity[name]
@@ -203,9 +219,11 @@ def _grid(text: str) -> np.ndarray:
     import numpy as np
     match = re.fullmatch(r"(\d+\.?\d*):(\d+\.?\d*):(\d+\.?\d*)", text)
     if match is None or not 0 < float(match[3]) <= float(match[2]) - float(match[1]):
-        raise typer.BadParameter(f"{text!r} is not FIRST:LAST:STEP such as 400:700:5", param_hint="--grid")
+        raise typer.BadParameter(f"{text!r} is not FIRST:LAST:STEP such as 400:700:5",
+                                 param_hint="--grid")
     first, last, step = (float(part) for part in match.groups())
     count = round((last - first) / step)
     if count > 100_000 or abs(first + count * step - last) > 1e-6 * step:
-        raise typer.BadParameter(f"the step {step:g} nm does not divide {first:g}-{last:g} nm", param_hint="--grid")
+        raise typer.BadParameter(f"the step {step:g} nm does not divide {first:g}-{last:g} nm",
+                                 param_hint="--grid")
     return np.linspace(first, last, count + 1)

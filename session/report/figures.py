@@ -10,9 +10,17 @@ from markupsafe import Markup
 from matplotlib import image as raster
 from matplotlib.ticker import FuncFormatter
 
-from radiometry.errors import InputError
-from session.report.svg import INK, QUIET, Readout, band_colours, figure, inline_svg, plain_line
-from session.report.words import SUPERSCRIPT, number
+from spectrabox.radiometry.errors import InputError
+from spectrabox.session.report.svg import (
+    INK,
+    QUIET,
+    Readout,
+    band_colours,
+    figure,
+    inline_svg,
+    plain_line,
+)
+from spectrabox.session.report.words import SUPERSCRIPT, number
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 LONGEST_PX = 1400  # pictures are reduced to this: the page shows no more
@@ -29,10 +37,11 @@ def picture_data_uri(path: Path) -> str:
     try:
         content = path.read_bytes()
     except OSError as problem:
-        raise InputError(f"picture {path.name} cannot be read ({problem.strerror}); run the stage that makes it "
-                         "again") from problem
+        raise InputError(f"picture {path.name} cannot be read ({problem.strerror}); run the stage "
+                         "that makes it again") from problem
     if not content.startswith(PNG_SIGNATURE):
-        raise InputError(f"picture {path.name} is not a PNG file; run the stage that makes it again")
+        raise InputError(
+            f"picture {path.name} is not a PNG file; run the stage that makes it again")
     factor = -(-max(int.from_bytes(content[16:20]), int.from_bytes(content[20:24])) // LONGEST_PX)
     if factor > 1:
         content = _reduced(content, factor)
@@ -43,7 +52,8 @@ def _reduced(content: bytes, factor: int) -> bytes:
     pixels = raster.imread(io.BytesIO(content), format="png")
     pixels = pixels[..., None] if pixels.ndim == 2 else pixels
     rows, columns = (size // factor * factor for size in pixels.shape[:2])
-    blocks = pixels[:rows, :columns].reshape(rows // factor, factor, columns // factor, factor, -1).mean(axis=(1, 3))
+    blocks = pixels[:rows, :columns].reshape(rows // factor, factor, columns // factor, factor,
+                                             -1).mean(axis=(1, 3))
     if blocks.shape[2] < 3:
         blocks = np.repeat(blocks[..., :1], 3, axis=2)
     buffer = io.BytesIO()
@@ -51,9 +61,12 @@ def _reduced(content: bytes, factor: int) -> bytes:
     return buffer.getvalue()
 
 
-def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray | None, bands: tuple[str, ...],
+def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray | None,
+                          bands: tuple[str, ...],
                           limit: float) -> Markup:
-    """Residuals (24, K) of the patches: filled as fitted, open where the patch was left out of its own fit."""
+    """Residuals (24, K) of the patches: filled as fitted, open where the patch was left out of its
+    own fit.
+    """
     drawing = figure(9.6, 3.0)
     axes = drawing.add_subplot()
     axes.axhspan(-100 * limit, 100 * limit, color="#eef1f4", lw=0)
@@ -64,11 +77,14 @@ def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray
             axes.plot(at, 100 * held_out[:, k], "o", ms=4.5, mfc="none", mec=colour, mew=0.8)
         axes.plot(at, 100 * residuals[:, k], "o", ms=3.5, color=colour, label=plain_line(band, 24))
     if held_out is not None:
-        axes.plot([], [], "o", ms=4.5, mfc="none", mec=INK, mew=0.8, label="left out of its own fit")
-    axes.set(xlim=(0.4, 24.6), xticks=range(1, 25), xlabel="Patch", ylabel="(photo − predicted) / photo (%)")
+        axes.plot([], [], "o", ms=4.5, mfc="none", mec=INK, mew=0.8,
+                  label="left out of its own fit")
+    axes.set(xlim=(0.4, 24.6), xticks=range(1, 25), xlabel="Patch",
+             ylabel="(photo − predicted) / photo (%)")
     axes.grid(axis="y")
     drawing.legend(loc="outside upper left", ncols=8, handlelength=0.8, columnspacing=1.2)
-    return inline_svg(drawing, name, "Chart residuals", "Relative residual of the 24 patches in each band.")
+    return inline_svg(drawing, name, "Chart residuals",
+                      "Relative residual of the 24 patches in each band.")
 
 
 def irradiance_figure(name: str, irradiance: np.ndarray) -> Markup:
@@ -85,11 +101,14 @@ def irradiance_figure(name: str, irradiance: np.ndarray) -> Markup:
     axes.set(xticks=[], yticks=[], title="Irradiance, % of the brightest patch")
     for spine in axes.spines.values():
         spine.set_visible(False)
-    return inline_svg(drawing, name, "Irradiance over the chart", "Relative irradiance of each patch in per cent.")
+    return inline_svg(drawing, name, "Irradiance over the chart",
+                      "Relative irradiance of each patch in per cent.")
 
 
 def loss_figure(name: str, history: np.ndarray) -> Markup | None:
-    """Loss against iteration, logarithmic where all losses are positive; None where there is no history."""
+    """Loss against iteration, logarithmic where all losses are positive; None where there is no
+    history.
+    """
     if history.size < 2:
         return None
     drawing = figure(9.6, 2.7)
@@ -100,7 +119,8 @@ def loss_figure(name: str, history: np.ndarray) -> Markup | None:
     if np.all(history > 0):
         axes.set_yscale("log")
         for axis_format in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
-            axis_format(FuncFormatter(lambda value, _: power_of_ten(value) if _is_decade(value) else ""))
+            axis_format(FuncFormatter(lambda value, _: power_of_ten(value) if _is_decade(value)
+                                      else ""))
         if history.max() / history.min() < 30:  # too few decades for their labels alone
             axes.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: number(value, 2)))
     axes.set(xlabel="Iteration", ylabel="Loss", xlim=(0, history.size - 1))
@@ -108,7 +128,8 @@ def loss_figure(name: str, history: np.ndarray) -> Markup | None:
     start, end = number(float(history[0]), 3), number(float(history[-1]), 3)
     digits = int(np.clip(4 - np.floor(np.log10(max(float(np.abs(history).min()), 1e-12))), 3, 14))
     return inline_svg(drawing, name, "Loss history", f"The loss fell from {start} to {end}.",
-                      Readout(axes, steps.astype(float), {"loss": history}, "Iteration", "", digits))
+                      Readout(axes, steps.astype(float), {"loss": history}, "Iteration", "",
+                              digits))
 
 
 def power_of_ten(value: float) -> str:

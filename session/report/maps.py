@@ -1,4 +1,6 @@
-"""Maps over the photo: photo and rendering alike stretched, signed residuals, and where each surface lies."""
+"""Maps over the photo: photo and rendering alike stretched, signed residuals, and where each
+surface lies.
+"""
 from __future__ import annotations
 
 import matplotlib
@@ -9,8 +11,8 @@ from matplotlib.colors import ListedColormap, to_hex, to_rgb
 from matplotlib.ticker import FuncFormatter
 from scipy.ndimage import distance_transform_edt
 
-from radiometry.records import Reconstruction, SensitivityFit
-from session.report.svg import figure, inline_svg, plain_line
+from spectrabox.radiometry.records import Reconstruction, SensitivityFit
+from spectrabox.session.report.svg import figure, inline_svg, plain_line
 
 PANEL_PX = 320  # at least, of each picture of a comparison
 WIDTH_IN = 9.6  # a figure as wide as the page
@@ -34,8 +36,8 @@ def srgb_encoded(linear: np.ndarray) -> np.ndarray:
 def comparison_rgb8(made: Reconstruction, fit: SensitivityFit) -> np.ndarray:
     """Photo, rendering and signed residual side by side (h, w, 3) as 8-bit sRGB.
 
-    Photo and rendering are stretched alike; the residual is the mean over the bands on a scale of its own, red where
-    the photo is brighter, grey where a pixel was not used.
+    Photo and rendering are stretched alike; the residual is the mean over the bands on a scale of
+    its own, red where the photo is brighter, grey where a pixel was not used.
     """
     photo, rendering = _stretched(made, display_bands(fit))
     residuals = residual_maps(made)
@@ -50,24 +52,31 @@ def comparison_rgb8(made: Reconstruction, fit: SensitivityFit) -> np.ndarray:
 
 
 def _stretched(made: Reconstruction, chosen: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Photo and rendering (H, W, 3) divided by white, stretched by one factor and encoded for the screen."""
-    photo, rendering = (image[..., chosen] / made.white_signal[chosen] for image in (made.measured, made.rendered))
+    """Photo and rendering (H, W, 3) divided by white, stretched by one factor and encoded for the
+    screen.
+    """
+    photo, rendering = (image[..., chosen] / made.white_signal[chosen] for image in (made.measured,
+                                                                                     made.rendered))
     seen = photo[np.isfinite(photo)]
     stretch = max(float(np.percentile(seen, 99)), 1e-12) if seen.size else 1.0
-    return srgb_encoded(np.nan_to_num(photo) / stretch), srgb_encoded(np.nan_to_num(rendering) / stretch)
+    return srgb_encoded(np.nan_to_num(photo) / stretch), srgb_encoded(np.nan_to_num(rendering)
+                                                                      / stretch)
 
 
-def pair_figure(name: str, made: Reconstruction, fit: SensitivityFit, bands: tuple[str, ...]) -> Markup:
+def pair_figure(name: str, made: Reconstruction, fit: SensitivityFit,
+                bands: tuple[str, ...]) -> Markup:
     """Photo and rendering side by side, divided by white and stretched by one common factor."""
     chosen = display_bands(fit)
     height, width = made.used.shape
     drawing = figure(WIDTH_IN, _panel_height(WIDTH_IN / 2, height, width) + 0.3)
     titles = ("Photo", "Rendering")
-    for axes, image, title in zip(drawing.subplots(1, 2), _stretched(made, chosen), titles, strict=True):
+    for axes, image, title in zip(drawing.subplots(1, 2), _stretched(made, chosen), titles,
+                                  strict=True):
         axes.imshow(image)
         _bare(axes, title)
     shown = ", ".join(bands[k] for k in chosen)
-    return inline_svg(drawing, name, "Photo and rendering", f"Bands {shown} shown as red, green and blue.")
+    return inline_svg(drawing, name, "Photo and rendering",
+                      f"Bands {shown} shown as red, green and blue.")
 
 
 def residual_maps(made: Reconstruction) -> np.ndarray:
@@ -98,12 +107,17 @@ def residual_figure(name: str, made: Reconstruction, bands: tuple[str, ...]) -> 
         axes.patch.set(facecolor=UNUSED, hatch="/////")
         image = axes.imshow(residuals[..., k], cmap="RdBu_r", vmin=-limit, vmax=limit)
         _bare(axes, f"Band {plain_line(bands[k], 24)}")
-    bar = drawing.colorbar(image, ax=list(grid), location="bottom", aspect=50, fraction=0.05, extend="both",
-                           format=FuncFormatter(lambda value, _: f"{100 * value:+g} %".replace("-", "−") if value
-                                                else "0"))
-    bar.set_label("(photo − rendering) / photo:   blue, photo darker;   red, photo brighter;   hatched, not used")
+    bar = drawing.colorbar(image, ax=list(grid), location="bottom", aspect=50, fraction=0.05,
+                           extend="both", format=FuncFormatter(lambda value,
+                                                               _: f"{100 * value:+g} %".replace("-",
+                                                                                                "−")
+                                                               if value
+                                                               else "0"))
+    bar.set_label("(photo − rendering) / photo:   blue, photo darker;   red, photo brighter;   "
+                  "hatched, not used")
     bar.outline.set_visible(False)
-    return inline_svg(drawing, name, "Residual maps", "Signed relative difference of photo and rendering per band.")
+    return inline_svg(drawing, name, "Residual maps",
+                      "Signed relative difference of photo and rendering per band.")
 
 
 def surface_colours(count: int) -> list[str]:
@@ -123,9 +137,11 @@ def surface_figure(name: str, made: Reconstruction) -> Markup:
     for s in range(count):
         if (made.surface == s).any():
             row, column = _middle(made.surface == s)
-            axes.text(column, row, str(s + 1), ha="center", va="center", fontsize=9, fontweight="bold")
+            axes.text(column, row, str(s + 1), ha="center", va="center", fontsize=9,
+                      fontweight="bold")
     _bare(axes, "")
-    return inline_svg(drawing, name, "Surfaces", "Where each surface of the scene lies in the photo, numbered.")
+    return inline_svg(drawing, name, "Surfaces", "Where each surface of the scene lies in the "
+                      "photo, numbered.")
 
 
 def _middle(mask: np.ndarray) -> tuple[float, float]:

@@ -1,10 +1,15 @@
 """The methods paragraph of a paper, filled with the numbers of one session."""
 from __future__ import annotations
 
-from radiometry.records import LightScale, Spectrum
-from session.report.verdict import chart_residuals, median_surface_error, root_mean_square, worst_entry
-from session.report.words import deviation_words, exposure, listed, number, percent
-from session.results import SessionResults
+from spectrabox.radiometry.records import LightScale, Spectrum
+from spectrabox.session.report.verdict import (
+    chart_residuals,
+    median_surface_error,
+    root_mean_square,
+    worst_entry,
+)
+from spectrabox.session.report.words import deviation_words, exposure, listed, number, percent
+from spectrabox.session.store.results import SessionResults
 
 
 def methods_text(results: SessionResults) -> list[str]:
@@ -20,10 +25,11 @@ def _capture(results: SessionResults) -> str:
                 f"f/{photo.f_number:g}" if photo.f_number is not None else ""]
     stated = ", ".join(s for s in settings if s) or "exposure not stated"
     clipped = float(photo.saturated.any(axis=2).mean())
-    return (f"The scene was photographed with {photo.camera or 'a camera that the file does not name'} "
-            f"({photo.kind.value}; {stated}). Signals are linear and black-subtracted, without white balance, "
-            f"in {len(results.bands)} bands ({', '.join(results.bands)}); {percent(clipped)} of the pixels were "
-            "clipped and left out.")
+    return ("The scene was photographed with "
+            f"{photo.camera or 'a camera that the file does not name'} ({photo.kind.value}; "
+            f"{stated}). Signals are linear and black-subtracted, without white balance, in "
+            f"{len(results.bands)} bands ({', '.join(results.bands)}); {percent(clipped)} of the "
+            "pixels were clipped and left out.")
 
 
 def _calibration(results: SessionResults) -> str:
@@ -34,12 +40,14 @@ def _calibration(results: SessionResults) -> str:
         parts.append(f"The rms residual over the 24 chart patches is {percent(rms)}.")
     held_out = root_mean_square(fit.held_out_residuals)
     if held_out is not None:
-        parts.append(f"Left out of its own fit, a patch is predicted within {percent(held_out)} rms.")
+        parts.append(f"Left out of its own fit, a patch is predicted within {percent(held_out)} "
+                     "rms.")
     if fit.condition_number is not None:
         parts.append(f"The condition number of the fit is {number(fit.condition_number, 3)}.")
     light: Spectrum = results.calibration.light
-    parts.append(f"Light spectrum: {light.source}. The factor from rendered signal to the photo's signal, from "
-                 f"{results.light_scale.source}, is {scale_words(results.light_scale)}.")
+    parts.append(f"Light spectrum: {light.source}. The factor from rendered signal to the photo's "
+                 f"signal, from {results.light_scale.source}, is "
+                 f"{scale_words(results.light_scale)}.")
     return " ".join(parts)
 
 
@@ -60,11 +68,10 @@ def _reconstruction(results: SessionResults) -> str:
     further = f" and {len(results.views)} more photo(s) in one fit ({listed([view.name for view in results.views])})" \
         if results.views else ""
     nm = made.grid.nm
-    return (f"By inverse rendering (engine: {made.engine}; {made.spp} samples per pixel, seed {made.seed}), "
-            f"{spectra} found from {int(made.used.sum())} of {made.used.size} pixels{further}{known}. "
-            f"Reflectances are clamped uniform cubic B-splines with {made.basis.shape[1]} coefficients on "
-            f"{nm[0]:g}–{nm[-1]:g} nm. "
-            f"{made.outcome.value}")
+    return (f"By inverse rendering (engine: {made.engine}; {made.spp} samples per pixel, seed "
+            f"{made.seed}), {spectra} found from {int(made.used.sum())} of {made.used.size} "
+            f"pixels{further}{known}. Reflectances are clamped uniform cubic B-splines with "
+            f"{made.basis.shape[1]} coefficients on {nm[0]:g}–{nm[-1]:g} nm. {made.outcome.value}")
 
 
 def _sampling(results: SessionResults) -> str:
@@ -77,9 +84,10 @@ def _sampling(results: SessionResults) -> str:
     seeds = ", ".join(str(seed) for seed in sorted({m.samples.seed for m in drawn if m.samples}))
     effective = min(m.samples.effective_samples for m in drawn if m.samples)
     levels = listed(sorted({percent(m.summary.level) for m in drawn if m.summary}))
-    return (f"Spectra that the camera cannot tell apart were drawn with {methods} ({draws} draws per material, seed "
-            f"{seeds}; at least {effective:.0f} effective). Bands are pointwise central {levels} bands of the draws, "
-            "conditional on the spline class, on the sampler's prior and on the stated errors of each signal.")
+    return (f"Spectra that the camera cannot tell apart were drawn with {methods} ({draws} draws "
+            f"per material, seed {seeds}; at least {effective:.0f} effective). Bands are pointwise "
+            f"central {levels} bands of the draws, conditional on the spline class, on the "
+            "sampler's prior and on the stated errors of each signal.")
 
 
 def _agreement(results: SessionResults) -> str:
@@ -87,7 +95,7 @@ def _agreement(results: SessionResults) -> str:
     worst = worst_entry(agreement)
     if worst is None:
         return "No surface could be compared between photo and rendering."
-    return (f"Photo and rendering agree within {percent(median_surface_error(agreement))} (worst of "
-            f"{len(results.bands)} bands, median over {len(agreement.names)} surfaces); "
-            f"the worst surface is “{agreement.names[worst[0]]}”, where the photo is "
+    return (f"Photo and rendering agree within {percent(median_surface_error(agreement))} (worst "
+            f"of {len(results.bands)} bands, median over {len(agreement.names)} surfaces); the "
+            f"worst surface is “{agreement.names[worst[0]]}”, where the photo is "
             f"{deviation_words(float(agreement.ratio[worst]))} in band {results.bands[worst[1]]}.")

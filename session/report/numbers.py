@@ -3,9 +3,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from radiometry.records import SurfaceAgreement
-from session.report.verdict import Criterion, Verdict, chart_residuals
-from session.results import ChartResult, MaterialResult, SessionResults
+from spectrabox.radiometry.records import SurfaceAgreement
+from spectrabox.session.report.verdict import Criterion, Verdict, chart_residuals
+from spectrabox.session.store.results import ChartResult, MaterialResult, SessionResults
 
 SCHEMA = "spectrabox-results/1"
 
@@ -14,31 +14,36 @@ def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
     """Everything the report shows, images left out; wavelengths in nm, shares as fractions."""
     made = results.reconstruction
     return {
-        "schema": SCHEMA, "name": results.name, "operator": results.operator, "notes": results.notes,
+        "schema": SCHEMA, "name": results.name, "operator": results.operator,
+        "notes": results.notes,
         "bands": results.bands,
         "verdict": {"status": verdict.status, "says": verdict.says,
                     "criteria": [_criterion(c) for c in verdict.criteria]},
         "materials": [_material(m, results) for m in results.materials],
         "signal_bands": results.signal_bands,
         "agreement": _agreement(made.agreement),
-        "views": [{"name": view.name, "bands": view.bands, "agreement": _agreement(view.reconstruction.agreement),
-                   "light": _fields(view.calibration.light, "values", "standard_error", "quantity", "source"),
-                   "light_scale": _fields(view.reconstruction.light_scale, "value", "standard_error", "source")}
+        "views": [{"name": view.name, "bands": view.bands,
+                   "agreement": _agreement(view.reconstruction.agreement),
+                   "light": _fields(view.calibration.light, "values", "standard_error", "quantity",
+                                    "source"),
+                   "light_scale": _fields(view.reconstruction.light_scale, "value",
+                                          "standard_error", "source")}
                   for view in results.views],
         "calibration": _calibration(results),
         "chart": None if results.chart is None else _chart(results.chart),
-        "reconstruction": {"engine": made.engine, "spp": made.spp, "seed": made.seed, "outcome": made.outcome,
-                           "loss_history": made.loss_history, "pixels_used": int(made.used.sum()),
+        "reconstruction": {"engine": made.engine, "spp": made.spp, "seed": made.seed,
+                           "outcome": made.outcome, "loss_history": made.loss_history,
+                           "pixels_used": int(made.used.sum()),
                            "pixels": made.used.size, "white_signal": made.white_signal},
         "clipped_share": results.photo.saturated.any(axis=2).mean(),
         "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
         "provenance": results.provenance,
-    }
+        }
 
 
 def _criterion(criterion: Criterion) -> dict[str, Any]:
-    return {"name": criterion.name, "value": criterion.value, "limit": criterion.limit, "status": criterion.status,
-            "says": criterion.says}
+    return {"name": criterion.name, "value": criterion.value, "limit": criterion.limit,
+            "status": criterion.status, "says": criterion.says}
 
 
 def _material(material: MaterialResult, results: SessionResults) -> dict[str, Any]:
@@ -49,12 +54,13 @@ def _material(material: MaterialResult, results: SessionResults) -> dict[str, An
         "signal": material.signal, "signal_covariance": material.signal_covariance,
         "model_covariance": material.model_covariance, "error_budget": material.error_budget,
         "variance_shares": material.variance_shares,
-        "summary": _fields(material.summary, "mean", "standard_deviation", "lower", "upper", "bound_lower",
-                           "bound_upper", "level", "conditional_on", "next_measurement_nm"),
+        "summary": _fields(material.summary, "mean", "standard_deviation", "lower", "upper",
+                           "bound_lower", "bound_upper", "level", "conditional_on",
+                           "next_measurement_nm"),
         "samples": _fields(material.samples, "method", "effective_samples", "seed", "outcome"),
         "truth": _fields(material.truth, "values", "standard_error", "source"),
         "scores": None if material.scores is None else vars(material.scores),
-    }
+        }
 
 
 def _fields(record: Any, *names: str) -> dict[str, Any] | None:
@@ -67,21 +73,23 @@ def _fields(record: Any, *names: str) -> dict[str, Any] | None:
 
 def _agreement(agreement: SurfaceAgreement) -> list[dict[str, Any]]:
     return [{"surface": name, "material": agreement.materials[s], "pixels": agreement.pixels[s],
-             "ratio": agreement.ratio[s], "spread": agreement.spread[s]} for s, name in enumerate(agreement.names)]
+             "ratio": agreement.ratio[s], "spread": agreement.spread[s]} for s,
+            name in enumerate(agreement.names)]
 
 
 def _calibration(results: SessionResults) -> dict[str, Any]:
     calibration = results.calibration
     truth = results.sensitivity_truth
     return {
-        "sensitivity": _fields(calibration.sensitivity, "curves", "standard_error", "residuals", "held_out_residuals",
-                               "condition_number", "method", "outcome"),
+        "sensitivity": _fields(calibration.sensitivity, "curves", "standard_error", "residuals",
+                               "held_out_residuals", "condition_number", "method", "outcome"),
         "sensitivity_truth": None if truth is None else {"nm": truth[0], "curves": truth[1]},
         "light": _fields(calibration.light, "values", "standard_error", "quantity", "source"),
-        "light_scale": _fields(results.light_scale, "value", "standard_error", "residuals", "source"),
-        "relative_covariance": calibration.relative_covariance, "chart_residuals": chart_residuals(results),
+        "light_scale": _fields(results.light_scale, "value", "standard_error", "residuals",
+                               "source"), "relative_covariance": calibration.relative_covariance,
+        "chart_residuals": chart_residuals(results),
         "checks": calibration.checks,
-    }
+        }
 
 
 def _chart(chart: ChartResult) -> dict[str, Any]:

@@ -8,19 +8,31 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from radiometry.errors import EnvironmentProblem
-from radiometry.records import Calibration, Reconstruction
-from session.report import words
-from session.report.figures import loss_figure, picture_data_uri
-from session.report.maps import pair_figure, residual_figure, residual_limit, residual_maps, surface_figure
-from session.report.methods import methods_text, scale_words
-from session.report.numbers import report_numbers
-from session.report.safe_json import json_for_script
-from session.report.spectra import light_figure, sensitivity_figure
-from session.report.svg import band_colours, report_style
-from session.report.tables import chart_section, held_out_rms, input_rows, material_section, surface_rows
-from session.report.verdict import judge
-from session.results import SessionResults
+from spectrabox.radiometry.errors import EnvironmentProblem
+from spectrabox.radiometry.records import Calibration, Reconstruction
+from spectrabox.session.report import words
+from spectrabox.session.report.figures import loss_figure, picture_data_uri
+from spectrabox.session.report.maps import (
+    pair_figure,
+    residual_figure,
+    residual_limit,
+    residual_maps,
+    surface_figure,
+)
+from spectrabox.session.report.methods import methods_text, scale_words
+from spectrabox.session.report.numbers import report_numbers
+from spectrabox.session.report.safe_json import json_for_script
+from spectrabox.session.report.spectra import light_figure, sensitivity_figure
+from spectrabox.session.report.svg import band_colours, report_style
+from spectrabox.session.report.tables import (
+    chart_section,
+    held_out_rms,
+    input_rows,
+    material_section,
+    surface_rows,
+)
+from spectrabox.session.report.verdict import judge
+from spectrabox.session.store.results import SessionResults
 
 TEMPLATES = Path(__file__).parent / "templates"
 FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
@@ -49,8 +61,9 @@ def write_report(results: SessionResults) -> Path:
         unfinished.write_bytes(page)
         unfinished.replace(report)
     except OSError as problem:
-        raise EnvironmentProblem(f"report.html cannot be written to the session folder ({problem.strerror}); "
-                                 "free some space or allow writing there, then build the report again") from problem
+        raise EnvironmentProblem("report.html cannot be written to the session folder "
+                                 f"({problem.strerror}); free some space or allow writing there, "
+                                 "then build the report again") from problem
     finally:
         unfinished.unlink(missing_ok=True)
     return report
@@ -58,8 +71,9 @@ def write_report(results: SessionResults) -> Path:
 
 def render_report(results: SessionResults) -> str:
     """The page as text; every name, note and file name of the session is escaped."""
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True,
-                                     lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True,
+                                     trim_blocks=True, lstrip_blocks=True,
+                                     undefined=jinja2.StrictUndefined)
     environment.filters.update(FILTERS)
     with report_style():
         return environment.get_template("report.html.j2").render(_page(results))
@@ -76,11 +90,12 @@ def _page(results: SessionResults) -> dict[str, Any]:
         "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
         "materials": [material_section(number, material, results)
                       for number, material in enumerate(results.materials, start=1)],
-        "agreement": _agreement_section("", results.reconstruction, results.calibration, results.bands),
+        "agreement": _agreement_section("", results.reconstruction, results.calibration,
+                                        results.bands),
         "views": _view_sections(results), "calibration": _calibration_section(results),
         "loss": loss_figure("loss", results.reconstruction.loss_history),
         "inputs": input_rows(results), "methods": methods_text(results),
-    }
+        }
 
 
 def _agreement_section(name: str, made: Reconstruction, calibration: Calibration,
@@ -92,16 +107,18 @@ def _agreement_section(name: str, made: Reconstruction, calibration: Calibration
         "residuals": residual_figure(f"residuals{name}", made, bands),
         "limit": residual_limit(residual_maps(made)),
         "surfaces": surface_figure(f"surfaces{name}", made), "rows": surface_rows(made),
-        "bands": list(zip(bands, band_colours(bands), strict=True)), "scale": scale_words(made.light_scale),
-    }
+        "bands": list(zip(bands, band_colours(bands), strict=True)),
+        "scale": scale_words(made.light_scale),
+        }
 
 
 def _view_sections(results: SessionResults) -> list[dict[str, Any]]:
     return [_agreement_section(f"-{number}", view.reconstruction, view.calibration, view.bands)
             | {"name": view.name, "preview": picture_data_uri(view.photo_preview),
                "light": light_figure(f"light-{number}", view.calibration.light),
-               "light_source": view.calibration.light.source, "scale_source": view.reconstruction.light_scale.source}
-            for number, view in enumerate(results.views, start=2)]
+               "light_source": view.calibration.light.source,
+               "scale_source": view.reconstruction.light_scale.source} for number,
+            view in enumerate(results.views, start=2)]
 
 
 def _calibration_section(results: SessionResults) -> dict[str, Any]:
@@ -109,6 +126,7 @@ def _calibration_section(results: SessionResults) -> dict[str, Any]:
     return {
         "chart": chart_section(results), "held_out_rms": held_out_rms(results),
         "scale": scale_words(results.light_scale),
-        "sensitivity": sensitivity_figure("sensitivity", fit, results.bands, results.sensitivity_truth),
+        "sensitivity": sensitivity_figure("sensitivity", fit, results.bands,
+                                          results.sensitivity_truth),
         "light": light_figure("light", results.calibration.light),
-    }
+        }

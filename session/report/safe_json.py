@@ -1,4 +1,6 @@
-"""Plain JSON values of records and arrays, and JSON that cannot end the <script> element it stands in."""
+"""Plain JSON values of records and arrays, and JSON that cannot end the <script> element it stands
+in.
+"""
 from __future__ import annotations
 
 import json
@@ -12,7 +14,9 @@ from markupsafe import Markup
 
 
 def plain_values(value: Any) -> Any:
-    """``value`` as dicts, lists, strings, numbers and None; a number that is not finite becomes None."""
+    """``value`` as dicts, lists, strings, numbers and None; a number that is not finite becomes
+    None.
+    """
     if value is None or isinstance(value, (str, bool, int)):
         return value
     if isinstance(value, np.ndarray | np.generic):
@@ -29,7 +33,9 @@ def plain_values(value: Any) -> Any:
 
 
 def json_for_script(value: Any) -> Markup:
-    """JSON text with ``<``, ``>`` and ``&`` written as escapes, so no name can close the element or open another."""
+    """JSON text with ``<``, ``>`` and ``&`` written as escapes, so no name can close the element or
+    open another.
+    """
     text = json.dumps(plain_values(value), allow_nan=False, separators=(",", ":"))
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")

@@ -1,4 +1,6 @@
-"""Figures over wavelength: the spectra behind one material, sensitivities, light, and the error budget."""
+"""Figures over wavelength: the spectra behind one material, sensitivities, light, and the error
+budget.
+"""
 from __future__ import annotations
 
 import numpy as np
@@ -6,21 +8,33 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
-from radiometry.records import Quantity, Reconstruction, SensitivityFit, Spectrum
-from sampling.spectral_samples import SpectralSamples
-from session.report.svg import INK, QUIET, Readout, band_colours, figure, inline_svg, plain_line
-from session.report.words import percent
-from session.results import MaterialResult
+from spectrabox.radiometry.records import Quantity, Reconstruction, SensitivityFit, Spectrum
+from spectrabox.sampling.measurement import SpectralSamples
+from spectrabox.session.report.svg import (
+    INK,
+    QUIET,
+    Readout,
+    band_colours,
+    figure,
+    inline_svg,
+    plain_line,
+)
+from spectrabox.session.report.words import percent
+from spectrabox.session.store.results import MaterialResult
 
 DRAWS_SHOWN = 30
 LEGEND_LETTERS = 42     # that one row above the error budget holds
 MEAN, RENDERED, TRUTH = "#1f4e8c", "#d0661a", "#1a1a1a"
 QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradiance (W m⁻² nm⁻¹)",
-              Quantity.RADIANCE: "Radiance (W m⁻² sr⁻¹ nm⁻¹)", Quantity.RELATIVE: "Relative spectral power"}
+              Quantity.RADIANCE: "Radiance (W m⁻² sr⁻¹ nm⁻¹)",
+              Quantity.RELATIVE: "Relative spectral power"}
 
 
-def material_curves(material: MaterialResult, made: Reconstruction) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Wavelengths (P,) and every curve known of one material, each (P,); NaN where a truth was not measured."""
+def material_curves(material: MaterialResult, made: Reconstruction) -> tuple[np.ndarray,
+                                                                             dict[str, np.ndarray]]:
+    """Wavelengths (P,) and every curve known of one material, each (P,); NaN where a truth was not
+    measured.
+    """
     grid_nm = made.grid.nm
     estimate = material.spectrum
     summary = material.summary
@@ -34,18 +48,22 @@ def material_curves(material: MaterialResult, made: Reconstruction) -> tuple[np.
                   "inverse rendering": np.interp(nm, grid_nm, estimate)}
     if material.truth is not None:
         truth = material.truth
-        curves["measured truth"] = np.interp(nm, truth.grid.nm, truth.values, left=np.nan, right=np.nan)
+        curves["measured truth"] = np.interp(nm, truth.grid.nm, truth.values, left=np.nan,
+                                             right=np.nan)
     return nm, curves
 
 
 def every_10_nm(nm: np.ndarray, curves: dict[str, np.ndarray]) -> list[list[float]]:
     """Rows of wavelength and curve values at the multiples of 10 nm."""
     at = np.arange(np.ceil(nm[0] / 10) * 10, nm[-1] + 1e-6, 10.0)
-    return [[float(v) for v in row] for row in np.c_[at, *[np.interp(at, nm, y)[:, None] for y in curves.values()]]]
+    return [[float(v) for v in row]
+            for row in np.c_[at, *[np.interp(at, nm, y)[:, None] for y in curves.values()]]]
 
 
 def material_figure(name: str, material: MaterialResult, made: Reconstruction) -> Markup:
-    """Draws, band, exact bounds, mean, the spectrum of inverse rendering, and the truth where one was measured."""
+    """Draws, band, exact bounds, mean, the spectrum of inverse rendering, and the truth where one
+    was measured.
+    """
     nm, curves = material_curves(material, made)
     drawing = figure(6.6, 3.7)
     axes = drawing.add_subplot()
@@ -54,14 +72,16 @@ def material_figure(name: str, material: MaterialResult, made: Reconstruction) -
     else:
         _draw_uncertainty(axes, material, made, nm, curves)
     if "measured truth" in curves:
-        axes.plot(nm, curves["measured truth"], color=TRUTH, lw=1.3, ls=(0, (1, 1.2)), label="measured truth")
+        axes.plot(nm, curves["measured truth"], color=TRUTH, lw=1.3, ls=(0, (1, 1.2)),
+                  label="measured truth")
     _wavelength_axis(axes, nm)
     top = max(1.0, *(float(np.nanmax(y)) for y in curves.values() if np.isfinite(y).any()))
     axes.set(ylim=(0, 1.02 * top), ylabel="Reflectance")
     drawing.legend(loc="outside upper left", ncols=4, handlelength=1.6, columnspacing=1.2)
     shown = plain_line(material.name)
-    return inline_svg(drawing, name, f"Reflectance of {shown}", f"Reflectance of {shown} over wavelength with what is "
-                      "known of its uncertainty; the table below holds the numbers.",
+    return inline_svg(drawing, name, f"Reflectance of {shown}", f"Reflectance of {shown} over "
+                      "wavelength with what is known of its uncertainty; the table below holds the "
+                      "numbers.",
                       Readout(axes, nm, curves, "Wavelength", "nm"))
 
 
@@ -89,8 +109,11 @@ def drawn_spectra(samples: SpectralSamples) -> tuple[np.ndarray, np.ndarray]:
     return samples.grid.nm, samples.spectra[chosen]
 
 
-def error_budget_figure(name: str, material: MaterialResult, bands: tuple[str, ...]) -> Markup | None:
-    """Relative standard error of the material's signal per cause and band; None where no cause was stated."""
+def error_budget_figure(name: str, material: MaterialResult,
+                        bands: tuple[str, ...]) -> Markup | None:
+    """Relative standard error of the material's signal per cause and band; None where no cause was
+    stated.
+    """
     budget = material.error_budget
     if not budget:
         return None
@@ -100,8 +123,8 @@ def error_budget_figure(name: str, material: MaterialResult, bands: tuple[str, .
     axes = drawing.add_subplot()
     for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
         at = np.arange(len(causes)) + 0.4 - (k + 0.5) * height
-        axes.barh(at, [100 * float(budget[cause][k]) for cause in causes], 0.85 * height, color=colour,
-                  label=plain_line(band, 24))
+        axes.barh(at, [100 * float(budget[cause][k]) for cause in causes], 0.85 * height,
+                  color=colour, label=plain_line(band, 24))
     axes.set_yticks(range(len(causes)), [plain_line(cause, 26) for cause in causes])
     axes.tick_params(axis="y", length=0)
     axes.set_xlabel("Relative standard error (%)")
@@ -123,19 +146,22 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
         series[band] = fit.curves[k]
         if fit.standard_error is not None:
             spread = 2 * fit.standard_error[k]
-            axes.fill_between(nm, fit.curves[k] - spread, fit.curves[k] + spread, color=colour, alpha=0.18, lw=0)
+            axes.fill_between(nm, fit.curves[k] - spread, fit.curves[k] + spread, color=colour,
+                              alpha=0.18, lw=0)
             series[f"{band} ± 2 s.e."] = spread
         axes.plot(nm, fit.curves[k], color=colour, lw=1.6, label=plain_line(band, 24))
         if truth is not None:
             axes.plot(truth[0], truth[1][k], color=colour, lw=1.0, ls=(0, (1, 1.2)))
-            series[f"{band} measured"] = np.interp(nm, *(truth[0], truth[1][k]), left=np.nan, right=np.nan)
+            series[f"{band} measured"] = np.interp(nm, *(truth[0], truth[1][k]), left=np.nan,
+                                                   right=np.nan)
     if truth is not None:
         axes.plot([], [], color=INK, lw=1.0, ls=(0, (1, 1.2)), label="measured curves")
     _wavelength_axis(axes, nm)
     axes.axhline(0, color=QUIET, lw=0.6)
     axes.set_ylabel("Sensitivity (highest peak = 1)")
     drawing.legend(loc="outside upper left", ncols=8, handlelength=1.4, columnspacing=1.2)
-    return inline_svg(drawing, name, "Camera sensitivities", "Sensitivity of each camera band over wavelength.",
+    return inline_svg(drawing, name, "Camera sensitivities",
+                      "Sensitivity of each camera band over wavelength.",
                       Readout(axes, nm, series, "Wavelength", "nm"))
 
 
@@ -148,13 +174,16 @@ def light_figure(name: str, light: Spectrum) -> Markup:
     series = {QUANTITIES[light.quantity].partition(" (")[0].lower(): light.values}
     if light.standard_error is not None:
         spread = 2 * light.standard_error
-        axes.fill_between(nm, light.values - spread, light.values + spread, color=QUIET, alpha=0.3, lw=0)
+        axes.fill_between(nm, light.values - spread, light.values + spread, color=QUIET, alpha=0.3,
+                          lw=0)
         series["± 2 s.e."] = spread
     _wavelength_axis(axes, nm)
     axes.set(ylabel=QUANTITIES[light.quantity], ylim=(0, None))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
-    digits = int(np.clip(3 - np.floor(np.log10(max(float(np.abs(light.values).max()), 1e-30))), 0, 12))
-    return inline_svg(drawing, name, "Light spectrum", f"{QUANTITIES[light.quantity]} over wavelength.",
+    digits = int(np.clip(3 - np.floor(np.log10(max(float(np.abs(light.values).max()), 1e-30))), 0,
+                         12))
+    return inline_svg(drawing, name, "Light spectrum",
+                      f"{QUANTITIES[light.quantity]} over wavelength.",
                       Readout(axes, nm, series, "Wavelength", "nm", digits))
 
 

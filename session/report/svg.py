@@ -1,6 +1,8 @@
-"""A matplotlib figure as inline SVG: unique ids, an accessible name, and a read-out under the pointer.
+"""A matplotlib figure as inline SVG: unique ids, an accessible name, and a read-out under the
+pointer.
 
-Figures are made with ``figure()`` inside ``report_style()``; pyplot and its global state are never touched.
+Figures are made with ``figure()`` inside ``report_style()``; pyplot and its global state are never
+touched.
 """
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from session.report.safe_json import json_for_script
+from spectrabox.session.report.safe_json import json_for_script
 
 INK, QUIET, GRID = "#22262b", "#6b7280", "#e3e6ea"
 NATURAL = {"R": "#c2352b", "G": "#2c8a4b", "B": "#2b5fb8"}
@@ -28,15 +30,17 @@ STYLE = {
     "text.parse_math": False,  # a name may hold dollar signs
     "text.usetex": False, "axes.formatter.use_mathtext": False,
     "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"], "font.size": 8,
-    "axes.titlesize": 8.5, "axes.titleweight": "normal", "axes.labelsize": 8, "legend.fontsize": 7.5,
+    "axes.titlesize": 8.5, "axes.titleweight": "normal", "axes.labelsize": 8,
+    "legend.fontsize": 7.5,
     "xtick.labelsize": 7.5, "ytick.labelsize": 7.5,
     "text.color": INK, "axes.labelcolor": INK, "xtick.color": QUIET, "ytick.color": QUIET,
-    "xtick.labelcolor": INK, "ytick.labelcolor": INK, "axes.edgecolor": QUIET, "axes.linewidth": 0.6,
-    "xtick.major.width": 0.6, "ytick.major.width": 0.6,
+    "xtick.labelcolor": INK, "ytick.labelcolor": INK, "axes.edgecolor": QUIET,
+    "axes.linewidth": 0.6, "xtick.major.width": 0.6, "ytick.major.width": 0.6,
     "axes.spines.top": False, "axes.spines.right": False, "axes.axisbelow": True,
-    "grid.color": GRID, "grid.linewidth": 0.6, "legend.frameon": False, "image.interpolation": "none",
-    "hatch.linewidth": 0.4, "hatch.color": "#9aa1ab", "figure.facecolor": "none", "axes.facecolor": "none",
-}
+    "grid.color": GRID, "grid.linewidth": 0.6, "legend.frameon": False,
+    "image.interpolation": "none", "hatch.linewidth": 0.4, "hatch.color": "#9aa1ab",
+    "figure.facecolor": "none", "axes.facecolor": "none",
+    }
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,8 @@ class Readout:
 def report_style() -> Iterator[None]:
     """The fonts, lines and SVG settings of the report, for figures made and written inside."""
     with matplotlib.rc_context(STYLE), warnings.catch_warnings():  # type: ignore[arg-type]
-        # matplotlib only measures text; the browser draws it and has the glyphs that matplotlib's font lacks
+        # matplotlib only measures text; the browser draws it and has the glyphs that matplotlib's
+        # font lacks
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         yield
 
@@ -66,7 +71,9 @@ def figure(width_in: float, height_in: float) -> Figure:
 
 
 def band_colours(bands: tuple[str, ...]) -> list[str]:
-    """One colour per camera band: red, green and blue where the band is named so, otherwise ten distinct ones."""
+    """One colour per camera band: red, green and blue where the band is named so, otherwise ten
+    distinct ones.
+    """
     taken = {"#1f77b4", "#2ca02c", "#d62728"} if NATURAL.keys() & set(bands) else set()
     spare = itertools.cycle([c for rgb in matplotlib.color_sequences["tab10"]
                              if (c := matplotlib.colors.to_hex(rgb)) not in taken])
@@ -74,12 +81,16 @@ def band_colours(bands: tuple[str, ...]) -> list[str]:
 
 
 def plain_line(text: str, longest: int = 60) -> str:
-    """``text`` on one line, without control characters, cut to ``longest`` characters with an ellipsis."""
-    line = " ".join("".join(" " if unicodedata.category(c).startswith("C") else c for c in text).split())
+    """``text`` on one line, without control characters, cut to ``longest`` characters with an
+    ellipsis.
+    """
+    line = " ".join("".join(" " if unicodedata.category(c).startswith("C") else c
+                            for c in text).split())
     return line if len(line) <= longest else line[:longest - 1] + "…"
 
 
-def inline_svg(drawing: Figure, name: str, title: str, description: str, readout: Readout | None = None) -> Markup:
+def inline_svg(drawing: Figure, name: str, title: str, description: str,
+               readout: Readout | None = None) -> Markup:
     """The figure as an HTML fragment: SVG, and the numbers of its read-out where it has one.
 
     Parameters
@@ -97,20 +108,26 @@ def inline_svg(drawing: Figure, name: str, title: str, description: str, readout
 
 def _svg_text(drawing: Figure) -> str:
     buffer = io.StringIO()
-    drawing.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    drawing.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None,
+                                                    "Type": None})
     return buffer.getvalue()
 
 
 def _split(svg: str) -> tuple[str, str]:
-    """The view box, and what stands between the outer tags less the style sheet that would leak into the page."""
+    """The view box, and what stands between the outer tags less the style sheet that would leak
+    into the page.
+    """
     opening = re.search(r'<svg [^>]*viewBox="([^"]*)"[^>]*>', svg)
     assert opening is not None, "matplotlib writes a view box into every SVG"
     body = svg[opening.end():svg.rindex("</svg>")]
-    return opening[1], re.sub(r"<defs>\s*<style[^>]*>.*?</style>\s*</defs>", "", body, count=1, flags=re.DOTALL)
+    return opening[1], re.sub(r"<defs>\s*<style[^>]*>.*?</style>\s*</defs>", "", body, count=1,
+                              flags=re.DOTALL)
 
 
 def _with_prefix(body: str, name: str) -> str:
-    """Ids and the references to them made unique to the page; only inside tags, so no drawn text is changed."""
+    """Ids and the references to them made unique to the page; only inside tags, so no drawn text is
+    changed.
+    """
     def rename(tag: re.Match[str]) -> str:
         text = re.sub(r'\sid="', f' id="{name}-', tag[0])
         text = text.replace("url(#", f"url(#{name}-").replace('xlink:href="#', f'href="#{name}-')
@@ -125,10 +142,10 @@ def _readout_html(drawing: Figure, readout: Readout | None) -> Markup:
     box = readout.axes.get_position()  # in its place only after the figure was drawn
     numbers = {
         "box": [box.x0 * width, (1 - box.y1) * height, box.x1 * width, (1 - box.y0) * height],
-        "limits": readout.axes.get_xlim(), "name": readout.x_name, "unit": readout.x_unit, "digits": readout.digits,
-        "x": np.round(readout.x, 3),
+        "limits": readout.axes.get_xlim(), "name": readout.x_name, "unit": readout.x_unit,
+        "digits": readout.digits, "x": np.round(readout.x, 3),
         "series": [[label, np.round(np.asarray(y, dtype=float), readout.digits + 1)]
                    for label, y in readout.series.items()],
-    }
-    return Markup('<script type="application/json" class="readout">{}</script><output>Point at the plot to read '
-                  'its values.</output>').format(json_for_script(numbers))
+        }
+    return Markup('<script type="application/json" class="readout">{}</script><output>Point at the '
+                  'plot to read its values.</output>').format(json_for_script(numbers))

@@ -5,44 +5,58 @@ from typing import Any
 
 import numpy as np
 
-from radiometry.appearance import reflectance_to_srgb
-from radiometry.chart import PATCH_NAMES
-from radiometry.records import Reconstruction
-from session.report.figures import chart_residual_figure, irradiance_figure, picture_data_uri
-from session.report.maps import display_bands, srgb_encoded, surface_colours
-from session.report.spectra import error_budget_figure, every_10_nm, material_curves, material_figure
-from session.report.verdict import CHART_LIMITS, chart_residuals, root_mean_square
-from session.report.words import OFF
-from session.results import MaterialResult, SessionResults
+from spectrabox.radiometry.appearance import reflectance_to_srgb
+from spectrabox.radiometry.chart import PATCH_NAMES
+from spectrabox.radiometry.records import Reconstruction
+from spectrabox.session.report.figures import (
+    chart_residual_figure,
+    irradiance_figure,
+    picture_data_uri,
+)
+from spectrabox.session.report.maps import display_bands, srgb_encoded, surface_colours
+from spectrabox.session.report.spectra import (
+    error_budget_figure,
+    every_10_nm,
+    material_curves,
+    material_figure,
+)
+from spectrabox.session.report.verdict import CHART_LIMITS, chart_residuals, root_mean_square
+from spectrabox.session.report.words import OFF
+from spectrabox.session.store.results import MaterialResult, SessionResults
 
 
 def css_colour(srgb: np.ndarray) -> str:
-    """Encoded sRGB (3,), 0 to 1, as CSS writes it; grey stripes stand for a colour that was not measured."""
+    """Encoded sRGB (3,), 0 to 1, as CSS writes it; grey stripes stand for a colour that was not
+    measured.
+    """
     if not np.isfinite(srgb).all():
         return "repeating-linear-gradient(45deg,#ccc 0 3px,#fff 3px 6px)"
     return "rgb({}, {}, {})".format(*(round(255 * float(v)) for v in np.clip(srgb, 0, 1)))
 
 
-def material_section(number: int, material: MaterialResult, results: SessionResults) -> dict[str, Any]:
+def material_section(number: int, material: MaterialResult, results: SessionResults) -> dict[str,
+                                                                                             Any]:
     """What the report shows of one material: table row, figures and data table."""
     made = results.reconstruction
     summary = material.summary
     nm, curves = material_curves(material, made)
     shown = summary.mean if summary is not None else curves["given"]
-    width = float(np.average(summary.upper - summary.lower, weights=summary.grid.weights_nm)) if summary else None
+    width = float(np.average(summary.upper - summary.lower,
+                             weights=summary.grid.weights_nm)) if summary else None
     return {
-        "id": f"material-{number}", "material": material, "swatch": css_colour(reflectance_to_srgb(nm, shown)),
-        "band_width": width, "columns": list(curves), "rows": every_10_nm(nm, curves),
+        "id": f"material-{number}", "material": material,
+        "swatch": css_colour(reflectance_to_srgb(nm, shown)), "band_width": width,
+        "columns": list(curves), "rows": every_10_nm(nm, curves),
         "figure": material_figure(f"spectrum-{number}", material, made),
         "budget": error_budget_figure(f"budget-{number}", material, results.signal_bands),
-    }
+        }
 
 
 def surface_rows(made: Reconstruction) -> list[dict[str, Any]]:
     """One row per surface: its number and colour in the map, and ratio and spread in each band."""
     agreement = made.agreement
-    return [{"number": s + 1, "colour": colour, "name": agreement.names[s], "material": agreement.materials[s],
-             "pixels": int(agreement.pixels[s]),
+    return [{"number": s + 1, "colour": colour, "name": agreement.names[s],
+             "material": agreement.materials[s], "pixels": int(agreement.pixels[s]),
              "bands": [(float(r), float(d), abs(float(r) - 1) > OFF)
                        for r, d in zip(agreement.ratio[s], agreement.spread[s], strict=True)]}
             for s, colour in enumerate(surface_colours(len(agreement.names)))]
@@ -55,14 +69,17 @@ def chart_section(results: SessionResults) -> dict[str, Any] | None:
         return None
     held_out = results.calibration.sensitivity.held_out_residuals
     return {
-        "overlay": picture_data_uri(results.chart.overlay), "patches": _patches(results, residuals, held_out),
-        "residuals": chart_residual_figure("chart-residuals", residuals, held_out, results.bands, CHART_LIMITS[0]),
-        "rms": root_mean_square(residuals), "irradiance": irradiance_figure("irradiance", results.chart.irradiance),
+        "overlay": picture_data_uri(results.chart.overlay), "patches": _patches(results, residuals,
+                                                                                held_out),
+        "residuals": chart_residual_figure("chart-residuals", residuals, held_out, results.bands,
+                                           CHART_LIMITS[0]), "rms": root_mean_square(residuals),
+        "irradiance": irradiance_figure("irradiance", results.chart.irradiance),
         "detection": results.chart.detection, "limit": CHART_LIMITS[0],
-    }
+        }
 
 
-def _patches(results: SessionResults, residuals: np.ndarray, held_out: np.ndarray | None) -> list[dict[str, Any]]:
+def _patches(results: SessionResults, residuals: np.ndarray,
+             held_out: np.ndarray | None) -> list[dict[str, Any]]:
     chart = results.chart
     assert chart is not None
     measured, predicted = chart.samples.mean, np.asarray(chart.predicted)
@@ -75,7 +92,8 @@ def _patches(results: SessionResults, residuals: np.ndarray, held_out: np.ndarra
              "bands": [{"measured": float(measured[p, k]), "error": float(error[p, k]),
                         "predicted": float(predicted[p, k]), "residual": float(residuals[p, k]),
                         "held_out": None if held_out is None else float(held_out[p, k]),
-                        "off": abs(float(residuals[p, k])) > OFF} for k in range(len(results.bands))],
+                        "off": abs(float(residuals[p, k])) > OFF}
+                       for k in range(len(results.bands))],
              "saturated": float(chart.samples.saturated_fraction[p].max())} for p in range(24)]
 
 
@@ -90,5 +108,7 @@ def input_rows(results: SessionResults) -> list[dict[str, Any]]:
 
 
 def _input_row(row: dict[str, Any]) -> dict[str, Any]:
-    columns = {key: row.get(key) for key in ("role", "file", "sha256", "bytes", "exposure_s", "clipped")}
-    return columns | {"facts": {key: value for key, value in row.items() if key not in columns and key != "facts"}}
+    columns = {key: row.get(key) for key in ("role", "file", "sha256", "bytes", "exposure_s",
+                                             "clipped")}
+    return columns | {"facts": {key: value for key, value in row.items() if key not in columns
+                                and key != "facts"}}

@@ -1,4 +1,6 @@
-"""Is this session good? Each criterion with its value, its limit and what it says, and the verdict over all."""
+"""Is this session good? Each criterion with its value, its limit and what it says, and the verdict
+over all.
+"""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -6,17 +8,19 @@ from enum import Enum
 
 import numpy as np
 
-from radiometry.records import Outcome, SurfaceAgreement
-from sampling.prior_draws import FAMILIAR
-from sampling.scene_draws import THROUGH_TRANSPORT
-from session.report.words import deviation_words, percent
-from session.results import SessionResults
+from spectrabox.radiometry.records import Outcome, SurfaceAgreement
+from spectrabox.sampling.prior.draws import FAMILIAR
+from spectrabox.sampling.scene.draws import THROUGH_TRANSPORT
+from spectrabox.session.report.words import deviation_words, percent
+from spectrabox.session.store.results import SessionResults
 
-MEDIAN_LIMITS = (0.02, 0.05)          # |photo / rendering - 1|: pass up to the first, fail beyond the second
+# |photo / rendering - 1|: pass up to the first, fail beyond the second
+MEDIAN_LIMITS = (0.02, 0.05)
 WORST_LIMITS = (0.05, 0.15)
 CHART_LIMITS = (0.03, 0.10)           # rms of (photo - predicted) / photo
 GOOD_DRAWS = (Outcome.EXACT.value, FAMILIAR, THROUGH_TRANSPORT)
-CLIPPED_LIMITS = (0.05, float("inf"))  # clipped pixels are left out, so they cost coverage, not correctness
+# clipped pixels are left out, so they cost coverage, not correctness
+CLIPPED_LIMITS = (0.05, float("inf"))
 
 
 class Status(Enum):
@@ -52,10 +56,11 @@ class Verdict:
 def judge(results: SessionResults) -> Verdict:
     """Verdict on a session: PASS, WARN or FAIL."""
     compared = [("", results.reconstruction.agreement, results.bands)]
-    compared += [(f" in the photo “{view.name}”", view.reconstruction.agreement, view.bands) for view in results.views]
+    compared += [(f" in the photo “{view.name}”", view.reconstruction.agreement,
+                  view.bands) for view in results.views]
     criteria = (*(_median_surface(agreement, where) for where, agreement, _ in compared),
-                *(_worst_surface(agreement, bands, where) for where, agreement, bands in compared), _chart(results),
-                _clipped(results), *_outcomes(results), _coverage(results))
+                *(_worst_surface(agreement, bands, where) for where, agreement, bands in compared),
+                _chart(results), _clipped(results), *_outcomes(results), _coverage(results))
     status = max((c.status for c in criteria), key=lambda s: s.value)
     reasons = [c.says for c in criteria if c.status is status]
     if status in (Status.WARN, Status.FAIL):
@@ -101,7 +106,8 @@ def _median_surface(agreement: SurfaceAgreement, where: str) -> Criterion:
         return Criterion(name, None, "not measured", _limit(MEDIAN_LIMITS), Status.WARN,
                          f"No surface could be compared with the photo{where}.")
     return _graded(name, value, MEDIAN_LIMITS,
-                   f"Half of the surfaces agree with the photo within {percent(value)} in every band{where}.")
+                   f"Half of the surfaces agree with the photo within {percent(value)} in every "
+                   f"band{where}.")
 
 
 def _worst_surface(agreement: SurfaceAgreement, bands: tuple[str, ...], where: str) -> Criterion:
@@ -114,8 +120,8 @@ def _worst_surface(agreement: SurfaceAgreement, bands: tuple[str, ...], where: s
     ratio = float(agreement.ratio[worst])
     fits = "fits least" if abs(ratio - 1) <= WORST_LIMITS[0] else "does not fit"
     return _graded(name, abs(ratio - 1), WORST_LIMITS,
-                   f"The surface “{agreement.names[surface]}”{where} {fits}: in band {bands[band]} the photo is "
-                   f"{deviation_words(ratio)} than the rendering.")
+                   f"The surface “{agreement.names[surface]}”{where} {fits}: in band {bands[band]} "
+                   f"the photo is {deviation_words(ratio)} than the rendering.")
 
 
 def _chart(results: SessionResults) -> Criterion:
@@ -124,7 +130,8 @@ def _chart(results: SessionResults) -> Criterion:
     if value is None:
         return Criterion(name, None, "no chart", _limit(CHART_LIMITS), Status.INFO,
                          "Sensitivities were read from a file; no chart photo tests them.")
-    return _graded(name, value, CHART_LIMITS, f"The calibration reproduces the chart within {percent(value)} rms.")
+    return _graded(name, value, CHART_LIMITS, "The calibration reproduces the chart within "
+                   f"{percent(value)} rms.")
 
 
 def _clipped(results: SessionResults) -> Criterion:
@@ -137,8 +144,9 @@ def _outcomes(results: SessionResults) -> list[Criterion]:
     named = [("Sensitivity fit", results.calibration.sensitivity.outcome),
              ("Inverse rendering", results.reconstruction.outcome)]
     drawn = [(m.name, m.samples.outcome) for m in results.materials if m.samples is not None]
-    rows = [Criterion(name, None, outcome.name.replace("_", " ").lower(), "converged", outcome_status(outcome),
-                      f"{name}: {outcome.value}") for name, outcome in named]
+    rows = [Criterion(name, None, outcome.name.replace("_", " ").lower(), "converged",
+                      outcome_status(outcome), f"{name}: {outcome.value}") for name,
+            outcome in named]
     if not drawn:
         return rows
     doubtful = [(name, sentence) for name, sentence in drawn if sentence not in GOOD_DRAWS]
@@ -146,13 +154,17 @@ def _outcomes(results: SessionResults) -> list[Criterion]:
         return [*rows, Criterion("Samplers", None, "as intended", "as intended", Status.PASS,
                                  f"Sampler of every estimated material: {drawn[0][1]}")]
     says = "; ".join(f"“{name}”: {sentence}" for name, sentence in doubtful)
-    return [*rows, Criterion("Samplers", None, "see words", "as intended", Status.WARN, f"Sampler of {says}")]
+    return [*rows, Criterion("Samplers", None, "see words", "as intended", Status.WARN,
+                             f"Sampler of {says}")]
 
 
 def outcome_status(outcome: Outcome) -> Status:
-    """How serious an outcome is. Ill-posed is information: the bands already carry what the data left open."""
-    return {Outcome.CONVERGED: Status.PASS, Outcome.EXACT: Status.PASS, Outcome.ILL_POSED: Status.INFO,
-            Outcome.STEP_LIMIT: Status.WARN, Outcome.UNREACHABLE: Status.WARN}[outcome]
+    """How serious an outcome is. Ill-posed is information: the bands already carry what the data
+    left open.
+    """
+    return {Outcome.CONVERGED: Status.PASS, Outcome.EXACT: Status.PASS,
+            Outcome.ILL_POSED: Status.INFO, Outcome.STEP_LIMIT: Status.WARN,
+            Outcome.UNREACHABLE: Status.WARN}[outcome]
 
 
 def _coverage(results: SessionResults) -> Criterion:
@@ -163,13 +175,15 @@ def _coverage(results: SessionResults) -> Criterion:
         return Criterion(name, None, "no truth given", "its level", Status.INFO,
                          "No measured spectrum was given to compare with.")
     coverage, level = np.mean(tested, axis=0)
-    return Criterion(name, float(coverage), percent(coverage), f"{percent(level)} intended", Status.INFO,
-                     f"Over {len(tested)} materials with a measured spectrum, the band holds it at {percent(coverage)} "
-                     f"of wavelengths; {percent(level)} is intended.")
+    return Criterion(name, float(coverage), percent(coverage), f"{percent(level)} intended",
+                     Status.INFO,
+                     f"Over {len(tested)} materials with a measured spectrum, the band holds it at "
+                     f"{percent(coverage)} of wavelengths; {percent(level)} is intended.")
 
 
 def _graded(name: str, value: float, limits: tuple[float, float], says: str) -> Criterion:
-    status = Status.PASS if value <= limits[0] else Status.WARN if value <= limits[1] else Status.FAIL
+    status = Status.PASS if value <= limits[0] else Status.WARN if value <= limits[
+        1] else Status.FAIL
     return Criterion(name, value, percent(value), _limit(limits), status, says)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from radiometry.records import SurfaceAgreement
+from spectrabox.radiometry.records import SurfaceAgreement
 
 OFF = 0.05  # a surface further off than this is named and highlighted
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -19,7 +19,8 @@ def percent(share: float | None, decimals: int | None = None) -> str:
     value = 100 * float(share)
     if decimals is None:
         near_all = 99 < value < 100 and value != round(value)  # 99.9 % must not read 100 %
-        decimals = 1 if near_all else 0 if abs(value) >= 9.95 else 1 if abs(value) >= 0.095 or value == 0 else 2
+        decimals = 1 if near_all else 0 if abs(value) >= 9.95 else 1 if abs(
+            value) >= 0.095 or value == 0 else 2
     return f"{value:.{decimals}f} %".replace("-", "−")
 
 
@@ -41,7 +42,8 @@ def number(value: float | None, digits: int = 4) -> str:
 
 def fixed(value: float | None, decimals: int = 3) -> str:
     """A number with a fixed count of decimals, or that it is not known."""
-    return "not measured" if value is None or not math.isfinite(value) else f"{float(value):.{decimals}f}"
+    return "not measured" if value is None or not math.isfinite(
+        value) else f"{float(value):.{decimals}f}"
 
 
 def exposure(seconds: float | None) -> str:
@@ -92,8 +94,8 @@ def disagreement(agreement: SurfaceAgreement, bands: tuple[str, ...]) -> str:
                 f"{percent(float(deviation.max()))} in every band.{unknown}")
     order = off[np.argsort(-deviation[off])]
     where = listed([f"“{agreement.names[s]}” ({_bands_off(ratio[s], bands)})" for s in order])
-    return (f"On {measured.sum() - off.size} of {measured.sum()} compared surfaces photo and rendering agree within "
-            f"{percent(OFF, 0)} in every band. They disagree on {where}. "
+    return (f"On {measured.sum() - off.size} of {measured.sum()} compared surfaces photo and "
+            f"rendering agree within {percent(OFF, 0)} in every band. They disagree on {where}. "
             f"{_shape_of(agreement, int(order[0]))}{unknown}")
 
 
@@ -106,6 +108,6 @@ def _shape_of(agreement: SurfaceAgreement, surface: int) -> str:
     """What the pattern over bands hints at for the worst surface."""
     name, ratio = f"“{agreement.names[surface]}”", agreement.ratio[surface]
     if np.ptp(ratio) < 0.3 * np.abs(ratio - 1).max():
-        return (f"On {name} all bands are off alike: geometry, light position or shadow is the first suspect, "
-                "not the spectrum.")
+        return (f"On {name} all bands are off alike: geometry, light position or shadow is the "
+                "first suspect, not the spectrum.")
     return f"On {name} the bands differ: the spectrum of this surface, or of the light it gets, is the first suspect."

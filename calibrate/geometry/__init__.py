@@ -1,0 +1,1 @@
+"""Where camera and board stood: lens, pose, projection."""

@@ -1,0 +1,91 @@
+"""A camera's lens and place as records, and as the numbers of Mitsuba's ``perspective`` sensor.
+
+OpenCV's camera looks along +z with x to the right and y down; (0, 0) is the centre of the top-left
+pixel. Mitsuba's ``perspective`` sensor looks along +z with x to the left and y up, has square
+pixels and no distortion: photos are undistorted to that pinhole before they are compared with a
+rendering. Pixels are those of the whole photo (``LinearImage.sensor_step`` of them to one pixel of
+a linear image).
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from spectrabox.radiometry.shaped import Record
+
+OPENCV_TO_MITSUBA = np.diag([-1.0, -1.0, 1.0, 1.0])
+STEP = 1e-6             # of rotations in radians, and of shifts as a share of their length
+
+
+@dataclass(frozen=True, eq=False)
+class Lens(Record):
+    """Pinhole and distortion of one camera, zoom and focus. A standard error of 0: taken as given,
+    not estimated.
+    """
+
+    width: int                                          # pixels of the whole photo
+    height: int
+    matrix: Annotated[np.ndarray, "3 3"]                # pixels
+    distortion: Annotated[np.ndarray, "D"]              # k1 k2 p1 p2 k3 of OpenCV
+    standard_error: Annotated[np.ndarray, "4"]          # of fx, fy, cx, cy in pixels
+    distortion_error: Annotated[np.ndarray, "D"]
+    rms_px: float  # distance of the points from where the lens puts them
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class Pose(Record):
+    """Where the camera stands: world (the scene's unit) to OpenCV camera coordinates."""
+
+    world_to_camera: Annotated[np.ndarray, "4 4"]
+    # of a small turn (radians, camera axes) and of the shift
+    covariance: Annotated[np.ndarray, "6 6"]
+    residuals_px: Annotated[np.ndarray, "n 2"]          # photo - reprojection
+    rms_px: float
+
+
+def camera_place(pose: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Position (3,) in the scene, its standard error (3,), viewing direction (3,) and its error in
+    degrees.
+    """
+    def seen(step: np.ndarray) -> np.ndarray:
+        rotation = _turn(step[:3]) @ pose.world_to_camera[:3, :3]
+        return np.concatenate([-rotation.T @ (pose.world_to_camera[:3, 3] + step[3:]), rotation[2]])
+
+    sizes = np.repeat([STEP, STEP * max(float(np.linalg.norm(pose.world_to_camera[:3, 3])), STEP)],
+                      3)
+    jacobian = np.stack([(seen(step) - seen(-step)) / (2 * size)
+                         for step, size in zip(np.diag(sizes), sizes, strict=True)], axis=1)
+    covariance = jacobian @ pose.covariance @ jacobian.T
+    middle = seen(np.zeros(6))
+    angle = float(np.degrees(np.sqrt(np.trace(covariance[3:, 3:]))))
+    return middle[:3], np.sqrt(np.diag(covariance)[:3]), middle[3:], angle
+
+
+def pinhole(lens: Lens) -> np.ndarray:
+    """Camera matrix (3, 3) of the undistorted photo: square pixels, the principal point where it
+    was.
+    """
+    matrix = lens.matrix.copy()
+    matrix[1, 1] = matrix[0, 0]
+    return matrix
+
+
+def mitsuba_sensor(lens: Lens, pose: Pose) -> dict[str, Any]:
+    """What a ``perspective`` sensor needs: ``to_world`` (4, 4), ``fov`` in degrees along x,
+    principal point offsets.
+    """
+    matrix = pinhole(lens)
+    return {"to_world": np.linalg.inv(pose.world_to_camera) @ OPENCV_TO_MITSUBA,
+            "fov": float(np.degrees(2 * np.arctan(lens.width / (2 * matrix[0, 0])))),
+            "fov_axis": "x", "principal_point_offset_x": float(0.5 - (matrix[0, 2] + 0.5)
+                                                               / lens.width),
+            "principal_point_offset_y": float(0.5 - (matrix[1, 2] + 0.5) / lens.height)}
+
+
+def _turn(angles: np.ndarray) -> np.ndarray:
+    """Rotation by small angles: exact to their square."""
+    x, y, z = angles
+    return np.eye(3) + np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

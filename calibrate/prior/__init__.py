@@ -1,0 +1,1 @@
+"""What measured cameras teach about a camera's curves."""

@@ -1,0 +1,230 @@
+"""From a mixture of Gaussians on curves to what later stages read: curves, covariance, bands,
+draws, light scale.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from spectrabox.calibrate.chart_photo import ChartPhoto, nuisance_sd, predicted_signal, unlit_design
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.prior_fit import CurvePosterior
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import Calibration
+from spectrabox.radiometry.shaped import Record
+
+ROUND_OFF = 1e-9             # of the largest value
+
+
+@dataclass(frozen=True, eq=False)
+class CurveDraws(Record):
+    """Draws of all curves together, each scaled to a largest value of 1: what a later stage
+    averages over.
+    """
+
+    curves: Annotated[np.ndarray, "T K P"]
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoState(Record):
+    """What one photo contained besides the chart.
+
+    signal = scale x field x irradiance / pi x integral of sensitivity, light and reflectance, +
+    glare
+
+    ``scale_error`` is that of scale times curves, in what a band reads of a white surface: scale
+    and curves alone are known less well, but their errors cancel in every predicted signal.
+    """
+
+    scale: float
+    scale_error: float
+    field: Annotated[np.ndarray, "I"]
+    glare: Annotated[np.ndarray, "K"]
+    predicted: Annotated[np.ndarray, "I K"]
+
+
+@dataclass(frozen=True, eq=False)
+class CurveMoments(Record):
+    """Curves of largest value 1 with their covariance (D = K N), and the value (prior's scale)
+    divided out.
+    """
+
+    coefficients: Annotated[np.ndarray, "K N"]
+    covariance: Annotated[np.ndarray, "D D"]
+    peak: float
+
+
+def curve_moments(posterior: CurvePosterior, bands: int) -> CurveMoments:
+    """Mean of the mixture, kept from being negative, and its covariance, both after division by the
+    largest value.
+
+    Where the mean dips below zero it is raised to zero and everything that varies with it moves
+    along, so that what the photo says stays fitted. The covariance is that of the mixture without
+    this constraint.
+    """
+    size = bands * posterior.basis.shape[1]
+    mean, covariance = _moments(posterior)
+    mean, covariance = nonnegative(mean[:size], covariance[:size, :size]), covariance[:size, :size]
+    coefficients = mean.reshape(bands, -1)
+    curves = coefficients @ posterior.basis.T
+    peak = float(curves.max())
+    scaling = _scaling(coefficients / peak, posterior.basis) / peak
+    return CurveMoments(coefficients / peak, scaling @ covariance @ scaling.T, peak)
+
+
+def draw_curves(posterior: CurvePosterior, bands: int, draws: int, seed: int) -> CurveDraws:
+    """Independent draws (T, K, P) of the posterior, negative values set to zero."""
+    rng = np.random.default_rng(seed)
+    size = bands * posterior.basis.shape[1]
+    counts = rng.multinomial(draws, posterior.weights)
+    with threadpool_limits(1, "blas"):  # see fit_with_prior
+        stacked = [mean[:size] + rng.standard_normal((count, size))
+                   @ _root(covariance[:size, :size]).T
+                   for count, mean, covariance in zip(counts, posterior.means,
+                                                      posterior.covariances, strict=True)
+                   if count]
+    coefficients = np.vstack(stacked).reshape(draws, bands, -1)
+    curves = np.clip(rng.permutation(coefficients), 0, None) @ posterior.basis.T
+    return CurveDraws(curves / curves.max(axis=(1, 2), keepdims=True), seed)
+
+
+def sensitivity_draws(calibration: Calibration, draws: int, seed: int) -> np.ndarray:
+    """Draws (T, K, P) of all curves together from the covariance (K N, K N) that a calibration
+    carries.
+
+    One Gaussian in place of the mixture that ``draw_curves`` draws from; negative values are set to
+    zero and each draw has a largest value of 1, so that a later stage can average over what is not
+    known of the camera.
+
+    Raises
+    ------
+    InputError
+        If the calibration carries no covariance: measured curves from a file.
+    """
+    fit = calibration.sensitivity
+    if fit.coefficients is None or fit.covariance is None or fit.basis is None:
+        raise InputError(f"the sensitivities ({fit.method}) carry no covariance to draw from; "
+                         "fit them to a chart photo")
+    normal = np.random.default_rng(seed).standard_normal((draws, fit.coefficients.size))
+    coefficients = (fit.coefficients.ravel() + normal @ _root(fit.covariance).T).reshape(draws, *fit.coefficients.shape)
+    curves = np.clip(coefficients @ fit.basis.T, 0, None)
+    return curves / curves.max(axis=(1, 2), keepdims=True)
+
+
+def prior_share(posterior: CurvePosterior, prior: CameraPrior, moments: CurveMoments) -> np.ndarray:
+    """Share (K, P) of each curve's uncertainty that the photo left: standard deviation after over
+    before, 0 to 1.
+
+    Both are of curves divided by their largest value, for the photo never tells exposure from
+    sensitivity.
+    """
+    spread = np.sqrt(prior.weights)[:, None] * (prior.means - prior.weights @ prior.means)
+    of_level = np.bincount(prior.level, prior.weights,
+                           minlength=len(prior.widening)) * prior.widening**2
+    before = spread.T @ spread + np.einsum("l,lij->ij", of_level, prior.covariances())
+    scaling = _scaling(moments.coefficients, posterior.basis) / moments.peak
+    after, prior_variance = (curve_variance(posterior.basis, covariance, prior.bands)
+                             for covariance in (moments.covariance, scaling @ before @ scaling.T))
+    floor = 1e-6 * prior_variance.max()
+    return np.clip(np.sqrt(after / np.maximum(prior_variance, floor)), 0,
+                   1) * (prior_variance > floor)
+
+
+def curve_variance(basis: np.ndarray, covariance: np.ndarray, bands: int) -> np.ndarray:
+    """Variance (K, P) of each curve at each wavelength, from the covariance (K N, K N) of all
+    coefficients.
+    """
+    blocks = covariance.reshape(bands, basis.shape[1], bands, basis.shape[1])
+    return np.array([np.clip(np.einsum("pn,pn->p", basis @ blocks[band, :, band], basis), 0, None)
+                     for band in range(bands)])
+
+
+def photo_states(posterior: CurvePosterior, photos: list[ChartPhoto],
+                 moments: CurveMoments) -> list[PhotoState]:
+    """Exposure, field and glare of every photo, and the signals that follow."""
+    bands = len(moments.coefficients)
+    size = moments.coefficients.size
+    mean, covariance = _moments(posterior)
+    states, place = [], size
+    for photo in photos:
+        count = 1 + nuisance_sd(photo).size
+        nuisance = mean[place + 1:place + count]
+        terms = photo.places.shape[1]
+        design = unlit_design(photo, posterior.basis)
+        predicted, _ = predicted_signal(photo, design, moments.coefficients * moments.peak,
+                                        mean[place], nuisance)
+        scale = float(np.exp(mean[place]) * moments.peak)
+        error = _white_error(photo, posterior.basis, moments.coefficients * moments.peak,
+                             covariance, place)
+        glare = nuisance[terms:] if photo.glare else np.zeros(bands)
+        states.append(PhotoState(scale, scale * error, np.exp(photo.places @ nuisance[:terms]),
+                                 glare, predicted.reshape(-1, bands)))
+        place += count
+    return states
+
+
+def _white_error(photo: ChartPhoto, basis: np.ndarray, coefficients: np.ndarray,
+                 covariance: np.ndarray,
+                 place: int) -> float:
+    """Relative standard error of what one band reads of white; ``place`` is that of the photo's log
+    exposure.
+
+    Bands err apart, each by its own patches' noise: the error of the whole chart's signal alone,
+    their average, would promise twice too much of each. Bands count by their signal, for the
+    relative error of one that is dark says little.
+    """
+    bands = len(coefficients)
+    lit = photo.power @ basis
+    white = coefficients @ lit
+    jacobian = np.zeros((bands, len(covariance)))
+    jacobian[:, :coefficients.size] = np.kron(np.eye(bands), lit)
+    jacobian[:, place] = white
+    variance = np.einsum("kz,zy,ky->k", jacobian, covariance, jacobian)
+    return float(np.sqrt(variance.sum() / np.sum(white**2)))
+
+
+def nonnegative(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """The most likely vector without negative entries, of a Gaussian; found by holding entries at
+    zero in turn.
+    """
+    tolerance = ROUND_OFF * np.abs(mean).max()
+    held = np.zeros(mean.size, bool)
+    moved = mean
+    for _ in range(mean.size):
+        negative = moved < -tolerance
+        if not negative.any():
+            break
+        held |= negative
+        block = covariance[np.ix_(held, held)]
+        ridge = 1e-10 * np.trace(block) / len(block) * np.eye(len(block))
+        moved = mean - covariance[:, held] @ np.linalg.solve(block + ridge, mean[held])
+        moved[held] = 0.0
+    return np.clip(moved, 0, None)
+
+
+def _scaling(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Derivative (D, D) of curves / largest value with respect to the curves, at a largest value of
+    1.
+    """
+    curves = coefficients @ basis.T
+    band, place = np.unravel_index(np.argmax(curves), curves.shape)
+    at_peak = np.zeros(coefficients.shape)
+    at_peak[band] = basis[place]
+    return np.eye(coefficients.size) - np.outer(coefficients.ravel(), at_peak.ravel())
+
+
+def _moments(posterior: CurvePosterior) -> tuple[np.ndarray, np.ndarray]:
+    mean = posterior.weights @ posterior.means
+    apart = posterior.means - mean
+    within = np.einsum("c,cij->ij", posterior.weights, posterior.covariances)
+    return mean, within + np.einsum("c,ci,cj->ij", posterior.weights, apart, apart)
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """Symmetric factor; rounding may leave variances below zero, which are none."""
+    variances, directions = np.linalg.eigh(covariance)
+    return directions * np.sqrt(np.clip(variances, 0, None))

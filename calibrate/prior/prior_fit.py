@@ -1,0 +1,295 @@
+"""Camera sensitivities from chart photos and the prior of measured cameras, as one joint estimate.
+
+Unknown are the curves of all bands together, and of every photo its exposure, its illumination
+field and its glare. For each family of the prior and each plausible size of the model error (chart
+against reference, field, light) the photo's equations are linearised about the best answer
+(Gauss-Newton, as in an iterated Kalman filter), which gives a Gaussian posterior and how well that
+family explains the photo (its evidence). The posterior is their mixture.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Annotated
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from spectrabox.calibrate.chart_photo import (
+    ChartPhoto,
+    noise_covariance,
+    nuisance_sd,
+    predicted_signal,
+    unlit_design,
+)
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.radiometry.errors import CalibrationError
+from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.shaped import Record
+
+# relative; which of them holds is inferred
+MODEL_ERRORS = (0.0003, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064)
+LINEARISED_AT = 0.008
+# standard deviation of each band's log gain beyond the prior's, and its share: most photos are as
+# the sensor saw them, some were white-balanced
+GAINS = ((0.05, 0.8), (0.4, 0.2))
+EXPOSURE_SD = 3.0            # of log exposure about the first guess: nothing is known
+ITERATIONS = 6
+LARGEST_STEP = 0.5  # of a log exposure or field term in one iteration: exp() of more runs away
+NEGLIGIBLE = 1e-4            # share of a component below which it is left out
+
+
+@dataclass(frozen=True, eq=False)
+class CurvePosterior(Record):
+    """Mixture of Gaussians on the stacked curves (D = K N) and on the nuisances (U) of all photos.
+
+    The photo never tells exposure from sensitivity: curves are scaled so that, at an exposure of 1,
+    the first chart's whole signal is what the mean of the prior would give. They are not yet
+    divided by their largest value.
+    """
+
+    basis: Annotated[np.ndarray, "P N"]
+    weights: Annotated[np.ndarray, "C"]
+    means: Annotated[np.ndarray, "C Z"]             # Z = D + U
+    covariances: Annotated[np.ndarray, "C Z Z"]
+    families: Annotated[np.ndarray, "F"]  # posterior probability of each family of the prior
+    model_error: float                              # relative, posterior mean
+    log_evidence: float
+    best_family: int                                # of the component that weighs most
+    best_gain_sd: float
+    best_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate(Record):
+    """One Gaussian of the mixture before it is worked out: a family, a spread of the gains, a size
+    of the error.
+    """
+
+    log_weight: float
+    family: int
+    gain_sd: float
+    error: float
+    start: Annotated[np.ndarray, "Z"]
+    prior_covariance: Annotated[np.ndarray, "Z Z"]
+    jacobian: Annotated[np.ndarray, "Y Z"]
+    linear: Annotated[np.ndarray, "Y"]
+
+
+def posterior_of_curves(photos: list[ChartPhoto], prior: CameraPrior, grid: WavelengthGrid, *,
+                        model_errors: tuple[float, ...] = MODEL_ERRORS) -> CurvePosterior:
+    """What the photos and the measured cameras together say of the curves.
+
+    Parameters
+    ----------
+    photos : list of ChartPhoto
+        Of one camera; charts, lights and exposures may differ.
+    prior : CameraPrior
+    model_errors : tuple of float
+        Relative errors of patches against the model that are held possible, equally likely
+        beforehand.
+    """
+    basis = hat_basis(prior.nm, grid.nm)
+    designs = [unlit_design(photo, basis) for photo in photos]
+    noises = {error: _noise(photos, error) for error in model_errors}
+    spreads = prior.covariances()
+    # a prior without cameras knows nothing of gains either
+    gains = GAINS if prior.between.size else ((0.0, 1.0),)
+    candidates = []
+    for family, (gain_sd, share) in product(range(len(prior.weights)), gains):
+        covariance, start = _joint_prior(prior, spreads[prior.level[family]], family, gain_sd,
+                                         photos, designs)
+        jacobian, linear = _linearise(photos, designs, start, covariance, prior.bands)
+        projected = jacobian @ covariance @ jacobian.T
+        for shared in (start, covariance, jacobian, linear):
+            shared.flags.writeable = False  # else every candidate below would copy it
+        log_share = float(np.log(prior.weights[family] * share))
+        candidates += [Candidate(log_share + _log_evidence(projected + noise,
+                                                           linear - jacobian @ start), family,
+                                 gain_sd, error, start, covariance, jacobian, linear)
+                       for error, noise in noises.items()]
+    return _mixture(candidates, noises, basis, prior)
+
+
+def held_out_signals(photos: list[ChartPhoto], prior: CameraPrior, grid: WavelengthGrid,
+                     posterior: CurvePosterior) -> tuple[list[np.ndarray], float]:
+    """Signals (I, K) of every photo, each patch predicted from all others, and chi-square per
+    datum.
+
+    In closed form for the component that weighs most: the error of patch i is (Q^-1)_ii^-1 (Q^-1
+    r)_i, with Q the covariance of the residuals r of the prior's prediction [Rasmussen & Williams
+    2006, Eq. 5.12]. Chi-square per datum is r Q^-1 r over the number of signals: 1 where photo,
+    chart, light and prior agree within their errors.
+    """
+    designs = [unlit_design(photo, posterior.basis) for photo in photos]
+    family = posterior.best_family
+    covariance, start = _joint_prior(prior, prior.covariances()[prior.level[family]], family,
+                                     posterior.best_gain_sd, photos, designs)
+    jacobian, linear = _linearise(photos, designs, start, covariance, prior.bands)
+    inverse = np.linalg.inv(jacobian @ covariance @ jacobian.T
+                            + _noise(photos, posterior.best_error))
+    innovation = linear - jacobian @ start
+    weighted = inverse @ innovation
+    signals, row = [], 0
+    for photo in photos:
+        without = np.empty(photo.signal.shape)
+        for patch in range(len(photo.signal)):
+            block = slice(row, row + prior.bands)
+            without[patch] = photo.signal[patch] - np.linalg.solve(inverse[block, block],
+                                                                   weighted[block])
+            row += prior.bands
+        signals.append(without)
+    return signals, float(innovation @ weighted / innovation.size)
+
+
+def expected_covariance(photos: list[ChartPhoto], prior: CameraPrior, family: int,
+                        relative_error: float,
+                        grid: WavelengthGrid, *, spread: np.ndarray) -> np.ndarray:
+    """Covariance (D, D) of the curves that photos like these would leave for a camera of one
+    family.
+
+    ``spread`` (D, D) is the family's covariance beforehand.
+    """
+    designs = [unlit_design(photo, hat_basis(prior.nm, grid.nm)) for photo in photos]
+    covariance, start = _joint_prior(prior, spread, family, GAINS[0][0], photos, designs)
+    predicted, jacobian = _equations(photos, designs, start, prior.bands)
+    candidate = Candidate(0.0, family, GAINS[0][0], relative_error, start, covariance, jacobian,
+                          predicted)
+    _, posterior = _condition(candidate, _noise(photos, relative_error))
+    size = prior.means.shape[1]
+    return posterior[:size, :size] * prior.widening[prior.level[family]] ** 2
+
+
+def hat_basis(nodes_nm: np.ndarray, nm: np.ndarray) -> np.ndarray:
+    """Linear interpolation from the prior's wavelengths to ``nm``, (P, N)."""
+    return np.array([np.interp(nm, nodes_nm, unit) for unit in np.eye(nodes_nm.size)]).T
+
+
+def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: float,
+                 photos: list[ChartPhoto], designs: list[np.ndarray]) -> tuple[np.ndarray,
+                                                                               np.ndarray]:
+    """Covariance (Z, Z) and mean (Z,) of curves and nuisances beforehand; the exposure starts where
+    it fits best.
+
+    ``spread`` (D, D) is the covariance of the family's curves. Curves are scaled to the same whole
+    signal of the first chart, so that exposure alone says how bright a photo is.
+    """
+    whole = _whole(designs, prior)
+    factor = whole @ prior.means[family]
+    mean = prior.means[family] / factor
+    bands = mean.reshape(prior.bands, -1)
+    gains = block_diag(*(gain_sd * band[:, None] for band in bands))
+    covariance = spread / factor**2 + gains @ gains.T
+    # (1 - mean whole) covariance (1 - mean whole)^T
+    covariance = covariance - np.outer(mean, whole @ covariance)
+    covariance = covariance - np.outer(covariance @ whole, mean)
+    exposures = [np.log(photo.signal.sum() / (design @ bands.T).sum())
+                 for photo, design in zip(photos, designs, strict=True)]
+    sds = [np.r_[photo.relative_exposure_sd or EXPOSURE_SD, nuisance_sd(photo)] for photo in photos]
+    sds[0][0] = EXPOSURE_SD
+    linked = np.array([index == 0 or photo.relative_exposure_sd is not None for index,
+                       photo in enumerate(photos)])
+    start = np.concatenate([mean, *(np.r_[exposures[0] if tied else exposure, np.zeros(sd.size - 1)]
+                                    for exposure, sd, tied in zip(exposures, sds, linked,
+                                                                  strict=True))])
+    total = np.diag(np.concatenate([np.zeros(mean.size), *(sd**2 for sd in sds)]))
+    total[:mean.size, :mean.size] = covariance
+    places = mean.size + np.cumsum([0, *(sd.size for sd in sds)])[:-1][linked]
+    total[np.ix_(places, places)] += EXPOSURE_SD**2 * (1 - np.eye(len(places))
+                                                       * (places == places[0]))
+    return total, start
+
+
+def _equations(photos: list[ChartPhoto], designs: list[np.ndarray], state: np.ndarray,
+               bands: int) -> tuple[np.ndarray, np.ndarray]:
+    """Predicted signals of all photos (Y,) and their derivatives (Y, Z)."""
+    curve_count = bands * designs[0].shape[1]
+    curves = state[:curve_count].reshape(bands, -1)
+    signals, rows, place = [], [], curve_count
+    for photo, design in zip(photos, designs, strict=True):
+        count = 1 + nuisance_sd(photo).size
+        signal, derivative = predicted_signal(photo, design, curves, state[place],
+                                              state[place + 1:place + count])
+        row = np.zeros((signal.size, state.size))
+        row[:, :curve_count] = derivative[:, :curve_count]
+        row[:, place:place + count] = derivative[:, curve_count:]
+        signals.append(signal)
+        rows.append(row)
+        place += count
+    return np.concatenate(signals), np.vstack(rows)
+
+
+def _noise(photos: list[ChartPhoto], error: float) -> np.ndarray:
+    return block_diag(*(noise_covariance(photo, error) for photo in photos))
+
+
+def _linearise(photos: list[ChartPhoto], designs: list[np.ndarray], start: np.ndarray,
+               covariance: np.ndarray,
+               bands: int) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives J (Y, Z) at the best answer, and the data (Y,) that a linear model y = J state
+    would have.
+    """
+    measured = np.concatenate([photo.signal.ravel() for photo in photos])
+    noise = _noise(photos, LINEARISED_AT)
+    state, curve_count = start, bands * designs[0].shape[1]
+    for _ in range(ITERATIONS):
+        predicted, jacobian = _equations(photos, designs, state, bands)
+        linear = measured - predicted + jacobian @ state
+        projected = covariance @ jacobian.T
+        gain = np.linalg.solve(jacobian @ projected + noise, linear - jacobian @ start)
+        step = start + projected @ gain - state
+        state = state + step / max(1.0, np.abs(step[curve_count:]).max() / LARGEST_STEP)
+    predicted, jacobian = _equations(photos, designs, state, bands)
+    return jacobian, measured - predicted + jacobian @ state
+
+
+def _log_evidence(covariance: np.ndarray, innovation: np.ndarray) -> float:
+    """Log density of the innovation, up to a constant; minus infinity where round-off has left no
+    density.
+    """
+    try:
+        lower = np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        return -np.inf
+    whitened = np.linalg.solve(lower, innovation)
+    return float(-0.5 * whitened @ whitened - np.log(np.diag(lower)).sum())
+
+
+def _condition(candidate: Candidate, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of a Gaussian given linear data."""
+    projected = candidate.prior_covariance @ candidate.jacobian.T
+    lower = np.linalg.cholesky(candidate.jacobian @ projected + noise)
+    innovation = np.linalg.solve(lower, candidate.linear - candidate.jacobian @ candidate.start)
+    shrink = np.linalg.solve(lower, projected.T)
+    return candidate.start + shrink.T @ innovation, candidate.prior_covariance - shrink.T @ shrink
+
+
+def _whole(designs: list[np.ndarray], prior: CameraPrior) -> np.ndarray:
+    """Row (D,) that adds up the first chart's signals of all patches and bands, 1 for the mean of
+    the prior.
+    """
+    row = np.tile(designs[0].sum(axis=0), prior.bands)
+    return row / (row @ (prior.weights @ prior.means))
+
+
+def _mixture(candidates: list[Candidate], noises: dict[float, np.ndarray], basis: np.ndarray,
+             prior: CameraPrior) -> CurvePosterior:
+    logs = np.array([candidate.log_weight for candidate in candidates])
+    if not np.isfinite(logs.max()):
+        raise CalibrationError("the signals of the patches span too many orders of magnitude to be "
+                               "fitted; check the photo's black level and that the patches are "
+                               "those of the chart")
+    weights = np.exp(logs - logs.max())
+    log_evidence = float(logs.max() + np.log(weights.sum()))
+    weights /= weights.sum()
+    by_family = np.bincount([candidate.family for candidate in candidates], weights,
+                            minlength=len(prior.weights))
+    error = float(weights @ [candidate.error for candidate in candidates])
+    kept = np.flatnonzero(weights > NEGLIGIBLE)
+    solved = [_condition(candidates[i], noises[candidates[i].error]) for i in kept]
+    widening = prior.widening[prior.level[[candidates[i].family for i in kept]]]
+    best = candidates[int(np.argmax(weights))]
+    covariances = np.array([covariance for _, covariance in solved]) * widening[:, None, None] ** 2
+    return CurvePosterior(basis, weights[kept] / weights[kept].sum(),
+                          np.array([mean for mean, _ in solved]), covariances, by_family, error,
+                          log_evidence, best.family, best.gain_sd, best.error)

@@ -1,0 +1,1 @@
+"""The chart in a photo: found, judged and read."""

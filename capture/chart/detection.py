@@ -1,0 +1,328 @@
+"""Find a ColorChecker Classic in a photo and say how well it agrees with one (OpenCV's ``mcc``
+module).
+
+OpenCV proposes where the patches lie; the proposal is fitted to the patches' outlines and accepted
+only if the 24 signals agree with those of a chart (capture/chart/agreement.py), each patch for
+itself, and the patches stand as far apart as on the card.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+
+from spectrabox.capture.chart.agreement import (
+    ACCEPTED_RESIDUAL,
+    CENTRES_MM,
+    PATCH_MM,
+    PITCH_MM,
+    WORST_ENCODED_PATCH,
+    WORST_PATCH,
+    Agreement,
+    chart_agreement,
+)
+from spectrabox.capture.chart.patches import image_from_sensor, sensor_from_image
+from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, InputError
+from spectrabox.radiometry.records import ChartDetection, LinearImage, PhotoKind
+
+QUAD_SHARE = 0.6                         # of a patch's side that is sampled
+PICTURE_SIDES = (1600, 1000, 2400)  # px, long side of the picture to search, in the order tried
+REGION_SHARE = 0.55                      # of the picture's sides, for a search of its parts
+MOST_MAGNIFIED = 2.0                     # more only blurs
+ACCEPTED_CONTRAST = (0.6, 1.9)  # power of the light; an sRGB-encoded file taken as linear has 0.5
+CONFIDENCE_SCALE = 0.25                  # confidence = exp(-residual / 0.25)
+RECTIFIED_PX_PER_MM, RECTIFIED_BORDER_MM = 2.0, 20.0
+SAME_PATCH_CODES = 10                    # sRGB code values, for what belongs to one patch
+# Distance between patches / distance of their centres: 0.08 on the large card, 0.2 on the small
+# ones; cards of other makers with the same colours have 0.02.
+LEAST_GAP = 0.05
+GAP_PX_PER_MM, GAP_STRIP_MM = 3.0, 12.0  # sampling of the strip that joins two patches
+LEAST_GAP_DEPTH = 15  # sRGB code values by which a gap must be darker than both patches
+FEWEST_GAPS = 6                          # of 38
+OVERLAY_SIDE = 1600                      # px
+
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+GRID_CORNERS_MM = np.array([CENTRES_MM[patch] for patch in (0, 5, 23, 18)]) + SQUARE * PATCH_MM / 2
+
+
+def find_chart(image: LinearImage, reference: np.ndarray,
+               corners_px: np.ndarray | None = None) -> ChartDetection:
+    """Find the chart, or check that it lies where the operator says.
+
+    Parameters
+    ----------
+    reference : (24, K)        signals that an ordinary camera would read, in any unit, dark skin first
+    corners_px : (4, 2)        outer corners of the patch grid in sensor pixels, at dark skin, bluish green, black and
+                               white; None to search the photo
+
+    Raises
+    ------
+    ChartNotFoundError
+        If no chart is found, or the patches at the given corners do not look like one.
+    CheckError
+        If the photo shows the chart mirrored, or is not linear in the light.
+    """
+    detection = locate_chart(image, reference, corners_px)
+    if detection.mirrored:
+        raise CheckError(f"photo {image.source} shows the chart mirrored; give the photo as the "
+                         "camera took it, without flipping or a mirror in the light path")
+    return detection
+
+
+def locate_chart(image: LinearImage, reference: np.ndarray,
+                 corners_px: np.ndarray | None = None) -> ChartDetection:
+    """As ``find_chart``, but a mirrored chart is returned and marked."""
+    if reference.shape != (24, image.signal.shape[2]):
+        raise InputError(f"photo {image.source} has {image.signal.shape[2]} bands and the chart "
+                         f"reference is {reference.shape}; one reference signal per patch and band "
+                         "is needed")
+    best = np.inf
+    refusal: CheckError | None = None
+    picture = preview_rgb8(image)
+    for quads_px, how_found in _proposals(image, picture, corners_px):
+        agreement = chart_agreement(image, quads_px, reference)
+        best = min(best, agreement.residual)
+        if agreement.residual <= ACCEPTED_RESIDUAL:
+            ordered = quads_px[agreement.order]
+            try:
+                _require_linear(image, agreement.contrast)
+                _require_every_patch(image, agreement)
+                _require_gaps(image, picture, ordered)
+            except CheckError as error:  # the patches may be better placed in the next proposal
+                refusal = refusal or error
+                continue
+            return ChartDetection(corners_px=ordered,
+                                  confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),
+                                  mirrored=_is_mirrored(ordered), how_found=how_found)
+    if refusal is not None:
+        raise refusal
+    raise ChartNotFoundError(_not_found(image, best, by_hand=corners_px is not None))
+
+
+def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:
+    """Picture (H, W, 3) uint8 of the photo with the 24 sampled quadrilaterals drawn and numbered
+    from 1.
+    """
+    picture, scale = _resized(preview_rgb8(image), OVERLAY_SIDE)
+    picture = np.ascontiguousarray(picture)
+    quads = (image_from_sensor(detection.corners_px, image.sensor_step) + 0.5) * scale - 0.5
+    size = float(np.linalg.norm(quads[0, 1] - quads[0, 0]))
+    for number, quad in enumerate(quads, start=1):
+        outline = np.rint(quad).astype(np.int32)[None]
+        cv2.polylines(picture, outline, True, (0, 0, 0), 3, cv2.LINE_AA)
+        cv2.polylines(picture, outline, True, (255, 255, 255), 1, cv2.LINE_AA)
+        place = tuple(int(value) for value in np.rint(quad.mean(axis=0) + np.array([-0.3, 0.2])
+                                                      * size))
+        for colour, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
+            cv2.putText(picture, str(number), place, cv2.FONT_HERSHEY_SIMPLEX, max(size / 60, 0.3),
+                        colour, thickness, cv2.LINE_AA)
+    return picture
+
+
+# ---- proposals -----------------------------------------------------------------------------------
+
+def _proposals(image: LinearImage, picture: np.ndarray,
+               corners_px: np.ndarray | None) -> Iterator[tuple[np.ndarray, str]]:
+    """Quadrilaterals (24, 4, 2) in sensor pixels with a word on where they come from, the likeliest
+    first.
+    """
+    if corners_px is not None:
+        yield _printed_quads(_homography(GRID_CORNERS_MM,
+                                         np.asarray(corners_px, float))), "corners given by hand"
+        return
+    for window, side, how_found in _windows(*picture.shape[:2]):
+        part, scale = _resized(picture[window], side)
+        for quads in _mcc_quads(part):
+            offset = np.array([window[1].start, window[0].start])
+            fitted = (_fitted_quads(part, quads) + 0.5) / scale - 0.5 + offset
+            yield sensor_from_image(fitted, image.sensor_step), how_found
+
+
+def _windows(height: int, width: int) -> Iterator[tuple[tuple[slice, slice], int, str]]:
+    """Parts of the picture to search, and the long side to search them at."""
+    longest = max(height, width)
+    for side in dict.fromkeys(min(side, int(MOST_MAGNIFIED * longest)) for side in PICTURE_SIDES):
+        yield (slice(0, height), slice(0, width)), side, f"found in the whole photo at {side} px"
+    h, w = int(REGION_SHARE * height), int(REGION_SHARE * width)
+    for top in (0, (height - h) // 2, height - h):
+        for left in (0, (width - w) // 2, width - w):
+            side = min(PICTURE_SIDES[0], int(MOST_MAGNIFIED * max(h, w)))
+            yield (slice(top, top + h),
+                   slice(left, left + w)), side, f"found in a part of the photo at {side} px"
+
+
+def _resized(picture: np.ndarray, side: int) -> tuple[np.ndarray, float]:
+    scale = min(side / max(picture.shape[:2]), MOST_MAGNIFIED)
+    interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+    return cv2.resize(picture, None, fx=scale, fy=scale, interpolation=interpolation), scale
+
+
+def _mcc_quads(rgb8: np.ndarray) -> list[np.ndarray]:
+    """Proposals (24, 4, 2) of OpenCV in pixels of the picture."""
+    detector = cv2.mcc.CCheckerDetector.create()
+    # OpenCV 5.0.0 leaves it uninitialised, and then finds nothing
+    detector.setColorChartType(cv2.mcc.MCC24)
+    detector.setUseDnnModel(False)
+    try:
+        found = detector.process(np.ascontiguousarray(rgb8[..., ::-1]), 1)
+    # OpenCV 5.0.0 fails an assertion of its own on some pictures; others of the series may do
+    except cv2.error:
+        return []
+    if not found:
+        return []
+    return [np.array(chart.getColorCharts(), float).reshape(24, 4,
+                                                            2)
+            for chart in detector.getListColorChecker()]
+
+
+def _fitted_quads(rgb8: np.ndarray, proposed: np.ndarray) -> np.ndarray:
+    """The sampled quadrilaterals after fitting the printed chart to the outlines of the patches.
+
+    OpenCV's centres are off by up to a seventh of a patch. The chart is rectified, each patch is
+    filled from its middle, and the centroids of those that come out square-sized give the
+    homography.
+    """
+    picture_from_mm = _homography(CENTRES_MM, proposed.mean(axis=1))
+    for _ in range(2):
+        centroids_mm, complete = _patch_centroids(rgb8, picture_from_mm)
+        if np.count_nonzero(complete) < 12:
+            break
+        correction, _ = cv2.findHomography(CENTRES_MM[complete], centroids_mm[complete], cv2.RANSAC,
+                                           2.0)
+        if correction is None:
+            break
+        picture_from_mm = picture_from_mm @ correction
+    return _printed_quads(picture_from_mm)
+
+
+def _patch_centroids(rgb8: np.ndarray, picture_from_mm: np.ndarray) -> tuple[np.ndarray,
+                                                                             np.ndarray]:
+    """Where each patch really lies in mm (24, 2), and whether its filled area is that of a
+    patch.
+    """
+    scale, border = RECTIFIED_PX_PER_MM, RECTIFIED_BORDER_MM
+    mm_from_px = np.array([[1 / scale, 0, 0.5 / scale - border],
+                           [0, 1 / scale, 0.5 / scale - border], [0, 0, 1]])
+    width, height = (int(scale * (side + 2 * border)) for side in GRID_CORNERS_MM[2])
+    rectified = cv2.warpPerspective(rgb8, picture_from_mm @ mm_from_px, (width, height),
+                                    flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+    rectified = cv2.medianBlur(rectified, 9)
+    centroids, complete = CENTRES_MM.copy(), np.zeros(24, bool)
+    for patch, centre in enumerate(CENTRES_MM):
+        filled = np.zeros((height + 2, width + 2), np.uint8)
+        seed = tuple(int(value) for value in scale * (centre + border))
+        cv2.floodFill(rectified, filled, seed, 0, (SAME_PATCH_CODES,) * 3, (SAME_PATCH_CODES,) * 3,
+                      4 | cv2.FLOODFILL_FIXED_RANGE | cv2.FLOODFILL_MASK_ONLY | 1 << 8)
+        y, x = np.nonzero(filled[1:-1, 1:-1])
+        complete[patch] = 0.75 < x.size / (scale * PATCH_MM) ** 2 < 1.15
+        if complete[patch]:
+            centroids[patch] = (np.array([x.mean(), y.mean()]) + 0.5) / scale - border
+    return centroids, complete
+
+
+def _printed_quads(target_from_mm: np.ndarray) -> np.ndarray:
+    squares = CENTRES_MM[:, None] + SQUARE * (QUAD_SHARE * PATCH_MM / 2)
+    return cv2.perspectiveTransform(squares.reshape(1, 96, 2), target_from_mm).reshape(24, 4, 2)
+
+
+def _homography(source: np.ndarray, target: np.ndarray) -> np.ndarray:
+    matrix, _ = cv2.findHomography(source, target)
+    if matrix is None:
+        raise InputError("the chart corners lie on one line; give the four outer corners of the "
+                         "patch grid")
+    return matrix
+
+
+# ---- verdicts ------------------------------------------------------------------------------------
+
+def _is_mirrored(quads_px: np.ndarray) -> bool:
+    """Whether the way from dark skin by bluish green to black turns left; a true chart turns right,
+    y pointing down.
+    """
+    dark_skin, bluish_green, black = (quads_px[patch].mean(axis=0) for patch in (0, 5, 23))
+    (ax, ay), (bx, by) = bluish_green - dark_skin, black - bluish_green
+    return bool(ax * by - ay * bx < 0)
+
+
+def _require_linear(image: LinearImage, contrast: float) -> None:
+    lowest, highest = ACCEPTED_CONTRAST
+    if not lowest <= contrast <= highest:
+        raise CheckError(f"photo {image.source} shows a chart, but its values go with the power "
+                         f"{contrast:.2f} of the light; give the camera raw, or a file without "
+                         "tone curve or sRGB encoding")
+
+
+def _require_every_patch(image: LinearImage, agreement: Agreement) -> None:
+    """Refuse a chart of which some patches read unlike themselves, though the rest agree."""
+    limit = WORST_PATCH if image.kind is PhotoKind.RAW else WORST_ENCODED_PATCH
+    unlike = np.flatnonzero(agreement.misfit > limit)
+    if unlike.size:
+        worst = unlike[np.argsort(-agreement.misfit[unlike])]
+        raise CheckError(f"photo {image.source}: patch "
+                         f"{', '.join(str(patch + 1) for patch in worst[:6])} of the chart "
+                         f"read{'s' if worst.size == 1 else ''} unlike a ColorChecker Classic "
+                         f"(relative misfit {agreement.misfit[worst[0]]:.2f}, at most {limit} is "
+                         "accepted); uncover and clean the chart, keep reflections off it, and use "
+                         "a Classic: 24 patches of this very order")
+
+
+def _require_gaps(image: LinearImage, picture: np.ndarray, quads_px: np.ndarray) -> None:
+    """Refuse a card whose patches stand closer than on any ColorChecker Classic."""
+    gap = patch_gap(picture, image_from_sensor(quads_px, image.sensor_step))
+    if gap is None or gap < LEAST_GAP:
+        raise CheckError(f"photo {image.source} shows a card with the colours of a ColorChecker Classic, but its "
+                         f"patches "
+                         f"stand {'at no visible distance' if gap is None else f'only {gap:.1%} of their pitch'} "
+                         f"apart, "
+                         "8 % or more on a Classic: it is another maker's card, of other reflectances, or out of "
+                         "focus; "
+                         "photograph a ColorChecker Classic in focus")
+
+
+def patch_gap(rgb8: np.ndarray, quads: np.ndarray) -> float | None:
+    """Median width of the dark gaps between neighbouring patches / distance of their centres, at
+    half depth.
+
+    None where fewer than 6 of the 38 gaps can be seen. Blur can only widen a gap or hide it.
+    """
+    scale = GAP_PX_PER_MM
+    matrix = np.diag([scale, scale, 1.0]) @ _homography(quads.mean(axis=1), CENTRES_MM)
+    width, height = (int(scale * (side + PATCH_MM / 2)) for side in CENTRES_MM[-1])
+    grey = cv2.warpPerspective(rgb8, matrix, (width, height), flags=cv2.INTER_LINEAR).mean(axis=2)
+    widths = []
+    for patch, (x, y) in enumerate(np.rint(CENTRES_MM * scale).astype(int)):
+        reach, half = int(PITCH_MM * scale), int(GAP_STRIP_MM * scale / 2)
+        strips = ([grey[y - half:y + half, x:x + reach].mean(axis=0)] if patch % 6 < 5 else []) + \
+                 ([grey[y:y + reach, x - half:x + half].mean(axis=1)] if patch < 18 else [])
+        widths += [gap for strip in strips if (gap := _gap_width(strip)) is not None]
+    return float(np.median(widths)) if len(widths) >= FEWEST_GAPS else None
+
+
+def _gap_width(profile: np.ndarray) -> float | None:
+    """Share of a profile from patch centre to patch centre that lies below half the depth of its
+    gap.
+    """
+    inner = slice(profile.size * 3 // 10, profile.size * 7 // 10)
+    ends = min(float(np.median(part)) for part in (profile[:profile.size // 5],
+                                                   profile[-(profile.size // 5):]))
+    lowest = float(profile[inner].min())
+    if ends - lowest < LEAST_GAP_DEPTH:
+        return None
+    return float(np.mean(profile < (lowest + ends) / 2))
+
+
+def _not_found(image: LinearImage, residual: float, by_hand: bool) -> str:
+    if by_hand:
+        found = f"disagree with a chart by {residual:.2f}" if np.isfinite(
+            residual) else "are nothing like a chart"
+        return (f"photo {image.source}: the patches at the given corners {found} (relative rms, at "
+                f"most {ACCEPTED_RESIDUAL} is accepted); give corners_px as the outer corners of "
+                "the patch grid at dark skin, bluish green, black and white")
+    nearest = "" if not np.isfinite(residual) else (" (the likeliest place disagrees by "
+                                                    f"{residual:.2f}, at most {ACCEPTED_RESIDUAL} "
+                                                    "is accepted)")
+    return (f"no ColorChecker was found in photo {image.source}{nearest}; let the chart fill at "
+            "least a quarter of the frame in even light without glare, or give its corners as "
+            "corners_px in session.toml")

@@ -1,0 +1,138 @@
+"""Statistics of the 24 patches of a chart that was found in a photo."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from spectrabox.radiometry.errors import CheckError, ClippedPhotoError
+from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples
+
+FEWEST_SAMPLES = 16
+CLIP_SIGMA = 3.0
+VARIANCE_LEFT_BY_CLIPPING = 0.9733  # of a normal distribution cut at 3 sigma
+SIGMA_PER_MAD = 1.4826              # of a normal distribution
+CLIPPED_LIMIT = 0.01                # of the samples of a patch
+
+
+def sample_patches(image: LinearImage, detection: ChartDetection) -> PatchSamples:
+    """Mean, covariance of the mean, saturation and gradient of each patch.
+
+    Over the pixels whose centre lies in the quadrilateral: a plane is fitted to each band, pixels
+    further than 3 sigma from it in any band are dropped (dust, glints), and the rest are averaged.
+    The covariance of the mean is that of the residuals about the plane divided by their number, so
+    uneven light does not count as noise.
+
+    Raises
+    ------
+    CheckError
+        If a patch leaves the photo or holds fewer than 16 pixels.
+    """
+    return patches_and_excluded(image, detection)[0]
+
+
+def patches_and_excluded(image: LinearImage, detection: ChartDetection) -> tuple[PatchSamples,
+                                                                                 np.ndarray]:
+    """As ``sample_patches``, and the share (24,) of the samples of each patch that were left out as
+    dust or glints.
+    """
+    patches = [_one_patch(image, quad, number) for number, quad in enumerate(detection.corners_px,
+                                                                             start=1)]
+    mean, covariance, pixels, saturated, gradient, excluded = (np.array(column)
+                                                               for column in zip(*patches,
+                                                                                 strict=True))
+    return PatchSamples(mean=mean, covariance_of_mean=covariance, pixels=pixels,
+                        saturated_fraction=saturated, gradient=gradient), excluded
+
+
+def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: str) -> None:
+    """Refuse a chart photo with more than 1 % of the samples of any patch at the clip point.
+
+    Raises
+    ------
+    ClippedPhotoError
+        Naming the saturated patches.
+    """
+    clipped = np.flatnonzero(samples.saturated_fraction.max(axis=1) > CLIPPED_LIMIT).tolist()
+    if clipped:
+        named = ", ".join(names[patch] for patch in clipped)
+        raise ClippedPhotoError(f"chart photo {photo_name}: {len(clipped)} of {len(names)} patches "
+                                f"are saturated ({named}); halve the exposure")
+
+
+def pixels_inside(quad_px: np.ndarray, sensor_step: float, height: int,
+                  width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the image pixels whose centre lies in a convex quadrilateral (4, 2) of
+    sensor pixels.
+    """
+    corners = image_from_sensor(quad_px, sensor_step)
+    last = np.array([width - 1, height - 1])
+    # a quadrilateral may lie outside
+    left, top = np.clip(np.ceil(corners.min(axis=0)), 0, last + 1).astype(int)
+    right, bottom = np.clip(np.floor(corners.max(axis=0)), -1, last).astype(int)
+    y, x = np.mgrid[top:max(bottom + 1, top), left:max(right + 1, left)]
+    edges = np.roll(corners, -1, axis=0) - corners
+    sides = [edge[0] * (y - corner[1]) - edge[1] * (x - corner[0])
+             for corner, edge in zip(corners, edges, strict=True)]
+    # either sense of turning
+    inside = np.all(np.array(sides) >= 0, axis=0) | np.all(np.array(sides) <= 0, axis=0)
+    return y[inside], x[inside]
+
+
+def image_from_sensor(xy: np.ndarray, sensor_step: float) -> np.ndarray:
+    """Image coordinates of points in sensor pixels; image pixel i is centred at (i + 0.5) x step -
+    0.5.
+    """
+    return (np.asarray(xy, dtype=float) + 0.5) / sensor_step - 0.5
+
+
+def sensor_from_image(xy: np.ndarray, sensor_step: float) -> np.ndarray:
+    """Sensor pixels of points in image coordinates; undoes ``image_from_sensor``."""
+    return (np.asarray(xy, dtype=float) + 0.5) * sensor_step - 0.5
+
+
+def _one_patch(image: LinearImage, quad_px: np.ndarray, number: int) -> tuple[np.ndarray, ...]:
+    height, width = image.signal.shape[:2]
+    corners = image_from_sensor(quad_px, image.sensor_step)
+    if np.any(corners < -0.5) or np.any(corners > np.array([width, height]) - 0.5):
+        raise CheckError(f"photo {image.source}: patch {number} of the chart lies partly outside "
+                         "the photo; photograph the whole chart")
+    y, x = pixels_inside(quad_px, image.sensor_step, height, width)
+    if y.size < FEWEST_SAMPLES:
+        raise CheckError(f"photo {image.source}: the chart is too small, patch {number} has "
+                         f"{y.size} pixels and at least {FEWEST_SAMPLES} are needed; move the "
+                         "camera closer")
+    samples = image.signal[y, x].astype(float)
+    terms = np.column_stack([np.ones(y.size), x - x.mean(), y - y.mean()])
+    kept = _near_plane(samples, image.variance[y, x], terms)
+    plane = np.linalg.lstsq(terms[kept], samples[kept], rcond=None)[0]
+    mean = samples[kept].mean(axis=0)
+    residuals = samples[kept] - terms[kept] @ plane
+    scatter = residuals.T @ residuals / (residuals.shape[0]
+                                         - terms.shape[1]) / VARIANCE_LEFT_BY_CLIPPING
+    covariance = scatter / residuals.shape[0]
+    # A dark patch may average near 0: relative to less than its own noise a gradient has no
+    # meaning.
+    least = np.maximum(np.sqrt(np.diag(covariance)), np.finfo(np.float32).tiny)
+    gradient = np.ptp(terms @ plane, axis=0) / np.maximum(np.abs(mean), least)
+    excluded = np.array(1 - residuals.shape[0] / samples.shape[0])
+    return mean, covariance, np.array(residuals.shape[0]), image.saturated[y,
+                                                                           x].mean(
+        axis=0), gradient, excluded
+
+
+def _near_plane(samples: np.ndarray, variance: np.ndarray, terms: np.ndarray) -> np.ndarray:
+    """Which samples lie within 3 sigma of the plane in every band."""
+    # Fitted to what lies near the median first: one glint must not tilt the plane.
+    kept = _within(samples - np.median(samples, axis=0), variance, 2 * CLIP_SIGMA)
+    plane = np.linalg.lstsq(terms[kept], samples[kept], rcond=None)[0]
+    return _within(samples - terms @ plane, variance, CLIP_SIGMA)
+
+
+def _within(residuals: np.ndarray, variance: np.ndarray, limit: float) -> np.ndarray:
+    centred = np.abs(residuals - np.median(residuals, axis=0))
+    # The stated noise is the least sigma: where most samples share one DN the median deviation is
+    # 0.
+    sigma = np.maximum(SIGMA_PER_MAD * np.median(centred, axis=0),
+                       np.sqrt(np.median(variance, axis=0)))
+    return np.all(centred <= limit * sigma, axis=1)

@@ -1,0 +1,204 @@
+"""Is this chart photo good enough to calibrate with? Good, or re-shoot with the reasons and what to
+do.
+
+Clipping, under-exposure, uneven light, glare, tilt, blur and size, each against a stated limit. The
+limits are ours: they are set where the error of a patch mean, or of what follows from it, reaches
+about 2 %.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.capture.chart.agreement import (
+    CENTRES_MM,
+    PATCH_MM,
+    PITCH_MM,
+    chart_agreement,
+    white_excess,
+)
+from spectrabox.capture.chart.patches import CLIPPED_LIMIT, image_from_sensor, patches_and_excluded
+from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples, PhotoKind
+
+WHITE_PATCH, BLACK_PATCH = 18, 23
+# of full scale in the brightest band: black-level errors are then 1 % of grey patches
+LEAST_WHITE_SIGNAL = 0.05
+MOST_RELATIVE_ERROR = 0.05       # standard error / mean of the black patch in its best band
+MOST_UNEVEN = 0.40  # change of the light over the chart that a smooth field takes out to about 2 %
+# white light on a patch, of the white patch: 0.013 at most without glare, 40 cameras
+MOST_GLARE = 0.03
+MOST_EXCLUDED = 0.10             # of the samples of a patch
+MOST_TILT_DEG = 40.0             # beyond it paints shine
+MOST_BLUR = 0.20  # of the side of a patch, from 10 to 90 %: the sampled middle is then still clean
+FEWEST_PIXELS = 100              # of each patch
+PROFILE_POINTS = 61
+HALF_EDGE_MM = 15.0              # of the profile across the outer edge of a patch
+
+
+@dataclass(frozen=True, eq=False)
+class ChartVerdict:
+    """What an operator should do with this photo, and the figures behind it."""
+
+    verdict: str                     # "good" or "re-shoot"
+    reasons: tuple[str, ...]
+    samples: PatchSamples
+    excluded: np.ndarray             # (24,) share of samples left out as dust or glints
+    white_signal: float              # of the white patch in its brightest band, of full scale
+    uneven: float                    # largest / smallest light over the chart - 1
+    glare: float  # largest white light added to a patch / signal of the white patch
+    tilt_deg: float
+    blur: float                      # width of an edge, of the side of a patch
+    pixels: int                      # samples of the smallest patch
+
+
+def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.ndarray,
+                names: tuple[str, ...]) -> ChartVerdict:
+    """Measure the patches and say whether to keep the photo.
+
+    Parameters
+    ----------
+    reference : (24, K)        signals that an ordinary camera would read, dark skin first
+    names : (24,)              of the patches, for the reasons
+
+    Raises
+    ------
+    CheckError
+        If a patch leaves the photo or holds fewer than 16 pixels.
+    """
+    samples, excluded = patches_and_excluded(image, detection)
+    agreement = chart_agreement(image, detection.corners_px, reference)
+    uneven = float(agreement.light.max() / agreement.light.min() - 1)
+    # A file that went through a tone curve is undone by its power, as well as one number can.
+    linear = samples.mean if image.kind is PhotoKind.RAW else np.maximum(samples.mean, 0) ** (1 / agreement.contrast)
+    glare = white_excess(linear, reference, agreement.light)
+    white, pixels = float(samples.mean[WHITE_PATCH].max()), int(samples.pixels.min())
+    tilt, blur = tilt_deg(detection.corners_px), edge_width(image, detection.corners_px)
+    reasons = (*_exposure_reasons(samples, names, white), *_light_reasons(excluded, names, uneven,
+                                                                          glare),
+               *_camera_reasons(tilt, blur, pixels))
+    return ChartVerdict("re-shoot" if reasons else "good", reasons, samples, excluded, white,
+                        uneven, float(glare.max()), tilt, blur, pixels)
+
+
+def tilt_deg(quads_px: np.ndarray) -> float:
+    """Angle between the card and the sensor, from the affine part of its outline (weak
+    perspective).
+    """
+    centres = quads_px.mean(axis=1)
+    affine = np.linalg.lstsq(np.column_stack([CENTRES_MM, np.ones(24)]), centres, rcond=None)[0][:2]
+    longest, shortest = np.linalg.svd(affine, compute_uv=False)
+    return float(np.degrees(np.arccos(min(shortest / longest, 1.0))))
+
+
+def edge_width(image: LinearImage, quads_px: np.ndarray) -> float:
+    """Width from 10 to 90 % of the outer edges of the bright outer patches, in sides of a patch
+    (median).
+    """
+    quads = image_from_sensor(quads_px, image.sensor_step)
+    picture_from_mm = _homography(CENTRES_MM, quads.mean(axis=1))
+    grey = image.signal
+    widths = []
+    for patch, outward in (*((patch, (0.0, -1.0)) for patch in range(6)),
+                           *((patch, (0.0, 1.0)) for patch in range(18, 22)),
+                           *((6 * row, (-1.0, 0.0)) for row in range(4)),
+                           *((6 * row + 5, (1.0, 0.0)) for row in range(3))):
+        along = np.linspace(-HALF_EDGE_MM, HALF_EDGE_MM,
+                            PROFILE_POINTS)[:, None] * np.array(outward)
+        beside = np.linspace(-8, 8, 9)[:, None] * np.array([outward[1], outward[0]])
+        points = CENTRES_MM[patch] + PATCH_MM / 2 * np.array(outward) + along[:, None] + beside
+        profile = _values_at(grey, _project(picture_from_mm, points)).sum(axis=2).mean(axis=1)
+        width = _rise(profile)
+        if width is not None:
+            widths.append(width * 2 * HALF_EDGE_MM / (PROFILE_POINTS - 1) / PATCH_MM)
+    return float(np.median(widths)) if widths else 1.0
+
+
+def _exposure_reasons(samples: PatchSamples, names: tuple[str, ...], white: float) -> list[str]:
+    reasons = []
+    clipped = np.flatnonzero(samples.saturated_fraction.max(axis=1) > CLIPPED_LIMIT)
+    if clipped.size:
+        reasons.append(f"clipping: {clipped.size} of 24 patches are saturated "
+                       f"({', '.join(names[i] for i in clipped)}); "
+                       "halve the exposure")
+    error = np.sqrt(np.diagonal(samples.covariance_of_mean[BLACK_PATCH]))
+    relative = float(np.min(error / np.maximum(samples.mean[BLACK_PATCH], np.finfo(float).tiny)))
+    if white < LEAST_WHITE_SIGNAL:
+        reasons.append(f"under-exposure: the white patch reaches {white:.1%} of full scale and "
+                       f"{LEAST_WHITE_SIGNAL:.0%} "
+                       f"is needed; expose {min(0.7 / max(white, 1e-3), 500):.0f} times as long")
+    elif relative > MOST_RELATIVE_ERROR:
+        reasons.append(f"under-exposure: the mean of the black patch is known to {relative:.0%} "
+                       f"only and {MOST_RELATIVE_ERROR:.0%} is needed; expose longer or bring the "
+                       "chart closer")
+    return reasons
+
+
+def _light_reasons(excluded: np.ndarray, names: tuple[str, ...], uneven: float,
+                   glare: np.ndarray) -> list[str]:
+    reasons = []
+    if uneven > MOST_UNEVEN:
+        reasons.append(f"uneven light: it changes by {uneven:.0%} over the chart and "
+                       f"{MOST_UNEVEN:.0%} is the most; move the lamp away or use two, or "
+                       "photograph a white card in the same place as flat field")
+    if glare.max() > MOST_GLARE:
+        shining = np.flatnonzero(glare > MOST_GLARE)
+        reasons.append(f"glare: white light of up to {glare.max():.1%} of the white patch lies on "
+                       f"{', '.join(names[i] for i in shining[np.argsort(-glare[shining])][:4])}; "
+                       "turn the chart or the lamp so that it does not mirror the lamp or a window")
+    spoilt = np.flatnonzero(excluded > MOST_EXCLUDED)
+    if spoilt.size:
+        reasons.append(f"dust or glints: {excluded.max():.0%} of the samples of "
+                       f"{names[int(excluded.argmax())]} stand out, {MOST_EXCLUDED:.0%} is the "
+                       "most; clean the chart and keep reflections off it")
+    return reasons
+
+
+def _camera_reasons(tilt: float, blur: float, pixels: int) -> list[str]:
+    reasons = []
+    if tilt > MOST_TILT_DEG:
+        reasons.append(f"tilt: the chart is turned away by {tilt:.0f} degrees and "
+                       f"{MOST_TILT_DEG:.0f} is the most; face it to the camera")
+    if blur > MOST_BLUR:
+        reasons.append(f"blur: edges are {blur:.0%} of a patch wide and {MOST_BLUR:.0%} is the "
+                       "most; focus on the chart")
+    if pixels < FEWEST_PIXELS:
+        reasons.append(f"too small: a patch has {pixels} pixels and {FEWEST_PIXELS} are needed; "
+                       "bring the chart closer")
+    return reasons
+
+
+def _rise(profile: np.ndarray) -> float | None:
+    """Points from 90 to 10 % of a falling edge, or None where there is none."""
+    fifth = profile.size // 5
+    high, low = np.median(profile[:fifth]), np.median(profile[-fifth:])
+    if not high > 2 * max(low, 0.0) or high <= 0:
+        return None
+    share = (profile - low) / (high - low)
+    return float(np.count_nonzero((share > 0.1) & (share < 0.9)))
+
+
+def _values_at(picture: np.ndarray, xy: np.ndarray) -> np.ndarray:
+    """Bilinear values (..., K) at image coordinates (..., 2)."""
+    height, width = picture.shape[:2]
+    x, y = np.clip(xy[..., 0], 0, width - 1.001), np.clip(xy[..., 1], 0, height - 1.001)
+    left, top = x.astype(int), y.astype(int)
+    fx, fy = (x - left)[..., None], (y - top)[..., None]
+    above = picture[top, left] * (1 - fx) + picture[top, left + 1] * fx
+    below = picture[top + 1, left] * (1 - fx) + picture[top + 1, left + 1] * fx
+    return above * (1 - fy) + below * fy
+
+
+def _homography(source: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Matrix (3, 3) that takes points (N, 2) to others, by linear least squares."""
+    (x, y), (u, v) = source.T / PITCH_MM, target.T
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    equations = np.vstack([np.column_stack([x, y, one, zero, zero, zero, -u * x, -u * y]),
+                           np.column_stack([zero, zero, zero, x, y, one, -v * x, -v * y])])
+    matrix = np.append(np.linalg.lstsq(equations, np.r_[u, v], rcond=None)[0], 1.0).reshape(3, 3)
+    return matrix @ np.diag([1 / PITCH_MM, 1 / PITCH_MM, 1.0])
+
+
+def _project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    mapped = points @ matrix[:, :2].T + matrix[:, 2]
+    return mapped[..., :2] / mapped[..., 2:]

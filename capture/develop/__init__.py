@@ -1,0 +1,1 @@
+"""Dark frames, exposure brackets, flat fields and bands photographed one by one."""

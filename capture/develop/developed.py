@@ -1,0 +1,96 @@
+"""Photos, dark frames, a flat field and a bracket to one linear image: what ``spectrabox develop``
+does.
+"""
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.capture.develop.bracket import merge_exposures
+from spectrabox.capture.develop.dark import DarkFrame, common_variance, mean_dark, subtract_dark
+from spectrabox.capture.develop.flat_field import divide_by_flat
+from spectrabox.capture.photo.image_files import is_image_file, read_encoded_file, write_linear_exr
+from spectrabox.capture.photo.linear import open_photo
+from spectrabox.capture.photo.raw import read_raw
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import LinearImage, RawFrame
+
+NOT_LINEAR = "NOT LINEAR: decoded as sRGB, colour matrix and tone curve remain"
+
+
+def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | None,
+                   not_linear: bool = False) -> tuple[LinearImage, tuple[str, ...]]:
+    """One linear image from photos of one scene, and notes on what was found on the way.
+
+    Dark frames are averaged by exposure and subtracted from the photos of theirs; photos of several
+    exposures are merged; the flat is divided out last.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be used, or a photo lacks a dark frame of its exposure while others have
+        one.
+    CheckError
+        If exposures disagree, or the dark frame or the flat is not fit for use.
+    """
+    by_exposure: dict[float | None, list[RawFrame]] = {}
+    for path in darks:
+        frame = read_raw(path)
+        by_exposure.setdefault(frame.exposure_s, []).append(frame)
+    dark_frames = {exposure: mean_dark(frames) for exposure, frames in by_exposure.items()}
+    notes = [f"dark frame {dark.source}: {int(dark.hot.sum())} hot pixels"
+             for dark in dark_frames.values()]
+    images = [] if darks else [open_any(path, not_linear) for path in photos]
+    sharing: dict[str, list[tuple[RawFrame, DarkFrame]]] = {}
+    for path in photos if darks else ():
+        frame = read_raw(path)
+        only = next(iter(dark_frames.values())) if len(dark_frames) == 1 else None
+        # a wrong exposure is refused by name below
+        dark = dark_frames.get(frame.exposure_s) or only
+        if dark is None:
+            raise InputError(f"photo {path.name} was exposed for {frame.exposure_s} s and no dark "
+                             "frame was; take one at each exposure of the bracket")
+        sharing.setdefault(dark.source, []).append((frame, dark))
+    for pairs in sharing.values():
+        mean, ratios = _mean_over_one_dark(pairs)
+        images.append(mean)
+        notes += ratios
+    merged, ratios = merge_exposures(images)
+    if flat is not None:
+        merged = divide_by_flat(merged, open_any(flat, not_linear))
+    if not_linear and any(NOT_LINEAR in image.source for image in images):
+        notes.append(NOT_LINEAR)
+    return merged, (*notes, *ratios)
+
+
+def _mean_over_one_dark(pairs: Sequence[tuple[RawFrame, DarkFrame]]) -> tuple[LinearImage,
+                                                                              tuple[str, ...]]:
+    """Mean of photos of one dark frame, whose noise no number of photos averages away."""
+    mean, ratios = merge_exposures([subtract_dark(frame, dark) for frame, dark in pairs])
+    left = (1 - 1 / len(pairs)) * common_variance(*pairs[0])
+    return dataclasses.replace(mean, variance=mean.variance + left.astype(np.float32)), ratios
+
+
+def open_any(path: Path, not_linear: bool = False) -> LinearImage:
+    """As ``open_photo``; with ``not_linear`` also JPEG, PNG and 8-bit files, decoded as sRGB and
+    marked as such.
+    """
+    try:
+        return open_photo(path)
+    except InputError as error:
+        if not (not_linear and is_image_file(path) and path.is_file() and "not linear"
+                in str(error)):
+            raise
+    image = read_encoded_file(path)
+    return dataclasses.replace(image, source=f"{image.source} ({NOT_LINEAR})")
+
+
+def write_developed(path: str | os.PathLike[str], image: LinearImage) -> None:
+    """Write the linear image with variance and saturation as EXR; the pipeline and ``spectrabox
+    chart`` read it.
+    """
+    write_linear_exr(path, image)

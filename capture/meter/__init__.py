@@ -1,0 +1,1 @@
+"""Spectroradiometers: serial line, instruments, measurements."""

@@ -1,0 +1,38 @@
+"""The instruments by name."""
+from __future__ import annotations
+
+import difflib
+
+from spectrabox.capture.meter.instruments.cr250 import Cr250
+from spectrabox.capture.meter.instruments.cs2000 import Cs2000
+from spectrabox.capture.meter.instruments.interface import Instrument
+from spectrabox.capture.meter.instruments.pr650 import Pr650
+from spectrabox.capture.meter.instruments.pr655 import Pr655
+from spectrabox.capture.meter.instruments.specbos1211 import Specbos1211
+from spectrabox.capture.meter.instruments.specbos2501 import Specbos2501
+from spectrabox.radiometry.errors import InputError
+
+DRIVERS: dict[str, type[Instrument]] = {
+    driver.name: driver for driver in (Cs2000, Cr250, Pr655, Pr650, Specbos1211, Specbos2501)}
+ALIASES = {"cs2000a": "cs2000", "cr300": "cr250", "pr670": "pr655", "spectrocal": "specbos1211",
+           "specbos1201": "specbos1211",
+           "spectraval": "specbos2501", "spectraval1501": "specbos2501",
+           "spectraval1511": "specbos2501"}
+
+
+def driver_named(name: str) -> type[Instrument]:
+    """The driver for an instrument as people write it: "CS-2000A", "pr 670".
+
+    Raises
+    ------
+    InputError
+        Naming the known ones and the nearest.
+    """
+    key = "".join(letter for letter in name.lower() if letter.isalnum())
+    driver = DRIVERS.get(ALIASES.get(key, key))
+    if driver is None:
+        near = difflib.get_close_matches(key, [*DRIVERS, *ALIASES], n=1)
+        raise InputError(f"there is no driver for {name!r}; known are "
+                         f"{', '.join([*DRIVERS, *ALIASES])}"
+                         + (f" (did you mean {near[0]}?)" if near else ""))
+    return driver

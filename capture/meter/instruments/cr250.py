@@ -1,0 +1,164 @@
+"""Colorimetry Research CR-250 and CR-300 (radiance or irradiance, as the accessory makes it).
+
+Sources: CR protocol manual 1.36, CR-250 user guide, the Brainard laboratory's driver and
+colour-specio; reply sizes agree. Not checked on an instrument yet.
+"""
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from spectrabox.capture.meter.instruments.errors import LineFaultError
+from spectrabox.capture.meter.instruments.interface import (
+    UNITS,
+    HeldResult,
+    Identity,
+    Instrument,
+    Measured,
+    MeterSettings,
+    agreed,
+    numbers,
+    refused,
+    stated_grid,
+)
+from spectrabox.capture.meter.serial_line import LineSettings
+from spectrabox.radiometry.spectra.readings import ReadingOutcome
+
+REPLY_S = 5.0
+BETWEEN_S = 0.05            # the manual asks for 50 ms between commands
+AFTER_SPECTRUM_S = 0.2
+MEASURE_S = 85.0            # slow speed takes up to 75 s
+SPECTRORADIOMETER = "2"
+ERRORS = {
+    -300: "the sync mode does not fit", -301: "the sync period is out of range",
+    -302: "it cannot lock to the light", -303: "the light fluctuates",
+    -304: "the light is too weak for this range",
+    -305: "the light is too weak to measure",
+    -306: "the light is too strong", -331: "its hardware failed",
+    -334: "a calibration table is missing",
+    -335: "a calibration table is missing", -500: "the command is unknown",
+    -505: "the filter is not known",
+    -511: "the accessory is not known", -514: "the exposure multiplier is out of range",
+    -515: "the aperture is not known",
+    -518: "the exposure mode is out of range", -519: "the exposure is out of range",
+    -521: "the sync mode is not offered",
+    -522: "the sync frequency is out of range"}
+WARNINGS = {100: "too dark for automatic sync", 101: "the light is steady: no sync was used",
+            102: "the exposure limit was reached", 103: "the sync signal is weak"}
+OUTCOMES = {-300: ReadingOutcome.NO_SYNC, -301: ReadingOutcome.NO_SYNC,
+            -302: ReadingOutcome.NO_SYNC,
+            -303: ReadingOutcome.UNSTEADY, -304: ReadingOutcome.TOO_DARK,
+            -305: ReadingOutcome.TOO_DARK,
+            -306: ReadingOutcome.TOO_BRIGHT}
+
+
+class Cr250(Instrument):
+    """Colorimetry Research CR-250 or CR-300."""
+
+    name = "cr250"
+    family = "Colorimetry Research CR-250"
+    line_settings = LineSettings(115200)
+    averages = 1
+
+    def identify(self) -> Identity:
+        if not self.entered:
+            self._enter()
+        model = self._ask("RC Model")
+        if not model.startswith("CR-"):
+            raise self.wrong(model)
+        if self._ask("RC InstrumentType") != SPECTRORADIOMETER:
+            raise self.wrong(f"{model}, which is no spectroradiometer")
+        return Identity(model, self._ask("RC ID"), self._ask("RC Firmware"))
+
+    def settings(self, wanted: MeterSettings) -> None:
+        if wanted.integration_ms is not None:
+            self._set("ExposureMode", "1")
+            self._set("Exposure", f"{wanted.integration_ms:g}")
+        if wanted.averages is not None:
+            self._set("ExposureX", str(wanted.averages))
+            self.averages = wanted.averages
+        if wanted.sync_hz is not None:
+            self._set("SyncMode", "2")
+            self._set("SyncFreq", f"{wanted.sync_hz:g}")
+
+    def measure(self) -> Measured:
+        self.busy = True
+        code, _ = self._exchange("M", self.longest_measurement_s())
+        self.busy = False
+        if code in OUTCOMES:
+            return Measured(OUTCOMES[code])
+        if code < 0:
+            raise refused(self, "M", code, ERRORS)
+        low = code in (100, 102)
+        flags = (f"warning {code}: {WARNINGS.get(code, 'not in the protocol notes')}",
+                 ) if code else ()
+        return Measured(ReadingOutcome.LOW_LIGHT if low else ReadingOutcome.MEASURED, flags)
+
+    def read(self) -> HeldResult:
+        header = self._ask("RM Spectrum")
+        first, last, step, points = numbers(",".join(header.split(",")[:4]), 4, self.line.name)
+        nm = stated_grid(points, first, last, step, self.line.name)
+        rows = [self.line.read_line(REPLY_S) for _ in range(nm.size)]
+        self.line.pace.sleep(AFTER_SPECTRUM_S)
+        values = np.array([numbers(row, 1, self.line.name)[0] for row in rows])
+        xyz, radiometric, exposure = (self._ask(f"RM {key}") for key in ("XYZ", "Radiometric",
+                                                                         "Exposure"))
+        kind = int(numbers(radiometric.split(",")[0], 1, self.line.name)[0])
+        if kind not in UNITS:
+            raise LineFaultError(f"{self.line.name}: quantity {kind} is neither radiance (0) nor "
+                                 "irradiance (1); mount an accessory for one of them")
+        milliseconds = numbers(exposure.removesuffix(" msec"), 1, self.line.name)[0]
+        return HeldResult(nm, values, UNITS[kind], numbers(xyz, 3, self.line.name)[1], milliseconds,
+                          (header, *rows, xyz, radiometric, exposure))
+
+    def leave(self) -> None:
+        if self.busy:
+            self.line.drain(0.5)
+        for command in reversed(self.found.restore):
+            self.line.send(command)
+            self.line.drain(0.1)
+
+    def longest_measurement_s(self) -> float:
+        return MEASURE_S * self.averages + 10
+
+    def _enter(self) -> None:
+        self.line.send(b"\r")
+        if b">" in self.line.drain(0.3):
+            # a toggle without an answer: off now, on again when the instrument is left
+            self.line.send(b"E\r")
+            self.line.drain(0.3)
+            self.found.restore.append(b"E\r")
+        self.entered = True
+
+    def _set(self, key: str, value: str) -> None:
+        found = agreed(self._ask, f"RS {key}").split(" ")[0]
+        if found == value:
+            return
+        if not re.fullmatch(r"-?\d+(\.\d+)?", found):
+            raise LineFaultError(f"{self.line.name}: {key} is set to {found!r}, which could not be "
+                                 f"put back afterwards; set {key} on the instrument itself")
+        self.found.restore.append(f"SM {key} {found}\r".encode())
+        self._ask(f"SM {key} {value}")
+
+    def _ask(self, command: str) -> str:
+        code, result = self._exchange(command, REPLY_S)
+        if code < 0:
+            raise refused(self, command, code, ERRORS)
+        return result
+
+    def _exchange(self, command: str, limit_s: float) -> tuple[int, str]:
+        self.line.pace.sleep(BETWEEN_S)
+        self.line.write(command.encode() + b"\r")
+        reply = self.line.read_line(limit_s)
+        match = re.fullmatch(r"(OK|ER):(-?\d+):([^:]*):(.*)", reply)
+        if match is None and command == "RC Model":
+            raise self.wrong(reply)
+        # Older firmware repeats the key of the command only, newer the whole command with or
+        # without its value.
+        words = command.split(" ")
+        known = {command, " ".join(words[:2]), words[min(1, len(words) - 1)]}
+        if match is None or match[3] not in known or (match[1] == "OK") == (int(match[2]) < 0):
+            raise LineFaultError(f"{self.line.name}: {reply[:60]!r} is no reply to {command!r}; "
+                                 "measure again, and check the cable")
+        return int(match[2]), match[4].strip()

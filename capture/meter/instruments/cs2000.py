@@ -1,0 +1,164 @@
+"""Konica Minolta CS-2000 and CS-2000A (radiance, 380-780 nm in 1 nm steps).
+
+Sources: the public drivers colour-specio, KonicaMinolta-CS2000-MATLAB, EIEIO and others, which
+agree. Not checked on an instrument yet. Nothing is written to the instrument's flash where its
+firmware allows that (``RMTS,2``).
+"""
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from spectrabox.capture.meter.instruments.errors import LineFaultError, UntrustedReadingError
+from spectrabox.capture.meter.instruments.interface import (
+    HeldResult,
+    Identity,
+    Instrument,
+    Measured,
+    MeterSettings,
+    agreed,
+    numbers,
+    refused,
+)
+from spectrabox.capture.meter.serial_line import LineSettings
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.readings import ReadingOutcome
+
+NM = np.arange(380.0, 781.0)
+BLOCK_SIZES = (100, 100, 100, 101)
+REPLY_S = 10.0
+ANNOUNCE_S = 20.0           # the pre-measurement takes 1 to 10 s before the duration is announced
+MARGIN_S = 15.0
+LONG_S = 100  # announced durations from here mean little light: there is no "too dark" code
+NOT_CALCULATED = -9.9999e9
+ERRORS = {
+    0: "the command is unknown, or the instrument is not in remote mode or is busy",
+    2: "it is measuring",
+    5: "it holds no compensation data; it needs service",
+    10: "the light is over range, or flickers too strongly",
+    17: "a parameter is out of range, or the command does not fit the present state",
+    20: "it holds no measurement",
+    30: "its memory failed; it needs service", 32: "its memory failed; it needs service",
+    34: "its memory failed; it needs service",
+    51: "its temperature is out of range; let it warm up or cool down",
+    52: "its temperature is out of range; let it warm up or cool down",
+    71: "the sync signal is outside 20-200 Hz",
+    81: "its shutter failed", 82: "its ND filter failed",
+    83: "the aperture dial was moved during the measurement",
+    84: "its fan failed", 99: "its program failed; switch it off and on"}
+OUTCOMES = {10: ReadingOutcome.TOO_BRIGHT, 71: ReadingOutcome.NO_SYNC}
+
+
+class Cs2000(Instrument):
+    """Konica Minolta CS-2000 or CS-2000A."""
+
+    name = "cs2000"
+    family = "Konica Minolta CS-2000"
+    line_settings = LineSettings(115200, rtscts=True)
+
+    def identify(self) -> Identity:
+        if not self.entered:
+            self._enter()
+        fields = self._ask("IDDR")
+        if len(fields) < 3 or not fields[0].strip().startswith("CS-2000"):
+            raise self.wrong(",".join(fields))
+        model = "CS-2000A" if fields[1].strip() == "2" else "CS-2000"
+        return Identity(model, fields[2].strip(), None)
+
+    def settings(self, wanted: MeterSettings) -> None:
+        if wanted.averages not in (None, 1):
+            raise refused(self, f"averages = {wanted.averages}", 17, {17: "it has no averaging; "
+                                                                      "use --repeat"})
+        if wanted.integration_ms is not None:
+            self._remember("SPMS", "SPMR")
+            self._ask(f"SPMS,3,{round(wanted.integration_ms * 1000)},2")
+        if wanted.sync_hz is not None:
+            self._remember("SCMS", "SCMR")
+            self._ask(f"SCMS,1,{round(wanted.sync_hz * 100)}")
+
+    def measure(self) -> Measured:
+        self.line.write(b"MEAS,1\n")
+        self.busy = True
+        code, fields = self._reply("MEAS,1", ANNOUNCE_S)
+        if code in OUTCOMES:
+            self.busy = False
+            return Measured(OUTCOMES[code])
+        announced = numbers(",".join(fields), 1, self.line.name)[0]
+        if not 0 <= announced <= 300:
+            raise LineFaultError(f"{self.line.name}: a measurement of {announced:g} s is "
+                                 "announced; at most 242 s can be")
+        code, fields = self._reply("MEAS,1", announced + MARGIN_S)
+        if fields:
+            raise LineFaultError(f"{self.line.name}: the end of the measurement should be a bare "
+                                 "OK00; measure again")
+        self.busy = False
+        if code in OUTCOMES:
+            return Measured(OUTCOMES[code])
+        return Measured(ReadingOutcome.LOW_LIGHT if announced >= LONG_S
+                        else ReadingOutcome.MEASURED)
+
+    def read(self) -> HeldResult:
+        conditions = self._ask("MEDR,0,0,1")
+        blocks = [self._ask(f"MEDR,1,0,{block}") for block in (1, 2, 3, 4)]
+        colours = self._ask("MEDR,2,0,00")
+        values: list[float] = []
+        for cells, size in zip(blocks, BLOCK_SIZES, strict=True):
+            values += numbers(",".join(cells), size, self.line.name)
+        colour = numbers(",".join(colours), 24, self.line.name)
+        if NOT_CALCULATED in values or NOT_CALCULATED in colour[:2]:
+            raise UntrustedReadingError(f"{self.family} could not calculate part of the spectrum; "
+                                        "measure again")
+        if len(conditions) < 3 or not re.fullmatch(r"\s*\d+\s*", conditions[2]):
+            raise LineFaultError(f"{self.line.name}: {','.join(conditions)!r} states no "
+                                 "integration time; measure again")
+        return HeldResult(NM, np.array(values), Quantity.RADIANCE, colour[1],
+                          int(conditions[2]) / 1000,
+                          tuple(",".join(cells) for cells in (conditions, *blocks, colours)))
+
+    def leave(self) -> None:
+        if self.busy:
+            self.line.send(b"MEAS,0\n")
+            self.line.drain(2.0)
+        for command in (*self.found.restore, b"MSWE,1\n"):
+            self.line.send(command)
+            self.line.drain(0.2)
+        self.line.send(b"RMTS,0\n")
+        self.line.drain(0.2)
+
+    def _enter(self) -> None:
+        self.line.drain(0.2)
+        self.entered = True
+        self.line.write(b"RMTS,2\n")
+        reply = self.line.read_line(REPLY_S)
+        if reply in ("ER00", "ER17"):  # firmware before 3.00 knows RMTS,1 only
+            self.line.write(b"RMTS,1\n")
+            reply = self.line.read_line(REPLY_S)
+        if reply != "OK00":
+            raise self.wrong(reply)
+        self._ask("MSWE,0")  # with the body's button enabled, reading a result clears it
+
+    def _remember(self, command: str, question: str) -> None:
+        found = agreed(lambda asked: ",".join(self._ask(asked)), question)
+        self.found.restore.append(f"{command},{found}\n".encode())
+
+    def _ask(self, command: str) -> list[str]:
+        """Fields of the reply after OK00."""
+        self.line.write(command.encode() + b"\n")
+        code, fields = self._reply(command, REPLY_S)
+        if code:
+            raise refused(self, command, code, ERRORS)
+        return fields
+
+    def _reply(self, command: str, limit_s: float) -> tuple[int, list[str]]:
+        reply = self.line.read_line(limit_s)
+        match = re.fullmatch(r"(OK|ER)(\d\d)(,.*)?", reply)
+        if match is None or (match[1] == "OK") != (match[2] == "00" and not reply.startswith("ER")):
+            raise LineFaultError(f"{self.line.name}: {reply[:60]!r} is no reply to {command}; "
+                                 "measure again, and check the cable")
+        if match[1] == "ER":
+            if command.startswith("MEAS") and int(match[2]) in OUTCOMES:
+                return int(match[2]), []
+            self.busy = False
+            raise refused(self, command, int(match[2]), ERRORS)
+        return 0, match[3][1:].split(",") if match[3] else []

@@ -1,0 +1,126 @@
+"""What all JETI instruments share: one-byte answers to commands, error numbers, text answers to
+queries.
+"""
+from __future__ import annotations
+
+import re
+
+from spectrabox.capture.meter.instruments.errors import LineFaultError, NoReplyError
+from spectrabox.capture.meter.instruments.interface import NUMBER, Instrument, refused
+from spectrabox.capture.meter.serial_line import SerialLine, ascii_text, shown
+from spectrabox.radiometry.spectra.readings import ReadingOutcome
+
+ACK, NAK, BEL, ESC, ENQ, STX, ETX = b"\x06", b"\x15", b"\x07", b"\x1b", b"\x05", b"\x02", b"\x03"
+REPLY_S = 5.0
+IDENTIFY_S = 0.5            # at each speed in turn
+ERRORS = {
+    4: "the command is unknown", 7: "a password is needed", 8: "a digit is wrong",
+    10: "argument 1 is wrong", 11: "argument 2 is wrong", 12: "argument 3 is wrong",
+    13: "argument 4 is wrong",
+    20: "the parameter argument is wrong", 21: "the configuration argument is wrong",
+    22: "the control argument is wrong",
+    23: "the read argument is wrong", 24: "the fetch argument is wrong",
+    25: "the measure argument is wrong",
+    26: "the calculation argument is wrong", 27: "the calibration argument is wrong",
+    101: "a checksum of its memory is wrong", 102: "a checksum of its memory is wrong",
+    103: "a user file is wrong", 104: "a user file is wrong", 120: "the light is too strong",
+    121: "the light is too weak",
+    123: "the automatic exposure failed", 130: "it has no shutter", 131: "no dark result",
+    132: "no reference result", 133: "no transmission result", 134: "no radiometric result",
+    135: "no colour temperature",
+    136: "no colour rendering",
+    137: "no dark compensation", 138: "no light result", 139: "no peak result",
+    140: "its calibration data are wrong", 141: "a wavelength is outside its calibration",
+    147: "the scan was broken off", 160: "no flicker cycle was found", 161: "no trigger came",
+    200: "its memory failed", 220: "its output failed", 251: "the wavelength range is wrong",
+    280: "its battery is too low", 500: "the trigger failed", 501: "the trigger failed"}
+OUTCOMES = {120: ReadingOutcome.TOO_BRIGHT, 121: ReadingOutcome.TOO_DARK,
+            123: ReadingOutcome.UNSTEADY,
+            160: ReadingOutcome.NO_SYNC, 161: ReadingOutcome.NO_SYNC}
+
+
+def find_speed(line: SerialLine, speeds: tuple[int, ...]) -> str:
+    """Ask ``*idn?`` at each speed in turn; gives the answer of the first that is understood.
+
+    Raises
+    ------
+    NoReplyError
+        If no speed brings an answer. The question changes nothing on an instrument.
+    """
+    for speed in speeds:
+        line.set_baud(speed)
+        line.drain(0.05)
+        line.send(b"*idn?\r")
+        try:
+            reply = ascii_text(line.read_until((b"\r",), IDENTIFY_S), line.name).strip()
+        except (NoReplyError, LineFaultError):
+            continue
+        if reply:
+            line.drain(0.05)
+            return reply
+    raise NoReplyError(f"{line.name}: no answer at {', '.join(map(str, speeds))} baud; check that "
+                       "the instrument is on and that this is its port")
+
+
+def ask(instrument: Instrument, command: str) -> str:
+    """The text answer to a query, without its line end.
+
+    Raises
+    ------
+    RefusedError, NoReplyError, LineFaultError
+    """
+    instrument.line.write(command.encode() + b"\r")
+    reply = instrument.line.read_until((b"\r", NAK), REPLY_S).lstrip(ENQ + b"\n")
+    if reply.endswith(NAK):
+        raise refused(instrument, command, error_number(instrument), ERRORS)
+    text = ascii_text(reply, instrument.line.name).strip()
+    if text.lower().startswith(command.lower()):
+        raise LineFaultError(f"{instrument.line.name}: the command {command!r} came back instead of an answer; "
+                             f"switch the "
+                             "instrument off and on, and check the adapter")
+    return text
+
+
+def set_to(instrument: Instrument, command: str) -> None:
+    """Send a command that is answered with one byte."""
+    instrument.line.write(command.encode() + b"\r")
+    if instrument.line.read_byte(ACK + NAK, REPLY_S, skip=ENQ) == NAK:
+        raise refused(instrument, command, error_number(instrument), ERRORS)
+
+
+def measure(instrument: Instrument, command: str, limit_s: float) -> int:
+    """Start a measurement and wait for its end: 0, or the number of the instrument's error."""
+    instrument.line.write(command.encode() + b"\r")
+    instrument.busy = True
+    for wanted, limit in ((ACK, REPLY_S), (BEL, limit_s)):
+        if instrument.line.read_byte(wanted + NAK, limit, skip=ENQ) == NAK:
+            instrument.busy = False
+            return error_number(instrument)
+    instrument.busy = False
+    return 0
+
+
+def error_number(instrument: Instrument) -> int:
+    """The number behind the last NAK."""
+    instrument.line.write(b"*stat:err?\r")
+    reply = ascii_text(instrument.line.read_until((b"\r",), REPLY_S).lstrip(ENQ),
+                       instrument.line.name)
+    match = re.fullmatch(r"\s*(?:Error Code:)?\s*(\d+)\b.*", reply.strip())
+    if match is None:
+        raise LineFaultError(f"{instrument.line.name}: {shown(reply.encode())} states no error "
+                             "number; check the cable")
+    return int(match[1])
+
+
+def labelled(text: str, label: str, line_name: str) -> float:
+    """The number after ``label`` in ``X: 1 Y: 2``.
+
+    Raises
+    ------
+    LineFaultError
+    """
+    match = re.search(rf"{label}\s*:?\s*({NUMBER})(?=\s|$)", text)
+    if match is None:
+        raise LineFaultError(f"{line_name}: {shown(text.encode())} states no {label}; measure "
+                             "again, and check the cable")
+    return float(match[1])

@@ -1,0 +1,157 @@
+"""Photo Research PR-650 (380-780 nm in 4 nm steps).
+
+Sources: PsychoPy, the Brainard laboratory's PR650 code with its table of quality codes,
+Mcalibrator2's notes from the manual. Not checked on an instrument yet. It has no leave-remote
+command and cannot report its settings: it returns to its own at the next power-on. ``E`` is never
+sent: it cannot be undone.
+"""
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from spectrabox.capture.meter.instruments.errors import (
+    LineFaultError,
+    NoReplyError,
+    UntrustedReadingError,
+)
+from spectrabox.capture.meter.instruments.interface import (
+    UNITS,
+    HeldResult,
+    Identity,
+    Instrument,
+    Measured,
+    MeterSettings,
+    numbers,
+    refused,
+    stated_grid,
+)
+from spectrabox.capture.meter.serial_line import LineSettings
+from spectrabox.radiometry.spectra.readings import ReadingOutcome
+
+REPLY_S = 10.0
+EXPOSURE_S = 6.0
+POINTS = 101
+MOST_EMPTY_LINES = 20
+ERRORS = {
+    1: "no end of scan at the start", 3: "no start signal", 4: "no end of scan for the integration",
+    5: "its DMA failed",
+    6: "no end of scan after sync", 7: "it cannot lock to the light", 8: "the sync was lost",
+    10: "the light is too weak",
+    12: "its hardware failed", 13: "its software failed", 14: "no sample for L*u*v* or L*a*b*",
+    16: "the automatic exposure is too slow: the light is not stable", 17: "its battery is low",
+    18: "the light is low", 19: "the light is too strong", 20: "there is no sync signal",
+    21: "its memory failed", 29: "its data are corrupted", 30: "the signal is noisy"}
+OUTCOMES = {-1: ReadingOutcome.TOO_DARK, 7: ReadingOutcome.NO_SYNC, 8: ReadingOutcome.NO_SYNC,
+            10: ReadingOutcome.TOO_DARK,
+            16: ReadingOutcome.UNSTEADY, 18: ReadingOutcome.LOW_LIGHT,
+            19: ReadingOutcome.TOO_BRIGHT,
+            20: ReadingOutcome.NO_SYNC}
+LINE_ENDS = (b"\n", b"\r")  # some firmware ends a line with a bare CR
+
+
+class Pr650(Instrument):
+    """Photo Research PR-650."""
+
+    name = "pr650"
+    family = "Photo Research PR-650"
+    line_settings = LineSettings(9600, pace_s=0.01)
+    averages = 1
+
+    def identify(self) -> Identity:
+        if not self.entered:
+            self._enter()
+        reply = self._ask("d110")
+        match = re.fullmatch(r"(?:0+\s*,)?\s*(\w[\w -]*)", reply)
+        if match is None:
+            raise self.wrong(reply)
+        return Identity("PR-650", match[1].strip(), None)
+
+    def settings(self, wanted: MeterSettings) -> None:
+        sync = "" if wanted.sync_hz is None else f"{wanted.sync_hz:g}"
+        integration = round(wanted.integration_ms or 0)
+        self.averages = wanted.averages or 1
+        code = self._code(f"s01,,,,{sync},{integration},{self.averages:02d},1", REPLY_S)
+        if code:
+            raise refused(self, "S", code, ERRORS)
+
+    def measure(self) -> Measured:
+        self.busy = True
+        code = self._code("m0", self.longest_measurement_s())
+        self.busy = False
+        if code and code not in OUTCOMES:
+            raise refused(self, "m0", code, ERRORS)
+        return Measured(OUTCOMES.get(code, ReadingOutcome.MEASURED))
+
+    def read(self) -> HeldResult:
+        grid = self._ask("d120")
+        points, _, first, last, step = numbers(grid, 5, self.line.name)
+        nm = stated_grid(points, first, last, step, self.line.name)
+        if nm.size != POINTS:
+            raise LineFaultError(f"{self.line.name}: {nm.size} points are stated; a PR-650 has "
+                                 f"{POINTS}")
+        header = self._ask("d5")
+        integral = self._line(REPLY_S)
+        rows = [self._line(REPLY_S) for _ in range(nm.size)]
+        quality, unit = numbers(header, 2, self.line.name)
+        if quality not in (0, 18):
+            raise refused(self, "d5", int(quality), ERRORS)
+        pairs = np.array([numbers(row, 2, self.line.name) for row in rows])
+        total = numbers(integral, 1, self.line.name)[0]
+        if not np.array_equal(pairs[:, 0], nm) or abs(pairs[:, 1].sum() * step
+                                                      - total) > 0.01 * abs(total):
+            raise UntrustedReadingError(f"{self.line.name}: the spectrum does not fit the grid and "
+                                        "the integral that the instrument states; measure again, "
+                                        "and check the cable")
+        colour = self._ask("d1")
+        if unit not in UNITS or numbers(colour, 5, self.line.name)[1] != unit:
+            raise LineFaultError(f"{self.line.name}: unit code {unit:g} is neither radiance (0) "
+                                 "nor irradiance (1); mount a calibrated accessory")
+        return HeldResult(nm, pairs[:, 1], UNITS[int(unit)], numbers(colour, 5, self.line.name)[2],
+                          None,
+                          (grid, header, integral, *rows, colour))
+
+    def leave(self) -> None:
+        """Nothing to send: it leaves remote mode when it is switched off."""
+
+    def longest_measurement_s(self) -> float:
+        return 30 + self.averages * 2 * EXPOSURE_S
+
+    def _enter(self) -> None:
+        self.line.pulse_rts(0.1)
+        self.line.pace.sleep(1.0)
+        self.line.drain(0.1)
+        try:
+            code = self._code("b1", REPLY_S)
+        except NoReplyError:
+            raise NoReplyError(f"{self.line.name}: the PR-650 is silent; it listens only within 5 "
+                               "s of being switched on: switch it off and on, then run this "
+                               "command at once") from None
+        if code:
+            raise self.wrong(str(code))
+        self.entered = True
+
+    def _code(self, command: str, limit_s: float) -> int:
+        self.line.write(command.encode() + b"\n")
+        reply = self._line(limit_s)
+        if not re.fullmatch(r"\d{3}|-\d+", reply):
+            if command == "b1":
+                raise self.wrong(reply)
+            raise LineFaultError(f"{self.line.name}: {reply[:60]!r} is no reply to {command}; "
+                                 "measure again, and check the cable")
+        return int(reply)
+
+    def _ask(self, command: str) -> str:
+        self.line.write(command.encode() + b"\n")
+        reply = self._line(REPLY_S)
+        if reply.lower().startswith(command):
+            raise LineFaultError(f"{self.line.name}: the PR-650 echoes commands; switch it off and "
+                                 "on to stop that")
+        return reply
+
+    def _line(self, limit_s: float) -> str:
+        for _ in range(MOST_EMPTY_LINES):
+            if text := self.line.read_line(limit_s, LINE_ENDS):
+                return text
+        raise LineFaultError(f"{self.line.name}: only line ends arrive; check speed and cable")

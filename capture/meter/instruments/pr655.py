@@ -1,0 +1,179 @@
+"""Photo Research PR-655 and PR-670 (PR-6xx and PR-7xx speak the same language).
+
+Sources: PR-655/670 manual pages on reports and codes, and five public drivers. Not checked on an
+instrument yet.
+"""
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from spectrabox.capture.meter.instruments.errors import LineFaultError, UntrustedReadingError
+from spectrabox.capture.meter.instruments.interface import (
+    NUMBER,
+    UNITS,
+    HeldResult,
+    Identity,
+    Instrument,
+    Measured,
+    MeterSettings,
+    agreed,
+    numbers,
+    refused,
+    stated_grid,
+)
+from spectrabox.capture.meter.serial_line import LineSettings
+from spectrabox.radiometry.spectra.readings import ReadingOutcome
+
+REPLY_S = 10.0
+SETTLE_S = 1.0              # between Q and PHOTO
+LONGEST_EXPOSURE_S = 30.0
+INTEGRAL_RTOL = 0.01        # report 5 states the sum of its values times the step, in four digits
+ERRORS = {
+    -1: "the light is not constant", -2: "the light is too strong",
+    -3: "it cannot lock: below 20 Hz, above 400 Hz or weak",
+    -4: "the automatic exposure failed", -8: "the light is too weak", -9: "the sync failed",
+    -10: "it cannot find the light's frequency", -12: "the automatic exposure took too long"}
+OUTCOMES = {-1: ReadingOutcome.UNSTEADY, -2: ReadingOutcome.TOO_BRIGHT, -3: ReadingOutcome.NO_SYNC,
+            -8: ReadingOutcome.TOO_DARK, -9: ReadingOutcome.NO_SYNC, -10: ReadingOutcome.NO_SYNC}
+
+
+class Pr655(Instrument):
+    """Photo Research PR-655, PR-670 and relatives."""
+
+    name = "pr655"
+    family = "Photo Research PR-655"
+    line_settings = LineSettings(9600, pace_s=0.05)
+    averages = 1
+
+    def identify(self) -> Identity:
+        if not self.entered:
+            self._enter()
+        model = self._ask("D111").strip()
+        if not model.startswith("PR-"):
+            raise self.wrong(model)
+        return Identity(model, self._ask("D110").strip(), self._ask("D114").strip())
+
+    def settings(self, wanted: MeterSettings) -> None:
+        found = agreed(self._ask, "D602").split(",")
+        if len(found) < 10:
+            raise LineFaultError(f"{self.line.name}: {','.join(found)!r} is not a list of "
+                                 "settings; check the cable")
+        if found[5].strip().lower() == "english":
+            self._set("SU1", "SU0")
+        if wanted.integration_ms is not None:
+            before = 0 if found[6].strip().lower() == "adaptive" else _leading_integer(found[7], self.line.name)
+            self._set(f"SE{round(wanted.integration_ms):05d}", f"SE{before:05d}")
+        if wanted.averages is not None:
+            self._set(f"SN{wanted.averages:02d}",
+                      f"SN{_leading_integer(found[9], self.line.name):02d}")
+            self.averages = wanted.averages
+        if wanted.sync_hz is not None:
+            if len(found) < 13 or found[12].strip().lower() != "no sync":
+                raise LineFaultError(f"{self.line.name}: the sync found could not be put back; set "
+                                     "it on the instrument")
+            self._set("SS3", "SS0")
+            self._set(f"SK{wanted.sync_hz:g}", None)
+
+    def measure(self) -> Measured:
+        self.busy = True
+        code, _ = self._exchange("M1", self.longest_measurement_s())
+        self.busy = False
+        if code in OUTCOMES:
+            self.line.send(b"C\r")  # clears the error state; whether it is answered is not known
+            self.line.drain(0.3)
+            return Measured(OUTCOMES[code])
+        if code:
+            raise refused(self, "M1", code, ERRORS)
+        return Measured(ReadingOutcome.MEASURED)
+
+    def read(self) -> HeldResult:
+        grid = self._ask("D120")
+        points, _, first, last, step = numbers(",".join(grid.split(",")[:5]), 5, self.line.name)
+        nm = stated_grid(points, first, last, step, self.line.name)
+        header = self._ask("D5")
+        rows = [self.line.read_line(REPLY_S) for _ in range(nm.size)]
+        unit, _, integral, _ = numbers(header, 4, self.line.name)
+        pairs = np.array([numbers(row, 2, self.line.name) for row in rows])
+        if not np.array_equal(pairs[:, 0], nm):
+            raise UntrustedReadingError(f"{self.line.name}: the spectrum's wavelengths are not "
+                                        f"those the instrument states ({first:g}-{last:g} nm, "
+                                        f"{points:g} points); measure again, and check the cable")
+        if abs(pairs[:, 1].sum() * step - integral) > INTEGRAL_RTOL * abs(integral):
+            raise UntrustedReadingError(f"{self.line.name}: the values sum to "
+                                        f"{pairs[:, 1].sum() * step:.4g}, the instrument states "
+                                        f"{integral:.4g}; measure again, and check the cable")
+        colour, exposure = self._ask("D1"), self._ask("D13")
+        if unit not in UNITS or not colour.startswith(f"{unit:.0f},"):
+            raise LineFaultError(f"{self.line.name}: unit code {unit:g} is neither radiance (0) "
+                                 "nor irradiance (1); mount an accessory for one of them")
+        return HeldResult(nm, pairs[:, 1], UNITS[int(unit)], numbers(colour, 4, self.line.name)[1],
+                          _last_number(exposure), (grid, header, *rows, colour, exposure))
+
+    def leave(self) -> None:
+        if self.busy:
+            self.line.drain(1.0)
+        for command in reversed(self.found.restore):
+            self.line.send(command)
+            self.line.drain(0.2)
+        self.line.send(b"Q")
+
+    def longest_measurement_s(self) -> float:
+        return 10 + self.averages * 2 * LONGEST_EXPOSURE_S
+
+    def _enter(self) -> None:
+        self.entered = True
+        self.line.send(b"Q")  # the instrument answers PHOTO only when it is not in remote mode yet
+        self.line.pace.sleep(SETTLE_S)
+        self.line.drain(0.2)
+        self.line.write(b"PHOTO")
+        self.line.read_until((b"REMOTE MODE",), REPLY_S)
+        self.line.drain(0.2)
+        self.line.write(b"D111\r")
+        reply = self.line.read_line(REPLY_S)
+        if "D111" in reply:  # echo was left on: a toggle; put back when the instrument is left
+            self.line.drain(0.5)
+            self.found.restore.append(b"E\r")
+            self.line.send(b"E\r")
+            self.line.drain(0.5)
+
+    def _set(self, command: str, back: str | None) -> None:
+        if back is not None:
+            self.found.restore.append(back.encode() + b"\r")
+        code = self._exchange_codes(command)
+        if code:
+            raise refused(self, command, code, ERRORS)
+
+    def _exchange_codes(self, command: str) -> int:
+        return self._exchange(command, REPLY_S, digits=4)[0]
+
+    def _ask(self, command: str) -> str:
+        code, result = self._exchange(command, REPLY_S)
+        if code:
+            raise refused(self, command, code, ERRORS)
+        return result
+
+    def _exchange(self, command: str, limit_s: float, digits: int = 5) -> tuple[int, str]:
+        self.line.write(command.encode() + b"\r")
+        reply = self.line.read_line(limit_s)
+        match = re.fullmatch(rf"(\d{{{digits}}}|-\d+)(?:,(.*))?", reply)
+        if match is None and command == "D111":
+            raise self.wrong(reply)
+        if match is None:
+            raise LineFaultError(f"{self.line.name}: {reply[:60]!r} is no reply to {command}; "
+                                 "measure again, and check the cable")
+        return int(match[1]), match[2] or ""
+
+
+def _leading_integer(text: str, line_name: str) -> int:
+    match = re.match(r"\s*(\d+)", text)
+    if match is None:
+        raise LineFaultError(f"{line_name}: the setting {text!r} could not be put back; change it "
+                             "on the instrument")
+    return int(match[1])
+
+
+def _last_number(text: str) -> float | None:
+    found = re.findall(NUMBER, text)
+    return float(found[-1]) if found else None

@@ -1,0 +1,190 @@
+"""One trusted reading: measured once, read twice, compared with itself and with the instrument's
+own luminance.
+
+No instrument's text protocol has a checksum. A changed digit is caught by reading the held result
+twice and comparing byte for byte, and by the integral of the spectrum against the luminance that
+the instrument reports.
+"""
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from spectrabox.capture.meter.instruments.catalogue import driver_named
+from spectrabox.capture.meter.instruments.errors import (
+    InstrumentError,
+    LineFaultError,
+    NoReplyError,
+    RefusedError,
+    UntrustedReadingError,
+)
+from spectrabox.capture.meter.instruments.interface import (
+    HeldResult,
+    Identity,
+    Instrument,
+    MeterSettings,
+)
+from spectrabox.capture.meter.serial_line import Log, Pace, open_line
+from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.spectra.luminous import luminance_of
+from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
+
+READS = 4                   # of one held result, until two in a row agree
+# coarsest grid, 4 nm, and four-digit values: 1 % is met on smooth lights, 3 % on lines
+LUMINANCE_RTOL = 0.03
+VISIBLE_NM = (400.0, 700.0)
+
+
+@contextlib.contextmanager
+def open_instrument(name: str, port: str, log: Log,
+                    pace: Pace | None = None) -> Iterator[Instrument]:
+    """A driver on an open line; the instrument is left as found however the block ends, Ctrl-C
+    included.
+
+    Raises
+    ------
+    InputError, InstrumentError
+    """
+    driver = driver_named(name)
+    instrument = driver(open_line(port, driver.line_settings, log, pace))
+    try:
+        yield instrument
+    finally:
+        with _interrupts_held():
+            instrument.close()
+
+
+def trusted_identity(instrument: Instrument) -> Identity:
+    """Who answers, asked twice: a changed digit in a serial number would otherwise go unseen.
+
+    Raises
+    ------
+    InstrumentError
+    """
+    first, second = instrument.identify(), instrument.identify()
+    if first != second:
+        raise UntrustedReadingError(f"{instrument.line.name}: asked twice, the instrument named "
+                                    f"itself {first} and {second}; check the cable")
+    return first
+
+
+def take_reading(instrument: Instrument, identity: Identity, *,
+                 transcript: str = "") -> SpectralReading:
+    """Measure once and read the result until two readings in a row agree.
+
+    Parameters
+    ----------
+    instrument : Instrument
+        Identified and set.
+    identity : Identity
+    transcript : str
+        Name of the file in which the exchange is kept, for the record.
+
+    Raises
+    ------
+    InstrumentError
+        If the instrument fails, or its replies do not agree with each other.
+    """
+    taken_at = datetime.now(UTC).astimezone().isoformat(timespec="seconds")
+    measured = instrument.measure()
+    facts: dict[str, Any] = {
+        "outcome": measured.outcome, "instrument": identity.model,
+        "serial_number": identity.serial_number,
+        "firmware": identity.firmware, "taken_at": taken_at, "transcript": transcript}
+    if not measured.outcome.has_spectrum:
+        return SpectralReading(spectrum=None, quantity=None, integration_ms=None, luminance=None,
+                               flags=measured.flags, **facts)
+    held = _read_twice(instrument)
+    if _is_dark(held):
+        facts["outcome"] = ReadingOutcome.TOO_DARK
+        return SpectralReading(spectrum=None, quantity=None, integration_ms=held.integration_ms,
+                               luminance=held.luminance,
+                               flags=measured.flags, **facts)
+    _check_luminance(held, instrument)
+    source = f"{identity.model} {identity.serial_number}, {taken_at}"
+    spectrum = Spectrum(grid_from_nm(held.nm), held.values, held.quantity, source)
+    return SpectralReading(spectrum=spectrum, quantity=held.quantity,
+                           integration_ms=held.integration_ms, luminance=held.luminance,
+                           flags=(*measured.flags, *held.flags, *_value_flags(held)), **facts)
+
+
+def measure_once(name: str, port: str, wanted: MeterSettings, log: Log, *, pace: Pace | None = None,
+                 transcript: str = "") -> SpectralReading:
+    """Open, identify, set, measure, read, verify and leave one instrument; see ``take_reading``."""
+    with open_instrument(name, port, log, pace) as instrument:
+        identity = trusted_identity(instrument)
+        instrument.settings(wanted)
+        return take_reading(instrument, identity, transcript=transcript)
+
+
+def _read_twice(instrument: Instrument) -> HeldResult:
+    before: HeldResult | None = None
+    last: InstrumentError | None = None
+    silent = 0
+    for _ in range(READS):
+        try:
+            held = instrument.read()
+            if before is not None and held.raw == before.raw:
+                instrument.line.drain(0.05)
+                return held
+            before = held
+        except NoReplyError as error:
+            silent += 1
+            if silent > 1:
+                raise
+            before, last = None, error
+        except (LineFaultError, UntrustedReadingError, RefusedError) as error:
+            before, last = None, error
+        instrument.line.drain(0.1)
+    raise last or UntrustedReadingError(f"{instrument.line.name}: {READS} readings of the same "
+                                        "result all differ; check the cable, then measure again")
+
+
+def _is_dark(held: HeldResult) -> bool:
+    return not np.any(held.values > 0) or (held.luminance is not None and held.luminance <= 0
+                                           and luminance_of(held.nm, held.values) <= 0)
+
+
+def _check_luminance(held: HeldResult, instrument: Instrument) -> None:
+    if held.luminance is None or held.quantity not in (Quantity.RADIANCE, Quantity.IRRADIANCE):
+        return
+    integral = luminance_of(held.nm, held.values)
+    if not abs(integral - held.luminance) <= LUMINANCE_RTOL * abs(held.luminance):
+        raise UntrustedReadingError(
+            f"{instrument.line.name}: the spectrum integrates to {integral:.4g} cd/m2 (or lx), the "
+            f"instrument reports {held.luminance:.4g}; they must agree within "
+            f"{LUMINANCE_RTOL:.0%}: measure again, and check the instrument's observer (2 degrees) "
+            "and units (SI)")
+
+
+def _value_flags(held: HeldResult) -> tuple[str, ...]:
+    inside = (held.nm >= VISIBLE_NM[0]) & (held.nm <= VISIBLE_NM[1])
+    negative = int(np.sum(held.values[inside] < 0))
+    flags = [f"{negative} of {int(inside.sum())} values between 400 and 700 nm are negative: the "
+             "light is near the instrument's noise"] if negative else []
+    if held.luminance is None:
+        flags.append("the instrument reports no luminance: the spectrum was not checked against it")
+    return tuple(flags)
+
+
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Hold Ctrl-C back while the instrument is given back; it is raised afterwards."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if came:
+        raise KeyboardInterrupt

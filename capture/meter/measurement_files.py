@@ -1,0 +1,107 @@
+"""Readings on disk: each is written whole before anyone sees it, so that a crash loses nothing that
+was measured.
+"""
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
+
+READING = re.compile(r"(\d{3,})\.json")
+FACTS = ("instrument", "serial_number", "firmware", "integration_ms", "luminance", "taken_at",
+         "transcript")
+
+
+def readings_folder(spectra: Path, name: str) -> Path:
+    """Where the readings of one thing lie, such as spectra/readings/light.
+
+    Raises
+    ------
+    InputError
+        If the name cannot be a folder's.
+    """
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_. -]*", name):
+        raise InputError(f"the name {name!r} must start with a letter or digit and hold letters, "
+                         "digits, '-', '_', '.' only")
+    return spectra / "readings" / name
+
+
+def stored_readings(folder: Path) -> list[SpectralReading]:
+    """Every reading of a folder in the order it was taken; none where the folder does not exist."""
+    return [read_reading(path) for _, path in _numbered(folder)]
+
+
+def store_reading(folder: Path, reading: SpectralReading) -> Path:
+    """Write the next reading of a folder; gives its file."""
+    number = max((number for number, _ in _numbered(folder)), default=0) + 1
+    path = folder / f"{number:03d}.json"
+    write_text_whole(path, json.dumps(reading_facts(reading), allow_nan=False, indent=1) + "\n")
+    return path
+
+
+def set_aside(folder: Path) -> Path:
+    """Rename a folder of readings so that a new series can start; nothing is deleted."""
+    number = 1
+    while (aside := folder.with_name(f"{folder.name}.before-{number}")).exists():
+        number += 1
+    try:
+        folder.rename(aside)
+    except OSError as error:
+        raise EnvironmentProblem(f"{folder} cannot be renamed ({error.strerror}): change its "
+                                 "permissions") from None
+    return aside
+
+
+def reading_facts(reading: SpectralReading) -> dict[str, Any]:
+    """A reading as plain values: what the file holds and what --json prints."""
+    facts: dict[str, Any] = {name: getattr(reading, name) for name in FACTS}
+    facts.update(outcome=reading.outcome.name.lower(), sentence=reading.outcome.value,
+                 flags=list(reading.flags), quantity=None, unit=None, wavelengths_nm=None,
+                 values=None)
+    if reading.spectrum is not None and reading.quantity is not None:
+        facts.update(quantity=reading.quantity.name.lower(), unit=reading.quantity.value,
+                     wavelengths_nm=reading.spectrum.grid.nm.tolist(),
+                     values=reading.spectrum.values.tolist())
+    return facts
+
+
+def read_reading(path: Path) -> SpectralReading:
+    """A stored reading.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or was changed by hand so that it cannot be read.
+    """
+    try:
+        facts = json.loads(path.read_text(encoding="utf-8"))
+        quantity = None if facts["quantity"] is None else Quantity[facts["quantity"].upper()]
+        spectrum = None if quantity is None else Spectrum(
+            grid_from_nm(np.array(facts["wavelengths_nm"], dtype=float)),
+            np.array(facts["values"], dtype=float), quantity,
+            f"{facts['instrument']} {facts['serial_number']}, {facts['taken_at']}")
+        return SpectralReading(spectrum=spectrum, quantity=quantity,
+                               outcome=ReadingOutcome[facts["outcome"].upper()],
+                               flags=tuple(facts["flags"]), **{name: facts[name] for name in FACTS})
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing: give the file of a reading") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path} is no reading ({error}): move it away, or restore it") from None
+
+
+def _numbered(folder: Path) -> list[tuple[int, Path]]:
+    if not folder.is_dir():
+        return []
+    return sorted((int(match[1]), path) for path in folder.iterdir()
+                  if (match := READING.fullmatch(path.name)))

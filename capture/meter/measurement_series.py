@@ -1,0 +1,132 @@
+"""Repeats of one reading: mean, spread and drift; and reflectance as the ratio of two series."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.spectra.readings import ReadingOutcome, ReadingSeries, SpectralReading
+
+DRIFT_SIGMA = 3.0           # a drift counts where it stands out of its own error by this
+DRIFT_RELATIVE = 0.005      # and is larger than this over the series
+LOW_SIGNAL = 0.02           # of the white's largest value: below, a ratio is mostly noise
+
+
+def series_of(readings: Sequence[SpectralReading], name: str) -> ReadingSeries:
+    """Mean, spread and drift of the readings that hold a spectrum.
+
+    Parameters
+    ----------
+    readings : sequence of SpectralReading
+        In the order they were taken.
+    name : str
+        Of what was measured, for errors.
+
+    Raises
+    ------
+    CheckError
+        If none holds a spectrum; the sentence is the instrument's reason.
+    InputError
+        If the readings are of different quantities or grids.
+    """
+    spectra = [reading.spectrum for reading in readings if reading.spectrum is not None]
+    if not spectra:
+        reason = readings[-1].outcome.value if readings else "nothing was measured yet."
+        raise CheckError(f"{name}: {reason}")
+    first = spectra[0]
+    if any(s.quantity is not first.quantity or not np.array_equal(s.grid.nm, first.grid.nm)
+           for s in spectra):
+        raise InputError(f"{name}: the readings are of different quantities or wavelengths; start "
+                         "a new series with --again")
+    values = np.array([spectrum.values for spectrum in spectra])
+    count = len(spectra)
+    order = np.arange(count) - (count - 1) / 2
+    slope = order @ values / (order @ order) if count > 1 else np.full(values.shape[1], np.nan)
+    drift, drift_error = _relative_drift(values @ first.grid.weights_nm)
+    spread = values.std(axis=0, ddof=1) if count > 1 else np.full(values.shape[1], np.nan)
+    return ReadingSeries(first.grid, values.mean(axis=0), spread, slope, drift, drift_error, count,
+                         first.quantity, _flags(readings, drift, drift_error))
+
+
+def series_spectrum(series: ReadingSeries, source: str) -> Spectrum:
+    """The mean with its standard error, which is None for a single reading."""
+    error = series.spread / np.sqrt(series.readings) if series.readings > 1 else None
+    return Spectrum(series.grid, series.mean, series.quantity, source, error)
+
+
+def reflectance_from(target: Spectrum, white: Spectrum, white_reflectance: float,
+                     source: str) -> Spectrum:
+    """Reflectance of a surface: its light over that of a white standard in the same place.
+
+    Parameters
+    ----------
+    target, white : Spectrum
+        Radiances from the same instrument, place and light.
+    white_reflectance : float
+        Of the standard, about 0.99 for sintered PTFE.
+
+    Raises
+    ------
+    InputError
+        If the two do not share wavelengths and quantity.
+    CheckError
+        If the white is too dark somewhere between 400 and 700 nm.
+    """
+    if target.quantity is not white.quantity or not np.array_equal(target.grid.nm, white.grid.nm):
+        raise InputError("the surface and the white standard were measured in different quantities "
+                         "or wavelengths; measure both with the same instrument and settings")
+    usable = white.values > LOW_SIGNAL * white.values.max()
+    needed = (white.grid.nm >= 400) & (white.grid.nm <= 700)
+    if not usable[needed].all():
+        dark = white.grid.nm[needed & ~usable]
+        raise CheckError(f"the white standard gives almost no light at {dark[0]:g} nm ({dark.size} "
+                         "wavelengths between 400 and 700 nm below 2 % of its largest): a ratio "
+                         "there is noise; use a light that covers 400-700 nm")
+    keep = _run_around(usable, int(np.argmax(white.values)))
+    ratio = target.values[keep] / white.values[keep]
+    error = None
+    if target.standard_error is not None and white.standard_error is not None:
+        error = white_reflectance * np.hypot(target.standard_error[keep] / white.values[keep],
+                                             ratio * white.standard_error[keep]
+                                             / white.values[keep])
+    return Spectrum(grid_from_nm(target.grid.nm[keep]), white_reflectance * ratio,
+                    Quantity.REFLECTANCE, source, error)
+
+
+def _run_around(usable: np.ndarray, place: int) -> slice:
+    holes = np.flatnonzero(~usable)
+    below, above = holes[holes < place], holes[holes > place]
+    return slice(below[-1] + 1 if below.size else 0, above[0] if above.size else usable.size)
+
+
+def _relative_drift(integrals: np.ndarray) -> tuple[float, float]:
+    """Change over the whole series as a fraction of its mean, and its standard error."""
+    count = integrals.size
+    if count < 2 or integrals.mean() == 0:
+        return float("nan"), float("nan")
+    order = np.arange(count) - (count - 1) / 2
+    slope = order @ integrals / (order @ order)
+    scale = (count - 1) / integrals.mean()
+    if count < 3:
+        return float(slope * scale), float("nan")
+    residual = integrals - integrals.mean() - slope * order
+    error = np.sqrt(residual @ residual / (count - 2) / (order @ order))
+    return float(slope * scale), float(abs(error * scale))
+
+
+def _flags(readings: Sequence[SpectralReading], drift: float, error: float) -> tuple[str, ...]:
+    flags = []
+    if np.isfinite(error) and abs(drift) > max(DRIFT_RELATIVE, DRIFT_SIGMA * error):
+        flags.append(f"the light drifts by {drift:+.1%} +- {error:.1%} over the series: let it "
+                     "warm up, then start again")
+    empty = [reading.outcome for reading in readings if reading.spectrum is None]
+    flags += [f"{empty.count(outcome)} of {len(readings)} readings gave no spectrum: "
+              f"{outcome.value}"
+              for outcome in ReadingOutcome if outcome in empty]
+    flags += list(dict.fromkeys(flag for reading in readings for flag in reading.flags))
+    if any(reading.outcome is ReadingOutcome.LOW_LIGHT for reading in readings):
+        flags.append(ReadingOutcome.LOW_LIGHT.value)
+    return tuple(flags)

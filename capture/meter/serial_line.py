@@ -1,0 +1,288 @@
+"""An open serial line with deadlines of its own (pyserial).
+
+pyserial's time-out starts again with every byte, so that a line that dribbles never ends; here
+every read has one wall-clock limit. After a disconnect pyserial raises OSError or its own subclass
+of it: both become one sentence.
+"""
+from __future__ import annotations
+
+import errno
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import serial
+
+from spectrabox.capture.meter.instruments.errors import (
+    LineFaultError,
+    LineLostError,
+    NoReplyError,
+    PortError,
+)
+
+INNER_TIMEOUT_S = 0.02      # one pyserial read; short, so that a deadline is kept to within this
+WRITE_TIMEOUT_S = 5.0       # a port whose driver hangs on the first write must not hang us
+SHOWN_BYTES = 60            # of a bad reply in an error sentence
+Log = Callable[[str, bytes], None]
+
+
+@dataclass(frozen=True)
+class LineSettings:
+    """How an instrument wants its line; ``pace_s`` is the pause after each character sent."""
+
+    baud: int
+    rtscts: bool = False
+    pace_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How fast time runs for limits and pauses: 1 with instruments, less when a transcript is
+    played faster.
+    """
+
+    scale: float = 1.0
+    shortest_limit_s: float = 0.0
+
+    def limit_s(self, seconds: float) -> float:
+        """A deadline, never shorter than what the computer itself may need."""
+        return max(seconds * self.scale, self.shortest_limit_s)
+
+    def sleep(self, seconds: float) -> None:
+        """Pause for an instrument that needs time."""
+        time.sleep(seconds * self.scale)
+
+
+class SerialLine:
+    """Bytes to and from one instrument. Everything that passes goes to ``log`` as (">" or "<",
+    bytes).
+    """
+
+    def __init__(self, port: Any, name: str, settings: LineSettings, log: Log, pace: Pace) -> None:
+        self.name = name
+        self.settings = settings
+        self.pace = pace
+        self._port = port
+        self._log = log
+        self._buffer = bytearray()
+
+    def write(self, command: bytes) -> None:
+        """Send a command, character by character where the instrument needs that.
+
+        Raises
+        ------
+        LineFaultError
+            If bytes lie waiting that no command asked for: the next reply would be taken for this
+            one's.
+        """
+        self._take()
+        if stray := bytes(self._buffer).strip(b"\r\n \x05"):
+            self._buffer.clear()
+            raise LineFaultError(f"{self.name}: the instrument sent {shown(stray)} unasked; check "
+                                 "the cable and that no other program uses this port, then measure "
+                                 "again")
+        self._buffer.clear()
+        self.send(command)
+
+    def send(self, command: bytes) -> None:
+        """Send without looking at what waits; for leaving and for flushing."""
+        self._log(">", command)
+        with self._lost():
+            if not self.settings.pace_s:
+                self._port.write(command)
+                return
+            for byte in command:
+                self._port.write(bytes([byte]))
+                self.pace.sleep(self.settings.pace_s)
+
+    def read_until(self, ends: tuple[bytes, ...], limit_s: float) -> bytes:
+        """Bytes up to and including the first of ``ends``.
+
+        Raises
+        ------
+        NoReplyError
+            If none of ``ends`` came within ``limit_s`` seconds of the wall clock.
+        """
+        deadline = time.monotonic() + self.pace.limit_s(limit_s)
+        while True:
+            places = [place + len(end) for end in ends if (place := self._buffer.find(end)) >= 0]
+            if places:
+                taken = bytes(self._buffer[:min(places)])
+                del self._buffer[:min(places)]
+                return taken
+            if time.monotonic() > deadline:
+                raise self._no_reply(limit_s)
+            self._take(wait=True)
+
+    def read_line(self, limit_s: float, ends: tuple[bytes, ...] = (b"\n",)) -> str:
+        """One line of ASCII without its end; see ``read_until``."""
+        return ascii_text(self.read_until(ends, limit_s), self.name).strip("\r\n")
+
+    def read_byte(self, wanted: bytes, limit_s: float, skip: bytes = b"") -> bytes:
+        """The next byte that is one of ``wanted``; bytes of ``skip`` are passed over.
+
+        Raises
+        ------
+        NoReplyError, LineFaultError
+        """
+        deadline = time.monotonic() + self.pace.limit_s(limit_s)
+        while True:
+            while self._buffer:
+                byte = bytes([self._buffer.pop(0)])
+                if byte in wanted:
+                    return byte
+                if byte not in skip:
+                    raise LineFaultError(f"{self.name}: {shown(byte + bytes(self._buffer))} stands "
+                                         f"where one of {shown(wanted)} is needed; check speed and "
+                                         "cable")
+            if time.monotonic() > deadline:
+                raise self._no_reply(limit_s)
+            self._take(wait=True)
+
+    def drain(self, quiet_s: float, limit_s: float = 5.0) -> bytes:
+        """Drop what arrives until the line has been quiet for ``quiet_s``; gives the bytes
+        dropped.
+        """
+        dropped = bytearray()
+        deadline = time.monotonic() + self.pace.limit_s(limit_s)
+        quiet = time.monotonic() + self.pace.scale * quiet_s + INNER_TIMEOUT_S
+        while time.monotonic() < min(quiet, deadline):
+            self._take(wait=True)
+            if self._buffer:
+                dropped += self._buffer
+                self._buffer.clear()
+                quiet = time.monotonic() + self.pace.scale * quiet_s + INNER_TIMEOUT_S
+        return bytes(dropped)
+
+    def set_baud(self, baud: int) -> None:
+        """Change the speed of an open line."""
+        with self._lost():
+            self._port.baudrate = baud
+        self._buffer.clear()
+
+    def pulse_rts(self, low_s: float) -> None:
+        """Lower and raise RTS, where the line has it: resets a PR-650."""
+        with suppress(OSError):  # a pseudo-terminal has no RTS
+            self._port.rts = False
+            self.pace.sleep(low_s)
+            self._port.rts = True
+
+    def close(self) -> None:
+        """Close the port; a line already lost is closed too."""
+        with suppress(OSError):
+            self._port.close()
+
+    def _take(self, wait: bool = False) -> None:
+        with self._lost():
+            waiting = self._port.in_waiting
+            arrived = self._port.read(waiting or 1) if wait or waiting else b""
+        if arrived:
+            self._log("<", arrived)
+            self._buffer += arrived
+
+    def _no_reply(self, limit_s: float) -> NoReplyError:
+        partial = bytes(self._buffer)
+        self._buffer.clear()
+        what = f"only {len(partial)} bytes came, ending {shown(partial[-SHOWN_BYTES:])}" if partial else "nothing came"
+        return NoReplyError(f"{self.name}: no complete reply within {limit_s:g} s ({what}); check "
+                            "that the instrument is on, is the one named and is set to this speed, "
+                            "then try again")
+
+    @contextmanager
+    def _lost(self) -> Iterator[None]:
+        try:
+            yield
+        except serial.SerialTimeoutException:
+            raise NoReplyError(f"{self.name} takes no bytes; unplug the instrument, plug it in and "
+                               "retry") from None
+        except OSError as error:
+            raise LineLostError(f"{self.name}: the line broke ({error}); check the cable and that "
+                                "the instrument is on, then run the same command again: readings "
+                                "already taken are kept") from None
+
+
+def open_line(port: str, settings: LineSettings, log: Log, pace: Pace | None = None) -> SerialLine:
+    """Open a port for one program alone.
+
+    Parameters
+    ----------
+    port : str
+        A device such as ``/dev/ttyACM0`` or ``COM3``, or a pyserial address such as
+        ``socket://127.0.0.1:2101``.
+    settings : LineSettings
+    log : function of (direction, bytes)
+        Called with everything that passes.
+    pace : Pace, optional
+
+    Raises
+    ------
+    PortError
+        If there is no such port, it is in use, or this user may not open it.
+    """
+    options: dict[str, Any] = {"timeout": INNER_TIMEOUT_S, "write_timeout": WRITE_TIMEOUT_S}
+    if "://" not in port:
+        options.update(baudrate=settings.baud, rtscts=settings.rtscts, exclusive=True)
+    try:
+        opened = serial.serial_for_url(port, **options)
+    except (OSError, ValueError) as error:
+        raise _port_error(port, error) from None
+    return SerialLine(opened, port, settings, log, pace or Pace())
+
+
+def list_ports() -> list[dict[str, str | None]]:
+    """The ports of this computer with what USB says of them; opens none, so that no instrument
+    notices.
+    """
+    from serial.tools import list_ports as ports
+    return [{"port": port.device, "description": port.description,
+             "manufacturer": port.manufacturer,
+             "usb": f"{port.vid:04x}:{port.pid:04x}" if port.vid is not None else None,
+             "serial_number": port.serial_number} for port in sorted(ports.comports())]
+
+
+def shown(data: bytes) -> str:
+    """Bytes as a person can read them, cut to a sensible length."""
+    return repr(data[:SHOWN_BYTES])[1:] + ("..." if len(data) > SHOWN_BYTES else "")
+
+
+def ascii_text(data: bytes, name: str) -> str:
+    """Printable ASCII as text.
+
+    Raises
+    ------
+    LineFaultError
+        At any other byte: noise or a wrong speed is a fault of the line, never text to be skipped.
+    """
+    if any(byte > 0x7E or (byte < 0x20 and byte not in b"\t\r\n") for byte in data):
+        raise LineFaultError(f"{name}: {shown(data)} is not text; the speed is wrong or the line "
+                             "is noisy: check the instrument's speed setting and the cable")
+    return data.decode("ascii")
+
+
+def _port_error(port: str, error: Exception) -> PortError:
+    number = getattr(error, "errno", None)
+    if number in (errno.EACCES, errno.EPERM):
+        return PortError(f"{port} may not be opened by this user: {_group_advice(port)}")
+    if number in (errno.EBUSY, errno.EAGAIN) or "lock" in str(error):
+        return PortError(f"{port} is in use by another program; close that program, then try again")
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or "FileNotFound" in str(error):
+        found = ", ".join(str(entry["port"]) for entry in list_ports()) or "none"
+        return PortError(f"there is no port {port}; ports of this computer: {found}. Plug the "
+                         "instrument in, switch it on and see 'spectrabox meter list'")
+    return PortError(f"{port} cannot be opened ({error}); see 'spectrabox meter list' for the "
+                     "ports of this computer")
+
+
+def _group_advice(port: str) -> str:
+    if os.name != "posix":
+        return "ask the administrator of this computer"
+    import grp
+    try:
+        group = grp.getgrgid(Path(port).stat().st_gid).gr_name
+    except (KeyError, OSError):
+        group = "dialout"
+    return f"it belongs to the group {group}; run 'sudo usermod -aG {group} $USER', then log in again"

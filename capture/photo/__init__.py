@@ -1,0 +1,1 @@
+"""One photo file to linear signal with its variance."""

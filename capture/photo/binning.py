@@ -1,0 +1,58 @@
+"""Average a photo down to the size of a render, each output pixel over exactly its own area."""
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from spectrabox.radiometry.records import LinearImage
+
+SIZE_RANGE = (0.75, 1.25)  # of the wanted width
+ASPECT_ROUND_OFF = 1e-9
+
+
+def render_size(width: int, height: int, target_width: int) -> tuple[int, int]:
+    """Width and height near the wanted width whose aspect is nearest that of a photo of ``width`` x
+    ``height``.
+
+    Widths from 0.75 to 1.25 of the target are tried; of equal aspects the width nearest the target
+    is taken.
+    """
+    lowest, highest = (max(1, round(share * target_width)) for share in SIZE_RANGE)
+    widths = np.arange(lowest, highest + 1)
+    heights = np.maximum(1, np.rint(widths * height / width)).astype(int)
+    mismatch = np.abs(np.log(widths * height / (heights * width)))
+    nearest = mismatch <= mismatch.min() + ASPECT_ROUND_OFF
+    best = min(np.flatnonzero(nearest), key=lambda index: abs(int(widths[index]) - target_width))
+    return int(widths[best]), int(heights[best])
+
+
+def bin_image(image: LinearImage, width: int, height: int) -> LinearImage:
+    """The photo as (height, width, K), by area-weighted means.
+
+    The variance follows by the squared weights, for independent pixels. A pixel is saturated where
+    any that contributes is.
+    """
+    down = area_weights(image.signal.shape[0], height)
+    across = area_weights(image.signal.shape[1], width)
+    touched = _weigh(down > 0, image.saturated, across > 0) > 0.5
+    return dataclasses.replace(
+        image, signal=_weigh(down, image.signal, across), variance=_weigh(down**2, image.variance,
+                                                                          across**2),
+        saturated=touched, sensor_step=image.sensor_step * image.signal.shape[1] / width)
+
+
+def area_weights(source: int, target: int) -> np.ndarray:
+    """Weights (target, source) of the mean over each target pixel; every row sums to 1."""
+    # In units of 1 / (source x target) of the side all edges are integers, so that no pixel is
+    # touched by round-off.
+    left, start = np.arange(target)[:, None] * source, np.arange(source) * target
+    overlap = np.minimum(left + source, start + target) - np.maximum(left, start)
+    return np.maximum(overlap, 0) / source
+
+
+def _weigh(down: np.ndarray, pixels: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """down (h, H) and across (w, W) applied to (H, W, K), in single precision."""
+    rows = np.tensordot(down.astype(np.float32), pixels.astype(np.float32, copy=False), axes=1)
+    return np.ascontiguousarray(np.einsum("wx,hxk->hwk", across.astype(np.float32), rows,
+                                          optimize=True))

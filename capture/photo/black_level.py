@@ -1,0 +1,108 @@
+"""Colour and black level at each position of the repeating tile of a sensor.
+
+LibRaw lists black levels by colour (R, G1, B, G2), drops their fractions, and mixes them up where
+the active area begins at an odd row or column. The DNG tag lists them by position from the first
+active pixel and is exact; pixels that no light reaches are better still, because they were read out
+with this very photo.
+"""
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from spectrabox.capture.photo.metadata import PhotoMetadata
+
+COLOUR_INDEX = {"R": 0, "G": 1, "B": 2}
+FEWEST_MASKED = 256  # samples at each position of the tile: an error of 0.06 of the read noise
+OUTLIER_SIGMA = 4.0          # of masked pixels: hot pixels and light that leaks in at the edge
+SIGMA_PER_MAD = 1.4826       # of a normal distribution
+
+
+def tile_of(raw: Any, metadata: PhotoMetadata) -> tuple[np.ndarray, np.ndarray]:
+    """Colour and black level (a, b) of the tile that starts at the first visible pixel of an opened
+    raw.
+    """
+    origin = (raw.sizes.top_margin, raw.sizes.left_margin)
+    pattern = (1, 1) if raw.num_colors == 1 else raw.raw_pattern.shape
+    repeat = metadata.black_repeat if metadata.black_level is not None else (1, 1)
+    shape = (math.lcm(pattern[0], repeat[0]), math.lcm(pattern[1], repeat[1]))
+    colour = np.array([[raw.raw_color(origin[0] + y % pattern[0], origin[1] + x % pattern[1])
+                        for x in range(shape[1])] for y in range(shape[0])])
+    levels = np.asarray(raw.black_level_per_channel, dtype=float)
+    letters = raw.color_desc.decode()
+    if raw.num_colors == 1:
+        return np.zeros(shape, int), _black(raw, metadata, origin, np.full(shape, levels[0]))
+    cfa = np.array([[COLOUR_INDEX[letters[index]] for index in row] for row in colour])
+    return cfa, _black(raw, metadata, origin, levels[colour])
+
+
+def full_colour_black(raw: Any, metadata: PhotoMetadata) -> np.ndarray:
+    """Black level (3,) of the full-colour pixels of an opened linear DNG: the tag's, with its
+    fractions.
+    """
+    by_libraw = np.asarray(raw.black_level_per_channel, dtype=float)[:3]
+    if metadata.black_level is None or len(metadata.black_level) not in (1, 3):
+        return by_libraw
+    stated = np.broadcast_to([float(level) for level in metadata.black_level], 3)
+    return np.array(stated) if np.all(np.abs(stated - by_libraw) < 1) else by_libraw
+
+
+def _black(raw: Any, metadata: PhotoMetadata, origin: tuple[int, int],
+           by_libraw: np.ndarray) -> np.ndarray:
+    masked = masked_black(raw.raw_image, metadata.masked_areas, origin, by_libraw.shape)
+    if masked is not None:
+        return masked
+    stated = _stated_black(metadata, origin, by_libraw.shape)
+    if stated is None:
+        return by_libraw
+    # The tag may belong to another picture in the file: LibRaw must have found the same levels, but
+    # for the fraction.
+    same = np.all(np.abs(np.sort(stated, axis=None) - np.sort(by_libraw, axis=None)) < 1)
+    return stated if same or metadata.masked_areas else by_libraw
+
+
+def masked_black(whole: np.ndarray, areas: tuple[tuple[int, ...], ...], origin: tuple[int, int],
+                 shape: tuple[int, ...]) -> np.ndarray | None:
+    """Mean (a, b) of the masked pixels at each position of the tile, or None where they are too
+    few.
+
+    Parameters
+    ----------
+    whole : (H, W) DN          the whole mosaic, with its margins
+    areas :                    top, left, bottom, right of each masked area
+    origin :                   row and column of the first visible pixel, where the tile starts
+    """
+    samples: list[list[np.ndarray]] = [[] for _ in range(shape[0] * shape[1])]
+    for top, left, bottom, right in areas:
+        for position, (y, x) in enumerate(np.ndindex(*shape)):
+            first_row, first_column = top + (origin[0] + y - top) % shape[0], left + (origin[1] + x - left) % shape[1]
+            samples[position].append(whole[first_row:bottom:shape[0],
+                                           first_column:right:shape[1]].ravel())
+    if not areas or min(sum(part.size for part in parts) for parts in samples) < FEWEST_MASKED:
+        return None
+    return np.array([_robust_mean(np.concatenate(parts)) for parts in samples]).reshape(shape)
+
+
+def _robust_mean(samples: np.ndarray) -> float:
+    values = samples.astype(float)
+    deviation = np.abs(values - np.median(values))
+    # half a DN: quiet sensors repeat one value
+    sigma = max(SIGMA_PER_MAD * float(np.median(deviation)), 0.5)
+    return float(values[deviation <= OUTLIER_SIGMA * sigma].mean())
+
+
+def _stated_black(metadata: PhotoMetadata, origin: tuple[int, int],
+                  shape: tuple[int, ...]) -> np.ndarray | None:
+    if metadata.black_level is None:
+        return None
+    levels = np.array([float(level) for level in metadata.black_level])
+    rows, columns = metadata.black_repeat
+    if levels.size == 1:
+        return np.full(shape, levels[0])
+    if levels.size != rows * columns:
+        return None
+    y, x = (np.arange(size) + start - active
+            for size, start, active in zip(shape, origin, metadata.active_origin, strict=True))
+    return levels.reshape(rows, columns)[np.ix_(y % rows, x % columns)]

@@ -1,0 +1,60 @@
+"""Where a sensor really clips, from the histogram: the white level that a file states may be wrong
+for this ISO.
+
+Where light noise spreads one brightness over several DN, many samples at one DN at the very top of
+the histogram, and few just below, can only be clipping.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from spectrabox.capture.photo.noise import PhotonTransfer
+from spectrabox.radiometry.records import RawFrame
+
+SAMPLES = 1_000_000          # of each colour, enough for a histogram
+FEWEST_PILED = 50            # samples at the top
+TIMES_BELOW = 10.0           # what a value just below holds on average
+VALUES_BELOW = 16            # DN that are compared
+MOST_OF_PICTURE = 0.5        # a plain picture piles up without clipping
+LEAST_SIGMA_DN = 1.5         # noise that would have spread the pile
+
+
+def clip_points(frame: RawFrame) -> np.ndarray:
+    """DN (K,) at which each colour seems to clip: the white level, or a pile of samples below
+    it.
+    """
+    return np.array([_pile(_some_samples(frame, band), frame.white_level)
+                     for band in range(int(frame.cfa.max()) + 1)])
+
+
+def piles_up(frame: RawFrame, clip: float, band: int, noise: PhotonTransfer) -> bool:
+    """Whether noise would have spread the samples found at ``clip``, so that the pile is
+    clipping.
+    """
+    if clip >= frame.white_level:
+        return True
+    chosen = frame.cfa == band
+    scale = frame.white_level - float(frame.black_level[chosen].mean())
+    level = (clip - float(frame.black_level[chosen].mean())) / scale
+    return float(np.sqrt(noise.read[band] + noise.gain[band] * level)) * scale >= LEAST_SIGMA_DN
+
+
+def _some_samples(frame: RawFrame, band: int) -> np.ndarray:
+    """About ``SAMPLES`` samples of one colour, from whole rows of tiles spread over the picture."""
+    rows, columns = frame.cfa.shape
+    positions = np.argwhere(frame.cfa == band)
+    in_all = frame.mosaic.size * len(positions) / frame.cfa.size
+    stride = max(1, int(in_all / SAMPLES))
+    return np.concatenate([frame.mosaic[y::rows * stride, x::columns].ravel() for y,
+                           x in positions])
+
+
+def _pile(samples: np.ndarray, white_level: float) -> float:
+    counts = np.bincount(samples)
+    top = counts.size - 1
+    below = counts[max(top - VALUES_BELOW, 0):top]
+    piled = (counts[top] >= FEWEST_PILED and counts[top] > TIMES_BELOW * np.mean(below)
+             if below.size else False)
+    if top >= white_level or not piled or counts[top] > MOST_OF_PICTURE * samples.size:
+        return float(white_level)
+    return float(top)

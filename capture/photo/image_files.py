@@ -1,0 +1,312 @@
+"""Linear images in EXR and TIFF, in and out, and pictures as PNG (OpenImageIO).
+
+Camera raws do not pass here: this library opens a DNG as a grey TIFF.
+"""
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from spectrabox.capture.photo.noise import photon_transfer
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import sha256_of
+from spectrabox.radiometry.records import LinearImage, PhotoKind
+
+IMAGE_SUFFIXES = (".exr", ".tif", ".tiff", ".png", ".jpg", ".jpeg")
+LINEAR_FORMATS = ("openexr", "tiff")
+FULL_SCALE = {"uint8": 255, "uint16": 65535}  # of integer files
+FLOATS = ("half", "float", "double")          # hold the signal itself
+CLIP_FRACTION = 0.98
+NOT_BANDS = ("A", "ALPHA", "Z", "DEPTH")
+VARIANCE, SATURATED = "variance.", "saturated."  # channels of a developed photo beside its bands
+
+
+def is_image_file(path: Path) -> bool:
+    """Whether a file is for this module: by its suffix, else by what it begins with."""
+    if path.suffix.lower() in IMAGE_SUFFIXES:
+        return True
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        start = file.read(8)
+    # a TIFF header may begin a raw
+    return start.startswith((b"\x76\x2f\x31\x01", b"\x89PNG", b"\xff\xd8\xff"))
+
+
+def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
+    """Read a linear EXR or TIFF; 16-bit values are taken as fractions of 65535.
+
+    Bands named R, G, B come in that order, all others as the file has them; alpha and depth are
+    dropped. Saturated are values from 0.98 of full scale in integer files, and in float files whose
+    values all lie up to 1; a float file that goes beyond 1 states no clip point, and nothing is
+    marked. The variance comes from the picture (noise.py).
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, does not hold linear values or integers of a known full
+        scale, has fewer than 3 bands, or has NaN pixels.
+    """
+    path = Path(path)
+    pixels, spec, file_format = _read(path)
+    if any(name.startswith(VARIANCE) for name in spec.channelnames):
+        return _developed(path, spec)
+    kind = str(spec.format)
+    tagged_encoded = "srgb" in spec.get_string_attribute(
+        "oiio:ColorSpace").lower() and kind in FULL_SCALE
+    if file_format not in LINEAR_FORMATS or kind == "uint8" or tagged_encoded:
+        raise InputError(f"photo {path.name} is a {file_format.upper()} of {kind} "
+                         f"values{' tagged sRGB' if tagged_encoded else ''}, which are not linear "
+                         "in the light; give the camera raw, or develop it to a linear EXR or "
+                         "16-bit TIFF")
+    if kind not in (*FULL_SCALE, *FLOATS):
+        raise InputError(f"photo {path.name} holds {kind} values, whose full scale nobody states; "
+                         "export it as a linear EXR or a 16-bit TIFF")
+    scale = FULL_SCALE.get(kind, 1)
+    pixels *= np.float32(1 / scale)
+    if scale > 1:
+        return _linear_image(path, pixels, spec, clip=CLIP_FRACTION, quantum=1 / scale)
+    clip = CLIP_FRACTION if pixels.max() <= 1 else np.inf
+    # relative rounding of half and single precision
+    step = 2.0**-11 if kind == "half" else 2.0**-24
+    return _linear_image(path, pixels, spec, clip=clip, quantum=step * float(np.abs(pixels).max()))
+
+
+def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
+    """Read a JPEG, PNG or TIFF as sRGB-encoded: good for finding a chart, never for measuring.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, or has fewer than 3 bands.
+    """
+    path = Path(path)
+    pixels, spec, _ = _read(path)
+    full_scale = FULL_SCALE.get(str(spec.format), 1)
+    encoded = np.clip(pixels / np.float32(full_scale), 0, 1)
+    decoded = np.where(encoded <= 0.04045, encoded / 12.92,
+                       ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return _linear_image(path, decoded, spec, clip=CLIP_FRACTION, quantum=1 / full_scale / 12.92)
+
+
+def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, str]:
+    """Values (H, W) as stored in a file of one band, such as the mosaic of an industrial camera;
+    exposure, camera.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, has several bands, or holds anything but 8 or 16-bit
+        integers.
+    """
+    path = Path(path)
+    stored, spec, _ = _stored(path)
+    if stored.shape[2] != 1 or str(spec.format) not in FULL_SCALE:
+        raise InputError(f"{path.name} has {stored.shape[2]} bands of {spec.format} values; a "
+                         "mosaic is one band of 8 or 16-bit integers: save the raw frame without "
+                         "demosaicing")
+    make, model = (spec.get_string_attribute(name) for name in ("Make", "Model"))
+    return np.ascontiguousarray(stored[..., 0]), _positive(spec, "ExposureTime"), f"{make} {model}".strip()
+
+
+def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
+                                                         Callable[[int, int], np.ndarray]]:
+    """Channel names of a picture, its height and width, and a function that reads rows (last -
+    first, W, C) of it.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged.
+    """
+    path = Path(path)
+    file = oiio.ImageInput.open(os.fspath(path)) if path.is_file() else None
+    if file is None:
+        raise InputError(f"picture {path} is missing or no readable image; give an EXR")
+    spec = file.spec()
+
+    def rows(first: int, last: int) -> np.ndarray:
+        top = spec.y
+        read = file.read_scanlines(first + top, last + top, 0, 0, spec.nchannels, "float")
+        if read is None or file.has_error:
+            raise InputError(f"picture {path.name} cannot be read ({_line(file.geterror())}); save "
+                             "it as scan lines")
+        return np.asarray(read).reshape(last - first, spec.width, spec.nchannels)
+
+    return list(spec.channelnames), spec.height, spec.width, rows
+
+
+def write_linear_exr(path: str | os.PathLike[str], image: LinearImage) -> None:
+    """Write a linear image with its variance and saturation as float EXR; ``read_linear_file``
+    gives it back whole.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    bands = image.signal.shape[2]
+    names = ["R", "G", "B"] if bands == 3 else [f"band{number:03d}" for number in range(1,
+                                                                                        bands + 1)]
+    pixels = np.concatenate([image.signal, image.variance, image.saturated.astype(np.float32)],
+                            axis=2)
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
+    spec.channelnames = (*names, *(VARIANCE + name for name in names),
+                         *(SATURATED + name for name in names))
+    spec.attribute("compression", "zip")
+    for name, value in (("ExposureTime", image.exposure_s),
+                        ("Exif:PhotographicSensitivity", image.iso),
+                        ("FNumber", image.f_number), ("spectrabox:sensor_step", image.sensor_step)):
+        if value is not None:
+            spec.attribute(name, float(value))
+    for name, text in (("spectrabox:kind", image.kind.name), ("spectrabox:camera", image.camera),
+                       ("spectrabox:source", image.source)):
+        spec.attribute(name, text)
+    _write(Path(path), np.ascontiguousarray(pixels, dtype=np.float32), spec)
+
+
+def _developed(path: Path, spec: oiio.ImageSpec) -> LinearImage:
+    """A photo that ``write_linear_exr`` wrote, its variance and saturation as stated there."""
+    stored, _, _ = _stored(path)
+    names = list(spec.channelnames)
+    bands = [name for name in names if not name.startswith((VARIANCE, SATURATED))]
+    bands = [band for band in "RGB" if band in bands] + [band for band in bands if band not in ("R", "G", "B")]
+    missing = [prefix + band for prefix in (VARIANCE, SATURATED) for band in bands if prefix
+               + band not in names]
+    if missing:
+        raise InputError(f"developed photo {path.name} lacks the channels {', '.join(missing)}; "
+                         "develop it again")
+    signal, variance, saturated = (
+        np.ascontiguousarray(stored[..., [names.index(prefix + band) for band in bands]],
+                             dtype=np.float32) for prefix in ("", VARIANCE, SATURATED))
+    _require_finite(path, signal)
+    kind = spec.get_string_attribute("spectrabox:kind")
+    return LinearImage(
+        signal=signal, variance=variance, saturated=saturated > 0.5,
+        sensor_step=spec.get_float_attribute("spectrabox:sensor_step", 1.0),
+        exposure_s=_positive(spec, "ExposureTime"),
+        iso=_positive(spec, "Exif:PhotographicSensitivity"), f_number=_positive(spec, "FNumber"),
+        kind=PhotoKind.RAW if kind == "RAW" else PhotoKind.LINEAR_FILE,
+        camera=spec.get_string_attribute("spectrabox:camera"),
+        source=spec.get_string_attribute("spectrabox:source") or path.name, sha256=sha256_of(path))
+
+
+def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Sequence[str],
+              exposure_s: float | None = None) -> None:
+    """Write an image (H, W, C) as float EXR with named channels, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    if image.ndim != 3 or image.shape[2] != len(channel_names):
+        raise ValueError(f"image of shape {image.shape} and {len(channel_names)} channel names do "
+                         "not fit")
+    spec = oiio.ImageSpec(image.shape[1], image.shape[0], image.shape[2], oiio.FLOAT)
+    spec.channelnames = tuple(channel_names)
+    spec.attribute("compression", "zip")
+    if exposure_s is not None:
+        spec.attribute("ExposureTime", float(exposure_s))
+    _write(Path(path), np.ascontiguousarray(image, dtype=np.float32), spec)
+
+
+def write_png(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
+    """Write a picture (H, W, 3) uint8, already encoded for the screen, as PNG.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    spec = oiio.ImageSpec(rgb8.shape[1], rgb8.shape[0], rgb8.shape[2], oiio.UINT8)
+    _write(Path(path), np.ascontiguousarray(rgb8, dtype=np.uint8), spec)
+
+
+def _read(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
+    """All bands (H, W, K) float32 as stored, in the order to use them; integers are not scaled."""
+    stored, spec, file_format = _stored(path)
+    pixels = stored[..., _band_order(spec.channelnames)].astype(np.float32)
+    if pixels.shape[2] < 3:
+        raise InputError(f"photo {path.name} has {pixels.shape[2]} band(s) "
+                         f"({', '.join(spec.channelnames)}); at least 3 are needed")
+    return pixels, spec, file_format
+
+
+def _stored(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
+    """All channels (H, W, C) in the type and order of the file."""
+    if not path.is_file():
+        raise InputError(f"photo {path} does not exist; check its name in session.toml")
+    as_stored = oiio.ImageSpec()
+    # else a TIFF's bands come multiplied by its alpha
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)
+    file = oiio.ImageInput.open(os.fspath(path), as_stored)
+    if file is None:
+        raise InputError(f"photo {path.name} is no readable image ({_line(oiio.geterror())}); "
+                         "give a camera raw, or a linear EXR or TIFF")
+    spec = file.spec()
+    # in the type of the file: asking for floats would scale integers
+    stored = file.read_image("unknown")
+    trouble = file.geterror()
+    file.close()
+    if stored is None or trouble:
+        raise InputError(f"photo {path.name} cannot be read to its end ({_line(trouble)}); copy or "
+                         "export it again")
+    return stored, spec, file.format_name()
+
+
+def _band_order(names: Sequence[str]) -> list[int]:
+    plain = [name.split(".")[-1].upper() for name in names]
+    bands = [index for index, name in enumerate(plain) if name not in NOT_BANDS]
+    if not {"R", "G", "B"} <= set(plain):
+        return bands
+    named = [plain.index(name) for name in "RGB"]
+    return named + [index for index in bands if index not in named]
+
+
+def _linear_image(path: Path, signal: np.ndarray, spec: oiio.ImageSpec, clip: float,
+                  quantum: float) -> LinearImage:
+    _require_finite(path, signal)
+    saturated = signal >= clip
+    variance = photon_transfer(signal, saturated, quantum, path.name).variance(signal)
+    for array in (signal, saturated, variance):
+        array.flags.writeable = False  # the record then keeps them without a copy
+    make, model = (spec.get_string_attribute(name) for name in ("Make", "Model"))
+    return LinearImage(
+        signal=signal, variance=variance, saturated=saturated, sensor_step=1.0,
+        exposure_s=_positive(spec, "ExposureTime"),
+        iso=_positive(spec, "Exif:PhotographicSensitivity")
+        or _positive(spec, "Exif:ISOSpeedRatings"), f_number=_positive(spec, "FNumber"),
+        kind=PhotoKind.LINEAR_FILE, camera=f"{make} {model}".strip(), source=path.name,
+        sha256=sha256_of(path))
+
+
+def _require_finite(path: Path, signal: np.ndarray) -> None:
+    bad = np.count_nonzero(~np.isfinite(signal))
+    if bad:
+        raise InputError(f"photo {path.name} has {bad} of {signal.size} values that are NaN or infinite; export it "
+                         "again without them, nothing is guessed in their place")
+
+
+def _positive(spec: oiio.ImageSpec, name: str) -> float | None:
+    value = spec.get_float_attribute(name, 0.0)
+    return value if value > 0 else None
+
+
+def _write(path: Path, pixels: np.ndarray, spec: oiio.ImageSpec) -> None:
+    unfinished = path.with_name(f"{path.stem}.part{path.suffix}")
+    file = oiio.ImageOutput.create(os.fspath(unfinished))
+    if file is None or not file.open(os.fspath(unfinished), spec):
+        raise InputError(f"{path} cannot be written "
+                         f"({_line(file.geterror() if file else oiio.geterror())})")
+    if not (file.write_image(pixels) and file.close()):
+        raise InputError(f"{path} cannot be written ({_line(file.geterror())}); is the disk full?")
+    unfinished.replace(path)
+
+
+def _line(message: str) -> str:
+    return " ".join(message.split()) or "no reason given"

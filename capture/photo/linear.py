@@ -1,0 +1,222 @@
+"""From a mosaic to linear camera signal, without demosaicing: each tile of colour filters becomes
+one pixel.
+
+A tile is 2 x 2 samples of a Bayer sensor, 3 x 3 of an X-Trans sensor (2 red, 5 green, 2 blue), 1 of
+a monochrome one.
+"""
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from spectrabox.capture.photo.clip_point import clip_points, piles_up
+from spectrabox.capture.photo.image_files import is_image_file, read_linear_file
+from spectrabox.capture.photo.noise import PhotonTransfer, photon_transfer
+from spectrabox.capture.photo.raw import FullColourFrame, decode
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import LinearImage, PhotoKind, RawFrame
+
+CLIP_FRACTION = 0.98    # of the clip point: above it sensors are no longer linear
+# of which a hundredth of the picture may be darker: a black level beyond that is wrong
+LOWEST_SIGNAL = -0.03
+CHECKED_SAMPLES = 200_000
+ROWS_AT_ONCE = 32       # of tiles
+
+
+def open_photo(path: str | os.PathLike[str]) -> LinearImage:
+    """Linear signal of a camera raw or of a linear EXR or TIFF, told apart by suffix, else by
+    content.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read as either, or does not hold linear signal.
+    """
+    if is_image_file(Path(path)):
+        return read_linear_file(path)
+    frame = decode(path)
+    return full_colour_image(frame) if isinstance(frame, FullColourFrame) else linear_image(frame)
+
+
+def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,
+                 dark: np.ndarray | None = None,
+                 dark_variance: np.ndarray | None = None) -> LinearImage:
+    """Signal (DN - black) / (white - black) of each tile of colour filters: the mean of its samples
+    of each colour.
+
+    Negative signals stay, so that means over dark areas are unbiased. A pixel is saturated where
+    any contributing sample reaches 0.98 of the clip point: the white level, or where the histogram
+    piles up below it (capture/photo/clip_point.py).
+
+    Parameters
+    ----------
+    noise :                    noise of each band; None to take it from the photo itself (capture/photo/noise.py)
+    dark : (H, W) DN           mean dark frame to subtract in place of the black level (capture/develop/dark.py)
+    dark_variance : (H, W)     its variance, DN squared, which is added to a given noise: noise taken from the photo
+                               is measured after the subtraction and holds it already
+
+    Raises
+    ------
+    InputError
+        If the sensor's tile does not hold every colour, or the black level lies above the picture.
+    """
+    step = tile_step(frame.cfa, frame.file)
+    bands = int(frame.cfa.max()) + 1
+    height, width = (side // step for side in frame.mosaic.shape)
+    signal = np.empty((height, width, bands), np.float32)
+    dark_part = None if dark_variance is None or noise is None else np.zeros_like(signal)
+    positions = _positions(frame, step)
+
+    def develop(rows: slice) -> None:
+        signal[rows] = 0
+        for position in positions:
+            samples, pixels = position.within(rows, height, width)
+            level = np.float32(position.black) if dark is None else dark[samples]
+            plane = np.subtract(frame.mosaic[samples], level, dtype=np.float32)
+            plane *= np.float32(position.per_dn)
+            signal[pixels] += plane
+            if dark_part is not None and dark_variance is not None:
+                dark_part[pixels] += dark_variance[samples] * np.float32(position.per_dn**2)
+
+    _over_rows(develop, height, frame.cfa.shape[0] // step)
+    variance_of_rounding = np.zeros(bands)
+    for position in positions:
+        variance_of_rounding[position.band] += position.per_dn**2
+    _require_above_black(frame, signal)
+    tiles = (frame.cfa.shape[0] // step) * (frame.cfa.shape[1] // step)
+    quantum = np.sqrt(variance_of_rounding / tiles)
+    clips = clip_points(frame)
+    saturated = _saturated(frame, positions, signal.shape, clips)
+    found = noise or photon_transfer(signal, saturated, quantum, frame.file)
+    believed = np.array([clip if piles_up(frame, clip, band, found) else frame.white_level
+                         for band, clip in enumerate(clips)])
+    if np.any(believed != clips):
+        saturated = _saturated(frame, positions, signal.shape, believed)
+        found = noise or photon_transfer(signal, saturated, quantum, frame.file)
+    variance = found.variance(signal)
+    if dark_part is not None:
+        variance += dark_part
+    return _image(frame, signal, variance, saturated, float(step), PhotoKind.RAW)
+
+
+def full_colour_image(frame: FullColourFrame) -> LinearImage:
+    """Signal of a linear DNG, every pixel its own.
+
+    Marked as an image file taken as linear: whoever wrote it has interpolated, and perhaps
+    denoised, so that its noise looks smaller than it is.
+    """
+    signal = (frame.pixels - frame.black_level.astype(np.float32))
+    signal /= (frame.white_level - frame.black_level).astype(np.float32)
+    saturated = frame.pixels >= CLIP_FRACTION * frame.white_level
+    noise = photon_transfer(signal, saturated, 1 / (frame.white_level - frame.black_level),
+                            frame.file)
+    return _image(frame, signal, noise.variance(signal), saturated, 1.0, PhotoKind.LINEAR_FILE)
+
+
+def tile_step(cfa: np.ndarray, source: str = "") -> int:
+    """Side of the smallest square of samples that, wherever it stands on its own grid, holds every
+    colour.
+
+    Raises
+    ------
+    InputError
+        If even the whole tile lacks a colour.
+    """
+    colours = set(range(int(cfa.max()) + 1))
+    rows, columns = cfa.shape
+    for step in range(1, max(rows, columns) + 1):
+        if rows % step or columns % step:
+            continue
+        blocks = (cfa[y:y + step, x:x + step] for y in range(0, rows, step)
+                  for x in range(0, columns, step))
+        if all(set(block.ravel().tolist()) == colours for block in blocks):
+            return step
+    raise InputError(f"photo {source}: the colour filter tile {cfa.tolist()} lacks one of the "
+                     f"colours 0 to {max(colours)} (red, green, blue); the file is damaged: copy "
+                     "it from the camera card again")
+
+
+class _Position(NamedTuple):
+    """One position of the tile: which samples of the mosaic go to which pixels of the picture, and
+    how they count.
+    """
+
+    y: int
+    x: int
+    band: int
+    black: float    # DN
+    per_dn: float   # signal of a pixel per DN of this sample
+    tile: tuple[int, int]
+    step: int
+
+    def within(self, rows: slice, height: int, width: int) -> tuple[tuple[slice, slice],
+                                                                    tuple[slice, slice, int]]:
+        """Slices of the mosaic and of the picture for some rows of the picture that begin with a
+        whole tile.
+        """
+        samples = (slice(rows.start * self.step + self.y, min(rows.stop, height) * self.step,
+                         self.tile[0]), slice(self.x, width * self.step, self.tile[1]))
+        pixels = (slice(rows.start + self.y // self.step, min(rows.stop, height),
+                        self.tile[0] // self.step),
+                  slice(self.x // self.step, width, self.tile[1] // self.step), self.band)
+        return samples, pixels
+
+
+def _positions(frame: RawFrame, step: int) -> list[_Position]:
+    positions = []
+    for (y, x), band in np.ndenumerate(frame.cfa):
+        top, left = y // step * step, x // step * step
+        alike = np.count_nonzero(frame.cfa[top:top + step, left:left + step] == band)
+        black = float(frame.black_level[y, x])
+        positions.append(_Position(y, x, int(band), black, 1 / alike / (frame.white_level - black),
+                                   (frame.cfa.shape[0], frame.cfa.shape[1]), step))
+    return positions
+
+
+def _over_rows(work: Callable[[slice], None], height: int, rows_of_tile: int) -> None:
+    """Do the work for blocks of rows that fit in the cache, on all cores: numpy lets go of Python's
+    lock.
+    """
+    block = ROWS_AT_ONCE * rows_of_tile
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        for _ in pool.map(work, (slice(start, start + block) for start in range(0, height, block))):
+            pass
+
+
+def _saturated(frame: RawFrame, positions: list[_Position], shape: tuple[int, ...],
+               clips: np.ndarray) -> np.ndarray:
+    saturated = np.zeros(shape, bool)
+
+    def mark(rows: slice) -> None:
+        for position in positions:
+            samples, pixels = position.within(rows, shape[0], shape[1])
+            saturated[pixels] |= frame.mosaic[samples] >= limits[position.band]
+
+    limits = [np.uint16(min(np.ceil(CLIP_FRACTION * clip), 65535)) for clip in clips]
+    _over_rows(mark, shape[0], frame.cfa.shape[0] // positions[0].step)
+    return saturated
+
+
+def _require_above_black(frame: RawFrame, signal: np.ndarray) -> None:
+    stride = max(1, int(np.sqrt(signal.size / CHECKED_SAMPLES)))
+    low = float(np.percentile(signal[::stride, ::stride], 1))
+    if low < LOWEST_SIGNAL:
+        raise InputError(f"raw photo {frame.file}: the darkest hundredth of the picture lies "
+                         f"{-low:.1%} of full scale below its black level "
+                         f"({frame.black_level.max():g} DN); the level or the dark frame is wrong, "
+                         "or the file is damaged: copy it from the camera card again")
+
+
+def _image(frame: RawFrame | FullColourFrame, signal: np.ndarray, variance: np.ndarray,
+           saturated: np.ndarray, sensor_step: float, kind: PhotoKind) -> LinearImage:
+    for array in (signal, saturated, variance):
+        array.flags.writeable = False  # the record then keeps them without a copy
+    return LinearImage(signal=signal, variance=variance, saturated=saturated,
+                       sensor_step=sensor_step, exposure_s=frame.exposure_s, iso=frame.iso,
+                       f_number=frame.f_number, kind=kind, camera=frame.camera, source=frame.file,
+                       sha256=frame.sha256)

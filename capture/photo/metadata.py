@@ -1,0 +1,132 @@
+"""What a photo file says of its exposure and camera, as exact numbers (exifread).
+
+Nominal exposure times are rounded by the cameras themselves (1/125 is 1/128); the ratio of two
+photos is exact only where the exposure was left alone.
+"""
+from __future__ import annotations
+
+import logging
+import struct
+from dataclasses import dataclass
+from fractions import Fraction
+from numbers import Rational
+from pathlib import Path
+from typing import Any
+
+import exifread
+
+from spectrabox.radiometry.errors import InputError
+
+MAKE_TAGS = ("Image Make",)
+MODEL_TAGS = ("Image Model",)
+# 0xC62F: CameraSerialNumber of DNG files
+SERIAL_TAGS = ("EXIF BodySerialNumber", "Image Tag 0xC62F")
+EXPOSURE_TAGS = ("EXIF ExposureTime", "Image ExposureTime")
+F_NUMBER_TAGS = ("EXIF FNumber", "Image FNumber")
+ISO_TAGS = ("EXIF ISOSpeedRatings", "EXIF PhotographicSensitivity", "Image ISOSpeedRatings")
+# Tags of DNG files, in whichever directory holds the mosaic.
+BLACK_TAG, BLACK_REPEAT_TAG, ACTIVE_AREA_TAG, MASKED_AREAS_TAG = "BlackLevel", "0xC619", "0xC68D", "0xC68E"
+DNG_VERSION_TAG = "Image Tag 0xC612"
+BLACK_DELTA_TAGS = ("0xC61B", "0xC61C")  # BlackLevelDeltaH, BlackLevelDeltaV
+RAW_PHOTOMETRY = (32803, 34892)  # colour filter array, full-colour pixels
+UNCOMPRESSED = 1
+
+
+@dataclass(frozen=True)
+class PhotoMetadata:
+    """What the file states; None and the empty string where it does not."""
+
+    exposure_s: Fraction | None
+    f_number: Fraction | None
+    iso: float | None
+    make: str
+    model: str
+    serial: str
+    black_level: tuple[Fraction, ...] | None  # DN, as the DNG tag lists them
+    # rows and columns of that list, from the first active pixel
+    black_repeat: tuple[int, int] = (1, 1)
+    active_origin: tuple[int, int] = (0, 0)   # row and column of that pixel in the whole mosaic
+    masked_areas: tuple[tuple[int, ...], ...] = ()  # top, left, bottom, right in the whole mosaic
+    is_dng: bool = False
+    varying_black: bool = False  # black level that changes from column to column or row to row
+    # of an uncompressed mosaic: as its size says, as its strips say
+    stated_bytes: tuple[int, int] | None = None
+
+    @property
+    def camera(self) -> str:
+        """Make, model and serial number as far as known, in one line."""
+        model = self.model if not self.make or self.model.startswith(
+            self.make) else f"{self.make} {self.model}"
+        return f"{model.strip()} {self.serial}".strip()
+
+
+def photo_metadata(path: Path) -> PhotoMetadata:
+    """Read the metadata of a raw, TIFF or JPEG file; every field is empty where the file has no
+    EXIF.
+
+    Raises
+    ------
+    InputError
+        If the metadata are damaged.
+    """
+    logger = logging.getLogger("exifread")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)  # it would report each unknown tag
+    try:
+        with path.open("rb") as file:
+            tags = exifread.process_file(file, details=False)
+    # as exifread meets damaged tags
+    except (LookupError, ValueError, TypeError, OverflowError, struct.error) as error:
+        raise InputError(f"photo {path.name} has damaged metadata ({error}); "
+                         "copy it from the camera card again") from error
+    finally:
+        logger.setLevel(level)
+    iso = _number(tags, ISO_TAGS)
+    repeat, area, masked = (tuple(int(value) for value in _fractions(_values(tags, name)))
+                            for name in (BLACK_REPEAT_TAG, ACTIVE_AREA_TAG, MASKED_AREAS_TAG))
+    return PhotoMetadata(
+        exposure_s=_number(tags, EXPOSURE_TAGS), f_number=_number(tags, F_NUMBER_TAGS),
+        iso=None if iso is None else float(iso),
+        make=_text(tags, MAKE_TAGS), model=_text(tags, MODEL_TAGS), serial=_text(tags, SERIAL_TAGS),
+        black_level=tuple(_fractions(_values(tags, BLACK_TAG))) or None,
+        black_repeat=(repeat[0], repeat[1]) if len(repeat) == 2 and min(repeat) > 0 else (1, 1),
+        active_origin=(area[0], area[1]) if len(area) == 4 else (0, 0),
+        masked_areas=tuple(masked[index:index + 4] for index in range(0, len(masked) - 3, 4)),
+        is_dng=DNG_VERSION_TAG in tags,
+        varying_black=any(value != 0 for name in BLACK_DELTA_TAGS
+                          for value in _fractions(_values(tags, name))),
+        stated_bytes=_stated_bytes(tags))
+
+
+def _values(tags: dict[str, Any], ending: str) -> Any:
+    return next((tag.values for name, tag in tags.items() if name.endswith(ending)), [])
+
+
+def _stated_bytes(tags: dict[str, Any]) -> tuple[int, int] | None:
+    """Bytes of an uncompressed mosaic in the first directory, from its size and from its strips."""
+    names = ("PhotometricInterpretation", "Compression", "ImageWidth", "ImageLength",
+             "BitsPerSample", "StripByteCounts")
+    listed = [_fractions(tags[f"Image {name}"].values) if f"Image {name}" in tags else []
+              for name in names]
+    if not all(listed) or listed[0][0] not in RAW_PHOTOMETRY or listed[1][0] != UNCOMPRESSED:
+        return None
+    width, height = int(listed[2][0]), int(listed[3][0])
+    return height * -(-width * int(sum(listed[4])) // 8), int(sum(listed[5]))
+
+
+def _text(tags: dict[str, Any], names: tuple[str, ...]) -> str:
+    found = next((tags[name] for name in names if name in tags), None)
+    return "" if found is None else str(found.printable).strip().strip("\0").strip()
+
+
+def _number(tags: dict[str, Any], names: tuple[str, ...]) -> Fraction | None:
+    """The first positive value; cameras write 0 or 0/0 for unknown."""
+    values = [value for name in names if name in tags
+              for value in _fractions(tags[name].values)[:1]]
+    return next((value for value in values if value > 0), None)
+
+
+def _fractions(values: Any) -> list[Fraction]:
+    """The values of a tag, without any that is not a fraction (text, or a denominator of 0)."""
+    return [Fraction(int(value.numerator), int(value.denominator)) for value in values
+            if isinstance(value, Rational) and value.denominator != 0]

@@ -1,0 +1,210 @@
+"""Camera raw files to the mosaic as the sensor gave it (LibRaw through rawpy).
+
+Nothing is scaled, demosaiced or turned: LibRaw's own development rescales by the brightest pixel of
+each frame, clips negative values and rotates, so none of it can be used to measure.
+"""
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rawpy
+
+from spectrabox.capture.photo.black_level import full_colour_black, tile_of
+from spectrabox.capture.photo.metadata import PhotoMetadata, photo_metadata
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import sha256_of
+from spectrabox.radiometry.records import RawFrame
+
+# of the white level: places of one tile differ by less than 0.1 % of it in cameras
+MOST_BLACK_SPREAD = 0.02
+# what LibRaw prints where it goes on regardless
+TROUBLE = ("unexpected end of file", "data corrupted", "corrupt")
+
+
+@dataclass(frozen=True, eq=False)
+class FullColourFrame:
+    """Pixels of a linear DNG: every colour at every pixel, as a converter or a phone wrote them."""
+
+    pixels: np.ndarray       # (H, W, 3) uint16 DN
+    black_level: np.ndarray  # (3,) DN
+    white_level: float       # DN
+    exposure_s: float | None
+    iso: float | None
+    f_number: float | None
+    camera: str
+    file: str
+    sha256: str
+
+
+def read_raw(path: str | os.PathLike[str]) -> RawFrame:
+    """Decode the visible mosaic of a Bayer, X-Trans or monochrome raw file, in sensor orientation.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, cut short, contradicts itself or is no camera raw, or if it
+        holds full-colour pixels or another colour filter pattern.
+    """
+    frame = decode(path)
+    if isinstance(frame, FullColourFrame):
+        raise InputError(f"raw photo {frame.file} holds full-colour pixels (a linear DNG) and no "
+                         "mosaic; give the camera's own raw file")
+    return frame
+
+
+def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
+    """As ``read_raw``, but full-colour pixels of a linear DNG are returned as such."""
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"photo {path} does not exist; check its name in session.toml")
+    if path.stat().st_size == 0:
+        raise InputError(f"raw photo {path.name} is empty (0 bytes); copy it from the camera card "
+                         "again")
+    metadata = photo_metadata(path)
+    _require_consistent(metadata, path)
+    with _open(path) as raw:
+        _require_known_sensor(raw, metadata, path)
+        exposure: dict[str, Any] = {
+            "exposure_s": _known(metadata.exposure_s or raw.other.shutter_speed),
+            "iso": _known(metadata.iso or raw.other.iso_speed),
+            "f_number": _known(metadata.f_number or raw.other.aperture),
+            "camera": metadata.camera, "file": path.name, "sha256": sha256_of(path)}
+        white_level = float(raw.white_level)
+        if raw.raw_type == rawpy.RawType.Stack:
+            black_level = full_colour_black(raw, metadata)
+            _require_range(black_level, white_level, path)
+            pixels = np.ascontiguousarray(raw.raw_image_visible[..., :3]).copy()
+            return FullColourFrame(pixels, black_level, white_level, **exposure)
+        cfa, black_level = tile_of(raw, metadata)
+        _require_plausible_tile(cfa, black_level, white_level, path)
+        _require_range(black_level, white_level, path)
+        visible = np.ascontiguousarray(raw.raw_image_visible)
+        visible = visible.copy() if np.shares_memory(visible, raw.raw_image) else visible
+    visible.flags.writeable = False
+    return RawFrame(mosaic=visible, cfa=cfa, black_level=black_level, white_level=white_level,
+                    **exposure)
+
+
+@contextmanager
+def _open(path: Path) -> Iterator[rawpy.RawPy]:
+    """The unpacked file, every complaint of LibRaw turned into an InputError."""
+    try:
+        with _captured_stderr() as complaints:
+            raw = rawpy.imread(os.fspath(path))
+            raw.unpack()
+    except rawpy.LibRawFileUnsupportedError as error:
+        raise InputError(f"photo {path.name} is no camera raw that LibRaw {_libraw_version()} "
+                         "knows; give a raw file, a DNG, or a linear EXR or TIFF") from error
+    except (rawpy.LibRawError, rawpy.NotSupportedError) as error:
+        raise InputError(f"raw photo {path.name} cannot be read to its end ({_sentence(error)}); "
+                         "it is cut short or damaged: copy it from the camera card again") from error
+    with raw:
+        if any(word in line.lower() for line in complaints for word in TROUBLE):
+            raise InputError(f"raw photo {path.name} holds fewer pixels than it promises "
+                             f"({complaints[0]}); it is cut short or damaged: copy it from the "
+                             "camera card again")
+        yield raw
+
+
+@contextmanager
+def _captured_stderr() -> Iterator[list[str]]:
+    """LibRaw prints straight to file descriptor 2; the lines appear in the list when the block
+    ends.
+    """
+    lines: list[str] = []
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as sink:
+        os.dup2(sink.fileno(), 2)
+        try:
+            yield lines
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            sink.seek(0)
+            lines += sink.read().decode(errors="replace").splitlines()
+
+
+def _require_consistent(metadata: PhotoMetadata, path: Path) -> None:
+    """Refuse an uncompressed mosaic whose stated size is not that of its strips: LibRaw would shear
+    the picture.
+    """
+    if metadata.stated_bytes is not None and metadata.stated_bytes[0] != metadata.stated_bytes[1]:
+        raise InputError(f"raw photo {path.name} states a size of {metadata.stated_bytes[0]} bytes "
+                         f"and holds {metadata.stated_bytes[1]}; it is damaged: copy it from the "
+                         "camera card again")
+    if metadata.varying_black:
+        raise InputError(f"raw photo {path.name} states black levels that change over rows or "
+                         "columns (BlackLevelDelta), which are not read: convert it without them, "
+                         "or give another format")
+
+
+def _require_known_sensor(raw: rawpy.RawPy, metadata: PhotoMetadata, path: Path) -> None:
+    colours = raw.color_desc.decode(errors="replace")
+    try:
+        tile = raw.raw_pattern if raw.raw_type == rawpy.RawType.Flat else None
+    except NotImplementedError as error:  # a filter code that rawpy does not know
+        raise InputError(f"raw photo {path.name} has an unknown colour filter pattern ({error}); "
+                         "Bayer, X-Trans and monochrome are known: develop it elsewhere to a "
+                         "linear EXR or TIFF and give that") from error
+    if raw.raw_type == rawpy.RawType.Flat:
+        if raw.num_colors == 1:
+            return
+        if raw.num_colors == 3 and set(colours[:3]) == set(
+            "RGB") and tile is not None and tile.shape in ((2, 2),
+                                                           (6, 6)):
+            return
+        found = "no colour filter pattern" if tile is None else \
+            f"a {tile.shape[0]} x {tile.shape[1]} pattern of {raw.num_colors} colours ({colours})"
+    elif metadata.is_dng and raw.num_colors == 3:
+        return
+    else:
+        found = "full-colour pixels (Foveon, or a reduced raw size)"
+    raise InputError(f"raw photo {path.name} has {found}; Bayer, X-Trans and monochrome sensors "
+                     "and linear DNG are known: develop it elsewhere to a linear EXR or TIFF and "
+                     "give that")
+
+
+def _require_plausible_tile(cfa: np.ndarray, black_level: np.ndarray, white_level: float,
+                            path: Path) -> None:
+    """Refuse what only damage makes: a colour with too many or too few places, black levels far
+    apart.
+    """
+    counts = np.bincount(cfa.ravel(), minlength=3) / cfa.size
+    bayer, x_trans = (0.25, 0.5, 0.25), (8 / 36, 20 / 36, 8 / 36)
+    if cfa.max() > 0 and not any(np.allclose(counts, known) for known in (bayer, x_trans)):
+        raise InputError(f"raw photo {path.name} states the colour filters {cfa.tolist()} (0 red, "
+                         "1 green, 2 blue), neither Bayer nor X-Trans; it is damaged: copy it from "
+                         "the camera card again")
+    if np.ptp(black_level) > MOST_BLACK_SPREAD * white_level:
+        raise InputError(f"raw photo {path.name} states black levels from {black_level.min():g} to "
+                         f"{black_level.max():g} DN, too far apart for one sensor; it is damaged: "
+                         "copy it from the camera card again")
+
+
+def _require_range(black_level: np.ndarray, white_level: float, path: Path) -> None:
+    if not white_level > black_level.max():
+        raise InputError(f"raw photo {path.name} states a white level of {white_level:g} DN, not "
+                         f"above its black level of {black_level.max():g} DN; convert it with the "
+                         "camera maker's software or Adobe DNG")
+
+
+def _known(value: float | Fraction | None) -> float | None:
+    """LibRaw gives 0 for what the file does not say."""
+    return float(value) if value else None
+
+
+def _sentence(error: Exception) -> str:
+    first = error.args[0] if error.args else ""
+    return first.decode(errors="replace") if isinstance(first, bytes) else str(first)
+
+
+def _libraw_version() -> str:
+    return ".".join(map(str, rawpy.libraw_version))

@@ -1,0 +1,260 @@
+"""Plays a transcript to a driver's own serial code, through a pseudo-terminal or a loopback socket.
+
+The line's settings are read from the pseudo-terminal itself, so that a driver at the wrong speed
+gets garbage. A fault can be laid over a clean recording (transcript_faults.py).
+"""
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import select
+import socket
+import threading
+import time
+from typing import Any
+
+from spectrabox.capture.transcripts.faults import Fault, overlaid
+from spectrabox.capture.transcripts.transcript import Transcript
+
+SETTLE_LOOKS = 3            # of 10 ms each without a byte: the computer has finished
+
+
+class TranscriptPlayer:
+    """An instrument that says what it said when it was recorded.
+
+    Parameters
+    ----------
+    transcript : Transcript
+    time_scale : float
+        Multiplies the recorded delays.
+    strict : bool
+        True: what the computer sends must follow the recording, else ``problems`` says where it
+        left it and the line goes mute. False: a command out of turn is looked up in the recording,
+        as a live instrument would answer it.
+    fault : Fault, optional
+    character_gap_s : float
+        Characters that follow each other faster are lost, as PR-655s lose them.
+    over_socket : bool
+        Serve a loopback socket in place of a pseudo-terminal.
+    """
+
+    def __init__(self, transcript: Transcript, *, time_scale: float = 1.0, strict: bool = True,
+                 fault: Fault | None = None,
+                 character_gap_s: float = 0.0, over_socket: bool = False, seed: int = 0) -> None:
+        self.transcript = transcript
+        self.problems: list[str] = []
+        self.heard = bytearray()
+        self._scale = time_scale
+        self._strict = strict
+        self._fault = fault
+        self._gap = character_gap_s
+        self._random = random.Random(seed)
+        self._step = 0
+        self._pending = b""
+        self._command = b""
+        self._arrived_at = 0.0
+        self._stop = threading.Event()
+        over_socket = over_socket or not hasattr(os, "openpty")
+        self._line: Any = _SocketEnd() if over_socket else _TerminalEnd()
+        self.port: str = self._line.port
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+
+    def __enter__(self) -> TranscriptPlayer:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._settle()
+        self._stop.set()
+        self._thread.join(5)
+        self._line.close()
+
+    @property
+    def finished(self) -> bool:
+        """Whether the whole recording was played."""
+        return self._step >= len(self.transcript.events)
+
+    def _settle(self) -> None:
+        """Let the last bytes of the computer arrive."""
+        quiet = 0
+        while quiet < SETTLE_LOOKS and self._thread.is_alive():
+            seen = len(self.heard)
+            time.sleep(0.01)
+            quiet = quiet + 1 if seen == len(self.heard) else 0
+
+    def _serve(self) -> None:
+        with contextlib.suppress(OSError):
+            while not self._stop.is_set():
+                if not self.finished and self.transcript.events[self._step].direction == "<":
+                    self._speak(self._step)
+                    self._step += 1
+                else:
+                    self._listen()
+
+    def _speak(self, step: int) -> None:
+        event = self.transcript.events[step]
+        self._wait(event.delay_s * self._scale)
+        if self._wrong_speed():
+            self._line.write(self._garbage(len(event.data)))
+            return
+        fault = self._fault
+        if fault is not None and not (fault.step == step or (fault.every and step > fault.step)):
+            fault = None
+        if fault is not None and not fault.every:
+            self._fault = None  # once: a re-read of the same reply is clean
+        for pause, part in overlaid(event.data, fault, self._command):
+            self._wait(pause)
+            if part is None:
+                self._line.close()
+                self._stop.set()
+                return
+            self._line.write(part)
+
+    def _listen(self) -> None:
+        arrived = self._line.read(0.01)
+        if arrived:
+            self._take_in(arrived)
+            if self._wrong_speed():
+                self._pending = b""
+                self._line.write(self._garbage(len(arrived)))
+        elif not self._pending:
+            return
+        while self._pending and self._matched():
+            if not self.finished and self.transcript.events[self._step].direction == "<":
+                return
+
+    def _matched(self) -> bool:
+        if not self.finished:
+            wanted = self.transcript.events[self._step].data
+            if self._pending.startswith(wanted):
+                return self._advance(self._step)
+            if wanted.startswith(self._pending):
+                return False
+        if self._strict:
+            wanted = b"nothing more" if self.finished else self.transcript.events[self._step].data
+            self.problems.append(f"step {self._step}: the recording has {wanted!r}, the computer "
+                                 f"sent {self._pending!r}")
+            self._pending = b""
+            return False
+        return self._looked_up()
+
+    def _looked_up(self) -> bool:
+        events = self.transcript.events
+        order = [*range(self._step, len(events)), *range(self._step)]
+        asked = [step for step in order if events[step].direction == ">"]
+        for step in asked:
+            if self._pending.startswith(events[step].data):
+                return self._advance(step)
+        if any(events[step].data.startswith(self._pending) for step in asked):
+            return False
+        cut = min((place + 1 for end in (b"\r", b"\n") if (place := self._pending.find(end)) >= 0),
+                  default=1)
+        self.problems.append(f"not in the recording: {self._pending[:cut]!r}")
+        self._pending = self._pending[cut:]
+        return True
+
+    def _advance(self, step: int) -> bool:
+        self._command = self.transcript.events[step].data
+        self._pending = self._pending[len(self._command):]
+        self._step = step + 1
+        return True
+
+    def _take_in(self, arrived: bytes) -> None:
+        """Note what arrived; an instrument that wants gaps loses what follows too fast."""
+        self.heard += arrived
+        now = time.monotonic()
+        if self._gap:
+            arrived = arrived[:1] if now - self._arrived_at >= self._gap else b""
+        self._arrived_at = now
+        self._pending += arrived
+
+    def _wrong_speed(self) -> bool:
+        speed = self._line.speed()
+        if speed is None or speed == self.transcript.baud:
+            return False
+        self.problems.append(f"the computer's speed is {speed}, the instrument's "
+                             f"{self.transcript.baud}")
+        return True
+
+    def _garbage(self, count: int) -> bytes:
+        return bytes(self._random.randrange(128, 256) for _ in range(max(1, count // 3)))
+
+    def _wait(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while not self._stop.is_set() and (left := end - time.monotonic()) > 0:
+            if arrived := self._line.read(min(left, 0.01)):
+                self._take_in(arrived)  # an instrument hears while it works
+
+
+class _TerminalEnd:
+    """The instrument's end of a pseudo-terminal."""
+
+    def __init__(self) -> None:
+        import tty
+        self._master, self._slave = os.openpty()
+        # before the name is handed out: echo and newline mapping corrupt the first bytes
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        # our own end stays open: the driver may close and open again
+        self.port = os.ttyname(self._slave)
+        self._open = True
+
+    def read(self, limit_s: float) -> bytes:
+        ready, _, _ = select.select([self._master], [], [], limit_s)
+        return os.read(self._master, 4096) if ready else b""
+
+    def write(self, data: bytes) -> None:
+        while data:
+            try:
+                data = data[os.write(self._master, data):]
+            except BlockingIOError:
+                select.select([], [self._master], [], 0.1)
+
+    def speed(self) -> int | None:
+        import termios
+        code = termios.tcgetattr(self._master)[5]
+        names = {getattr(termios,
+                         name): int(name[1:]) for name in dir(termios) if name[0] == "B"
+                 and name[1:].isdigit()}
+        return names.get(code, code)
+
+    def close(self) -> None:
+        if self._open:
+            self._open = False
+            os.close(self._slave)
+            os.close(self._master)
+
+
+class _SocketEnd:
+    """The instrument's end of a loopback socket; speed means nothing here."""
+
+    def __init__(self) -> None:
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self._server.settimeout(0.05)
+        self.port = f"socket://127.0.0.1:{self._server.getsockname()[1]}"
+        self._peer: socket.socket | None = None
+
+    def read(self, limit_s: float) -> bytes:
+        if self._peer is None:
+            with contextlib.suppress(TimeoutError):
+                self._peer = self._server.accept()[0]
+            return b""
+        ready, _, _ = select.select([self._peer], [], [], limit_s)
+        data = self._peer.recv(4096) if ready else b""
+        if ready and not data:
+            self._peer.close()
+            self._peer = None
+        return data
+
+    def write(self, data: bytes) -> None:
+        if self._peer is not None:
+            self._peer.sendall(data)
+
+    def speed(self) -> int | None:
+        return None
+
+    def close(self) -> None:
+        if self._peer is not None:
+            self._peer.close()
+        self._server.close()

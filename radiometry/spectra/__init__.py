@@ -1,0 +1,1 @@
+"""Spectra by name and from files."""

@@ -1,0 +1,3 @@
+"""Spectral files of other programs and instruments: one file per format; spectrum_files.py chooses
+by content.
+"""

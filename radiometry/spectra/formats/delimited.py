@@ -1,0 +1,106 @@
+"""CSV and its relatives: comma, semicolon or tab, one row per wavelength.
+
+The canonical file states what it holds, in comment lines before the header row::
+
+    # quantity: reflectance
+    # unit: 1
+    # source: ASD FieldSpec 4, sphere, 2026-01-02
+    wavelength_nm,value,standard_error
+"""
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.formats.table import SpectralTable, number, text_of
+
+
+def read_delimited(content: bytes, path: Path, wavelength_column: int = 1) -> SpectralTable:
+    """All columns of a delimited text.
+
+    Raises
+    ------
+    InputError
+    """
+    facts, rows = _split_rows(text_of(content, path.name), path.name)
+    header, numbers = _header_and_numbers(rows, wavelength_column - 1, path.name)
+    nm = np.array([row[wavelength_column - 1] for row in numbers])
+    others = [index for index in range(len(header)) if index != wavelength_column - 1]
+    values = np.array([[row[index] if index < len(row) else np.nan for row in numbers]
+                       for index in others])
+    return SpectralTable(nm, tuple(header[index].strip() for index in others),
+                         values.reshape(len(others), nm.size), facts,
+                         path.name)
+
+
+def table_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity,
+               source: str) -> str:
+    """Canonical text of several columns (P,) on one grid; wavelengths and values keep nine
+    significant digits.
+    """
+    lines = [f"# quantity: {quantity.name.lower()}", f"# unit: {quantity.value}",
+             f"# source: {' '.join(source.split())}",
+             ",".join(["wavelength_nm", *(_cell(name) for name in columns)])]
+    lines += [",".join([f"{wavelength:.9g}", *(f"{values[i]:.9g}" for values in columns.values())])
+              for i, wavelength in enumerate(nm)]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(name: str) -> str:
+    name = " ".join(name.split())
+    return '"' + name.replace('"', '""') + '"' if any(mark in name for mark in ',;"#') else name
+
+
+def _split_rows(text: str, name: str) -> tuple[dict[str, str], list[list[str]]]:
+    facts: dict[str, str] = {}
+    body = []
+    for line in text.splitlines():
+        if line.lstrip().startswith("#"):
+            key, colon, value = line.lstrip("# ").partition(":")
+            if colon:
+                facts[key.strip().lower()] = value.strip()
+        elif line.strip():
+            body.append(line)
+    if not body:
+        raise InputError(f"{name} is empty; a text file of spectra is needed")
+    delimiter = max(";\t,", key=lambda mark: sum(mark in line for line in body)
+                    * (2 if mark != "," else 1))
+    if not any(delimiter in line for line in body):
+        return facts, [line.split() for line in body]
+    if delimiter != "," and not any("," in line and "." in line for line in body[1:]):
+        body = [body[0], *(line.replace(",", ".") for line in body[1:])] if not _is_numbers(body[0], delimiter) else \
+            [line.replace(",", ".") for line in body]
+    try:
+        return facts, list(csv.reader(body, delimiter=delimiter))
+    except csv.Error as error:
+        raise InputError(
+            f"{name} cannot be split into columns ({error}); export it as CSV") from None
+
+
+def _is_numbers(line: str, delimiter: str) -> bool:
+    return bool(np.isfinite(number(line.split(delimiter)[0].replace(",", "."))))
+
+
+def _header_and_numbers(rows: list[list[str]], wavelength: int,
+                        name: str) -> tuple[list[str], list[list[float]]]:
+    numbers: list[list[float]] = []
+    header: list[str] | None = None
+    for row in rows:
+        cells = [number(cell) for cell in row]
+        if 0 <= wavelength < len(cells) and np.isfinite(cells[wavelength]):
+            numbers.append(cells)
+        elif not numbers:
+            header = row
+        elif any(cell.strip() for cell in row):
+            raise InputError(f"{name}: {row[wavelength] if wavelength < len(row) else ''!r} stands "
+                             "where a wavelength is needed")
+    if len(numbers) < 2:
+        raise InputError(f"{name} holds no table of wavelengths and values; a CSV with a column of "
+                         "nm is needed")
+    width = max(len(row) for row in numbers)
+    names = (header or []) + [f"column {index + 1}" for index in range(len(header or []), width)]
+    return names[:width], numbers

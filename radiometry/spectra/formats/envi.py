@@ -1,0 +1,137 @@
+"""ENVI spectral libraries: a text header (.hdr) and a binary file (.sli) beside it."""
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.formats.table import (
+    MOST_VALUES,
+    SpectralTable,
+    distinct,
+    number,
+    text_of,
+)
+
+DATA_TYPES = {1: "u1", 2: "i2", 3: "i4", 4: "f4", 5: "f8", 12: "u2", 13: "u4", 14: "i8", 15: "u8"}
+WAVELENGTH_UNITS = {"nm": 1.0, "nanometers": 1.0, "nanometer": 1.0, "um": 1000.0,
+                    "micrometers": 1000.0,
+                    "micrometer": 1000.0, "microns": 1000.0, "μm": 1000.0}
+ITEM = re.compile(r"^[ \t]*([A-Za-z][\w \t()-]*?)[ \t]*=[ \t]*(?:\{([^}]*)\}|(.*))$", re.MULTILINE)
+
+
+def is_envi_header(content: bytes) -> bool:
+    """Whether content is an ENVI header."""
+    return content[:200].lstrip(b"\xef\xbb\xbf").startswith(b"ENVI") and b"=" in content
+
+
+def envi_header_of(path: Path) -> Path | None:
+    """The header that belongs to a binary library, if it is beside it."""
+    return next((candidate for candidate in (path.with_suffix(".hdr"),
+                                             path.with_name(path.name + ".hdr"))
+                 if candidate != path and candidate.is_file()), None)
+
+
+def read_envi(content: bytes, path: Path) -> SpectralTable:
+    """Every spectrum of a library, given its header or its binary file.
+
+    Raises
+    ------
+    InputError
+    """
+    header_path, data, data_name = _both_files(content, path)
+    keys = _keys(content if header_path == path else _bytes_of(header_path), header_path.name)
+    bands, count, offset, data_type = (_integer(keys, key, header_path.name)
+                                       for key in ("samples", "lines", "header offset",
+                                                   "data type"))
+    if data_type not in DATA_TYPES:
+        raise InputError(f"{header_path.name}: data type {data_type} is not one of real numbers; "
+                         "export the library as float")
+    kind = np.dtype((">" if keys.get("byte order", "0").strip() == "1" else "<")
+                    + DATA_TYPES[data_type])
+    if not 0 < bands * count <= MOST_VALUES or offset < 0 or offset + bands * count * kind.itemsize > len(data):
+        raise InputError(f"{data_name} is cut: {count} spectra of {bands} bands are stated, "
+                         f"{max(len(data) - offset, 0)} bytes of values are there")
+    with np.errstate(invalid="ignore", over="ignore"):
+        values = np.frombuffer(data, kind, bands * count, offset).astype(float).reshape(count,
+                                                                                        bands)
+    values = np.where(np.isfinite(values), values, np.nan)
+    ignored = number(keys.get("data ignore value", ""))
+    scale = number(keys.get("reflectance scale factor", "1"))
+    if not scale > 0:
+        raise InputError(f"{header_path.name}: the reflectance scale factor {scale:g} cannot be")
+    values = np.where(values == ignored, np.nan, values) / scale
+    return _table(keys, values, header_path.name)
+
+
+def envi_files(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity,
+               source: str) -> tuple[str, bytes]:
+    """Header text and float64 binary of a library of spectra (P,): the values come back exactly."""
+    names = ", ".join(re.sub(r"[{},]", " ", " ".join(name.split())) for name in columns)
+    lines = ["ENVI", f"description = {{{re.sub('[{}]', ' ', ' '.join(source.split()))}}}",
+             f"samples = {nm.size}", f"lines = {len(columns)}", "bands = 1", "header offset = 0",
+             "file type = ENVI Spectral Library",
+             "data type = 5", "interleave = bsq", "byte order = 0", "wavelength units = nm",
+             f"quantity = {quantity.name.lower()}", f"data units = {quantity.value}",
+             f"spectra names = {{{names}}}", "wavelength = "
+             f"{{{', '.join(repr(float(wavelength)) for wavelength in nm)}}}"]
+    return "\n".join(lines) + "\n", np.array(list(columns.values()), dtype="<f8").tobytes()
+
+
+def _table(keys: dict[str, str], values: np.ndarray, name: str) -> SpectralTable:
+    unit = keys.get("wavelength units", "").strip().lower()
+    wavelengths = np.array([number(cell) for cell in keys.get("wavelength", "").split(",")])
+    if wavelengths.size != values.shape[1] or not np.all(np.isfinite(wavelengths)):
+        raise InputError(f"{name} lists {wavelengths.size} wavelengths for {values.shape[1]} "
+                         "bands; correct the header")
+    if unit not in WAVELENGTH_UNITS:
+        raise InputError(f"{name}: the wavelength unit {unit or 'nothing'!r} is not known; state "
+                         "'wavelength units = nm'")
+    names = [cell.strip() for cell in keys.get("spectra names", "").split(",")]
+    if len(names) != values.shape[0]:
+        names = [f"spectrum {index}" for index in range(1, values.shape[0] + 1)]
+    facts = {"source": " ".join(keys.get("description", name).split())}
+    facts.update({key: keys[other].strip() for key, other in (("quantity", "quantity"),
+                                                              ("unit", "data units"))
+                  if other in keys})
+    if "reflectance scale factor" in keys and "quantity" not in facts:
+        facts.update(quantity="reflectance", unit="1")
+    return SpectralTable(np.round(wavelengths * WAVELENGTH_UNITS[unit], 9), distinct(names), values,
+                         facts, name)
+
+
+def _both_files(content: bytes, path: Path) -> tuple[Path, bytes, str]:
+    if not is_envi_header(content):
+        header = envi_header_of(path)
+        if header is None:
+            raise InputError(f"{path.name} is the binary half of an ENVI library; put its header "
+                             f"{path.stem}.hdr beside it")
+        return header, content, path.name
+    for suffix in (".sli", ".slb", ".lib", ""):
+        if (data := path.with_suffix(suffix)).is_file() and data != path:
+            return path, _bytes_of(data), data.name
+    raise InputError(f"{path.name} is the header of an ENVI library; put its values "
+                     f"{path.stem}.sli beside it")
+
+
+def _bytes_of(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+
+
+def _keys(content: bytes, name: str) -> dict[str, str]:
+    text = text_of(content, name).replace("\r\n", "\n")
+    return {match[1].strip().lower(): (match[2] if match[2] is not None else match[3]).strip()
+            for match in ITEM.finditer(text)}
+
+
+def _integer(keys: dict[str, str], key: str, name: str) -> int:
+    text = keys.get(key, "0" if key == "header offset" else "")
+    if not re.fullmatch(r"\d{1,12}", text.strip()):
+        raise InputError(f"{name} states {key} = {text!r}; a whole number is needed")
+    return int(text)

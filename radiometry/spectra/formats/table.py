@@ -1,0 +1,119 @@
+"""What every reader of a spectral file gives: columns on one wavelength axis, with the facts that
+the file states.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import Quantity
+
+SHORTEST_NM, LONGEST_NM = 100.0, 1e5
+MOST_VALUES = 50_000_000    # of one file: more is no spectral file, or a damaged count
+GAP_STEPS = 3.0             # a step this many times the usual one is a gap
+UNITS = {"reflectance": Quantity.REFLECTANCE.value, "irradiance": Quantity.IRRADIANCE.value,
+         "radiance": Quantity.RADIANCE.value, "relative": Quantity.RELATIVE.value}
+
+
+@dataclass(frozen=True)
+class SpectralTable:
+    """Columns of one file: wavelengths (P,) in nm and values (C, P), with names and the stated
+    facts.
+
+    ``facts`` holds what the file states of all columns (quantity, unit, source, ...);
+    ``column_facts`` what it states of one. ``main`` is the column that is meant where none is
+    named; ``notes`` are sentences on what to beware of.
+    """
+
+    nm: np.ndarray
+    names: tuple[str, ...]
+    values: np.ndarray
+    facts: dict[str, str]
+    file: str
+    main: str | None = None
+    column_facts: dict[str, dict[str, str]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def fact(self, name: str, column: int) -> str | None:
+        """What the file states of one column, or of all."""
+        return self.column_facts.get(self.names[column], {}).get(name, self.facts.get(name))
+
+
+def checked_table(table: SpectralTable) -> SpectralTable:
+    """The table with its gaps noted, after the checks that every format needs.
+
+    Raises
+    ------
+    InputError
+        If the wavelengths are not ascending, not in nm, or fewer than two.
+    """
+    nm = table.nm
+    if nm.size < 2 or not table.names:
+        raise InputError(f"{table.file} holds {nm.size} wavelengths and {len(table.names)} "
+                         "spectra; at least two wavelengths and one spectrum are needed")
+    if not np.all(np.isfinite(nm)):
+        raise InputError(f"{table.file}: a wavelength is not a number; export the file again")
+    if np.any(np.diff(nm) <= 0):
+        place = nm[1:][np.diff(nm) <= 0][0]
+        raise InputError(f"{table.file}: wavelengths must ascend; they turn back at {place:g} nm")
+    if nm[0] < SHORTEST_NM or nm[-1] > LONGEST_NM:
+        raise InputError(f"{table.file}: wavelengths from {nm[0]:g} to {nm[-1]:g} cannot be in nm; "
+                         "give them in nm")
+    values = np.where(np.isfinite(table.values), table.values, np.nan)
+    return SpectralTable(nm, table.names, values, table.facts, table.file, table.main,
+                         table.column_facts, (*table.notes, *gap_notes(nm, table.names, values)))
+
+
+def gap_notes(nm: np.ndarray, names: tuple[str, ...], values: np.ndarray) -> tuple[str, ...]:
+    """Sentences on wide steps of the wavelengths and on missing values."""
+    steps = np.diff(nm)
+    wide = np.flatnonzero(steps > GAP_STEPS * np.median(steps))
+    notes = [f"no wavelengths between {nm[place]:g} and {nm[place + 1]:g} nm" for place in wide[:3]]
+    notes += [f"{wide.size - 3} more such gaps"] if wide.size > 3 else []
+    empty = ~np.isfinite(values)
+    for name, row in zip(names, empty, strict=True):
+        if row.any() and len(notes) < 8:
+            notes.append(f"column {name!r} has no number at {int(row.sum())} of {nm.size} "
+                         f"wavelengths ({nm[row][0]:g}-{nm[row][-1]:g} nm)")
+    return tuple(notes)
+
+
+def text_of(content: bytes, name: str) -> str:
+    """A text file's characters; UTF-8 or, where it is not that, Latin-1 as instruments' software
+    writes it.
+
+    Raises
+    ------
+    InputError
+        If the content is binary.
+    """
+    if b"\x00" in content:
+        raise InputError(f"{name} is not a text file of spectra; export it as CSV")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+    if any(ord(letter) < 32 and letter not in "\t\r\n\f\x1a" for letter in text):
+        raise InputError(f"{name} is not a text file of spectra; export it as CSV")
+    return text
+
+
+def number(text: str) -> float:
+    """A number, or NaN where there is none; "inf" and "nan" are none."""
+    try:
+        value = float(text)
+    except ValueError:
+        return float("nan")
+    return value if np.isfinite(value) else float("nan")
+
+
+def distinct(names: list[str]) -> tuple[str, ...]:
+    """The names, later ones of a kind numbered, so that each can be asked for."""
+    seen: dict[str, int] = {}
+    result = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        result.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+    return tuple(result)

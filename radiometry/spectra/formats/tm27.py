@@ -1,0 +1,102 @@
+"""IES TM-27 spectral data in XML (.spdx), whatever its namespace; a part that is not a number is
+left out.
+"""
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.formats.table import SpectralTable, number, text_of
+
+NAMESPACE = "http://www.ies.org/iestm2714"
+QUANTITIES = {"radiance": ("radiance", "W m-2 sr-1 nm-1"),
+              "irradiance": ("irradiance", "W m-2 nm-1"),
+              "reflectance": ("reflectance", "1"), "transmittance": ("transmittance", "1"),
+              "relative": ("relative", "relative"), "absorptance": ("absorptance", "1"),
+              "flux": ("flux", "W nm-1"), "intensity": ("intensity", "W sr-1 nm-1"),
+              "exitance": ("exitance", "W m-2 nm-1")}
+HEADER_KEYS = ("Manufacturer", "CatalogNumber", "Description", "Laboratory", "ReportNumber",
+               "ReportDate")
+
+
+def is_tm27(text: str) -> bool:
+    """Whether text is a TM-27 document."""
+    start = text[:4000].lower()
+    return start.lstrip().startswith("<") and ("iestm27" in start or "<spectraldistribution"
+                                               in text.lower())
+
+
+def read_tm27(content: bytes, path: Path) -> SpectralTable:
+    """Every spectral distribution of the document, which must share their wavelengths.
+
+    Raises
+    ------
+    InputError
+    """
+    text = text_of(content, path.name)
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise InputError(f"{path.name} declares XML entities, which no spectral file needs; it is "
+                         "not read")
+    try:
+        root = ElementTree.fromstring(text.encode("utf-8"), ElementTree.XMLParser(encoding="utf-8"))
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(f"{path.name} is damaged XML ({error}); export it again") from None
+    found = [element for element in root.iter() if _tag(element) == "SpectralDistribution"]
+    if not found:
+        raise InputError(f"{path.name} holds no SpectralDistribution; a TM-27 document is needed")
+    pairs = [_pairs(element, path.name) for element in found]
+    if any(not np.array_equal(nm, pairs[0][0]) for nm, _ in pairs):
+        raise InputError(f"{path.name}: its {len(found)} distributions have different wavelengths; "
+                         "split the file")
+    header = {_tag(element): (element.text or "").strip() for element in root.iter()
+              if _tag(element) in HEADER_KEYS}
+    facts = {"source": header.get("Description") or path.name, **_quantity(found[0]),
+             **{key.lower(): value for key, value in header.items() if value}}
+    names = ("value",) if len(found) == 1 else tuple(f"distribution {index}" for index in range(1, len(found) + 1))
+    return SpectralTable(pairs[0][0], names, np.array([values for _, values in pairs]), facts,
+                         path.name)
+
+
+def spdx_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity,
+              source: str) -> str:
+    """A TM-27-14 document of spectra (P,), nine significant digits."""
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>',
+             f'<IESTM2714 xmlns="{NAMESPACE}" version="1.0">', "  <Header>", "    "
+             f"<Description>{escape(' '.join(source.split()))}</Description>",
+             "    <DocumentCreator>spectrabox</DocumentCreator>", "  </Header>"]
+    for values in columns.values():
+        lines += ["  <SpectralDistribution>", "    "
+                  f"<SpectralQuantity>{quantity.name.lower()}</SpectralQuantity>"]
+        lines += [f'    <SpectralData wavelength="{wavelength:.9g}">{value:.9g}</SpectralData>'
+                  for wavelength, value in zip(nm, values, strict=True)]
+        lines.append("  </SpectralDistribution>")
+    return "\n".join([*lines, "</IESTM2714>", ""])
+
+
+def _tag(element: ElementTree.Element) -> str:
+    return element.tag.rpartition("}")[2]
+
+
+def _quantity(distribution: ElementTree.Element) -> dict[str, str]:
+    stated = next(((child.text or "").strip().lower() for child in distribution if _tag(child)
+                   == "SpectralQuantity"), "")
+    if stated not in QUANTITIES:
+        return {"quantity": stated} if stated and stated not in ("other", "unknown") else {}
+    quantity, unit = QUANTITIES[stated]
+    return {"quantity": quantity, "unit": unit}
+
+
+def _pairs(distribution: ElementTree.Element, name: str) -> tuple[np.ndarray, np.ndarray]:
+    points = [child for child in distribution if _tag(child) == "SpectralData"]
+    nm = np.array([number(child.get("wavelength", "")) for child in points])
+    values = np.array([number(child.text or "") for child in points])
+    if not points or not np.all(np.isfinite(nm)):
+        raise InputError(f"{name}: {len(points)} SpectralData, of which "
+                         f"{int(np.sum(~np.isfinite(nm)))} state no wavelength; export the file "
+                         "again")
+    return nm, values

@@ -1,0 +1,121 @@
+"""Sensitivities, lights and test reflectances that colour-science ships, by the names an operator
+would write.
+"""
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.colour_science import colour_science
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import Quantity, WavelengthGrid
+from spectrabox.radiometry.spectra.spectrum_files import (
+    on_grid,
+    read_curves,
+    read_spectrum,
+    spectrum_on_grid,
+)
+
+TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
+CHARTS = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta", "PMC")
+
+
+def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
+    """Sensitivities (K, P) of a file of curves, or of a camera or observer that colour-science
+    knows by name.
+
+    Raises
+    ------
+    InputError
+        If there is neither such a file nor such a name, or the curves do not cover the grid.
+    """
+    if _is_file(name):
+        nm, _, curves = read_curves(Path(name))
+        curves = on_grid(nm, curves, grid, Path(name).name)
+    else:
+        colour = colour_science()
+        known = {**colour.MSDS_CMFS, **colour.MSDS_CAMERA_SENSITIVITIES}
+        found = _by_name(name, known, "camera or observer", "a CSV file with one column per band")
+        curves = on_grid(np.asarray(found.wavelengths), np.asarray(found.values).T, grid, name)
+    if not np.all(np.isfinite(curves)) or np.any(curves.max(axis=1) <= 0):
+        raise InputError(f"a band of {name} sees nothing of {grid.nm[0]:g}-{grid.nm[-1]:g} nm; "
+                         "leave it out")
+    return curves
+
+
+def light(name: str, grid: WavelengthGrid) -> np.ndarray:
+    """Spectrum (P,) of a light from a file, or of a CIE illuminant such as D65, A or LED-B3; E is
+    equal energy.
+
+    Raises
+    ------
+    InputError
+        If there is neither such a file nor such a name, or the spectrum is not that of a light.
+    """
+    if _is_file(name):
+        values = spectrum_on_grid(read_spectrum(Path(name), role=Quantity.RELATIVE), grid)
+    else:
+        colour = colour_science()
+        known = {**colour.SDS_LIGHT_SOURCES, **colour.SDS_ILLUMINANTS}
+        found = _by_name(name, known, "light", "a CSV file of its spectrum")
+        values = on_grid(np.asarray(found.wavelengths), np.asarray(found.values), grid, name)
+    if not np.all(np.isfinite(values)) or values.max() <= 0 or values.min() < -0.01 * values.max():
+        raise InputError(f"the light {name} is dark or falls below zero; measure it again")
+    return np.maximum(values, 0)
+
+
+def test_reflectances(grid: WavelengthGrid) -> dict[str, np.ndarray]:
+    """Sets of reflectances (n, P) by name: charts, and the test colours of CIE 13.3, CIE 224 and
+    NIST CQS.
+    """
+    colour = colour_science()
+    from colour.quality.cfi2017 import load_TCS_CIE2017
+    from colour.quality.datasets import SDS_TCS, SDS_VS
+
+    sets = {name: list(colour.SDS_COLOURCHECKERS[name].values()) for name in CHARTS}
+    sets["CIE 13.3 test colours"] = [sd for part in SDS_TCS.values() for sd in part.values()]
+    sets["NIST CQS test colours"] = [sd for part in SDS_VS.values() for sd in part.values()]
+    found = {name: np.array([on_grid(np.asarray(sd.wavelengths), np.asarray(sd.values), grid,
+                                     name) for sd in spectra]) for name, spectra in sets.items()}
+    samples = load_TCS_CIE2017(colour.SpectralShape(380, 780, 5))
+    found["CES99"] = on_grid(np.asarray(samples.wavelengths), np.asarray(samples.values).T, grid,
+                             "CES99")
+    return found
+
+
+def relative_response(sensitivity: str, light_name: str,
+                      grid: WavelengthGrid | None = None) -> np.ndarray:
+    """Response (K, P), rows summing to 1, of named sensitivities under a named light; at 1 nm by
+    default.
+    """
+    grid = grid or visible_grid(1)
+    response = sensitivities(sensitivity, grid) * light(light_name, grid) * grid.weights_nm
+    total = response.sum(axis=1, keepdims=True)
+    if np.any(total <= 0):
+        raise InputError(f"a band of {sensitivity} sees nothing under {light_name}; choose another "
+                         "light")
+    return response / total
+
+
+def _by_name(name: str, known: Any, what: str, instead: str) -> Any:
+    try:
+        return known[name]
+    except KeyError:
+        near = difflib.get_close_matches(name, _names(known), n=3, cutoff=0.4)
+        nearest = f"; nearest are {', '.join(near)}" if near else ""
+        raise InputError(f"{name!r} is no {what} that is known{nearest}; give one of these or "
+                         f"{instead}") from None
+
+
+def _is_file(name: str) -> bool:
+    # FL3.15 is a light and no file: a suffix alone does not tell.
+    return Path(name).suffix.lower() in TEXT_SUFFIXES or Path(name).exists()
+
+
+def _names(known: Iterable[str]) -> list[str]:
+    return [str(name) for name in known]

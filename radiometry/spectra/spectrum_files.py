@@ -1,0 +1,314 @@
+"""Spectra in and out of files: any format that spectral_formats/ knows, told apart by content and
+not by name.
+
+A file that states its quantity and unit is held to them. One that does not is what its role in the
+session says; nothing is guessed from the values.
+"""
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.records import Quantity, Spectrum, WavelengthGrid
+from spectrabox.radiometry.spectra.formats.asd import is_asd, read_asd
+from spectrabox.radiometry.spectra.formats.cgats import is_cgats, read_cgats
+from spectrabox.radiometry.spectra.formats.delimited import read_delimited, table_text
+from spectrabox.radiometry.spectra.formats.envi import envi_header_of, is_envi_header, read_envi
+from spectrabox.radiometry.spectra.formats.field_text import is_sed, is_svc, read_sed, read_svc
+from spectrabox.radiometry.spectra.formats.rawtoaces import is_rawtoaces, read_rawtoaces
+from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC, read_spectral_exr
+from spectrabox.radiometry.spectra.formats.table import (
+    SpectralTable,
+    checked_table,
+    distinct,
+    text_of,
+)
+from spectrabox.radiometry.spectra.formats.tm27 import is_tm27, read_tm27
+
+__all__ = ["SpectralTable", "column_index", "format_of", "on_grid", "read_curves",
+           "read_reflectances", "read_spectrum", "read_table", "spectrum_of", "spectrum_on_grid",
+           "table_text"]
+
+# up to here linear interpolation is within measurement error; above, shape-preserving cubic
+FINE_STEP_NM = 2.5
+# a step wider than both, among narrower ones, is a hole and no coarse grid
+HOLE_STEPS, WIDEST_STEP_NM = 3.0, 20.0
+LARGEST_FILE_BYTES = 1_000_000_000
+MOST_NAMED = 24             # columns in one error sentence: as many as a chart has patches
+SI_FACTORS = {"uw cm-2 sr-1 nm-1": 0.01, "µw cm-2 sr-1 nm-1": 0.01, "μw cm-2 sr-1 nm-1": 0.01,
+              "uw cm-2 nm-1": 0.01, "mw m-2 nm-1": 1e-3, "mw m-2 sr-1 nm-1": 1e-3, "percent": 0.01,
+              "%": 0.01}
+READERS: dict[str, Callable[[bytes, Path], SpectralTable]] = {
+    "ASD": read_asd, "CGATS": read_cgats, "TM-27": read_tm27, "ENVI": read_envi, "SVC": read_svc,
+    "Spectral Evolution": read_sed, "rawtoaces": read_rawtoaces, "spectral EXR": read_spectral_exr}
+SUFFIXES = {".asd": "ASD", ".sp": "CGATS", ".ti3": "CGATS", ".ccss": "CGATS", ".spdx": "TM-27",
+            ".sli": "ENVI",
+            ".hdr": "ENVI", ".sig": "SVC", ".sed": "Spectral Evolution", ".exr": "spectral EXR",
+            ".csv": "CSV"}
+FOREIGN = {
+    b"PK\x03\x04": "a spreadsheet or zip archive: export the sheet as CSV",
+    b"\xd0\xcf\x11\xe0": "an Excel workbook: export the sheet as CSV",
+    b"%PDF": "a PDF: ask for the numbers as CSV",
+    b"\x89PNG": "a picture", b"\xff\xd8\xff": "a picture", b"II*\x00": "a TIFF picture",
+    b"MM\x00*": "a TIFF picture", b"\x89HDF": "an HDF5 or MATLAB file: export the spectrum as CSV",
+    b"MATLAB": "a MATLAB file: export the spectrum as CSV",
+    b"\x1f\x8b": "a gzip archive: unpack it first"}
+
+
+def read_table(path: Path, wavelength_column: int = 1) -> SpectralTable:
+    """All columns of a file of spectra, whatever its format.
+
+    Parameters
+    ----------
+    path : Path
+    wavelength_column : int
+        Number of the column that holds the wavelengths, from 1, in a delimited text.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is of no known format, is damaged, or its wavelengths are not
+        ascending in nm.
+    """
+    content = _content(path)
+    kind = format_of(content, path)
+    # what overflows is noted as a gap
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        table = read_delimited(content, path,
+                               wavelength_column) if kind == "CSV" else READERS[kind](content, path)
+    expected = SUFFIXES.get(path.suffix.lower())
+    notes = (f"{path.name} is a {kind} file in spite of its name, and was read as one", *table.notes) \
+        if expected not in (None, kind) else table.notes
+    return checked_table(SpectralTable(table.nm, table.names, table.values,
+                                       {"format": kind, **table.facts}, table.file, table.main,
+                                       table.column_facts, notes))
+
+
+def format_of(content: bytes, path: Path) -> str:
+    """Name of the format, from what the file begins with; the name counts only for a binary that
+    says nothing itself.
+
+    Raises
+    ------
+    InputError
+        If it is a format that holds no spectra.
+    """
+    if is_asd(content):
+        return "ASD"
+    if content.startswith(MAGIC):
+        return "spectral EXR"
+    foreign = next((what for start, what in FOREIGN.items() if content.startswith(start)), None)
+    if foreign:
+        raise InputError(f"{path.name} is {foreign}; a file of spectra is needed")
+    if is_envi_header(content):
+        return "ENVI"
+    if path.suffix.lower() in (".sli", ".slb") or (b"\x00" in content and envi_header_of(path)
+                                                   is not None):
+        return "ENVI"
+    text = text_of(content, path.name)
+    tests = (("CGATS", is_cgats), ("TM-27", is_tm27), ("SVC", is_svc),
+             ("Spectral Evolution", is_sed),
+             ("rawtoaces", is_rawtoaces))
+    return next((kind for kind, test in tests if test(text)), "CSV")
+
+
+def read_spectrum(path: Path, *, role: Quantity, column: str | int | None = None,
+                  wavelength_column: int = 1) -> Spectrum:
+    """One spectrum of a file of any known format, in SI units.
+
+    Parameters
+    ----------
+    path : Path
+    role : Quantity
+        What the caller needs. A file that states another quantity is refused; RELATIVE accepts any
+        light.
+    column : str or int, optional
+        Name or number (from 1) of the column; needed where the file holds several and means none of
+        them.
+    wavelength_column : int
+        Number of the column of wavelengths, from 1.
+
+    Raises
+    ------
+    InputError
+        If the file, the column, the stated quantity or a value cannot be right.
+    """
+    return spectrum_of(read_table(path, wavelength_column), role=role, column=column,
+                       wavelength_column=wavelength_column)
+
+
+def spectrum_of(table: SpectralTable, *, role: Quantity, column: str | int | None = None,
+                wavelength_column: int = 1) -> Spectrum:
+    """One column of a table as a spectrum in SI units; see ``read_spectrum``."""
+    index = column_index(table, column, wavelength_column)
+    values = table.values[index]
+    valid = np.isfinite(values)
+    if valid.sum() < 2:
+        raise InputError(f"{table.file}: column {table.names[index]!r} holds no numbers")
+    quantity = _quantity(table, index, role)
+    factor = _unit_factor(table, index)
+    if quantity is Quantity.REFLECTANCE:
+        _check_reflectance(values[valid] * factor, table.nm[valid], table.file)
+    error = next((table.values[i] for i, name in enumerate(table.names)
+                  if name == "standard_error"), None)
+    return Spectrum(grid_from_nm(table.nm[valid]), values[valid] * factor, quantity,
+                    table.facts.get("source", f"{table.file}, column {table.names[index]}"),
+                    None if error is None else error[valid] * factor)
+
+
+def read_curves(path: Path, columns: Sequence[str | int] | None = None,
+                wavelength_column: int = 1) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
+    """Several curves of one file, such as camera sensitivities: nm (P,), names, values (K, P)."""
+    table = read_table(path, wavelength_column)
+    if columns is None:
+        chosen = [i for i, name in enumerate(table.names) if not name.startswith("standard_error")]
+    else:
+        chosen = [column_index(table, column, wavelength_column) for column in columns]
+    values = table.values[chosen]
+    if not np.all(np.isfinite(values)):
+        raise InputError(f"{path.name}: some cells of the curves are empty or not numbers")
+    return table.nm, tuple(table.names[i] for i in chosen), values
+
+
+def read_reflectances(path: Path, grid: WavelengthGrid) -> dict[str, np.ndarray]:
+    """Every reflectance (P,) of a file by name, on the grid and as a fraction of 1 whatever unit
+    the file states.
+
+    Raises
+    ------
+    InputError
+        As ``read_spectrum``, or if one does not cover the grid.
+    """
+    table = read_table(path)
+    return {name: spectrum_on_grid(spectrum_of(table, role=Quantity.REFLECTANCE, column=index + 2),
+                                   grid)
+            for index, name in enumerate(distinct(list(table.names)))
+            if not name.startswith("standard_error")}
+
+
+def on_grid(nm: np.ndarray, values: np.ndarray, grid: WavelengthGrid, name: str) -> np.ndarray:
+    """Values (..., P) at the grid's wavelengths: linear where sampled at 2.5 nm or finer, else
+    monotone cubic.
+
+    Raises
+    ------
+    InputError
+        If the samples do not cover the grid. Nothing is extrapolated.
+    """
+    if nm[0] > grid.nm[0] + 1e-6 or nm[-1] < grid.nm[-1] - 1e-6:
+        raise InputError(f"{name} covers {nm[0]:g}-{nm[-1]:g} nm; {grid.nm[0]:g}-{grid.nm[-1]:g} "
+                         "nm is needed: measure or export the missing part")
+    inside = np.clip(grid.nm, nm[0], nm[-1])
+    if np.max(np.diff(nm)) <= FINE_STEP_NM:
+        rows = [np.interp(inside, nm, row) for row in np.atleast_2d(values)]
+        return np.array(rows).reshape(*np.shape(values)[:-1], grid.nm.size)
+    return PchipInterpolator(nm, values, axis=-1)(inside)
+
+
+def spectrum_on_grid(spectrum: Spectrum, grid: WavelengthGrid) -> np.ndarray:
+    """The spectrum's values (P,) at the grid's wavelengths; see ``on_grid``.
+
+    Raises
+    ------
+    InputError
+        As ``on_grid``, or if the spectrum has a hole: steps far wider than its others, of cells
+        that hold no number.
+    """
+    steps = np.diff(spectrum.grid.nm)
+    wide = (steps > max(HOLE_STEPS * float(np.median(steps)), WIDEST_STEP_NM)) \
+        & (spectrum.grid.nm[1:] > grid.nm[0]) & (spectrum.grid.nm[:-1] < grid.nm[-1])
+    if wide.any():
+        place = int(np.argmax(np.where(wide, steps, 0)))
+        raise InputError(f"{spectrum.source} has no values between {spectrum.grid.nm[place]:g} and "
+                         f"{spectrum.grid.nm[place + 1]:g} nm: measure or export the missing part")
+    return on_grid(spectrum.grid.nm, spectrum.values, grid, spectrum.source)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        if path.is_file() and path.stat().st_size > LARGEST_FILE_BYTES:
+            raise InputError(f"{path.name} is larger than {LARGEST_FILE_BYTES // 1_000_000} MB; "
+                             "give a file of spectra")
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(
+            f"{path} is missing: give the file or correct its name in session.toml") from None
+    except IsADirectoryError:
+        raise InputError(f"{path} is a folder; a file of spectra is needed") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+
+
+def column_index(table: SpectralTable, column: str | int | None, wavelength_column: int = 1) -> int:
+    """Place of a column given by name or number (from 1), else of the one that is meant.
+
+    Raises
+    ------
+    InputError
+        Naming the columns that there are.
+    """
+    candidates = [i for i, name in enumerate(table.names) if name
+                  and not name.startswith("standard_error")]
+    names = ", ".join(repr(table.names[i]) for i in candidates[:MOST_NAMED])
+    names += f" and {len(candidates) - MOST_NAMED} more" if len(candidates) > MOST_NAMED else ""
+    if column is None and table.main is not None:
+        return table.names.index(table.main)
+    if column is None:
+        if len(candidates) == 1:
+            return candidates[0]
+        raise InputError(f"{table.file} holds {len(candidates)} columns ({names}); say which with "
+                         "column = \"...\"")
+    if isinstance(column, int):
+        index = column - 1 - (column > wavelength_column)
+        if column == wavelength_column or not 0 <= index < len(table.names):
+            raise InputError(f"{table.file} has no column {column} of values; it holds {names}")
+        return index
+    matches = [i for i, name in enumerate(table.names) if name == column]
+    if len(matches) != 1:
+        what = "no column" if not matches else f"{len(matches)} columns"
+        raise InputError(f"{table.file} has {what} named {column!r}; it holds {names}: "
+                         "name one of them, or give its number")
+    return matches[0]
+
+
+def _quantity(table: SpectralTable, index: int, role: Quantity) -> Quantity:
+    stated = table.fact("quantity", index)
+    if stated is None:
+        return role
+    try:
+        quantity = Quantity[stated.upper()]
+    except KeyError:
+        known = ", ".join(member.name.lower() for member in Quantity)
+        raise InputError(
+            f"{table.file} states the quantity {stated!r}; known are {known}") from None
+    lights = {Quantity.IRRADIANCE, Quantity.RADIANCE, Quantity.RELATIVE}
+    if quantity is not role and not {quantity, role} <= lights:
+        raise InputError(f"{table.file} holds {quantity.name.lower()}; {role.name.lower()} is "
+                         "needed here")
+    return quantity
+
+
+def _unit_factor(table: SpectralTable, index: int) -> float:
+    unit = table.fact("unit", index)
+    if unit is None or unit in {member.value for member in Quantity}:
+        return 1.0
+    factor = SI_FACTORS.get(re.sub(r"\s+", " ", unit.lower()))
+    if factor is None:
+        raise InputError(f"{table.file} states the unit {unit!r}, which is not known; "
+                         f"known are {', '.join([*(m.value for m in Quantity), *SI_FACTORS])}")
+    return factor
+
+
+def _check_reflectance(values: np.ndarray, nm: np.ndarray, name: str) -> None:
+    visible = values[(nm >= 400) & (nm <= 700)]
+    if visible.size and visible.max() > 2:
+        raise InputError(f"{name}: a reflectance of {visible.max():.3g} looks like percent; "
+                         "give fractions of 1, or state '# unit: percent'")
+    if visible.size and visible.min() < -0.02:
+        raise InputError(f"{name}: reflectance falls to {visible.min():.3g}; it cannot be negative")

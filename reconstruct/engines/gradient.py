@@ -1,0 +1,161 @@
+"""Inverse rendering by gradient descent through Mitsuba (paper Sec. 3.2 and 4.2).
+
+Spline coefficients of every unknown material start next to zero, a black scene, and follow Adam
+within [0, 1]. Mitsuba renders the image and its derivative with different seeds, so the gradient of
+the squared error is unbiased although both are noisy; the error itself is not, and is reported with
+the variance of the rendering left in.
+
+It stops by itself: once the error has not fallen over ``WINDOW`` steps by more than the standard
+error that its own scatter gives, the step size is brought down over the last quarter of the steps,
+whose second half is averaged. ``steps`` is the most it takes.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.records import Outcome
+from spectrabox.reconstruct.agreement import scale_from_surfaces
+
+START = 1e-3             # not 0: Mitsuba refuses a spectrum without any mass
+LEARNING_RATE = 0.06
+LAST_RATE = 0.05         # of the first, reached by a cosine
+TAIL = 0.25              # share of the steps over which the step size falls
+WINDOW = 30  # steps: the mean loss of these is compared with that of as many before them
+STALLED = 1.0            # standard errors by which it must have fallen to go on
+# of a descent without that rule: the loss fell by more than this share over the tail
+STILL_FALLING = 0.10
+
+
+@dataclass(frozen=True)
+class GradientFit:
+    """Coefficients of the unknown materials (M, N), their scatter over the last steps, and the way
+    there.
+    """
+
+    coefficients: np.ndarray
+    tail: np.ndarray         # (I, M, N) the averaged steps
+    scale: float
+    scale_tail: np.ndarray   # (I,)
+    loss_history: np.ndarray
+    outcome: Outcome
+
+
+def fit_by_gradient(scene: Any, bsdf_ids: tuple[str, ...], basis: np.ndarray, measured: np.ndarray,
+                    weight: np.ndarray, *, scale: float | None, known_surface: np.ndarray | None,
+                    steps: int, spp: int, seed: int,
+                    progress: Callable[[float, str], None]) -> GradientFit:
+    """Spectra whose rendering matches the photo.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        With a ``specfilm`` of the camera's bands and ``regular`` reflectances at the basis'
+        wavelengths.
+    bsdf_ids : tuple of str
+        BSDFs to be found, M of them.
+    basis : (P, N) array
+    measured : (H, W, K) signal
+    weight : (H, W, K) array
+        Inverse variance of each pixel, 0 where it does not count.
+    scale : float or None
+        Factor from rendering to photo; None to find it, step by step, from ``known_surface``.
+    known_surface : (H, W) int or None
+        Index of the surface of known material that each pixel shows, -1 elsewhere.
+    steps : int
+        At most. Step ``n`` renders with the random numbers ``2 (100003 seed + n)`` and the next.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    parameters = mi.traverse(scene)
+    keys = [reflectance_key(parameters, bsdf) for bsdf in bsdf_ids]
+    parameters.keep(keys)
+    points, count = basis.shape
+    flat_basis = mi.Float(basis.ravel().astype(np.float32))
+    column = dr.arange(mi.UInt32, points * count) % count
+    photo, weights = (mi.TensorXf(image.astype(np.float32)) for image in (measured,
+                                                                          weight
+                                                                          / np.count_nonzero(
+                                                                              weight)))
+    optimizer = mi.ad.Adam(lr=LEARNING_RATE)
+    for key in keys:
+        optimizer[key] = mi.Float(np.full(count, START, dtype=np.float32))
+
+    losses: list[float] = []
+    coefficients, scales = [], []
+    current = 1.0 if scale is None else scale
+    tail, last, done = max(int(TAIL * steps), 1), steps, False
+    for step in range(steps):
+        if not done and step < last - tail and stalled(losses):
+            tail, done = max(int(step * TAIL / (1 - TAIL)), 1), True
+            last = step + tail
+        optimizer.set_learning_rate(LEARNING_RATE * cosine_rate(max(step - (last - tail), 0)
+                                                                / tail))
+        for key in keys:
+            parameters[key] = dr.block_sum(flat_basis * dr.gather(mi.Float, optimizer[key], column),
+                                           count)
+        parameters.update()
+        draw = 2 * (seed * 100003 + step) % 2**32
+        image = mi.render(scene, parameters, spp=spp, seed=draw, seed_grad=draw + 1)
+        if scale is None and known_surface is not None:
+            ratio = scale_from_surfaces(measured, np.array(image), known_surface, "").value
+            current = ratio if step == 0 else current + (ratio - current) * max(0.1,
+                                                                                1.0 / (step + 1))
+        loss = dr.sum(weights * dr.square(image * current - photo), axis=None)
+        dr.backward(loss)
+        optimizer.step()
+        for key in keys:
+            optimizer[key] = dr.clip(dr.detach(optimizer[key]), 0.0, 1.0)
+        losses.append(float(np.array(loss).item()))
+        scales.append(current)
+        if step >= min(last - tail / 2, last - 2):  # two at least: their scatter is the error
+            coefficients.append(np.array([np.array(optimizer[key]) for key in keys],
+                                         dtype=np.float64))
+        progress((step + 1) / last, f"step {step + 1} of {'' if done else 'at most '}{last}")
+        if step + 1 == last:
+            break
+    end, last_scales = np.array(coefficients), np.array(scales[-len(coefficients):])
+    return GradientFit(end.mean(axis=0), end, float(last_scales.mean()), last_scales,
+                       np.array(losses), Outcome.CONVERGED if done else Outcome.STEP_LIMIT)
+
+
+def reflectance_key(parameters: Any, bsdf: str) -> str:
+    """Name of the one reflectance spectrum of a BSDF among a scene's parameters."""
+    matches = [key for key in parameters.keys()  # noqa: SIM118 - not a dict
+               if key.startswith(f"{bsdf}.")
+               and key.endswith(("reflectance.values", "base_color.values"))]
+    if len(matches) != 1:
+        raise ValueError(f"the scene has {len(matches)} reflectances under the BSDF {bsdf!r}; one "
+                         "is needed")
+    return matches[0]
+
+
+def stalled(losses: list[float], window: int | None = None) -> bool:
+    """Whether the mean loss of the last ``window`` steps is not below that of as many before,
+    beyond their noise.
+
+    The noise of both means is that of independent steps with the scatter found within the two
+    windows.
+    """
+    window = WINDOW if window is None else window
+    if window < 2 or len(losses) < 2 * window:
+        return False
+    before, now = np.array(losses[-2 * window:-window]), np.array(losses[-window:])
+    error = np.sqrt((before.var(ddof=1) + now.var(ddof=1)) / window)
+    return bool(before.mean() - now.mean() <= STALLED * error)
+
+
+def cosine_rate(fraction: float) -> float:
+    """Learning rate, of the first, after this fraction of the steps."""
+    return LAST_RATE + (1 - LAST_RATE) * 0.5 * (1 + np.cos(np.pi * fraction))
+
+
+def outcome_of(losses: np.ndarray) -> Outcome:
+    """Whether the loss still fell over the tail, by the means of its two halves."""
+    tail = losses[-max(int(TAIL * losses.size), 4):]
+    first, second = tail[:tail.size // 2].mean(), tail[tail.size // 2:].mean()
+    return Outcome.STEP_LIMIT if second < (1 - STILL_FALLING) * first else Outcome.CONVERGED

@@ -1,0 +1,1 @@
+"""Spectra fitted to a photo through its traced transport."""

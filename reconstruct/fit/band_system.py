@@ -1,0 +1,99 @@
+"""Noise-weighted equations of a photo in the products of reflectances, made small once by QR.
+
+The photo says rows @ G = target in every band, G (E, K) being the signals of the products. A thin
+QR factor of the weighted rows of each surface keeps all of it: a fit then costs the same for 4096
+pixels as for 400.
+
+The rows carry Monte Carlo noise, an error in the variables, which would pull every spectrum down by
+its relative variance. The scatter of independent passes says how much of rows' rows is noise;
+``noise`` carries it, and the fit takes its sum of squares off. The cost is then the unbiased
+product of residuals of different passes.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+HUBER = 3.0     # standard deviations beyond which a pixel's pull on the fit grows no more
+
+
+@dataclass(frozen=True)
+class BandSystem:
+    """Q equations for each of K bands; cost = sum (root (rows G - target))^2 - sum (noise_root
+    noise G)^2.
+    """
+
+    rows: np.ndarray         # (Q, E)
+    target: np.ndarray       # (Q, K)
+    root: np.ndarray         # (Q, K) square root of the weight
+    group: np.ndarray        # (Q,) surface of each equation
+    noise: np.ndarray        # (Z, E) Monte Carlo noise of the rows, compressed as they are
+    noise_root: np.ndarray   # (Z, K)
+    noise_group: np.ndarray  # (Z,)
+    pixels: int              # that the equations stand for
+
+
+def compress(coefficients: np.ndarray, measured: np.ndarray, weight: np.ndarray, group: np.ndarray,
+             deviations: np.ndarray | None = None) -> BandSystem:
+    """Equations of the pixels, as few as carry the same information.
+
+    Bands may be weighted differently, but within one surface in a fixed proportion (its median), so
+    that one factor serves all bands: noise is nearly proportional to the signal, whose colour is
+    that of the surface.
+
+    Parameters
+    ----------
+    coefficients : (R, E) transport of each pixel or region
+    measured : (R, K) signal
+    weight : (R, K) inverse variance; a row of zeros does not count
+    group : (R,) surface index
+    deviations : (A, R, E), optional
+        Whose squares sum to the Monte Carlo variance of ``coefficients``.
+
+    Raises
+    ------
+    ValueError
+        If no pixel has any weight.
+    """
+    counts = np.flatnonzero((weight > 0).all(axis=1))
+    if not counts.size:
+        raise ValueError("no pixel has any weight")
+    parts, noises = [], []
+    for name in np.unique(group[counts]):
+        members = counts[group[counts] == name]
+        band_weight = np.median(weight[members], axis=0)
+        pixel_root = np.sqrt((weight[members] / band_weight).mean(axis=1))[:, None]
+        rows = np.hstack([pixel_root * coefficients[members], pixel_root * measured[members]])
+        parts.append(_named(_smaller(rows), band_weight, name))
+        if deviations is not None:
+            noise = (pixel_root * deviations[:, members]).reshape(-1, coefficients.shape[1])
+            noises.append(_named(_smaller(noise), band_weight, name))
+    rows, root, names = (np.concatenate(pieces) for pieces in zip(*parts, strict=True))
+    empty = (np.zeros((0, coefficients.shape[1])), root[:0], names[:0])
+    noise, noise_root, noise_names = ((np.concatenate(pieces) for pieces in zip(*noises,
+                                                                                strict=True))
+                                      if noises else empty)
+    products = coefficients.shape[1]
+    return BandSystem(rows[:, :products], rows[:, products:], root, names, noise, noise_root,
+                      noise_names,
+                      len(counts))
+
+
+def _smaller(rows: np.ndarray) -> np.ndarray:
+    """Triangular factor with as many rows as columns, where that is fewer."""
+    return rows if len(rows) <= rows.shape[1] else np.asarray(np.linalg.qr(rows, mode="r"))
+
+
+def _named(rows: np.ndarray, band_weight: np.ndarray, name: int) -> tuple[np.ndarray, np.ndarray,
+                                                                          np.ndarray]:
+    return rows, np.broadcast_to(np.sqrt(band_weight),
+                                 (len(rows), band_weight.size)), np.full(len(rows), name)
+
+
+def huber_weight(residual: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """Factor (R, 1) in (0, 1] for the weights of pixels whose residual (R, K) exceeds ``HUBER``
+    sigma (R, K).
+    """
+    worst = np.abs(residual / sigma).max(axis=1, keepdims=True)
+    return np.minimum(1.0, HUBER / np.maximum(worst, 1e-12))

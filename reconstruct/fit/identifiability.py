@@ -1,0 +1,123 @@
+"""What a photo says of each material, apart from any prior; and what only the prior says."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.reconstruct.fit.transport_fit import TransportFit
+
+# standard deviation, in coefficients, of the directions that the camera cannot see directly
+OPEN = 0.25
+SEEN = 1e-6             # of the largest singular value: below, bands repeat each other
+# information of the photo over that of the prior, above which a direction is the photo's
+TOLD = 1.0
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """Of one material: how many directions of its N coefficients the photo decides."""
+
+    material: str
+    by_photo: int            # directions that the photo tells more of than the prior does
+    by_colour: int  # of these, as many as the camera has bands at most: read off the surface itself
+    by_interreflection: int  # the others: only other surfaces' light tells
+    by_prior: int            # left to the prior
+    directions: np.ndarray   # (N, N) columns, from best to least told
+    ratio: np.ndarray        # (N,) information of the photo / of the prior along each
+
+
+def band_signals(fit: TransportFit, operator: np.ndarray,
+                 names: int) -> tuple[np.ndarray, np.ndarray]:
+    """Signals (U, K) relative to white and covariance (U, K, K) that the photo, not the smoothness
+    prior, gives.
+
+    One more Gauss-Newton step from the solution with the prior on the spectra taken off: free in
+    what the bands see of each material, and only loosely held (``OPEN``) in what they do not; gains
+    move along. The covariance is that of photo noise and Monte Carlo noise, and of gains of lights
+    and band mixing; gains of surfaces and the light scale are taken as found: their errors are told
+    apart from it (``TransportFit.told_apart``).
+
+    Parameters
+    ----------
+    fit : TransportFit
+    operator : (K, N) array
+        Relative signal of the coefficients; bands of several photos may stand in it one below the
+        other.
+    names : int
+        Number U of unknown materials.
+    """
+    count = operator.shape[1]
+    left, singular, vt = np.linalg.svd(operator)
+    seen_of_each = int(np.count_nonzero(singular > SEEN * singular[0]))
+    size = names * count
+    turn = np.eye(len(fit.information))
+    turn[:size, :size] = np.kron(np.eye(names), vt.T)
+    hidden = np.zeros(len(turn))
+    hidden[:size] = np.tile(np.arange(count) >= seen_of_each, names) / OPEN**2
+    information = turn.T @ fit.information @ turn + np.diag(hidden)
+    information += 1e-12 * np.trace(information) * np.eye(len(information))
+    move = np.linalg.solve(information, turn.T @ fit.pull)
+    within = ~fit.told_apart
+    covariance = np.linalg.inv(information[np.ix_(within, within)])
+    to_signal = left[:, :seen_of_each] * singular[:seen_of_each]
+    signals, covariances = [], []
+    for place in range(names):
+        seen = slice(place * count, place * count + seen_of_each)
+        signals.append(operator @ fit.coefficients[place] + to_signal @ move[seen])
+        covariances.append(to_signal @ covariance[seen, seen] @ to_signal.T)
+    return np.array(signals), np.array(covariances)
+
+
+def identifiability(fit: TransportFit, materials: tuple[str, ...],
+                    operator: np.ndarray) -> tuple[Identifiability, ...]:
+    """Which directions of which material the photo constrains, other materials and all nuisances
+    being unknown as well.
+
+    Parameters
+    ----------
+    materials : U names of the unknown materials
+    operator : (K, N) array
+        Relative signal of the coefficients.
+    """
+    count = operator.shape[1]
+    prior = fit.prior_precision
+    root = np.linalg.cholesky(prior)
+    answers = []
+    photo = _spectra_alone(fit.information, count * len(materials))
+    for place, name in enumerate(materials):
+        mine = slice(place * count, (place + 1) * count)
+        information = _others_marginalised(photo, prior, mine, len(materials)) - prior
+        whitened = np.linalg.solve(root, np.linalg.solve(root, information).T)
+        ratio, vectors = np.linalg.eigh((whitened + whitened.T) / 2)
+        ratio, vectors = ratio[::-1], vectors[:, ::-1]
+        told = int(np.count_nonzero(ratio > TOLD))
+        colour = min(told, np.linalg.matrix_rank(operator))
+        answers.append(Identifiability(name, told, int(colour), told - int(colour), count - told,
+                                       np.linalg.solve(root.T, vectors), np.maximum(ratio, 0.0)))
+    return tuple(answers)
+
+
+def sentences(found: tuple[Identifiability, ...]) -> tuple[str, ...]:
+    """One sentence per material: how much of its spectrum is measured and how much assumed."""
+    return tuple(
+        f"{item.material}: of {item.ratio.size} coefficients the photo decides {item.by_photo} "
+        f"({item.by_colour} by the surface's own colour, {item.by_interreflection} only by "
+        f"interreflection); {item.by_prior} are left to the prior" for item in found)
+
+
+def _spectra_alone(information: np.ndarray, count: int) -> np.ndarray:
+    """Information (count, count) of the coefficients, with gains, mixing and light scales
+    integrated out.
+    """
+    cross = information[:count, count:]
+    found: np.ndarray = information[:count, :count] - cross @ np.linalg.pinv(information[count:, count:],
+                                                                            hermitian=True) @ cross.T
+    return found
+
+
+def _others_marginalised(information: np.ndarray, prior: np.ndarray, mine: slice,
+                         materials: int) -> np.ndarray:
+    """Posterior precision (N, N) of one material with all others integrated out."""
+    whole = information + np.kron(np.eye(materials), prior)
+    return np.linalg.inv(np.linalg.inv(whole)[mine, mine])

@@ -1,0 +1,1 @@
+"""Mitsuba itself: a usable LLVM, the spectral film, irradiance on the chart."""

@@ -1,0 +1,87 @@
+"""Irradiance on each patch of a chart whose place and light are known (paper Eq. 17, for any
+emitter).
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.rendering.renderer import load_scene
+from spectrabox.reconstruct.scene.light_profile import relative_radiance
+from spectrabox.reconstruct.scene.scene_file import SceneFile
+from spectrabox.reconstruct.scene.scene_xml import scene_xml
+
+CHART_SHAPE = "chart"
+SAMPLED_PART = 0.5       # of a patch's side, as the photo is sampled
+SAMPLES = 4096           # light directions per patch
+
+
+def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tuple[float, float],
+                     seed: int = 0) -> np.ndarray:
+    """Irradiance (24,) in the centre of each patch, for an emitter whose radiance (or intensity)
+    spectrum is 1.
+
+    Parameters
+    ----------
+    scene_file : SceneFile
+        Holds the light and a rectangle with the id "chart". Its (u, v) = (0, 1) is the dark-skin
+        corner and (1, 1) the corner beyond bluish green, so v falls from dark skin to white.
+    centres_uv : (24, 2) array
+        Centres of the patches as fractions of width and height from the dark-skin corner.
+    size_uv : (float, float)
+        Width and height of a patch in the same fractions.
+
+    Raises
+    ------
+    InputError
+        If the scene has no such shape, or the light does not reach it.
+    """
+    import mitsuba as mi
+
+    if CHART_SHAPE not in scene_file.surfaces:
+        raise InputError(f"{scene_file.path.name} has no shape with the id {CHART_SHAPE!r}: "
+                         "place a rectangle of the chart's size where the chart was, with that id")
+    ones = np.ones(2)
+    scene = load_scene(scene_xml(scene_file, reflectances=dict.fromkeys(scene_file.bsdf_ids, ones),
+                                 light=ones, bands={"one": ones}, range_nm=(400.0, 700.0),
+                                 size=(4, 4), integrator="path"))
+    shape = next(shape for shape in scene.shapes() if shape.id() == CHART_SHAPE)
+    rng = np.random.default_rng(seed)
+    offset = (rng.random((len(centres_uv), SAMPLES, 2)) - 0.5) * SAMPLED_PART * np.asarray(size_uv)
+    place = (centres_uv[:, None] + offset).reshape(-1, 2)
+    interaction = shape.eval_parameterization(mi.Point2f(place[:, 0], 1.0 - place[:, 1]))
+    interaction.wavelengths = mi.Spectrum(550.0)
+    direction, weight = scene.sample_emitter_direction(interaction,
+                                                       mi.Point2f(rng.random(len(place)),
+                                                                  rng.random(len(place))), True)
+    cosine = np.maximum(np.array(mi.Float(interaction.n.x * direction.d.x + interaction.n.y
+                                          * direction.d.y
+                                          + interaction.n.z * direction.d.z)), 0.0)
+    weight = np.array(weight[0]) * _profile(scene, scene_file.profiles, direction)
+    irradiance = (weight * cosine).reshape(len(centres_uv), SAMPLES).mean(axis=1)
+    if not np.all(irradiance > 0):
+        raise InputError(f"{scene_file.path.name}: the light does not reach "
+                         f"{np.count_nonzero(irradiance <= 0)} of the 24 patches; turn the chart's "
+                         "rectangle to face the light")
+    return irradiance
+
+
+def _profile(scene: Any, profiles: Mapping[str, np.ndarray], direction: Any) -> np.ndarray:
+    """Relative radiance of the light that each direction was sampled from, by the angle at which it
+    leaves.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    cosine = -np.array(dr.dot(direction.d, direction.n))
+    number = np.array(dr.reinterpret_array(mi.UInt32, direction.emitter))
+    factor = np.ones(cosine.size)
+    for emitter in scene.emitters():
+        shape = emitter.get_shape()
+        if shape is not None and shape.id() in profiles:
+            mine = number == np.array(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(emitter)))
+            factor[mine] = relative_radiance(profiles[shape.id()], cosine[mine])
+    return factor

@@ -1,0 +1,185 @@
+"""Find an LLVM that Dr.Jit can use, before drjit is imported; fetch Debian's package where there is
+none.
+
+Dr.Jit reads DRJIT_LIBLLVM_PATH once, at import. The pinned Dr.Jit 1.4 (Mitsuba 3.9.0) works with
+LLVM 15 and newer; Dr.Jit 1.5 accepts 15 and 16 and then aborts the process, so for it the floor is
+17. Standard library only: this file also runs while the environment is being set up (``python -m
+spectrabox.reconstruct.rendering.llvm``).
+"""
+from __future__ import annotations
+
+import ctypes
+import importlib.metadata
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from spectrabox.radiometry.errors import EnvironmentProblem
+
+VARIABLE = "DRJIT_LIBLLVM_PATH"
+ENVIRONMENT_FOLDER = Path(sys.prefix) / "lib" / "llvm"
+RENDERER_NEEDS = "libatomic1"
+RUNTIME_PACKAGES = ("libc6", "libgcc", "gcc-", "libstdc++", "libcrypt", "debconf", "perl", "dpkg")
+DEBIAN_PACKAGES = ("libllvm19", "libllvm18", "libllvm17", "libllvm16", "libllvm15", "libllvm20")
+PATTERNS = (
+    (Path(sys.prefix) / "lib" / "llvm", "libLLVM*"),
+    (Path("/usr/lib"), "*-linux-gnu/libLLVM*.so*"),
+    (Path("/usr/lib"), "llvm-*/lib/libLLVM*.so*"),
+    (Path("/usr/lib64"), "libLLVM*.so*"),
+    (Path("/opt/homebrew/opt"), "llvm*/lib/libLLVM.dylib"),
+)
+ADVICE = ("install one (Debian or Ubuntu: apt install libllvm19; macOS: brew install llvm) "
+          f"or set {VARIABLE} to the libLLVM file")
+
+
+def oldest_usable() -> int:
+    """Major version of the oldest LLVM that the installed Dr.Jit works with."""
+    try:
+        major, minor = (int(part) for part in importlib.metadata.version("drjit").split(".")[:2])
+    except importlib.metadata.PackageNotFoundError:
+        return 15
+    return 15 if (major, minor) < (1, 5) else 17
+
+
+def llvm_version(library: Path) -> int | None:
+    """Major version of a libLLVM file, None where it cannot be loaded."""
+    try:
+        handle = ctypes.CDLL(str(library))
+    except OSError:
+        return None
+    try:
+        get_version = handle.LLVMGetVersion  # exported from LLVM 16 on
+    except AttributeError:
+        named = re.search(r"libLLVM[-.a-z]*(\d+)", library.resolve().name)
+        return int(named[1]) if named else None
+    parts = [ctypes.c_uint() for _ in range(3)]
+    get_version(*(ctypes.byref(part) for part in parts))
+    return parts[0].value
+
+
+def find_llvm() -> tuple[Path, int] | None:
+    """The newest usable libLLVM of this machine with its major version; an operator's own choice
+    comes first.
+    """
+    _preload_companions()
+    chosen = os.environ.get(VARIABLE)
+    candidates = [Path(chosen)] if chosen else [file for folder, pattern in PATTERNS
+                                                for file in folder.glob(pattern)]
+    unique = {file.resolve() for file in candidates if file.is_file()}
+    versions = [(version, file) for file in unique if (version := llvm_version(file)) is not None]
+    usable = [(version, file) for version, file in versions if version >= oldest_usable()]
+    if not usable:
+        return None
+    version, file = max(usable)
+    return file, version
+
+
+def ensure_llvm() -> tuple[Path, int]:
+    """Point Dr.Jit at a usable LLVM; call before the first import of drjit or mitsuba.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If this machine has none.
+    """
+    found = find_llvm()
+    if found is None:
+        chosen = os.environ.get(VARIABLE)
+        what = f"{VARIABLE} points to {chosen}, which is not a usable LLVM" if chosen else "no usable LLVM was found"
+        raise EnvironmentProblem(f"{what}: version {oldest_usable()} or newer is needed; {ADVICE}")
+    os.environ[VARIABLE] = str(found[0])
+    return found
+
+
+def fetch_llvm(folder: Path = ENVIRONMENT_FOLDER) -> None:
+    """Unpack Debian's libLLVM, and the libraries that it and the renderer need, into the
+    environment.
+
+    Needs apt-get and dpkg-deb, but no root: package lists are kept in a scratch folder.
+    """
+    if not (shutil.which("apt-get") and shutil.which("dpkg-deb")):
+        return
+    with tempfile.TemporaryDirectory() as scratch:
+        options = _private_apt(Path(scratch))
+        _quietly(["apt-get", *options, "update"], scratch)
+        for package in DEBIAN_PACKAGES:
+            wanted = [package, *_needed_packages(package, options), RENDERER_NEEDS]
+            if _quietly(["apt-get", *options, "download", package], scratch):
+                _quietly(["apt-get", *options, "download", *wanted], scratch)
+                break
+        for archive in Path(scratch).glob("*.deb"):
+            _quietly(["dpkg-deb", "-x", str(archive), "unpacked"], scratch)
+        folder.mkdir(parents=True, exist_ok=True)
+        for library in Path(scratch, "unpacked").rglob("lib*.so*"):
+            if library.parent.name.endswith("-linux-gnu") and library.is_file():
+                # links become files: each name must be found
+                shutil.copy2(library, folder / library.name)
+
+
+def _private_apt(scratch: Path) -> list[str]:
+    """Options that let apt work in a scratch folder, as any user."""
+    for name in ("state/lists/partial", "cache/archives/partial"):
+        (scratch / name).mkdir(parents=True)
+    return ["-qq", "-o", f"Dir::State={scratch}/state", "-o", f"Dir::Cache={scratch}/cache",
+            "-o", "Dir::State::status=/var/lib/dpkg/status", "-o", "Debug::NoLocking=true"]
+
+
+def _needed_packages(package: str, options: list[str]) -> list[str]:
+    """Packages that a package depends on, but for the C and C++ runtime that Python itself
+    needs.
+    """
+    command = ["apt-cache", *options[1:], "depends", "--recurse", "--no-recommends",
+               "--no-suggests", "--no-conflicts", "--no-breaks", "--no-replaces", "--no-enhances",
+               package]
+    listed = subprocess.run(command, capture_output=True, text=True,
+                            check=False).stdout.splitlines()
+    names = {line for line in listed if line and not line.startswith((" ", "<", "|"))}
+    return sorted(name for name in names - {package} if not name.startswith(RUNTIME_PACKAGES))
+
+
+def _quietly(command: list[str], folder: str) -> bool:
+    outcome = subprocess.run(command, cwd=folder, stdout=subprocess.DEVNULL,
+                             stderr=subprocess.DEVNULL, check=False)
+    return outcome.returncode == 0
+
+
+def _preload_companions() -> None:
+    """Load the libraries that were unpacked beside LLVM, so that the linker finds them by name when
+    LLVM is loaded.
+    """
+    waiting = [file for file in sorted(ENVIRONMENT_FOLDER.glob("lib*.so*"))
+               if not file.name.startswith("libLLVM")]
+    while waiting:
+        left = [file for file in waiting if not _load(file)]
+        if len(left) == len(waiting):
+            return
+        waiting = left
+
+
+def _load(library: Path) -> bool:
+    try:
+        ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
+    except OSError:
+        return False
+    return True
+
+
+def main() -> int:
+    """Set-up step: make sure that the environment has a usable LLVM."""
+    if find_llvm() is None or not _load(Path("libatomic.so.1")):
+        fetch_llvm()
+    found = find_llvm()
+    if found is None:
+        print(f"no usable LLVM (version {oldest_usable()} or newer) was found or could be fetched: "
+              f"{ADVICE}", file=sys.stderr)
+        return EnvironmentProblem.exit_code
+    print(f"LLVM {found[1]}: {found[0]}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

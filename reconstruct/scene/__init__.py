@@ -1,0 +1,1 @@
+"""Mitsuba scene files: reading, rewriting, surfaces, lights and camera."""

@@ -1,0 +1,62 @@
+"""The angular profile of a lamp, as measured: its radiance by angle from its normal, relative to
+straight ahead.
+
+A scene gives it to an area light as ``<string name="profile" value="lamp.csv"/>`` in the <emitter>.
+It is what a spectroradiometer reads that looks at the lamp from several angles. A luminaire file
+(IES) states intensity instead: divide by the cosine of the angle. The transport engine weighs every
+path with it; Mitsuba has no such light.
+"""
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+
+STEP_DEG = 0.5
+TABLE_DEG = np.arange(0.0, 90.0 + STEP_DEG / 2, STEP_DEG)
+ROUND = 1e-6
+
+
+def read_profile(path: Path) -> np.ndarray:
+    """Relative radiance at ``TABLE_DEG`` from a file of rows "angle in degrees, radiance"; a first
+    row may name them.
+
+    Linear between the angles; the last value holds up to 90 degrees.
+
+    Raises
+    ------
+    InputError
+        If rows are no pairs of numbers, the angles do not rise from 0 to at most 90, or a radiance
+        is negative.
+    """
+    rows = [line.split(",") for line in path.read_text(encoding="utf-8-sig").splitlines()
+            if line.strip()]
+    if rows and not _is_number(rows[0][0]):
+        rows = rows[1:]
+    if len(rows) < 2 or not all(len(row) == 2 and _is_number(row[0]) and _is_number(row[1])
+                                for row in rows):
+        raise InputError(f"{path.name}: a lamp's profile needs two rows or more of an angle in "
+                         "degrees and a radiance, with a comma between them")
+    angle, radiance = np.array(rows, dtype=float).T
+    if not (np.all(np.diff(angle) > 0) and abs(angle[0]) < ROUND and angle[-1] <= 90 + ROUND):
+        raise InputError(f"{path.name}: the angles of a lamp's profile must rise from 0 (straight "
+                         "ahead) to at most 90")
+    if radiance.min() < 0 or not radiance[0] > 0 or not np.isfinite(radiance).all():
+        raise InputError(f"{path.name}: the radiances of a lamp's profile must be finite and not "
+                         "negative, and positive straight ahead")
+    return np.interp(TABLE_DEG, angle, radiance / radiance[0])
+
+
+def relative_radiance(table: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+    """Value of a profile at angles given by their cosine."""
+    return np.interp(np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))), TABLE_DEG, table)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,114 @@
+"""A found camera or light written into a copy of an operator's Mitsuba scene, the rest left as it
+was.
+"""
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.scene.light_place import move_light
+
+REPLACED = {"fov", "fov_axis", "focal_length", "principal_point_offset_x",
+            "principal_point_offset_y", "to_world"}
+
+
+def scene_with_camera(path: Path, camera: Mapping[str, Any], size: tuple[int, int],
+                      folder: Path) -> str:
+    """XML of the scene with another camera.
+
+    Parameters
+    ----------
+    camera : mapping
+        ``to_world`` (4, 4), ``fov``, ``fov_axis`` and the principal point offsets of a
+        ``perspective`` sensor.
+    size : (width, height)
+        Of the photo in pixels; the film keeps its own where it has the same shape.
+    folder : Path
+        Where the copy will lie.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or no scene, its sensor is not a ``perspective`` one, or it names
+        files that a copy in another folder would not find.
+    """
+    root = _parsed(path, folder)
+    sensor = root.find("sensor")
+    if sensor is None:
+        raise InputError(f"{path.name} has no <sensor> of its own to be written over; add one of "
+                         "type perspective")
+    if sensor.get("type") != "perspective":
+        raise InputError(f"{path.name}: the sensor is of type {sensor.get('type')!r}; the photo's "
+                         "camera is a perspective one, change the type and run again")
+    film = sensor.find("film")
+    if film is None:
+        film = ET.SubElement(sensor, "film", type="hdrfilm")
+    for child in [child for child in sensor if child.get("name") in REPLACED]:
+        sensor.remove(child)
+    for place, node in enumerate(_camera_nodes(camera)):
+        sensor.insert(place, node)
+    _shape_film(root, film, size)
+    ET.indent(sensor, space="    ", level=1)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def scene_with_light_moved(path: Path, number: int, offset: np.ndarray, folder: Path) -> str:
+    """XML of the scene with its emitter ``number`` moved by ``offset`` (3,); errors as of
+    ``scene_with_camera``.
+    """
+    root = _parsed(path, folder)
+    move_light(root, number, offset)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _parsed(path: Path, folder: Path) -> ET.Element:
+    try:
+        root = ET.fromstring(path.read_text(encoding="utf-8-sig"),
+                             ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be read ({error.strerror}); give the scene's right name") from None
+    except (ET.ParseError, UnicodeDecodeError) as error:
+        raise InputError(f"{path.name} is not well-formed XML: {error}") from None
+    if root.tag != "scene":
+        raise InputError(f"{path.name} is not a Mitsuba scene: its root is <{root.tag}>, <scene> "
+                         "is needed")
+    named = [node for node in root.iter() if node.get("name") == "filename" or node.get("filename")]
+    if named and folder.resolve() != path.parent.resolve():
+        raise InputError(f"{path.name} names other files by their place beside it; write the copy "
+                         f"into {path.parent}")
+    return root
+
+
+def _camera_nodes(camera: Mapping[str, Any]) -> list[ET.Element]:
+    nodes = [ET.Element("string", name="fov_axis", value=str(camera["fov_axis"]))]
+    nodes += [ET.Element("float", name=name, value=f"{camera[name]:.10g}")
+              for name in ("fov", "principal_point_offset_x", "principal_point_offset_y")]
+    transform = ET.Element("transform", name="to_world")
+    ET.SubElement(transform, "matrix", value="  ".join(" ".join(f"{value:.10g}" for value in row)
+                                                       for row in np.asarray(camera["to_world"])))
+    return [*nodes, transform]
+
+
+def _shape_film(root: ET.Element, film: ET.Element, size: tuple[int, int]) -> None:
+    """Give the film the photo's size, unless it has its shape already: the field of view belongs to
+    the shape.
+    """
+    defaults = {f"${node.get('name')}": node.get("value", "") for node in root.iter("default")}
+    written = {node.get("name"): node for node in film.iter("integer")}
+    values = [written[name].get("value", "") if name in written else "" for name in ("width",
+                                                                                     "height")]
+    numbers = [defaults.get(value, value) for value in values]
+    if all(number.isdigit() for number in numbers) and int(numbers[0]) * size[1] == int(
+        numbers[1]) * size[0]:
+        return
+    for name, pixels in zip(("width", "height"), size, strict=True):
+        node = written[name] if name in written else ET.SubElement(film, "integer", name=name)
+        node.set("value", str(pixels))
+    for name in [name for name in written if name is not None and name.startswith("crop_")]:
+        film.remove(written[name])

@@ -1,0 +1,40 @@
+"""Blocks of pixels of one surface: what the fit compares instead of single pixels.
+
+The mean over a block is as linear in the transport as a pixel is, but its Monte Carlo noise is far
+smaller. That noise matters: it enters the fit as an error of the model, which pulls every spectrum
+down by its relative variance.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+# above, wider blocks: nothing in a diffuse scene varies faster than such a block
+MOST_REGIONS = 1024
+NARROWEST = 4           # pixels
+
+
+def block_regions(surface: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Region (H, W) of each usable pixel, -1 elsewhere, and the surface (R,) of each region.
+
+    Parameters
+    ----------
+    surface : (H, W) int        one surface's index, -1 none or mixed
+    used : (H, W) bool          pixels that may be compared
+    """
+    row, column = np.nonzero(used & (surface >= 0))
+    block = max(NARROWEST, round(np.sqrt(row.size / MOST_REGIONS)))
+    key = np.stack([surface[row, column], row // block, column // block])
+    names, member = np.unique(key, axis=1, return_inverse=True)
+    region = np.full(surface.shape, -1)
+    region[row, column] = member.ravel()
+    return region, names[0]
+
+
+def region_means(image: np.ndarray, region: np.ndarray) -> np.ndarray:
+    """Mean (R, ...) over the pixels of each region of an image (H, W, ...)."""
+    mask = region >= 0
+    count = np.bincount(region[mask])
+    flat = image[mask].reshape(len(region[mask]), -1)
+    sums = np.stack([np.bincount(region[mask], flat[:, place]) for place in range(flat.shape[1])],
+                    axis=1)
+    return (sums / count[:, None]).reshape(count.size, *image.shape[2:])

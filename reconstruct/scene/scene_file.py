@@ -1,0 +1,217 @@
+"""A Mitsuba scene as an operator wrote it, read as XML without any renderer; ``scene_xml`` rewrites
+it.
+
+The scene gives geometry, camera pose and light position. Its BSDFs are replaced by diffuse ones
+whose spectra are the materials of the session, its emitters get the measured light spectrum, its
+film the camera's bands.
+"""
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.scene.light_profile import read_profile
+
+EMITTED = {"area": "radiance", "constant": "radiance", "point": "intensity", "spot": "intensity",
+           "directional": "irradiance", "projector": "irradiance", "directionalarea": "radiance"}
+# its picture gives the radiance by direction; its colours are Mitsuba's, not the light's
+SKY_MAP = "envmap"
+PROFILE = "profile"     # of an area light: a <string> that names its file; no Mitsuba knows it
+# BSDFs kept as they are, and the spectrum of each that is looked for
+SPECTRAL_FACTOR = {"plastic": "diffuse_reflectance", "roughplastic": "diffuse_reflectance",
+                   "principled": "base_color", "conductor": "specular_reflectance",
+                   "roughconductor": "specular_reflectance"}
+
+
+@dataclass(frozen=True)
+class SceneFile:
+    """What one XML scene says of itself. ``surfaces`` maps each shape id to the BSDF id that it
+    wears.
+    """
+
+    path: Path
+    root: ET.Element
+    width: int
+    height: int
+    max_depth: int
+    bsdf_ids: tuple[str, ...]
+    surfaces: dict[str, str]
+    light_ids: tuple[str, ...]
+    files: tuple[Path, ...]     # meshes, textures and profiles that it names
+    # light id -> table of light_profile.py
+    profiles: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
+def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
+    """Parse and check a scene.
+
+    Parameters
+    ----------
+    path : Path
+        Mitsuba XML.
+    folder : Path, optional
+        Files that the scene names must lie in here; None allows any.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is no Mitsuba scene, has no sensor or emitter, or names files
+        outside ``folder``.
+    """
+    root = _parse(path)
+    defaults = {node.get("name", ""): node.get("value", "") for node in root.iter("default")}
+    sensor = root.find("sensor")
+    if sensor is None:
+        raise InputError(f"{path.name} has no <sensor>: the scene must hold the camera's pose and "
+                         "field of view")
+    files = _named_files(root, path, folder)
+    _name_everything(root)
+    film = sensor.find("film")
+    integrator = root.find("integrator")
+    width = _integer(film, "width", defaults, 768, path)
+    height = _integer(film, "height", defaults, 576, path)
+    lights = list(root.iter("emitter"))
+    if not lights:
+        raise InputError(
+            f"{path.name} has no <emitter>: the scene must hold the light in its place")
+    for light in lights:
+        if light.get("type") not in (*EMITTED, SKY_MAP):
+            raise InputError(f"{path.name}: emitter type {light.get('type')!r} is not supported; "
+                             f"use one of {', '.join((*EMITTED, SKY_MAP))}")
+    depth = _integer(integrator, "max_depth", defaults, 8, path)
+    return SceneFile(path, root, width, height, depth if depth > 0 else 12,
+                     tuple(node.get("id", "") for node in root.findall("bsdf")),
+                     _surfaces(root, path), tuple(light_id(root, node) for node in lights), files,
+                     _profiles(root, path))
+
+
+def check_materials(scene: SceneFile, bsdf_of_material: Mapping[str, str]) -> list[str]:
+    """Sentences about materials that the scene lacks and surfaces that no material covers; empty
+    when all is well.
+    """
+    problems = []
+    worn = set(scene.surfaces.values())
+    for material, bsdf in bsdf_of_material.items():
+        if bsdf not in scene.bsdf_ids:
+            problems.append(f"material {material!r} names the BSDF {bsdf!r}, which "
+                            f"{scene.path.name} lacks; it has "
+                            f"{', '.join(scene.bsdf_ids) or 'none with an id'}")
+        elif bsdf not in worn:
+            problems.append(f"material {material!r}: no surface in {scene.path.name} wears the "
+                            f"BSDF {bsdf!r}")
+    for bsdf in sorted(worn - set(bsdf_of_material.values())):
+        shapes = ", ".join(shape for shape, name in scene.surfaces.items() if name == bsdf)
+        problems.append(f"{scene.path.name}: the BSDF {bsdf or '(without id)'!r} of {shapes} has "
+                        f"no material; add [materials.{bsdf or 'NAME'}] with bsdf = "
+                        f"{bsdf or 'ID'!r} to session.toml")
+    return problems
+
+
+def not_plain_products(scene: SceneFile) -> tuple[str, ...]:
+    """BSDF ids, worn by surfaces, whose reflected light is not proportional to their reflectance
+    spectrum.
+    """
+    worn = set(scene.surfaces.values())
+    return tuple(node.get("id", "") for node in scene.root.findall("bsdf")
+                 if node.get("id") in worn and plain_bsdf(node).get("type") in SPECTRAL_FACTOR)
+
+
+def _parse(path: Path) -> ET.Element:
+    try:
+        root = ET.fromstring(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing: give the scene file or correct its name in "
+                         "session.toml") from None
+    except (ET.ParseError, UnicodeDecodeError) as error:
+        raise InputError(f"{path.name} is not well-formed XML: {error}") from None
+    if root.tag != "scene":
+        raise InputError(f"{path.name} is not a Mitsuba scene: its root is <{root.tag}>, <scene> "
+                         "is needed")
+    return root
+
+
+def _named_files(root: ET.Element, path: Path, folder: Path | None) -> tuple[Path, ...]:
+    names = [node.get("value", "") for node in root.iter("string") if node.get("name")
+             in ("filename", PROFILE)]
+    names += [node.get("filename", "") for node in root.iter() if node.get("filename")]
+    names += [node.get("value", "") for node in root.iter("path")]
+    files = []
+    for name in names:
+        if "$" in name:
+            raise InputError(f"{path.name} names the file {name!r} through a variable; write its "
+                             "path out")
+        target = (path.parent / name).resolve()
+        if folder is not None and not target.is_relative_to(folder.resolve()):
+            raise InputError(f"{path.name} names {name!r}, which lies outside the session folder; "
+                             "copy it into scene/")
+        if not target.exists():
+            raise InputError(f"{path.name} names {name!r}, which is missing")
+        files.append(target)
+    return tuple(files)
+
+
+def _name_everything(root: ET.Element) -> None:
+    """Give every shape an id, so that each surface can be told from the others."""
+    taken = {node.get("id") for node in root.iter() if node.get("id")}
+    for number, shape in enumerate(root.iter("shape"), start=1):
+        if not shape.get("id"):
+            identity = f"shape_{number}"
+            shape.set("id", identity if identity not in taken else f"surface_{number}")
+
+
+def _surfaces(root: ET.Element, path: Path) -> dict[str, str]:
+    surfaces = {}
+    for shape in root.iter("shape"):
+        if shape.find("emitter") is not None:
+            continue
+        reference, own = shape.find("ref"), shape.find("bsdf")
+        if own is not None:
+            raise InputError(f"{path.name}: shape {shape.get('id')!r} holds its BSDF inside; move "
+                             "it out, give it an id, and refer to it with <ref id=...>")
+        surfaces[shape.get("id", "")] = reference.get("id", "") if reference is not None else ""
+    return surfaces
+
+
+def _profiles(root: ET.Element, path: Path) -> dict[str, np.ndarray]:
+    profiles = {}
+    for light in root.iter("emitter"):
+        for node in [node for node in light.findall("string") if node.get("name") == PROFILE]:
+            if light.get("type") != "area":
+                raise InputError(f"{path.name}: only an area light can have a measured profile, "
+                                 f"and {light_id(root, light)!r} is of type {light.get('type')!r}")
+            profiles[light_id(root, light)] = read_profile(path.parent / node.get("value", ""))
+    return profiles
+
+
+def _integer(parent: ET.Element | None, name: str, defaults: Mapping[str, str], fallback: int,
+             path: Path) -> int:
+    node = None if parent is None else next((n for n in parent.iter("integer") if n.get("name")
+                                             == name), None)
+    if node is None:
+        return fallback
+    text = node.get("value", "")
+    if text.startswith("$"):
+        text = defaults.get(text[1:], text)
+    try:
+        return int(text)
+    except ValueError:
+        raise InputError(f"{path.name}: {name} is {text!r}; a whole number is needed") from None
+
+
+def light_id(root: ET.Element, light: ET.Element) -> str:
+    """Id of a light, or of the shape that shines; its type where neither has one."""
+    for shape in root.iter("shape"):
+        if light in list(shape):
+            return shape.get("id", "")
+    return light.get("id", light.get("type", ""))
+
+
+def plain_bsdf(node: ET.Element) -> ET.Element:
+    """The BSDF itself, out of a <bsdf type="twosided"> around it."""
+    inside = node.find("bsdf") if node.get("type") == "twosided" else None
+    return node if inside is None else inside

@@ -1,0 +1,163 @@
+"""A scene with the session's spectra in place of its own, as XML text for Mitsuba."""
+from __future__ import annotations
+
+import copy
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.scene.scene_file import (
+    EMITTED,
+    PROFILE,
+    SKY_MAP,
+    SPECTRAL_FACTOR,
+    SceneFile,
+    light_id,
+    plain_bsdf,
+)
+
+SPECTRUM_TAGS = ("spectrum", "rgb", "texture")
+
+
+def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
+              light: np.ndarray | Mapping[str, np.ndarray], bands: Mapping[str, np.ndarray],
+              range_nm: tuple[float, float], size: tuple[int, int],
+              integrator: str = "prb") -> str:
+    """The scene as XML text with the session's spectra in place of its own.
+
+    Parameters
+    ----------
+    reflectances : mapping of BSDF id to (P,)
+        Reflectance at uniform wavelengths over ``range_nm``.
+    light : (P,) array, or mapping of light id to (P,)
+        Spectrum of every emitter, or of each.
+    bands : mapping of band name to (P,)
+        Camera sensitivities; the film's channels, in this order.
+    size : (width, height)
+        Of the film in pixels.
+
+    Raises
+    ------
+    InputError
+        If a BSDF has no reflectance spectrum to be found, a light no spectrum, or a light with an
+        angular profile or a map of the sky is asked for with any spectrum but 1: a rendering would
+        not be of that light.
+    """
+    root = copy.deepcopy(scene.root)
+    for node in root.findall("bsdf"):
+        if (values := reflectances.get(node.get("id", ""))) is not None:
+            _set_reflectance(node, values, range_nm, scene.path.name)
+    for node in root.iter("emitter"):
+        _check_unit_light(root, node, light, scene.path.name)
+        if node.get("type") == SKY_MAP:
+            continue
+        name = EMITTED[node.get("type", "")]
+        for child in [child for child in node if child.tag in SPECTRUM_TAGS and child.get("name")
+                      == name]:
+            node.remove(child)
+        node.append(_regular(name, _light_of(root, node, light, scene.path.name), range_nm))
+    for node in [node for node in root.iter("string") if node.get("name") == "filename"]:
+        # Mitsuba gets text, no folder
+        node.set("value", str((scene.path.parent / node.get("value", "")).resolve()))
+    sensor = root.find("sensor")
+    assert sensor is not None
+    for child in [child for child in sensor if child.tag in ("film", "sampler")]:
+        sensor.remove(child)
+    sensor.append(_film(bands, range_nm, size))
+    ET.SubElement(sensor, "sampler", type="independent")
+    for child in root.findall("integrator"):
+        root.remove(child)
+    node = ET.SubElement(root, "integrator", type=integrator)
+    ET.SubElement(node, "integer", name="max_depth", value=str(scene.max_depth))
+    # no Russian roulette: its noise feeds the gradient
+    ET.SubElement(node, "integer", name="rr_depth", value="1000")
+    return ET.tostring(root, encoding="unicode")
+
+
+def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float, float]) -> str:
+    """Diffuse BSDFs that a stock Mitsuba loads, as a scene to ``<include>``: reflectance (P,) by
+    id, evenly spaced.
+    """
+    root = ET.Element("scene", version="3.0.0")
+    for identity, values in reflectances.items():
+        node = ET.SubElement(root, "bsdf", type="diffuse", id=identity)
+        node.append(_regular("reflectance", values, range_nm))
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _check_unit_light(root: ET.Element, light: ET.Element,
+                      spectrum: np.ndarray | Mapping[str, np.ndarray],
+                      file: str) -> None:
+    """Take the profile out of a light; refuse a spectrum where a rendering would not be of that
+    light.
+    """
+    shaped = [node for node in light.findall("string") if node.get("name") == PROFILE]
+    if not shaped and light.get("type") != SKY_MAP:
+        return
+    if not isinstance(spectrum, np.ndarray) or np.any(spectrum != 1):
+        what = "measured profile" if shaped else "map of the sky"
+        raise InputError(f"{file}: only the transport engine knows the {what} of "
+                         f"{light_id(root, light)!r}; set [reconstruct] engine = \"transport\", or "
+                         "take it out")
+    for node in shaped:
+        light.remove(node)
+
+
+def _light_of(root: ET.Element, node: ET.Element, light: np.ndarray | Mapping[str, np.ndarray],
+              file: str) -> np.ndarray:
+    if isinstance(light, np.ndarray):
+        return light
+    name = light_id(root, node)
+    if name not in light:
+        raise InputError(f"{file}: the light {name!r} has no spectrum; it is given for "
+                         f"{', '.join(light)}")
+    return light[name]
+
+
+def _set_reflectance(node: ET.Element, values: np.ndarray, range_nm: tuple[float, float],
+                     file: str) -> None:
+    """Put a spectrum into a BSDF; anything with a plain reflectance becomes diffuse, whatever its
+    plugin is called.
+    """
+    inner = plain_bsdf(node)
+    kind, names = inner.get("type",
+                            ""), [child.get("name") for child in inner
+                                  if child.tag in SPECTRUM_TAGS]
+    if kind in SPECTRAL_FACTOR:
+        for child in [child for child in inner if child.get("name") == SPECTRAL_FACTOR[kind]]:
+            inner.remove(child)
+        inner.append(_regular(SPECTRAL_FACTOR[kind], values, range_nm))
+        return
+    if kind != "diffuse" and "reflectance" not in names:
+        raise InputError(f"{file}: the BSDF {node.get('id')!r} is of type {kind!r}, which has no "
+                         "reflectance spectrum to be found; use diffuse, "
+                         f"{', '.join(SPECTRAL_FACTOR)}")
+    for child in list(inner):
+        inner.remove(child)
+    inner.set("type", "diffuse")
+    inner.append(_regular("reflectance", values, range_nm))
+
+
+def _film(bands: Mapping[str, np.ndarray], range_nm: tuple[float, float],
+          size: Sequence[int]) -> ET.Element:
+    film = ET.Element("film", type="specfilm")
+    ET.SubElement(film, "integer", name="width", value=str(size[0]))
+    ET.SubElement(film, "integer", name="height", value=str(size[1]))
+    ET.SubElement(film, "string", name="component_format", value="float32")
+    ET.SubElement(film, "rfilter", type="box")
+    for number, (name, values) in enumerate(bands.items()):
+        # Mitsuba sorts channels by name
+        film.append(_regular(f"band_{number:03d}_{name}", values, range_nm))
+    return film
+
+
+def _regular(name: str, values: np.ndarray, range_nm: tuple[float, float]) -> ET.Element:
+    node = ET.Element("spectrum", name=name, type="regular")
+    ET.SubElement(node, "float", name="wavelength_min", value=f"{range_nm[0]:g}")
+    ET.SubElement(node, "float", name="wavelength_max", value=f"{range_nm[1]:g}")
+    ET.SubElement(node, "string", name="values",
+                  value=", ".join(f"{value:.9g}" for value in values))
+    return node

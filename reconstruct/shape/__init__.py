@@ -1,0 +1,1 @@
+"""Shape and spectrum of one object from several photos."""

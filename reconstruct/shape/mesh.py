@@ -1,0 +1,78 @@
+"""Closed triangle meshes for the shape fit: a sphere to start from, subdivision, and the
+large-steps diffusion.
+
+Mitsuba's own ``mi.ad.LargeSteps`` needs a further package for the same sparse factor that SciPy
+gives.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import coo_matrix, diags_array, eye_array
+from scipy.sparse.linalg import splu
+
+_ICOSAHEDRON = np.array([(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5,
+                                                                                                11,
+                                                                                                4),
+                         (11, 10, 2), (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6),
+                         (3, 6, 8), (3, 8, 9), (4, 9, 5),
+                         (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)])
+
+
+def icosphere(level: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (10 * 4^level + 2, 3) on the unit sphere and faces (20 * 4^level, 3), outside
+    anticlockwise.
+    """
+    golden = (1 + np.sqrt(5)) / 2
+    corners = [(first * sign, second * golden) for second in (1, -1) for first, sign in ((-1, 1),
+                                                                                         (1, 1))]
+    vertices = np.array([np.roll((a, b, 0.0), turn) for turn in range(3) for a, b in corners])
+    faces = _ICOSAHEDRON
+    for _ in range(level):
+        vertices, faces = subdivided(vertices / np.linalg.norm(vertices, axis=1, keepdims=True),
+                                     faces)
+    return vertices / np.linalg.norm(vertices, axis=1, keepdims=True), faces
+
+
+def subdivided(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same surface with every triangle cut into four at the middles of its edges."""
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    unique, place = np.unique(edges, axis=0, return_inverse=True)
+    ab, bc, ca = len(vertices) + place.reshape(-1, 3).T
+    a, b, c = faces.T
+    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    return (np.concatenate([vertices, vertices[unique].mean(axis=1)]),
+            np.concatenate([np.stack(part, axis=1) for part in parts]))
+
+
+def large_steps(faces: np.ndarray, count: int,
+                strength: float) -> tuple[Callable[[np.ndarray], np.ndarray],
+                                          Callable[[np.ndarray], np.ndarray]]:
+    """Two functions that undo each other: u = (I + strength L) v, and v from u (Nicolet et al.
+    2021, Eq. 9).
+
+    L is the combinatorial Laplacian of the mesh, so the second also spreads a gradient (V, 3) over
+    the surface. The vertices of a smooth motion have a smooth u: descent in u moves them together.
+    """
+    rows, columns = faces[:, [0, 1, 2, 1, 2, 0]].ravel(), faces[:, [1, 2, 0, 0, 1, 2]].ravel()
+    neighbours = coo_matrix((np.ones(rows.size), (rows, columns)), shape=(count, count)).tocsr()
+    neighbours.data[:] = 1.0  # the two faces of an edge name it twice
+    laplacian = diags_array(np.asarray(neighbours.sum(axis=1)).ravel()) - neighbours
+    matrix = (eye_array(count) + strength * laplacian).tocsc()
+    factor = splu(matrix)
+    return lambda vertices: matrix @ vertices, factor.solve
+
+
+def write_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Write vertices (V, 3) and faces (F, 3) as PLY, with a smooth normal at every vertex."""
+    import mitsuba as mi
+
+    mesh = mi.Mesh("mesh", len(vertices), len(faces), has_vertex_normals=True)
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = mi.Float(vertices.astype(np.float32).ravel())
+    parameters["faces"] = mi.UInt(faces.astype(np.uint32).ravel())
+    parameters.update()
+    mesh.recompute_vertex_normals()
+    mesh.write_ply(str(path))

@@ -1,0 +1,1 @@
+"""Light transport traced once, as a polynomial in the reflectances."""

@@ -1,0 +1,100 @@
+"""What a long trace has found so far, in a file, so that it can be stopped and go on with the same
+bits.
+"""
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.files import writable
+
+WRITE_EVERY_S = 20.0    # and when the trace is stopped
+
+
+@dataclass(frozen=True)
+class PassSums:
+    """Sums over the parts that are done, of A passes in turn: (R, L, E) float32 each."""
+
+    done: int
+    passes: tuple[np.ndarray, ...]
+
+    def with_one_more(self, part: np.ndarray) -> PassSums:
+        """The sums with the next part added; these stay as they are, so an interrupt finds whole
+        ones.
+        """
+        place = self.done % len(self.passes)
+        return PassSums(self.done + 1, (*self.passes[:place], self.passes[place] + part,
+                                        *self.passes[place + 1:]))
+
+
+class TraceCheckpoint:
+    """The file of one trace. Its content counts only for a trace with the same fingerprint."""
+
+    def __init__(self, path: Path, fingerprint: str) -> None:
+        self.path, self.fingerprint = path, fingerprint
+        self.written = time.monotonic()
+
+    def read(self) -> PassSums | None:
+        """What an interrupted trace left, or None: no file, a broken one, or one of another
+        trace.
+        """
+        try:
+            with self.path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+                if str(stored["fingerprint"]) != self.fingerprint:
+                    return None
+                return PassSums(int(stored["done"]), tuple(stored["passes"]))
+        except (FileNotFoundError, zipfile.BadZipFile, KeyError, ValueError, EOFError):
+            return None
+
+    def write_now_and_then(self, sums: PassSums) -> None:
+        """Write if the last time is long ago."""
+        if time.monotonic() - self.written > WRITE_EVERY_S:
+            self.write(sums)
+
+    def write(self, sums: PassSums) -> None:
+        """Write the file whole, in place of the last.
+
+        Raises
+        ------
+        EnvironmentProblem
+            If the folder cannot be written.
+        """
+        if not sums.done:
+            return
+        with writable(self.path.parent):
+            temporary = self.path.with_name(f".{self.path.name}.part")
+            with temporary.open("wb") as stream:
+                np.savez(stream, fingerprint=self.fingerprint, done=sums.done,
+                         passes=np.array(sums.passes))
+                stream.flush()
+                os.fsync(stream.fileno())
+            temporary.replace(self.path)
+        self.written = time.monotonic()
+
+    def remove(self) -> None:
+        """The trace is done."""
+        self.path.unlink(missing_ok=True)
+
+
+def trace_fingerprint(scene: Any, facts: tuple[Any, ...], arrays: tuple[np.ndarray, ...]) -> str:
+    """SHA-256 of all that decides a trace's bits: the scene's parameters, and what it was asked
+    for.
+    """
+    import mitsuba as mi
+
+    worn = [(shape.id(), shape.bsdf().id() if shape.bsdf() is not None else "")
+            for shape in scene.shapes()]
+    found = hashlib.sha256(repr((facts, worn)).encode())
+    for name, value in mi.traverse(scene):
+        found.update(name.encode())
+        found.update(np.array(getattr(value, "matrix", value), dtype=np.float64).tobytes())
+    for array in arrays:
+        found.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+    return found.hexdigest()

@@ -1,0 +1,1 @@
+"""More measurements of the same material, and what to measure next."""

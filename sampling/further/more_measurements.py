@@ -1,0 +1,138 @@
+"""More measurements of the same surface: readings, bands, spectrometer spots, other photos, other
+patches.
+
+All become rows of one measurement, which every draw then obeys (conditioning.py). One that
+contradicts the others is named: outright where no reflectance between 0 and 1 gives all of them, as
+doubtful where the prior finds it hard to believe.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear
+from scipy.stats import chi2
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.further.conditioning import (
+    CONTRADICTION,
+    Reading,
+    condition,
+    same_material,
+)
+from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.prior.draws import prior_spectra
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture
+from spectrabox.sampling.prior.posterior import with_floor
+
+DOUBT_DRAWS = 400
+
+
+@dataclass(frozen=True)
+class MoreMeasurement:
+    """One more thing that was measured of the surface: readings, or another measurement by a
+    camera.
+    """
+
+    name: str
+    readings: tuple[Reading, ...] = ()
+    measurement: SpectralMeasurement | None = None
+
+
+def joined(base: SpectralMeasurement, more: list[MoreMeasurement]) -> SpectralMeasurement:
+    """One measurement of all.
+
+    Raises
+    ------
+    InputError
+        If some cannot be true together; they are named.
+    """
+    cameras = [base]        # one a camera and light: what came twice is averaged
+    for one in more:
+        if one.measurement is None:
+            continue
+        twin = next((index for index, known in enumerate(cameras)
+                     if _alike(known, one.measurement)), None)
+        try:
+            if twin is None:
+                cameras.append(one.measurement)
+            else:
+                cameras[twin] = same_material([cameras[twin], one.measurement])
+        except InputError as error:
+            raise InputError(f"{one.name}: {error}") from None
+    whole = condition(same_material(cameras), [reading for one in more for reading in one.readings])
+    check_possible(base, more)
+    return whole
+
+
+def check_possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> None:
+    """Raise where no reflectance between 0 and 1 gives all measurements within their errors (chance
+    1 in a million).
+
+    Raises
+    ------
+    InputError
+        Naming the measurements without which the rest would agree.
+    """
+    if not more or _possible(base, more):
+        return
+    blamed = [one.name for index, one in enumerate(more) if _possible(base,
+                                                                      more[:index]
+                                                                      + more[index + 1:])]
+    names = " or ".join(blamed) if blamed else ", ".join(one.name for one in more)
+    raise InputError(f"{names} contradicts the other measurements: no reflectance between 0 and 1 "
+                     "gives all of them within their errors; measure again, state larger errors, "
+                     "or leave it out")
+
+
+def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: LogitMixture,
+             seed: int) -> list[str]:
+    """Sentences on measurements that lie far from what the others and the prior let expect (1 in a
+    million).
+    """
+    found = []
+    for index, one in enumerate(more):
+        rest = joined(base, more[:index] + more[index + 1:])
+        rows, values, covariance = measured_rows(base, one)
+        spectra, _, _ = prior_spectra(rest, DOUBT_DRAWS, seed, prior)
+        expected = spectra @ rows.T
+        spread = np.atleast_2d(np.cov(expected, rowvar=False)) + with_floor(covariance)
+        away = values - expected.mean(axis=0)
+        if away @ np.linalg.solve(spread, away) > chi2.isf(CONTRADICTION, len(away)):
+            most = int(np.argmax(np.abs(away)))
+            found.append(f"{one.name} is hard to believe beside the others: {values[most]:.3g} was "
+                         f"measured and {expected[:, most].mean():.3g} +- "
+                         f"{np.sqrt(spread[most, most]):.2g} expected.")
+    return found
+
+
+def _alike(first: SpectralMeasurement, second: SpectralMeasurement) -> bool:
+    return first.response.shape == second.response.shape and np.allclose(first.response,
+                                                                         second.response, atol=1e-9)
+
+
+def _possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> bool:
+    parts = [(base.response_on(GRID), base.signal, base.noise_covariance),
+             *(measured_rows(base, one) for one in more)]
+    rows, misfit = [], []
+    for part, values, covariance in parts:
+        whiten = np.linalg.inv(np.linalg.cholesky(with_floor(covariance)))
+        rows.append(whiten @ part)
+        misfit.append(whiten @ values)
+    A, y = np.vstack(rows), np.concatenate(misfit)
+    return bool(2 * lsq_linear(A, y, bounds=(0, 1), tol=1e-8).cost < chi2.isf(CONTRADICTION,
+                                                                              y.size))
+
+
+def measured_rows(base: SpectralMeasurement, one: MoreMeasurement) -> tuple[np.ndarray, np.ndarray,
+                                                                            np.ndarray]:
+    """Rows (J, 61) on the prior's wavelengths, values (J,) and covariance (J, J) of one more
+    measurement.
+    """
+    if one.measurement is not None:
+        return one.measurement.response_on(
+            GRID), one.measurement.signal, one.measurement.noise_covariance
+    only = condition(base, list(one.readings))
+    bands = len(base.signal)
+    return only.response_on(GRID)[bands:], only.signal[bands:], only.noise_covariance[bands:,
+                                                                                      bands:]

@@ -1,0 +1,1 @@
+"""Do the bands hold the truth: scores, certificate, cubes made elsewhere."""

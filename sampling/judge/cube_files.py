@@ -1,0 +1,270 @@
+"""Files of hyperspectral pictures: ENVI images, .npy, .npz and MATLAB files. EXR comes as channels
+(cubes.py).
+
+Nothing in a file is executed (no pickle), and what a header promises is checked against the file
+before any of it is read. ENVI, .npy and MATLAB 7.3 files of any size are read in part; .npz and
+older MATLAB files are held in memory.
+"""
+from __future__ import annotations
+
+import importlib
+import re
+import struct
+import tokenize
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.spectra.formats.envi import (
+    DATA_TYPES,
+    ITEM,
+    WAVELENGTH_UNITS,
+    envi_header_of,
+    is_envi_header,
+)
+from spectrabox.radiometry.spectra.formats.table import number, text_of
+from spectrabox.sampling.judge.cubes import (
+    MOST_BANDS,
+    Cube,
+    check_sides,
+    cube_of_array,
+    cube_of_rows,
+    stated_wavelengths,
+)
+
+MOST_IN_MEMORY = 1_500_000_000          # bytes of a file that cannot be read in part
+WAVELENGTH_NAMES = ("wavelengths_nm", "wavelengths", "wavelength", "nm", "lambda", "bands")
+ENVI_VALUES = (".img", ".dat", ".raw", ".bin", ".bsq", ".bil", ".bip", "")
+ENVI_AXES = {"bsq": ("bands", "lines", "samples"), "bil": ("lines", "bands", "samples"),
+             "bip": ("lines", "samples", "bands")}
+# What damaged bytes make NumPy and SciPy raise, beside errors of their own.
+DAMAGE = (ValueError, TypeError, EOFError, OSError, KeyError, IndexError, OverflowError,
+          MemoryError, SyntaxError, NotImplementedError, tokenize.TokenError, struct.error,
+          zlib.error, zipfile.BadZipFile)
+MATLAB_TYPES = {"double": 8, "single": 4, "uint8": 1, "int8": 1, "uint16": 2, "int16": 2,
+                "uint32": 4, "int32": 4}
+
+
+def open_cube(path: Path, nm: np.ndarray | None = None, variable: str | None = None) -> Cube:
+    """A picture in a file of one of the formats above, but EXR (``cube_of_channels``).
+
+    Parameters
+    ----------
+    nm : (C,), optional
+        Wavelengths where the file states none.
+    variable : str, optional
+        Name of the array in a .npz or .mat file that holds several of three dimensions.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, of no known format, or without wavelengths.
+    EnvironmentProblem
+        If a MATLAB 7.3 file is given and h5py is not installed.
+    """
+    start = _start_of(path)
+    if start.startswith(b"\x93NUMPY"):
+        return _from_npy(path, nm)
+    if start.startswith(b"PK\x03\x04"):
+        return _from_npz(path, nm, variable)
+    if start.startswith((b"MATLAB 7.3", b"\x89HDF")):
+        return _from_hdf5(path, nm, variable)
+    if start.startswith(b"MATLAB"):
+        return _from_matlab(path, nm, variable)
+    header = path if is_envi_header(start) else envi_header_of(path)
+    if header is not None:
+        return _from_envi(header, nm)
+    raise InputError(f"{path.name} is no hyperspectral picture that is known; known are ENVI (.hdr "
+                     "beside its values), .npy, .npz, .mat and EXR with channels such as 560nm")
+
+
+def _from_npy(path: Path, nm: np.ndarray | None) -> Cube:
+    def mapped() -> np.ndarray:
+        try:
+            return np.load(path, mmap_mode="r", allow_pickle=False)
+        except DAMAGE as error:
+            raise InputError(f"{path.name} is damaged or holds more than plain numbers "
+                             f"({_line(error)}); save the picture again with numpy.save") from None
+    return cube_of_array(path.name, mapped(), nm, mapped)
+
+
+def _from_npz(path: Path, nm: np.ndarray | None, variable: str | None) -> Cube:
+    try:
+        with zipfile.ZipFile(path) as archive, np.load(path, allow_pickle=False) as file:
+            shapes = {name: _npy_shape(archive, name) for name in file.files if f"{name}.npy"
+                      in archive.namelist()}
+            chosen = _chosen(path.name, {name: shape for name, (shape, _) in shapes.items()},
+                             variable)
+            _check_size(path.name, *shapes[chosen])
+            stated = next((file[name].ravel() for name in WAVELENGTH_NAMES
+                           if name in shapes and np.prod(shapes[name][0]) <= MOST_BANDS), None)
+            array = file[chosen]
+    except DAMAGE as error:
+        raise InputError(f"{path.name} is damaged or holds more than plain numbers "
+                         f"({_line(error)}); save the picture again with numpy.savez") from None
+    return cube_of_array(path.name, array, nm if nm is not None else stated)
+
+
+def _npy_shape(archive: zipfile.ZipFile, name: str) -> tuple[tuple[int, ...], int]:
+    """Shape and bytes per value that a member states, without unpacking it."""
+    with archive.open(f"{name}.npy") as member:
+        version = np.lib.format.read_magic(member)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, kind = read(member)
+    return shape, kind.itemsize
+
+
+def _from_matlab(path: Path, nm: np.ndarray | None, variable: str | None) -> Cube:
+    from scipy.io import loadmat, whosmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        stated = {name: (shape, MATLAB_TYPES.get(kind, 0)) for name, shape, kind in whosmat(path)}
+        numeric = {name: shape for name, (shape, size) in stated.items() if size}
+        chosen = _chosen(path.name, numeric, variable)
+        _check_size(path.name, *stated[chosen])
+        wanted = [chosen, *(name for name in WAVELENGTH_NAMES
+                            if name in numeric and np.prod(numeric[name]) <= MOST_BANDS)]
+        found = loadmat(path, variable_names=wanted)
+    except (*DAMAGE, MatReadError) as error:
+        raise InputError(f"{path.name} is no MATLAB file that can be read ({_line(error)}); save "
+                         "it again with save(..., '-v7')") from None
+    beside = next((np.asarray(found[name], dtype=float).ravel() for name in wanted[1:]), None)
+    return cube_of_array(path.name, found[chosen], nm if nm is not None else beside)
+
+
+def _from_hdf5(path: Path, nm: np.ndarray | None, variable: str | None) -> Cube:
+    try:
+        h5py = importlib.import_module("h5py")  # optional: no other format needs it
+    except ModuleNotFoundError:
+        raise EnvironmentProblem(f"{path.name} is a MATLAB 7.3 (HDF5) file, for which h5py is "
+                                 "needed: pip install h5py, or save it again in MATLAB with "
+                                 "save(..., '-v7')") from None
+    try:
+        file = h5py.File(path, "r")
+        # Only arrays that lie in this very file: links to other files are not followed.
+        arrays = {name: file[name] for name in file
+                  if isinstance(file.get(name, getlink=True), h5py.HardLink)
+                  and isinstance(file[name], h5py.Dataset) and not file[name].external
+                  and file[name].dtype.kind in "fiu" and not file[name].is_virtual}
+        chosen = _chosen(path.name, {name: array.shape for name, array in arrays.items()}, variable)
+        stated = next((np.asarray(arrays[name][()], dtype=float).ravel()
+                       for name in WAVELENGTH_NAMES
+                       if name in arrays and arrays[name].size <= MOST_BANDS), None)
+    except (*DAMAGE, RuntimeError) as error:
+        raise InputError(
+            f"{path.name} is a damaged MATLAB 7.3 file ({_line(error)}); save it again") from None
+    array = arrays[chosen]
+    wavelengths = stated_wavelengths(path.name, nm if nm is not None else stated)
+    # MATLAB stores the first dimension fastest: (H, W, C) is (C, W, H) in the file.
+    bands, width, height = array.shape
+    if bands != wavelengths.size:
+        raise InputError(f"{path.name}: {chosen} is {height} x {width} x {bands} and "
+                         f"{wavelengths.size} wavelengths are stated; give as many as there are "
+                         "bands")
+    check_sides(path.name, height, width, bands)
+    return cube_of_rows(path.name, wavelengths, height, width,
+                        lambda first, last: np.asarray(array[:, :, first:last]).transpose(2, 1, 0))
+
+
+def _from_envi(header: Path, nm: np.ndarray | None) -> Cube:
+    text = text_of(header.read_bytes()[:10_000_000], header.name).replace("\r\n", "\n")
+    keys = {match[1].strip().lower(): (match[2] if match[2] is not None else match[3]).strip()
+            for match in ITEM.finditer(text)}
+    size = {key: _whole(keys, key, header.name) for key in ("lines", "samples", "bands",
+                                                            "header offset", "data type")}
+    order = keys.get("interleave", "").lower()
+    if order not in ENVI_AXES or size["data type"] not in DATA_TYPES or keys.get("file compression",
+                                                                                 "0") != "0":
+        raise InputError(f"{header.name}: interleave {order!r}, data type {size['data type']}, "
+                         f"compression {keys.get('file compression', '0')}; bsq, bil or bip of "
+                         "plain real numbers is needed")
+    check_sides(header.name, size["lines"], size["samples"], size["bands"])
+    values = next((path for suffix in ENVI_VALUES
+                   if (path := header.with_suffix(suffix)) != header and path.is_file()), None)
+    if values is None:
+        raise InputError(f"{header.name} is the header of an ENVI picture; put its values "
+                         f"{header.stem}.img beside it")
+    kind = np.dtype((">" if keys.get("byte order", "0") == "1" else "<") + DATA_TYPES[size["data "
+                                                                                           "type"]])
+    needed = size["header offset"] + size["lines"] * size["samples"] * size["bands"] * kind.itemsize
+    if values.stat().st_size < needed:
+        raise InputError(f"{values.name} is cut: its header promises {needed} bytes and "
+                         f"{values.stat().st_size} are there")
+    axes = ENVI_AXES[order]
+    shape, offset = tuple(size[axis] for axis in axes), size["header offset"]
+    order_of_axes = [axes.index(axis) for axis in ("lines", "samples", "bands")]
+    factor, ignored = number(keys.get("reflectance scale factor", "1")), number(keys.get("data "
+                                                                                         "ignore "
+                                                                                         "value",
+                                                                                         ""))
+    if not factor > 0:
+        raise InputError(f"{header.name}: the reflectance scale factor {factor:g} cannot be")
+
+    def rows(first: int, last: int) -> np.ndarray:
+        with np.errstate(all="ignore"):
+            # Mapped for these rows only: the pages that were read leave memory with the map.
+            stored = np.memmap(values, kind, "r", offset, shape).transpose(order_of_axes)
+            part = np.asarray(stored[first:last], dtype=float)
+            return np.where(part == ignored, np.nan, part) / factor
+
+    return cube_of_rows(header.name, _envi_wavelengths(keys, size["bands"], nm, header.name),
+                        size["lines"], size["samples"], rows)
+
+
+def _envi_wavelengths(keys: dict[str, str], bands: int, nm: np.ndarray | None,
+                      name: str) -> np.ndarray:
+    if nm is None and "wavelength" in keys:
+        unit = keys.get("wavelength units", "nm").strip().lower()
+        if unit not in WAVELENGTH_UNITS:
+            raise InputError(f"{name}: the wavelength unit {unit!r} is not known; state "
+                             "'wavelength units = nm'")
+        nm = np.round(WAVELENGTH_UNITS[unit]
+                      * np.array([number(cell) for cell in keys["wavelength"].split(",")]), 9)
+    nm = stated_wavelengths(name, nm)
+    if nm.size != bands:
+        raise InputError(f"{name}: {nm.size} wavelengths for {bands} bands; correct the header or "
+                         "--wavelengths")
+    return nm
+
+
+def _chosen(name: str, shapes: dict[str, tuple[int, ...]], variable: str | None) -> str:
+    cubes = [key for key, shape in shapes.items() if len(shape) == 3]
+    if len(cubes) == 1 and variable is None:
+        return cubes[0]
+    if variable is None or variable not in cubes:
+        raise InputError(f"{name} holds {len(cubes)} arrays of three dimensions "
+                         f"({', '.join(cubes[:12]) or 'none'}); say which with --variable")
+    return variable
+
+
+def _check_size(name: str, shape: tuple[int, ...], bytes_each: int) -> None:
+    size = bytes_each * int(np.prod([int(side) for side in shape], dtype=object))
+    if size > MOST_IN_MEMORY:
+        raise InputError(f"{name} would need {size / 1e9:.1f} GB of memory; save it as ENVI or "
+                         ".npy, which are read in part")
+
+
+def _whole(keys: dict[str, str], key: str, name: str) -> int:
+    text = keys.get(key, "0" if key == "header offset" else "")
+    if not re.fullmatch(r"\d{1,12}", text):
+        raise InputError(f"{name} states {key} = {text[:40]!r}; a whole number is needed")
+    return int(text)
+
+
+def _start_of(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(256)
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; give a hyperspectral picture") from None
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be read ({error.strerror}); give a hyperspectral picture") from None
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:120] or type(error).__name__

@@ -1,0 +1,235 @@
+"""Regions of a hyperspectral picture and the spectra in them: read in blocks of rows, so that
+memory stays flat.
+"""
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.judge.cubes import Cube
+
+BLOCK_VALUES = 4_000_000        # of the picture, read at once
+KEPT = 2000                     # spectra of a region that are kept, at random
+KEYS = ("rectangle", "point", "mask", "label", "truth")
+WHERE = ("rectangle", "point", "mask")
+
+
+@dataclass(frozen=True)
+class Region:
+    """Pixels of a picture: a box (x0, y0, x1, y1), its ends not counted, and of these the ones of a
+    mask, if any.
+    """
+
+    name: str
+    truth: str | None           # column of the truths; the region's name where None
+    box: tuple[int, int, int, int]
+    mask: np.ndarray | None     # bool, of the box
+
+
+@dataclass(frozen=True)
+class RegionSpectra:
+    """Mean and standard deviation (C,) over a region's pixels, and up to 2000 of its spectra (n,
+    C).
+    """
+
+    region: Region
+    pixels: int
+    left_out: int               # pixels with a value that is no number
+    mean: np.ndarray
+    standard_deviation: np.ndarray
+    spectra: np.ndarray
+
+
+def read_regions(path: Path, width: int, height: int,
+                 read_mask: Callable[[Path], np.ndarray]) -> list[Region]:
+    """Regions of a TOML file: [regions.NAME] with ``rectangle = [x0, y0, x1, y1]``, ``point = [x,
+    y]``, or a ``mask``.
+
+    A mask is a picture of one band of the cube's size beside the TOML file: its pixels above 0 or,
+    with ``label = 3``, those of that value. ``truth`` names the column of the truths.
+
+    Parameters
+    ----------
+    read_mask : function from a path to (H, W) integers
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be read ({error.strerror}); give a TOML file of regions") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path.name} is no TOML file ({error}); write [regions.NAME] and "
+                         "rectangle = [x0, y0, x1, y1]") from None
+    found = tables.get("regions")
+    if not isinstance(found, dict) or not found or set(tables) != {"regions"}:
+        raise InputError(f"{path.name} holds {', '.join(tables) or 'nothing'}; write "
+                         "[regions.NAME] and rectangle = [x0, y0, x1, y1]")
+    return [_region(str(name), keys, path, (width, height), read_mask) for name,
+            keys in found.items()]
+
+
+def point_region(text: str, width: int, height: int) -> Region:
+    """One pixel, written x,y or NAME=x,y.
+
+    Raises
+    ------
+    InputError
+    """
+    name, _, place = text.rpartition("=")
+    try:
+        x, y = (int(part) for part in place.split(","))
+    except ValueError:
+        raise InputError(
+            f"--point {text!r} cannot be read; write x,y or NAME=x,y in pixels") from None
+    return Region(name or place, name or None, _checked((x, y, x + 1, y + 1), name or place,
+                                                        (width, height)), None)
+
+
+def region_spectra(cube: Cube, regions: list[Region], full_scale: float = 1.0,
+                   seed: int = 0) -> list[RegionSpectra]:
+    """Spectra of all regions in one pass over the rows that they cover.
+
+    Parameters
+    ----------
+    full_scale : float
+        Value of the picture that stands for reflectance 1.
+
+    Raises
+    ------
+    InputError
+        If a region holds no pixel, or none whose values are all numbers.
+    """
+    rng = np.random.default_rng(seed)
+    sums = [_Sums(cube.nm.size, np.sort(rng.choice(_size(one), min(KEPT, _size(one)), False)))
+            for one in regions]
+    step = max(1, BLOCK_VALUES // (cube.width * cube.nm.size))
+    first, last = min(one.box[1] for one in regions), max(one.box[3] for one in regions)
+    for top in range(first, last, step):
+        bottom = min(top + step, last)
+        touched = [(one, total) for one, total in zip(regions, sums, strict=True)
+                   if one.box[1] < bottom and one.box[3] > top]
+        if touched:
+            with np.errstate(all="ignore"):     # damaged values may overflow: the result says so
+                block = cube.rows(top, bottom) / full_scale
+                for one, total in touched:
+                    total.add(_pixels(block, top, one))
+    return [total.result(one, cube.file) for one, total in zip(regions, sums, strict=True)]
+
+
+class _Sums:
+    """Running mean and scatter of a region's pixels (Chan, Golub and LeVeque), and the spectra to
+    keep.
+    """
+
+    def __init__(self, bands: int, wanted: np.ndarray) -> None:
+        self.count, self.seen, self.wanted = 0, 0, wanted
+        self.mean, self.scatter = np.zeros(bands), np.zeros(bands)
+        self.kept: list[np.ndarray] = []
+
+    def add(self, pixels: np.ndarray) -> None:
+        here = self.wanted[(self.wanted >= self.seen) & (self.wanted < self.seen
+                                                         + len(pixels))] - self.seen
+        self.seen += len(pixels)
+        whole = np.all(np.isfinite(pixels), axis=1)
+        self.kept.append(pixels[here][whole[here]])
+        good = pixels if whole.all() else pixels[whole]
+        if not len(good):
+            return
+        mean, total = good.mean(axis=0), self.count + len(good)
+        away = mean - self.mean
+        self.scatter += np.sum((good - mean)**2, axis=0) + away**2 * self.count * len(good) / total
+        self.mean = self.mean + away * len(good) / total
+        self.count = total
+
+    def result(self, region: Region, file: str) -> RegionSpectra:
+        if not self.count:
+            raise InputError(f"region {region.name!r} of {file} holds {self.seen} pixels, none of "
+                             "them with numbers at every wavelength; correct the region or the "
+                             "picture")
+        if not np.all(np.isfinite(self.mean)) or not np.all(np.isfinite(self.scatter)):
+            raise InputError(f"region {region.name!r} of {file} holds values beyond what numbers "
+                             "can hold; the picture is damaged or read with the wrong data type")
+        deviation = np.sqrt(self.scatter / max(self.count - 1, 1))
+        return RegionSpectra(region, self.count, self.seen - self.count, self.mean, deviation,
+                             np.concatenate(self.kept))
+
+
+def _pixels(block: np.ndarray, top: int, region: Region) -> np.ndarray:
+    x0, y0, x1, y1 = region.box
+    first, last = max(y0, top), min(y1, top + len(block))
+    part = block[first - top:last - top, x0:x1]
+    if region.mask is None:
+        return part.reshape(-1, part.shape[2])
+    return part[region.mask[first - y0:last - y0]]
+
+
+def _size(region: Region) -> int:
+    x0, y0, x1, y1 = region.box
+    return (x1 - x0) * (y1 - y0) if region.mask is None else int(region.mask.sum())
+
+
+def _region(name: str, keys: Any, path: Path, size: tuple[int, int],
+            read_mask: Callable[[Path], np.ndarray]) -> Region:
+    if not isinstance(keys, dict) or sum(key in keys for key in WHERE) != 1:
+        raise InputError(f"{path.name}: region {name!r} needs one of rectangle = [x0, y0, x1, y1], "
+                         "point = [x, y] or mask = \"file.png\"")
+    for key in keys:
+        if key not in KEYS:
+            near = difflib.get_close_matches(key, KEYS, n=1, cutoff=0) or list(KEYS)
+            raise InputError(f"{path.name}: region {name!r} has the unknown key {key!r}; the "
+                             f"nearest is {near[0]!r}")
+    truth = keys.get("truth")
+    if truth is not None and not isinstance(truth, str):
+        raise InputError(f"{path.name}: truth of region {name!r} is {truth!r}; give the name of a "
+                         "column")
+    if "mask" in keys:
+        box, mask = _masked(name, keys, path, size, read_mask)
+        return Region(name, truth, box, mask)
+    numbers = keys.get("rectangle", keys.get("point"))
+    if not isinstance(numbers, list) or len(numbers) != (4 if "rectangle" in keys else 2) \
+            or not all(type(value) is int for value in numbers):
+        raise InputError(f"{path.name}: region {name!r} has {numbers!r}; give whole numbers of "
+                         "pixels, x before y")
+    corners = numbers if len(numbers) == 4 else [*numbers, numbers[0] + 1, numbers[1] + 1]
+    return Region(name, truth, _checked((corners[0], corners[1], corners[2], corners[3]), name,
+                                        size), None)
+
+
+def _masked(name: str, keys: dict[str, Any], path: Path, size: tuple[int, int],
+            read_mask: Callable[[Path], np.ndarray]) -> tuple[tuple[int, int, int, int],
+                                                              np.ndarray]:
+    file = (path.parent / str(keys["mask"])).resolve()
+    if not file.is_relative_to(path.parent.resolve()):
+        raise InputError(f"{path.name}: the mask of region {name!r} lies outside the folder of "
+                         f"{path.name}; put it beside it")
+    labels = read_mask(file)
+    if labels.shape != size[::-1]:
+        raise InputError(f"mask {file.name} has {labels.shape[1]} x {labels.shape[0]} pixels and "
+                         f"the picture {size[0]} x {size[1]}; draw the mask on the picture itself")
+    chosen = labels > 0 if "label" not in keys else labels == keys["label"]
+    if not chosen.any():
+        raise InputError(f"mask {file.name} has no pixel for region {name!r}; its values are "
+                         f"{', '.join(map(str, np.unique(labels)[:12]))}")
+    inside = np.argwhere(chosen)
+    (y0, x0), (y1, x1) = inside.min(axis=0), inside.max(axis=0) + 1
+    return (int(x0), int(y0), int(x1), int(y1)), chosen[y0:y1, x0:x1]
+
+
+def _checked(box: tuple[int, int, int, int], name: str, size: tuple[int, int]) -> tuple[int, int,
+                                                                                        int, int]:
+    x0, y0, x1, y1 = box
+    if not (0 <= x0 < x1 <= size[0] and 0 <= y0 < y1 <= size[1]):
+        raise InputError(f"region {name!r} runs from {x0}, {y0} to {x1}, {y1}; the picture has "
+                         f"{size[0]} x {size[1]} pixels, counted from 0")
+    return box

@@ -1,0 +1,106 @@
+"""How good a recovered spectrum and its band are, against the truth."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from spectrabox.radiometry.colour_science import colour_science
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.sampling.measurement import linear_between
+
+LIGHTS = ("D65", "A", "FL11")       # of colour differences: daylight, incandescent, narrow bands
+# chromaticity of X = Y = Z = 1: signals are relative to white in each band
+EQUAL_WHITE = np.array([1 / 3, 1 / 3])
+TINY = 1e-12
+
+
+def rmse(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Root-mean-square error (n,) of each spectrum (n, P)."""
+    return np.sqrt(np.mean((estimate - truth)**2, axis=-1))
+
+
+def spectral_angle(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Angle (n,) in radians between spectra (n, P): 0 for equal shapes, whatever their level; a
+    right one to black.
+    """
+    product = np.sum(estimate * truth, axis=-1)
+    lengths = np.linalg.norm(estimate, axis=-1) * np.linalg.norm(truth, axis=-1)
+    return np.arccos(np.clip(product / np.maximum(lengths, TINY), -1, 1))
+
+
+def coverage(lower: np.ndarray, upper: np.ndarray, truth: np.ndarray) -> float:
+    """Fraction of wavelengths at which bands (n, P) hold the truth."""
+    return float(np.mean((truth >= lower) & (truth <= upper)))
+
+
+def curve_coverage(lower: np.ndarray, upper: np.ndarray, truth: np.ndarray) -> float:
+    """Fraction of curves that lie wholly within their bands (n, P)."""
+    return float(np.mean(np.all((truth >= lower) & (truth <= upper), axis=-1)))
+
+
+def winkler_score(lower: np.ndarray, upper: np.ndarray, truth: np.ndarray,
+                  level: float = 0.95) -> float:
+    """Mean width plus 2 / (1 - level) times what the truth lies outside (Gneiting and Raftery 2007,
+    Eq. 43).
+    """
+    outside = np.maximum(lower - truth, 0) + np.maximum(truth - upper, 0)
+    return float(np.mean(upper - lower + 2 / (1 - level) * outside))
+
+
+def coverage_error(inside: np.ndarray) -> float:
+    """Standard error of a coverage from which curves (n, P) bool held the truth where: curves are
+    independent.
+    """
+    per_curve = inside.mean(axis=1)
+    return float(per_curve.std(ddof=1) / np.sqrt(len(per_curve))) if len(per_curve) > 1 else float(
+        "nan")
+
+
+def sharpness(spectra: np.ndarray) -> float:
+    """Mean width of the central 50 % band of draws (T, P), whatever the truth is (Gneiting et al.
+    2007, Sec. 3.3).
+    """
+    lower, upper = np.quantile(spectra, [0.25, 0.75], axis=0)
+    return float(np.mean(upper - lower))
+
+
+def curve_band(spectra: np.ndarray, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper (P,) of a band that holds that share of whole draws (T, P): the pointwise
+    band, widened about the mean by one factor.
+    """
+    mean = spectra.mean(axis=0)
+    lower, upper = np.quantile(spectra, [(1 - level) / 2, (1 + level) / 2], axis=0)
+    below, above = np.maximum(mean - lower, TINY), np.maximum(upper - mean, TINY)
+    factor = np.quantile(np.max(np.maximum((mean - spectra) / below, (spectra - mean) / above),
+                                axis=1), level)
+    return mean - factor * below, mean + factor * above
+
+
+def best_scale(estimate: np.ndarray, truth: np.ndarray) -> float:
+    """The one factor that brings an estimate (P,) nearest to the truth, as for a picture of unknown
+    exposure.
+    """
+    return float(estimate @ truth / max(estimate @ estimate, TINY))
+
+
+def delta_e00_under(lights: Sequence[str], grid: WavelengthGrid, estimate: np.ndarray,
+                    truth: np.ndarray) -> dict[str, np.ndarray]:
+    """CIEDE2000 differences (n,) of reflectances (n, P) under each light, by its name (CIE 1931 2
+    degree observer).
+
+    Integrated over the grid alone; white is a reflectance of 1, to whose colour the eye is taken to
+    be adapted.
+    """
+    colour = colour_science()
+    fine = visible_grid(1)
+    found = {}
+    for name in lights:
+        response = relative_response("CIE 1931 2 Degree Standard Observer", name,
+                                     fine) @ linear_between(grid, fine)
+        lab = [colour.XYZ_to_Lab(np.maximum(spectra @ response.T, 0),
+                                 EQUAL_WHITE) for spectra in (estimate, truth)]
+        found[name] = np.asarray(colour.delta_E(*lab, method="CIE 2000"), dtype=float)
+    return found

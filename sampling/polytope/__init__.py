@@ -1,0 +1,3 @@
+"""Every spline coefficient vector in the unit box that gives one signal: uniform draws and exact
+bounds.
+"""

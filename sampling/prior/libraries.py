@@ -1,0 +1,210 @@
+"""Folders of measured reflectances, as training and test sets: curves on the prior's grid, and what
+was left out.
+
+Formats, known by their names: ENVI spectral libraries (.sli with .hdr), rawtoaces patches (.json),
+the USGS library (.mat), data frames of R (.rda), zipped CSV (.zip), and CSV with wavelengths across
+the header or down the first column. Nothing in a file is executed: no pickle, no evaluation.
+"""
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.sampling.prior.r_data import read_r_columns
+
+GRID = visible_grid(5)
+# a curve may end this far inside 400-700 nm; it is then continued by its end value
+END_GAP_NM = 6.0
+# of most curves, over a tenth of their wavelengths: no reflectance, whatever the file says
+FAR_ABOVE_ONE = 1.2
+# Data sets that hold absorbance log10(1 / reflectance) although they are called reflectance. Ikeogu
+# et al. (2017): the values reach 1.95 in the water band at 1930 nm, and those at 450 nm grow with
+# the carotenoids (correlation 0.88).
+ABSORBANCES = ("ikeogu.2017.rda",)
+Curves = tuple[np.ndarray, np.ndarray]  # wavelengths (Q,) in nm, reflectances (n, Q)
+
+
+@dataclass(frozen=True)
+class ReflectanceLibrary:
+    """Reflectances (n, 61) at 400, 405 ... 700 nm; ``left_out`` says how many curves were not
+    usable, and why.
+    """
+
+    name: str
+    reflectances: np.ndarray
+    left_out: dict[str, int]
+
+
+def read_library(folder: Path) -> ReflectanceLibrary:
+    """All usable reflectances of a folder.
+
+    Left out are curves with gaps, that leave [0, 1] anywhere in 400-700 nm (fluorescent, or wrongly
+    scaled), or that do not cover it to within 6 nm, and whole files whose values elsewhere show
+    that they are no reflectances.
+
+    Raises
+    ------
+    InputError
+        If the folder is missing or holds no usable reflectance.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; give folders that hold measured reflectances")
+    found: list[np.ndarray] = []
+    left_out: dict[str, int] = {}
+    for path in sorted(folder.iterdir()):
+        reader = READERS.get(path.suffix.lower())
+        for nm, curves in reader(path) if reader else []:
+            kept, why = usable(nm, curves)
+            found.append(kept)
+            left_out.update({reason: left_out.get(reason, 0) + count for reason,
+                             count in why.items() if count})
+    reflectances = np.concatenate(found) if found else np.empty((0, GRID.nm.size))
+    if not len(reflectances):
+        raise InputError(f"{folder.name} holds no usable reflectance "
+                         f"({left_out or 'no file of a known format'}); known are "
+                         f"{', '.join(READERS)}, with values between 0 and 1 from 400 to 700 nm")
+    return ReflectanceLibrary(folder.name, reflectances, left_out)
+
+
+def usable(nm: np.ndarray, curves: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
+    """Curves (n, Q) that can be trained on, at the 61 wavelengths, and how many could not by
+    reason.
+    """
+    order = np.argsort(nm)
+    nm, curves = nm[order], curves[:, order]
+    if nm.size < 2 or nm[0] > GRID.nm[0] + END_GAP_NM or nm[-1] < GRID.nm[-1] - END_GAP_NM:
+        return np.empty((0, GRID.nm.size)), {"400-700 nm not covered": len(curves)}
+    high = np.nanpercentile(np.where(np.isfinite(curves), curves,
+                                     np.nan)[np.isfinite(curves).any(axis=1)], 90, axis=1)
+    if high.size and np.median(high) > FAR_ABOVE_ONE:
+        return np.empty((0, GRID.nm.size)), {"far above 1: absorbance, or per cent": len(curves)}
+    seen = (nm > GRID.nm[0] - 20) & (nm < GRID.nm[-1] + 20)
+    nm, curves = nm[seen], curves[:, seen]
+    whole = np.all(np.isfinite(curves), axis=1)
+    at_grid = np.array([np.interp(GRID.nm, nm, curve) for curve in curves[whole]]).reshape(-1, GRID.nm.size)
+    inside = np.all((at_grid >= 0) & (at_grid <= 1), axis=1)
+    return at_grid[inside], {"gaps": int(np.sum(~whole)), "outside 0 to 1": int(np.sum(~inside))}
+
+
+def without_near_duplicates(reflectances: np.ndarray, distance: float = 0.004,
+                            others: np.ndarray | None = None) -> np.ndarray:
+    """Rows (n, P) with a root-mean-square distance of at least ``distance`` to every row kept
+    before and to others.
+    """
+    kept = np.empty_like(reflectances)
+    count = 0
+    for row in reflectances:
+        against = kept[:count] if others is None else np.concatenate([kept[:count], others])
+        if not len(against) or np.min(np.mean((against - row)**2, axis=1)) >= distance**2:
+            kept[count] = row
+            count += 1
+    return kept[:count].copy()
+
+
+def _read_envi(path: Path) -> list[Curves]:
+    header_path = path.with_suffix(".hdr")
+    if not header_path.exists():
+        raise InputError(f"{path.name} needs its header {header_path.name} beside it")
+    header = header_path.read_text(encoding="utf-8", errors="replace")
+    fields = dict(re.findall(r"^([a-z ]+?)\s*=\s*(\{[^}]*\}|\S+)", header, flags=re.MULTILINE))
+    try:
+        nm = np.array([float(value) for value in fields["wavelength"].strip("{} \n").split(",")])
+        lines, samples = int(fields["lines"]), int(fields["samples"])
+        kind = {"4": "f4", "5": "f8"}[fields["data type"]]
+    except (KeyError, ValueError) as error:
+        raise InputError(
+            f"{header_path.name} is no header of a spectral library ({error})") from None
+    values = np.fromfile(path, dtype=("<" if fields.get("byte order", "0") == "0" else ">") + kind)
+    if values.size != lines * samples or nm.size != samples:
+        raise InputError(f"{path.name} holds {values.size} numbers; its header promises {lines} x "
+                         f"{samples}")
+    return [(nm, values.reshape(lines, samples).astype(float))]
+
+
+def _read_patches(path: Path) -> list[Curves]:
+    try:
+        table = json.loads(path.read_text(encoding="utf-8"))["spectral_data"]["data"]["main"]
+        nm = np.array([float(key) for key in table])
+        return [(nm, np.array(list(table.values()), dtype=float).T)]
+    except (KeyError, TypeError, ValueError):
+        return []
+
+
+def _read_usgs(path: Path) -> list[Curves]:
+    from scipy.io import loadmat
+
+    try:
+        library = loadmat(path)["datalib"]
+    except (KeyError, ValueError, TypeError):
+        return []
+    # Columns 0 to 2 are wavelength in micrometres, resolution and channel; -1.23e34 stands for no
+    # measurement.
+    values = np.where(np.abs(library[:, 3:]) < 100, library[:, 3:], np.nan)
+    return [(library[:, 0] * 1000, values.T)]
+
+
+def _read_r(path: Path) -> list[Curves]:
+    columns = read_r_columns(path)
+    named = {name: float(name.lstrip("Xx")) for name in columns
+             if re.fullmatch(r"[Xx]?\d{3,4}(\.\d+)?", name)}
+    if not named:
+        return []
+    values = np.array([columns[name] for name in named]).T
+    if path.name in ABSORBANCES:
+        values = 10**-values
+    return [(np.array(list(named.values())), values)]
+
+
+def _read_zip(path: Path) -> list[Curves]:
+    with zipfile.ZipFile(path) as archive:
+        names = sorted(name for name in archive.namelist() if name.lower().endswith(".csv"))
+        return [curves for name in names
+                for curves in _parse_csv(archive.read(name).decode("utf-8-sig", errors="replace"))]
+
+
+def _read_csv(path: Path) -> list[Curves]:
+    return _parse_csv(path.read_text(encoding="utf-8-sig", errors="replace"))
+
+
+def _parse_csv(text: str) -> list[Curves]:
+    rows = [row for row in csv.reader(io.StringIO(text)) if row and not row[0].startswith("#")]
+    across = [_number(cell) for cell in rows[0]] if rows else []
+    numbers = [value for value in across if 200 < value < 3000]
+    if len(numbers) > 20 and len(numbers) == np.count_nonzero(np.isfinite(across)):
+        start = len(across) - len(numbers)
+        return [(np.array(numbers), _table([row[start:len(across)] for row in rows[1:]],
+                                           len(numbers)))]
+    width = len(rows[0]) if rows else 0
+    table = _table(rows[1:], width)
+    down = table[:, 0] if table.size else np.empty(0)
+    if width > 1 and down.size > 20 and np.all(np.diff(down) > 0) and 200 < down[0] < 3000:
+        return [(down, table[:, 1:].T)]
+    return []
+
+
+def _table(rows: list[list[str]], width: int) -> np.ndarray:
+    whole = [[_number(cell) for cell in row] for row in rows if len(row) == width]
+    return np.array(whole).reshape(-1, max(width, 1))
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")
+
+
+READERS: dict[str, Callable[[Path], list[Curves]]] = {
+    ".sli": _read_envi, ".json": _read_patches, ".mat": _read_usgs, ".rda": _read_r,
+    ".zip": _read_zip,
+    ".csv": _read_csv}

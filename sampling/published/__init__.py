@@ -1,0 +1,1 @@
+"""What others published: the paper's sampler, its ranking, and baselines of colour science."""

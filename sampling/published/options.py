@@ -1,0 +1,72 @@
+"""What the paper does with more measurements and more coefficients, for comparison: ranking (Eqs.
+9, 10), Eq. 16.
+"""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import Outcome, SpectrumSamples
+from spectrabox.sampling.further.more_measurements import MoreMeasurement, measured_rows
+from spectrabox.sampling.measurement import SpectralMeasurement, SpectralSamples
+from spectrabox.sampling.polytope.refinement import lifting, residual_directions
+from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.published.per_axis_box import draw_in_box
+from spectrabox.sampling.published.ranking import best_by_signals
+
+
+def ranked(samples: SpectralSamples, base: SpectralMeasurement, more: list[MoreMeasurement],
+           twice: np.ndarray | None, keep: int) -> SpectralSamples:
+    """The ``keep`` draws nearest to all further measurements (Eq. 9) and to light reflected twice
+    (Eq. 10).
+
+    Raises
+    ------
+    InputError
+        If there is nothing to rank by, or fewer draws than are to be kept.
+    """
+    seen, measured = [], []
+    for one in more:
+        rows, values, _ = measured_rows(base, one)
+        seen.append(samples.spectra @ rows.T)
+        measured.append(values)
+    if twice is not None:
+        seen.append(samples.spectra**2 @ base.response_on(GRID).T)
+        measured.append(twice)
+    if not seen:
+        raise InputError("--keep ranks draws by further measurements; give some, or leave it out")
+    kept = best_by_signals(np.hstack(seen), np.concatenate(measured), keep)
+    return replace(samples, spectra=samples.spectra[kept], coefficients=samples.coefficients[kept],
+                   effective_samples=float(keep),
+                   method=f"{samples.method}, best {keep} of {len(samples.spectra)}",
+                   outcome=f"{samples.outcome} Ranked, not conditioned: draws need not agree with "
+                   "what was measured.")
+
+
+def refined_as_published(measurement: SpectralMeasurement, coarse: int, fine: int, draws: int,
+                         seed: int) -> SpectrumSamples:
+    """Draws around one lifted solution in the box of the residual directions (Eqs. 11-16 read
+    literally).
+
+    Raises
+    ------
+    InputError
+        If the knots do not nest, or nothing is left to draw along.
+    """
+    operator = measurement.operator(coarse)
+    solution = lsq_linear(operator.A, operator.y, bounds=(0, 1), tol=1e-12).x
+    T = lifting(coarse, fine)
+    start = np.clip(T @ solution, 0, 1)
+    directions = residual_directions(measurement.response @ basis_matrix(measurement.grid.nm, fine),
+                                     T)
+    if not directions.shape[1]:
+        raise InputError(f"refining {coarse} coefficients to {fine} leaves no direction that the "
+                         "camera does not see; refine to more")
+    coefficients, acceptance = draw_in_box(start, directions, draws, seed)
+    method = f"one solution of {coarse} coefficients refined to {fine} as published (far too narrow)"
+    return SpectrumSamples(coefficients, None, method, acceptance, float(draws), seed,
+                           Outcome.CONVERGED)

@@ -1,0 +1,1 @@
+"""Draws of all materials of a scene at once, through its light transport."""

@@ -1,0 +1,145 @@
+"""Draws of all unknown materials of a photographed scene through its traced light transport, for a
+session.
+
+What is wrong with the calibration, the light's scale or the model of a surface befalls many regions
+at once, so it is carried as errors that they share and not as noise of each.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.stats import chi2
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import LightTransport
+from spectrabox.sampling.measurement import SpectralSamples, nearest_splines
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
+from spectrabox.sampling.scene.labels import SAMPLED, find_modes
+from spectrabox.sampling.scene.posterior import (
+    JointProblem,
+    Modes,
+    joint_problem,
+    logits_of,
+    residual_by_logit,
+)
+from spectrabox.sampling.scene.sampling import sample_joint
+
+METHOD = "learnt prior through the light transport"
+# chance of a picture as unlike the model as this one, below which the outcome says so
+SURPRISING = 1e-3
+THROUGH_TRANSPORT = ("Weighted draws from the learnt prior of all materials at once, through the "
+                     "traced light transport, interreflection included.")
+DISAGREES = ("The picture agrees with no spectra that the prior knows through this light "
+             "transport: the draws come as near as they can; check geometry, light and "
+             "calibration, or state a larger surface error.")
+
+
+def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np.ndarray,
+               response: np.ndarray,
+               draws: int, seed: int, prior: LogitMixture | None = None, *,
+               common: np.ndarray | None = None,
+               known: Mapping[str, np.ndarray] | None = None, coefficients: int = 13,
+               effective_wanted: float = 1000.0) -> dict[str, SpectralSamples]:
+    """Draws of every unknown material of a scene, by name; row t of all of them belongs to the same
+    scene.
+
+    Parameters
+    ----------
+    transport : LightTransport
+        Traced with unit reflectances and light; R regions. The light's scale is in ``response``.
+    signal, standard_error : (R, K)
+        Mean of the photo over each region, and its independent error: photo noise of the mean and
+        Monte Carlo noise of the transport. NaN leaves a region out.
+    response : (K, P)
+        Scale x sensitivity x light x weight in nm, on the prior's 61 wavelengths.
+    draws, seed : int
+        T, at least 100.
+    prior : LogitMixture, optional
+        The one shipped with the project by default.
+    common : (Q, R, K), optional
+        Errors that regions share, from `shared_errors`.
+    known : mapping, optional
+        Reflectance (61,) of the materials that are given, by name.
+    coefficients : int
+        N of the splines that are fitted to the draws.
+    effective_wanted : float
+        Independent draws that they must be worth: 1000 for a 95 % band.
+
+    Raises
+    ------
+    InputError
+        If shapes do not belong together, or nothing is unknown.
+    ConvergenceError
+        If fewer draws are effective after 16000 proposals.
+    """
+    if unknown := set(known or {}) - set(transport.materials):
+        raise InputError(f"the known materials {', '.join(sorted(unknown))} are not in the "
+                         f"transport, which has {', '.join(transport.materials)}; name them as the "
+                         "scene does")
+    problem = joint_problem(transport, response, signal, standard_error, prior or load_prior(),
+                            common, known)
+    if not problem.materials:
+        raise InputError("every material of the scene is known; leave at least one to be found")
+    # the matrices are small: several threads take up to ten times as long as one
+    with threadpool_limits(1, "blas"):
+        modes = find_modes(problem, SAMPLED)
+        found = sample_joint(problem, seed, modes, draws, effective_wanted)
+    outcome = DISAGREES if surprise(problem, modes) < SURPRISING else THROUGH_TRANSPORT
+    basis = basis_matrix(GRID.nm, coefficients)
+    return {name: SpectralSamples(GRID, found.spectra[:, m], nearest_splines(found.spectra[:, m],
+                                                                             basis), METHOD,
+                                  found.effective_samples, seed, outcome)
+            for m, name in enumerate(problem.materials)}
+
+
+def shared_errors(signal: np.ndarray, relative_covariance: np.ndarray, scale_error: float = 0.0,
+                  surface: np.ndarray | None = None, colour_error: float = 0.0,
+                  brightness_error: float = 0.0) -> np.ndarray:
+    """What one standard deviation of each error that regions share does to the signals (Q, R, K).
+
+    Parameters
+    ----------
+    signal : (R, K)
+    relative_covariance : (K, K)
+        Of the bands, common to all regions: `Calibration.relative_covariance`.
+    scale_error : float
+        Relative standard error of the light's scale, common to all regions and bands.
+    surface : (R,) int, optional
+        Which surface each region belongs to.
+    colour_error, brightness_error : float
+        Relative standard error of the model of each surface: in each band apart, and in all bands
+        alike.
+
+    Raises
+    ------
+    InputError
+        For a covariance that is none, or errors that are negative.
+    """
+    values, vectors = np.linalg.eigh(relative_covariance)
+    if values[0] < -1e-10 * max(values[-1], 1e-12) or min(scale_error, colour_error,
+                                                          brightness_error) < 0:
+        raise InputError("the calibration's relative covariance must be positive semi-definite and "
+                         "the errors of scale and surfaces not negative; fit the calibration again")
+    alike, apart = np.ones(signal.shape[1]), np.eye(signal.shape[1])
+    patterns = list((vectors * np.sqrt(np.maximum(values, 0))).T[values > 0])
+    patterns += [scale_error * alike]
+    of_surface = [brightness_error * alike, *(colour_error * apart)]
+    errors = [signal * pattern for pattern in patterns if pattern.any()]
+    for name in np.unique(surface) if surface is not None else ():
+        errors += [np.where((surface == name)[:, None], signal * pattern,
+                            0.0) for pattern in of_surface
+                   if pattern.any()]
+    return np.nan_to_num(np.array(errors).reshape(-1, *signal.shape))
+
+
+def surprise(problem: JointProblem, modes: Modes) -> float:
+    """Chance of a picture at least as far from the prior's as this one, in the Gaussian
+    approximation at the mode.
+    """
+    best = int(np.argmax(modes.evidence))
+    z = modes.z[best]
+    residual, _ = residual_by_logit(problem, logits_of(problem, modes.labels[best], z[None])[0])
+    return float(chi2.sf(residual @ residual + z @ z, len(residual)))

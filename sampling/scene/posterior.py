@@ -1,0 +1,298 @@
+"""All materials of a scene at once, through its light transport: the likelihood, its modes,
+Laplace.
+
+With the transport traced once (`LightTransport`), signal_rk = sum_e T_re integral response_k prod_m
+rho_m^n_em is a polynomial in the reflectances, and its likelihood costs a fraction of a
+millisecond. Light that has met a second material carries products of spectra, which tell what the
+direct signal of either cannot.
+
+Unknowns: a component of the prior's mixture for every material (labels, M), and z (M P,), standard
+normal, with logit rho_m = mean of its component + root of its covariance @ z_m: all P wavelengths
+are kept, nothing of the prior is truncated. The noise-weighted transport is reduced to the few rows
+that rise above the noise, after which the cost does not depend on the number of pixels.
+`joint_labels.py` finds the labels.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.radiometry.records import LightTransport, Outcome
+from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
+
+# of Levenberg-Marquardt; the fall of the cost, in nats, that counts as standing still
+STEPS, STILL = 60, 1e-2
+LONGEST_STEP = 3.0          # in standard deviations of the prior
+NEGLIGIBLE = 1e-6           # of the brightest product: dropped
+# a row of the transport whose signals scatter by less under the prior, in units of noise
+BELOW_NOISE = 0.05
+SCENES = 300                # drawn from the prior to find those rows
+
+
+@dataclass(frozen=True)
+class JointProblem:
+    """One scene: rows (F, K, E) and targets (F,) in units of the noise, response (K, P), and the
+    prior's parts.
+
+    ``materials`` and ``exponents`` (E, M) are those of the unknown materials; ``known`` (E, P) is
+    the product of the known reflectances met. ``means`` (C + 1, P) and ``roots`` (C + 1, P, P): the
+    last is the one Gaussian with the mixture's moments.
+    """
+
+    materials: tuple[str, ...]
+    exponents: np.ndarray
+    known: np.ndarray
+    rows: np.ndarray
+    targets: np.ndarray
+    response: np.ndarray
+    log_weights: np.ndarray
+    means: np.ndarray
+    roots: np.ndarray
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Most probable z (B, M P) given labels (B, M), and the log evidence (B,) of each by
+    Laplace.
+    """
+
+    labels: np.ndarray
+    z: np.ndarray
+    evidence: np.ndarray
+    outcome: Outcome
+
+
+def gaussian_of(prior: LogitMixture) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (P,) and root L (P, P) of the one Gaussian with the mixture's mean and covariance."""
+    mean = prior.weights @ prior.means
+    away = prior.means - mean
+    covariance = np.einsum("c,cpq->pq", prior.weights, prior.covariances) + (away.T
+                                                                             * prior.weights) @ away
+    return mean, np.linalg.cholesky(covariance)
+
+
+def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.ndarray,
+                  standard_error: np.ndarray, prior: LogitMixture, common: np.ndarray | None = None,
+                  known: Mapping[str, np.ndarray] | None = None) -> JointProblem:
+    """Prepare the likelihood of a scene.
+
+    Parameters
+    ----------
+    transport : LightTransport
+        R regions or pixels.
+    response : (K, P)
+        Sensitivity x light x integration weight on the prior's 61 wavelengths.
+    signal, standard_error : (R, K)
+        Measured, and its independent noise; a region with a NaN signal is left out.
+    prior : LogitMixture
+        Of every material.
+    common : (Q, R, K), optional
+        What one standard deviation of each error shared by regions or bands does to the signals:
+        light scale, sensitivities, what photo and model disagree by on a surface.
+    known : mapping, optional
+        Reflectance (P,) of materials that are not asked for, by name.
+
+    Raises
+    ------
+    InputError
+        If shapes do not belong together, or an error is not positive.
+    """
+    regions = len(transport.coefficients)
+    if signal.shape != (regions, len(response)) or standard_error.shape != signal.shape:
+        raise InputError(f"signal {signal.shape} and standard error {standard_error.shape} must "
+                         f"both be ({regions}, {len(response)}): one row per region of the "
+                         "transport")
+    if common is not None and common.shape[1:] != signal.shape:
+        raise InputError(f"the common errors {common.shape} must be (Q, {regions}, "
+                         f"{len(response)}): what one standard deviation of each does to every "
+                         "signal")
+    used = np.all(np.isfinite(signal), axis=1)
+    if not used.any() or not np.all(standard_error[used] > 0):
+        raise InputError("every region that is used needs a signal and a positive standard error")
+    mean, root = gaussian_of(prior)
+    kept = np.abs(transport.coefficients).max(axis=0) > NEGLIGIBLE * np.abs(
+        transport.coefficients).max()
+    weight = 1 / np.sqrt(standard_error[used]**2 + _monte_carlo_variance(transport, response, mean,
+                                                                         used))
+    shared = np.zeros((0, *signal.shape)) if common is None else common
+    rows, targets = _whitened(transport.coefficients[used][:, kept], signal[used], weight,
+                              shared[:, used])
+    exponents, given = transport.exponents[kept].astype(float), known or {}
+    unknown = [m for m, name in enumerate(transport.materials) if name not in given]
+    factor = np.prod([np.maximum(given[name], 1e-6)**exponents[:, m, None]
+                      for m, name in enumerate(transport.materials) if name in given]
+                     or [np.ones((len(exponents), mean.size))], axis=0)
+    whole = JointProblem(tuple(transport.materials[m] for m in unknown), exponents[:, unknown],
+                         factor, rows, targets, response,
+                         np.log(np.append(prior.weights, 1.0)), np.vstack([prior.means, mean]),
+                         np.concatenate([np.linalg.cholesky(prior.covariances), root[None]]))
+    return _above_noise(whole)
+
+
+def climb(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes:
+    """Most probable z given labels (B, M), from z (B, M P), by Levenberg-Marquardt, with Laplace's
+    evidence.
+
+    Raises
+    ------
+    ConvergenceError
+        If a cost is not finite.
+    """
+    found = [_climb_one(problem, one, start) for one, start in zip(labels, z, strict=True)]
+    z, evidence, still = (np.array(part) for part in zip(*found, strict=True))
+    return Modes(labels, z, evidence, Outcome.CONVERGED if still.all() else Outcome.STEP_LIMIT)
+
+
+def residual_and_jacobian(problem: JointProblem, labels: np.ndarray,
+                          z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residual (F,) in units of the noise and its derivative by z (F, M P), for labels (M,)."""
+    residual, by_logit = residual_by_logit(problem, logits_of(problem, labels, z[None])[0])
+    jacobian = np.concatenate([by_logit[:, m] @ problem.roots[label] for m,
+                               label in enumerate(labels)], axis=1)
+    return residual, jacobian
+
+
+def residual_by_logit(problem: JointProblem, logits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residual (F,) and its derivative (F, M, P) by the logits (M, P)."""
+    rho, terms = products(problem, logits[None])
+    residual = np.einsum("fke,ke->f", problem.rows, problem.response @ terms[0].T) - problem.targets
+    slopes = [(problem.rows * problem.exponents[:, m]).transpose(1, 0, 2) @ terms[0]
+              for m in range(len(problem.materials))]   # each (K, F, P)
+    by_logit = np.stack([np.einsum("kfp,kp->fp", slope, problem.response) for slope in slopes],
+                        axis=1)
+    return residual, by_logit * (1 - rho[0])
+
+
+def products(problem: JointProblem, logits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Reflectances (n, M, P) of logits (n, M, P), and the products (n, E, P), known reflectances
+    among them.
+    """
+    terms = np.exp(problem.exponents @ -np.logaddexp(0, -logits))   # log rho stays finite
+    return reflectance(logits), terms * problem.known
+
+
+def logits_of(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Logits (n, M, P) of unknowns z (n, M P) under labels (M,)."""
+    shaped = z.reshape(len(z), len(problem.materials), -1)
+    return np.stack([problem.means[label] + shaped[:, m] @ problem.roots[label].T for m,
+                     label in enumerate(labels)], axis=1)
+
+
+def covariance_at(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Covariance (M P, M P) of z about a mode, by Laplace's approximation."""
+    jacobian = residual_and_jacobian(problem, labels, z)[1]
+    covariance = np.linalg.inv(jacobian.T @ jacobian + np.eye(z.size))
+    return (covariance + covariance.T) / 2
+
+
+def information_bits(problem: JointProblem) -> np.ndarray:
+    """Bits (M,) that the picture told about each material: -1/2 log2 det of its covariance over the
+    prior's.
+
+    Both are those of the one Gaussian with the mixture's moments, the posterior's by Laplace.
+    """
+    materials, size = len(problem.materials), problem.means.shape[1]
+    labels = np.full(materials, len(problem.means) - 1)
+    found = climb(problem, labels[None], np.zeros((1, materials * size)))
+    covariance = covariance_at(problem, labels, found.z[0])
+    blocks = [covariance[m * size:(m + 1) * size, m * size:(m + 1) * size]
+              for m in range(materials)]
+    return np.array([-np.linalg.slogdet(block)[1] / (2 * np.log(2)) for block in blocks])
+
+
+def _climb_one(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, float,
+                                                                                  bool]:
+    """z at the mode, log evidence, and whether it stood still. The algebra is in the space of the F
+    rows.
+    """
+    residual, jacobian = residual_and_jacobian(problem, labels, z)
+    cost, damping = float(residual @ residual + z @ z) / 2, 1e-3
+    values, vectors = np.linalg.eigh(jacobian @ jacobian.T)
+    still = False
+    for _ in range(STEPS):
+        # Woodbury: (J'J + a I)^-1 v = (v - J' (J J' + a I)^-1 J v) / a; a step towards a lower
+        # cost.
+        slope, a = jacobian.T @ residual + z, 1 + damping
+        step = -(slope - jacobian.T
+                 @ (vectors @ ((vectors.T @ (jacobian @ slope)) / (values + a)))) / a
+        trial = z + step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+        trial_residual, trial_jacobian = residual_and_jacobian(problem, labels, trial)
+        trial_cost = float(trial_residual @ trial_residual + trial @ trial) / 2
+        fall = cost - trial_cost
+        if fall > 0:
+            z, residual, jacobian, cost, damping = trial, trial_residual, trial_jacobian, trial_cost, damping / 10
+            values, vectors = np.linalg.eigh(jacobian @ jacobian.T)
+        else:
+            damping = max(10 * damping, 1e-3)
+        still = 0 <= fall < STILL or damping > 1e10
+        if still:
+            break
+    if not np.isfinite(cost):
+        raise ConvergenceError("the joint fit did not reach a finite cost; check the signals and "
+                               "their errors")
+    evidence = float(problem.log_weights[labels].sum()) - cost - np.log1p(np.maximum(values,
+                                                                                     0)).sum() / 2
+    return z, evidence, still
+
+
+def _whitened(coefficients: np.ndarray, signal: np.ndarray, weight: np.ndarray,
+              common: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (Q', K, E) and targets (Q',) with the likelihood of all regions, up to a constant.
+
+    Per band the weighted transport and shared errors are reduced to a triangle (QR); what the
+    regions say beyond their span is the same for all spectra. Then the bands are whitened together.
+    """
+    bands, count = weight.shape[1], coefficients.shape[1]
+    triangles, reduced, errors = [], [], []
+    for band in range(bands):
+        both = np.hstack([coefficients, common[:, :, band].T]) * weight[:, band, None]
+        orthonormal, triangle = np.linalg.qr(both)
+        triangles.append(triangle[:, :count])
+        errors.append(triangle[:, count:])
+        reduced.append(orthonormal.T @ (signal[:, band] * weight[:, band]))
+    height = len(triangles[0])
+    rows = np.zeros((bands * height, bands, count))
+    for band, triangle in enumerate(triangles):
+        rows[band * height:(band + 1) * height, band] = triangle
+    error = np.concatenate(errors)
+    if not error.shape[1]:
+        return rows, np.concatenate(reduced)
+    together = np.hstack([rows.reshape(len(rows), -1), np.concatenate(reduced)[:, None]])
+    white = solve_triangular(np.linalg.cholesky(np.eye(len(rows)) + error @ error.T), together,
+                             lower=True)
+    return white[:, :-1].reshape(rows.shape), white[:, -1]
+
+
+def _above_noise(problem: JointProblem) -> JointProblem:
+    """The problem with the rows along which the signals of scenes drawn from the prior rise above
+    the noise.
+    """
+    rng, materials = np.random.default_rng(0), len(problem.materials)
+    labels = rng.choice(len(problem.means) - 1, (SCENES, materials),
+                        p=np.exp(problem.log_weights[:-1]))
+    z = rng.standard_normal((*labels.shape, problem.means.shape[1]))
+    logits = problem.means[labels] + (problem.roots[labels] @ z[..., None])[..., 0]
+    received = (products(problem, logits)[1] @ problem.response.T).transpose(0, 2,
+                                                                             1).reshape(SCENES, -1)
+    seen = received @ problem.rows.reshape(len(problem.rows), -1).T
+    _, size, directions = np.linalg.svd((seen - seen.mean(axis=0)) / np.sqrt(SCENES),
+                                        full_matrices=False)
+    kept = directions[size > BELOW_NOISE]
+    return replace(problem, rows=np.einsum("gf,fke->gke", kept, problem.rows),
+                   targets=kept @ problem.targets)
+
+
+def _monte_carlo_variance(transport: LightTransport, response: np.ndarray, mean: np.ndarray,
+                          used: np.ndarray) -> np.ndarray:
+    """Variance (R, K) of signals from the noise of the traced coefficients, at the prior's mean
+    spectrum.
+    """
+    if transport.covariance is None:
+        return np.zeros((int(used.sum()), len(response)))
+    rho = np.tile(reflectance(mean), (len(transport.materials), 1))
+    received = np.exp(transport.exponents.astype(float) @ np.log(rho)) @ response.T
+    return np.einsum("ek,ref,fk->rk", received, transport.covariance[used], received, optimize=True)

@@ -1,0 +1,219 @@
+"""Draws from the joint posterior of all materials: randomise, then optimise, then weigh.
+
+A picture of many pixels pins a few dozen directions down to a thousandth of the prior and leaves
+the others free; through the logit and the products of reflectances the pinned directions bend.
+Random walks along the bends are slow. Here every proposal is drawn from the prior along what the
+picture leaves free, and along the r directions that it informs it is the solution of the randomised
+optimality equations (randomise-then-optimise, Bardsley et al. 2014, in the form of Bardsley et al.
+2020 for few informed directions). With J = U diag(s) V' at a mode and z = V a + rest,
+
+    eta(a) = (1 + s^2)^-1/2 (a + s U' f(z)),   solve eta(a) = e, e ~ N(0, I_r),
+
+proposals have the density N(eta) |det d eta / d a|, known exactly, so importance weights make the
+draws exact: bends, labels and what the reduction to r directions left out. Proposals are
+independent; the weights say how good they are.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.radiometry.shaped import Record
+from spectrabox.sampling.polytope.diagnostics import tail_shape
+from spectrabox.sampling.prior.mixture import reflectance
+from spectrabox.sampling.scene.labels import SAMPLED, find_modes
+from spectrabox.sampling.scene.posterior import (
+    JointProblem,
+    Modes,
+    logits_of,
+    products,
+    residual_and_jacobian,
+)
+
+ROUND, MOST_PROPOSALS = 2000, 16_000
+INFORMED = 0.01  # a singular value of the Jacobian by which a direction counts as informed
+DEFENSIVE = 0.2  # of the proposals go to all labels alike, whatever is believed of them
+NEWTON_STEPS, SOLVED = 20, 1e-6
+BLOCK = 250
+FEWEST_EFFECTIVE, TAIL_LIMIT = 400.0, 0.7     # of the weights (tail: Vehtari et al. 2024)
+
+
+@dataclass(frozen=True, eq=False)
+class JointSamples(Record):
+    """Draws of the reflectances of all materials of a scene on the prior's wavelengths, all equally
+    likely.
+    """
+
+    materials: tuple[str, ...]
+    spectra: Annotated[np.ndarray, "T M P"]
+    effective_samples: float    # independent draws that the weighted proposals are worth
+    tail: float  # shape of the weights' tail: below 0.7 the effective number can be trusted
+    proposals: int
+    unsolved: float             # share of proposals without a solution: left out
+    seed: int
+
+    @property
+    def converged(self) -> bool:
+        """Whether 400 draws are effective and the weights' tail is light enough to trust that
+        number.
+        """
+        return self.effective_samples >= FEWEST_EFFECTIVE and self.tail < TAIL_LIMIT
+
+
+@dataclass(frozen=True)
+class _Proposer:
+    """What proposals under one choice of labels need."""
+
+    labels: np.ndarray          # (M,)
+    log_weight: float           # of the labels under the prior
+    centre: np.ndarray          # (r,) a at the mode
+    directions: np.ndarray      # V (M P, r)
+    size: np.ndarray            # s (r,)
+    by_product: np.ndarray      # s U' rows (r, K, E)
+    target: np.ndarray          # s U' targets (r,)
+    by_wavelength: np.ndarray   # (P, E, r M): how s U' f moves with log of each reflectance
+    logit_directions: np.ndarray    # (M P, r)
+
+
+def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, kept: int = 4000,
+                 effective_wanted: float = FEWEST_EFFECTIVE, refuse: bool = True) -> JointSamples:
+    """Draw from the joint posterior until enough draws are effective.
+
+    Parameters
+    ----------
+    problem : JointProblem
+    seed : int
+    modes : Modes, optional
+        Of many labels; found if not given.
+    kept : int
+        T: resampled from the weighted proposals, so some are drawn more than once.
+    effective_wanted : float
+        Independent draws that the weighted proposals must be worth: 1000 for a 95 % band.
+
+    Raises
+    ------
+    InputError
+        If fewer than 100 draws are to be kept.
+    ConvergenceError
+        If 16000 proposals do not suffice and ``refuse`` is set.
+    """
+    if kept < 100:
+        raise InputError(f"{kept} draws were asked for; ask for at least 100")
+    modes = modes or find_modes(problem, SAMPLED)
+    rng = np.random.default_rng(seed)
+    proposers = [_proposer(problem, labels, z) for labels, z in zip(modes.labels, modes.z,
+                                                                    strict=True)]
+    belief = np.exp(modes.evidence - modes.evidence.max())
+    counts = np.zeros(len(proposers), dtype=int)
+    logits: list[np.ndarray] = []
+    log_ratios: list[np.ndarray] = []
+    owners: list[np.ndarray] = []
+    while counts.sum() < MOST_PROPOSALS:
+        new = rng.multinomial(ROUND, (1 - DEFENSIVE) * belief / belief.sum()
+                              + DEFENSIVE / len(belief))
+        for number in np.flatnonzero(new):
+            for start in range(0, new[number], BLOCK):
+                found, ratio = _propose(problem, proposers[number], min(BLOCK, new[number] - start),
+                                        rng)
+                logits.append(found)
+                log_ratios.append(ratio)
+                owners.append(np.full(len(found), number))
+        counts += new
+        owner = np.concatenate(owners)
+        # of all rounds as one mixture
+        log_weights = np.concatenate(log_ratios) - np.log(counts[owner])
+        weights = np.exp(log_weights - log_weights.max())
+        effective, tail = float(weights.sum()**2 / (weights**2).sum()), tail_shape(weights)
+        if effective >= effective_wanted and tail < TAIL_LIMIT:
+            break
+        # what Laplace thought of the labels is corrected
+        belief = np.bincount(owner, weights, len(counts))
+    else:
+        if refuse:
+            raise ConvergenceError(f"the joint posterior has not converged after {MOST_PROPOSALS} "
+                                   f"proposals: {effective:.0f} effective draws, tail of the "
+                                   f"weights {tail:.2f}; state a larger noise, or use each "
+                                   "material's own signal")
+    cumulative = np.cumsum(weights) / weights.sum()
+    chosen = np.searchsorted(cumulative, (np.arange(kept) + rng.random())
+                             / kept).clip(max=len(weights) - 1)
+    spectra = reflectance(np.concatenate(logits)[rng.permutation(chosen)])  # else mode after mode
+    proposals = int(counts.sum())
+    return JointSamples(problem.materials, spectra, effective, tail, proposals,
+                        1 - len(weights) / proposals, seed)
+
+
+def _proposer(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> _Proposer:
+    jacobian = residual_and_jacobian(problem, labels, z)[1]
+    u, size, vt = np.linalg.svd(jacobian, full_matrices=False)
+    informed = size > INFORMED
+    u, size, directions = u[:, informed], size[informed], vt[informed].T
+    materials, wavelengths = len(labels), problem.means.shape[1]
+    by_product = np.einsum("r,fr,fke->rke", size, u, problem.rows)
+    weight = np.einsum("rke,kp->per", by_product, problem.response)
+    by_wavelength = (weight[..., None] * problem.exponents[None, :, None, :]).reshape(
+        *weight.shape[:2], -1)
+    logit_directions = np.concatenate(
+        [problem.roots[label] @ directions[m * wavelengths:(m + 1) * wavelengths]
+         for m, label in enumerate(labels)])
+    assert materials * wavelengths == z.size
+    return _Proposer(labels, float(problem.log_weights[labels].sum()), z @ directions, directions,
+                     size, by_product, size * (u.T @ problem.targets), by_wavelength,
+                     logit_directions)
+
+
+def _propose(problem: JointProblem, one: _Proposer, count: int,
+             rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Logits (n, M, P) and log weights (n,) of proposals; those whose equations have no solution
+    are left out.
+    """
+    scale = 1 / np.sqrt(1 + one.size**2)
+    free = rng.standard_normal((count, len(one.directions)))
+    free -= (free @ one.directions) @ one.directions.T
+    base = logits_of(problem, one.labels, free)
+    wanted = rng.standard_normal((count, one.size.size))
+    a = one.centre + scale * wanted
+    eta, slope, logits = _equations(problem, one, base, a)
+    distance = np.linalg.norm(eta - wanted, axis=1)
+    step = np.ones(count)
+    for _ in range(NEWTON_STEPS):
+        active = np.flatnonzero(distance > SOLVED)
+        if not active.size:
+            break
+        move = np.linalg.solve(slope[active], (wanted - eta)[active][..., None])[..., 0]
+        trial = a[active] + step[active, None] * move
+        new = _equations(problem, one, base[active], trial)
+        new_distance = np.linalg.norm(new[0] - wanted[active], axis=1)
+        better = new_distance < distance[active]
+        rows = active[better]
+        a[rows], eta[rows], slope[rows], logits[rows] = trial[better], *(part[better]
+                                                                         for part in new)
+        distance[rows] = new_distance[better]
+        step[rows], step[active[~better]] = 1.0, step[active[~better]] / 3
+    solved = distance < 1e-3
+    a, eta, slope, logits = a[solved], eta[solved], slope[solved], logits[solved]
+    received = (products(problem, logits)[1] @ problem.response.T).transpose(0, 2, 1)
+    residual = np.tensordot(received, problem.rows, axes=([1, 2], [1, 2])) - problem.targets
+    log_weight = (one.log_weight - np.sum(a**2, axis=1) / 2 - np.sum(residual**2, axis=1) / 2
+                  + np.sum(eta**2, axis=1) / 2 - np.linalg.slogdet(slope)[1])
+    return logits, log_weight
+
+
+def _equations(problem: JointProblem, one: _Proposer, base: np.ndarray,
+               a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """eta (n, r), d eta / d a (n, r, r) and the logits (n, M, P) at a (n, r)."""
+    count, r = a.shape
+    materials, wavelengths = base.shape[1:]
+    logits = base + (a @ one.logit_directions.T).reshape(base.shape)
+    rho, terms = products(problem, logits)
+    received = (terms @ problem.response.T).transpose(0, 2, 1)                       # (n, K, E)
+    scale = 1 / np.sqrt(1 + one.size**2)
+    eta = scale * (a + received.reshape(count, -1) @ one.by_product.reshape(r, -1).T - one.target)
+    moved = terms.transpose(2, 0, 1) @ one.by_wavelength                             # (P, n, r M)
+    moved = moved.reshape(wavelengths, count, r, materials).transpose(1, 2, 3,
+                                                                      0) * (1 - rho)[:, None]
+    slope = moved.reshape(count * r, -1) @ one.logit_directions
+    return eta, scale[:, None] * (np.eye(r) + slope.reshape(count, r, r)), logits

@@ -1,0 +1,129 @@
+"""What each stage of a session is made from: files, settings, earlier stages, and the code
+itself.
+"""
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from spectrabox.radiometry.files import sha256_of
+from spectrabox.reconstruct.scene.scene_file import SceneFile
+from spectrabox.sampling.prior.mixture import SHIPPED
+from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig
+from spectrabox.session.stages.inputs import read_chart_scene, read_session_scene
+from spectrabox.session.store.provenance import DECISIVE, code_digest, versions
+from spectrabox.session.store.store import fingerprint
+
+CODE_OF = {"chart": ("radiometry", "capture"), "photo": ("radiometry", "capture"),
+           "calibrate": ("radiometry", "calibrate", "reconstruct"),
+           "reconstruct": ("radiometry", "reconstruct"), "sample": ("radiometry", "sampling")}
+Key = dict[str, Any]
+
+
+def stage_keys(config: SessionConfig) -> dict[str, Key]:
+    """What each stage of this session is made from.
+
+    Raises
+    ------
+    InputError
+        If an input file is missing.
+    """
+    hashes: dict[str, str] = {}
+
+    def files(*names: str | None) -> dict[str, str]:
+        for name in names:
+            if name is not None and name not in hashes:
+                hashes[name] = sha256_of(config.path(name))
+        return {name: hashes[name] for name in names if name is not None}
+
+    chart_scene = read_chart_scene(config)
+    scenes = {shot.scene: read_session_scene(config, shot.scene) for shot in config.shots}
+    reference = config.chart.reference if Path(config.chart.reference).suffix else None
+    curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
+    installed = versions(DECISIVE)
+    digests = {package: code_digest(package) for package in {package for some in CODE_OF.values()
+                                                             for package in some}}
+
+    def made_by(stage: str) -> Key:
+        return {"versions": installed,
+                "code": {package: digests[package] for package in CODE_OF[stage]}}
+
+    keys: dict[str, Key] = {}
+    shots, correcting = config.shots, (*config.photos.flats.values(), *config.photos.dark_files)
+    lights = {shot.name: [_plain(light) for light in shot.all_lights] for shot in shots}
+    light_files = [light.file for shot in shots for light in shot.all_lights]
+    developing = {"not_linear": config.photos.not_linear, "flats": config.photos.flats,
+                  "drift": _plain(config.drift)}
+    if config.chart_shots:
+        charts = [name for shot in config.chart_shots for name in shot.chart_files]
+        keys["chart"] = {"files": files(*charts, *correcting, reference, *light_files),
+                         "settings": {"reference": config.chart.reference,
+                                      "corners_px": config.chart.corners_px,
+                                      "photos": {shot.name: shot.chart
+                                                 for shot in config.chart_shots},
+                                      "lights": lights} | developing} | made_by("chart")
+    photos = [name for shot in shots for name in shot.photo_files]
+    if config.chart_shots and ONE_PHOTO not in shots[0].photo:
+        photos += config.chart_shots[0].chart_files  # the channel of each band is chosen there
+    keys["photo"] = {"files": files(*photos, *correcting, *scenes, config.camera.lens),
+                     "settings": {"width": config.reconstruct.width,
+                                  "photos": {shot.name: shot.photo for shot in shots}} | developing
+                     } | made_by("photo")
+    keys["calibrate"] = {
+        "files": files(*light_files, config.chart.scene, curves, reference,
+                       config.sensitivity.prior) | _scene_files(chart_scene, config.folder),
+        "settings": {"lights": lights, "sensitivity": _plain(config.sensitivity.source),
+                     "method": config.sensitivity.method,
+                     "coefficients": config.sensitivity.coefficients, "seed": config.session.seed,
+                     "relative_error": config.sensitivity.relative_error,
+                     "reference": config.chart.reference},
+        "stages": {"chart": fingerprint(keys["chart"])} if "chart" in keys
+        else {}} | made_by("calibrate")
+    known = {name: material.known for name, material in config.materials.items() if material.known
+             is not None}
+    read_by_scenes = {name: digest for scene in scenes.values()
+                      for name, digest in _scene_files(scene, config.folder).items()}
+    keys["reconstruct"] = {
+        "files": files(*scenes, *(reference.file for reference in known.values())) | read_by_scenes,
+        "settings": {"materials": {name: material.bsdf for name,
+                                   material in config.materials.items()},
+                     "known": {name: _plain(reference) for name, reference in known.items()},
+                     "scenes": {shot.name: shot.scene for shot in shots},
+                     "lights by id": [list(shot.lights_by_id) for shot in shots],
+                     "reconstruct": _plain(config.reconstruct), "learnt prior": _learnt(config),
+                     "scale": config.scale.source,
+                     "seed": config.session.seed},
+        "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}} | made_by(
+        "reconstruct")
+    keys["sample"] = {"settings": {"sampling": _plain(config.sampling),
+                                   "seed": config.session.seed},
+                      "stages": {"reconstruct": fingerprint(keys["reconstruct"])}} | made_by(
+        "sample")
+    return keys
+
+
+def _learnt(config: SessionConfig) -> str | None:
+    return sha256_of(SHIPPED) if config.reconstruct.spectrum_prior == "learnt" else None
+
+
+def as_stored(key: Key) -> Key:
+    """The key as JSON gives it back: tuples become lists."""
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: plain(item) for name, item in value.items()}
+        return [plain(item) for item in value] if isinstance(value, list | tuple) else value
+    stored: Key = plain(key)
+    return stored
+
+
+def _scene_files(scene: SceneFile | None, folder: Path) -> dict[str, str]:
+    """Digests of the meshes and textures of a scene, by their place as seen from the session
+    folder.
+    """
+    return {} if scene is None else {os.path.relpath(path, folder): sha256_of(path)
+                                     for path in scene.files}
+
+
+def _plain(section: Any) -> dict[str, Any]:
+    return dict(vars(section))

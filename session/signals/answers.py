@@ -1,0 +1,214 @@
+"""What ``spectrabox sample`` answers: strings and files in, numbers and a table out."""
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import Quantity, SpectrumSummary
+from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.radiometry.spectra.spectrum_files import (
+    column_index,
+    read_table,
+    spectrum_of,
+    spectrum_on_grid,
+)
+from spectrabox.sampling.error_budget import error_budget
+from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful
+from spectrabox.sampling.measurement import SpectralMeasurement, SpectralSamples, summarise_spectra
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
+from spectrabox.session.signals.measurement_file import further_measurements
+from spectrabox.session.signals.request_draws import DrawOptions, check_options, draws_of
+from spectrabox.session.signals.signal_options import (
+    GRID_NM,
+    causes_of_error,
+    measurement_of_signal,
+    numbers,
+    read_signals,
+    signal_and_noise,
+)
+
+SHOWN_NM, BASELINE_NM = 25, 50
+MOST_SAMPLES = 5_000_000
+
+
+@dataclass(frozen=True)
+class SampleRequest:
+    """The options of ``spectrabox sample`` as given."""
+
+    sensitivity: str
+    light: str
+    signal: str | None
+    signals: Path | None
+    white: str | None
+    noise: str | None
+    options: DrawOptions
+    prior: Path | None
+    level: float
+    readings: tuple[str, ...]           # NM[/FWHM]:REFLECTANCE[:ERROR]
+    photos: tuple[str, ...]             # LIGHT=v1,v2,v3[:e1,e2,e3]
+    same: tuple[str, ...]               # v1,v2,v3[:e1,e2,e3]
+    more: Path | None
+    twice: str | None                   # v1,v2,v3[:e1,e2,e3]
+    baseline: bool
+    truth: Path | None
+    column: str | None
+    lights: tuple[str, ...]
+    light_error: float
+    sensitivity_error: float
+
+
+def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], str, dict[str, np.ndarray]]:
+    """The JSON object, the text and the arrays of the .npz of ``spectrabox sample``.
+
+    Raises
+    ------
+    InputError, CalibrationError, ConvergenceError
+        With what to change.
+    """
+    check_options(request.options)
+    if not 1 <= request.options.samples <= MOST_SAMPLES:
+        raise InputError(f"{request.options.samples} samples were asked for; ask for 1 to "
+                         f"{MOST_SAMPLES}")
+    if (request.signal is None) == (request.signals is None):
+        raise InputError("give either --signal v1,v2,v3 or --signals FILE.csv")
+    if request.signals is not None and (request.truth or request.photos or request.same
+                                        or request.more
+                                        or request.twice):
+        raise InputError("a truth and further measurements belong to one surface; give its "
+                         "--signal, not --signals")
+    response = relative_response(request.sensitivity, request.light, visible_grid(GRID_NM))
+    bands = len(response)
+    more = further_measurements(request.readings, request.photos, request.same, request.more,
+                                request.sensitivity, response, request.white)
+    prior = load_prior(
+        request.prior) if request.options.method == "prior" or request.prior or more else None
+    if request.signal is not None:
+        facts, draws = _one(request, response, numbers(request.signal, bands, "signal"), prior,
+                            more)
+        return facts, _text(facts, request), {"spectra": draws.spectra,
+                                              "coefficients": draws.coefficients,
+                                              "wavelengths_nm": draws.grid.nm}
+    assert request.signals is not None
+    rows = read_signals(request.signals, bands)
+    found = [_one(request, response, row, prior, more) for row in rows]
+    text = "\n\n".join(f"signal {index + 1}\n{_text(facts, request)}" for index,
+                       (facts, _) in enumerate(found))
+    arrays = {"spectra": np.array([draws.spectra for _, draws in found]),
+              "wavelengths_nm": found[0][1].grid.nm,
+              "coefficients": np.array([draws.coefficients for _, draws in found])}
+    return {"results": [facts for facts, _ in found]}, text, arrays
+
+
+def _one(request: SampleRequest, response: np.ndarray, signal: np.ndarray,
+         prior: LogitMixture | None,
+         more: list[MoreMeasurement]) -> tuple[dict[str, Any], SpectralSamples]:
+    started = time.perf_counter()
+    base = measurement_of_signal(response, signal, request.white, request.noise)
+    causes = causes_of_error(base.signal, base.noise_covariance, request.light_error,
+                             request.sensitivity_error)
+    base = replace(base, noise_covariance=sum(causes.values(), np.zeros((len(signal),) * 2)))
+    twice = None
+    if request.twice is not None:
+        values, noise = signal_and_noise(request.twice, len(response), "twice")
+        twice = measurement_of_signal(response, numbers(values, len(response), "twice"),
+                                      request.white, noise)
+    draws, measurement = draws_of(request.options, base, more, twice, prior)
+    over_determined = len(measurement.signal) >= draws.coefficients.shape[1]
+    # More measurements than coefficients leave no spline to bound: the signal alone then does, as
+    # wide as it may be.
+    facts = _facts(draws, summarise_spectra(draws, base if over_determined else measurement,
+                                            request.level))
+    facts["bounds_from"] = "the signal alone" if over_determined or request.options.keep else "all measurements"
+    if more and prior is not None:
+        facts["doubtful"] = doubtful(base, more, prior, request.options.seed)
+    if prior is not None and request.options.method == "prior" and not more and twice is None:
+        budget = error_budget(prior, base, causes)
+        total = float(np.mean(sum(budget.values(), np.zeros(1))))
+        facts["error_budget"] = {name: float(np.mean(variance)) / total for name,
+                                 variance in budget.items()}
+    if request.baseline or request.truth is not None:
+        facts |= _compared(request, base, draws)
+    facts["seconds"] = time.perf_counter() - started
+    return facts, draws
+
+
+def _compared(request: SampleRequest, base: SpectralMeasurement,
+              draws: SpectralSamples) -> dict[str, Any]:
+    # colour-science's recovery takes seconds
+    from spectrabox.sampling.judge.judgement import baselines, judged
+
+    options = request.options
+    others = baselines(base, options.samples, options.seed,
+                       options.coefficients) if request.baseline else {}
+    facts: dict[str, Any] = {}
+    if request.baseline:
+        # None where the greedy sampler finds nothing, as it does for some signals that can be
+        # reached.
+        facts["baselines"] = {name: None if one is None else one[0].tolist() for name,
+                              one in others.items()}
+    if request.truth is not None:
+        table = read_table(request.truth)
+        truth = spectrum_on_grid(spectrum_of(table, role=Quantity.REFLECTANCE,
+                                             column=table.names[column_index(table,
+                                                                             request.column)]),
+                                 GRID)
+        mine = {options.method: (draws.spectra.mean(axis=0), draws.spectra)}
+        facts["judged"] = {name: judged(GRID.nm, truth, one[0], request.lights, one[1])
+                           for name, one in (mine | others).items() if one is not None}
+    return facts
+
+
+def _facts(draws: SpectralSamples, summary: SpectrumSummary) -> dict[str, Any]:
+    arrays = {"wavelengths_nm": summary.grid.nm, "mean": summary.mean,
+              "standard_deviation": summary.standard_deviation, "lower": summary.lower,
+              "upper": summary.upper, "bound_lower": summary.bound_lower,
+              "bound_upper": summary.bound_upper}
+    return {**{name: values.tolist() for name, values in arrays.items()},
+            "effective_samples": draws.effective_samples, "samples": len(draws.spectra),
+            "level": summary.level, "method": draws.method, "seed": draws.seed,
+            "outcome": draws.outcome,
+            "conditional_on": summary.conditional_on,
+            "next_measurement_nm": summary.next_measurement_nm}
+
+
+def _text(facts: dict[str, Any], request: SampleRequest) -> str:
+    lines = [f"{'nm':>5} {'mean':>7} {'sd':>7} {'band':>15} {'bounds':>15}"]
+    for index, nm in enumerate(facts["wavelengths_nm"]):
+        if nm % SHOWN_NM == 0:
+            row = {name: facts[name][index] for name in ("mean", "standard_deviation", "lower",
+                                                         "upper", "bound_lower", "bound_upper")}
+            lines.append(f"{nm:5.0f} {row['mean']:7.3f} {row['standard_deviation']:7.3f} "
+                         f"{row['lower']:7.3f}-{row['upper']:.3f}  "
+                         f"{row['bound_lower']:7.3f}-{row['bound_upper']:.3f}")
+    if "error_budget" in facts:
+        lines.append("variance from: " + ", ".join(f"{name} {100 * share:.1f} %"
+                                                   for name, share in facts["error_budget"].items()
+                                                   if share > 0))
+    lines += facts.get("doubtful", [])
+    lines += [facts["outcome"], f"{facts['samples']} draws, {facts['method']}; "
+              f"{facts['seconds']:.2f} s; the next reading helps most at "
+              f"{facts['next_measurement_nm']:.0f} nm"]
+    if "judged" in facts:
+        from spectrabox.sampling.judge.judgement import judgement_text
+        rows = [{"region": "signal", "method": name, **measures} for name,
+                measures in facts["judged"].items()]
+        lines += ["", judgement_text(rows, request.lights)]
+    elif "baselines" in facts:
+        lines += ["", _baseline_text(facts)]
+    return "\n".join(lines)
+
+
+def _baseline_text(facts: dict[str, Any]) -> str:
+    shown = [index for index, nm in enumerate(facts["wavelengths_nm"]) if nm % BASELINE_NM == 0]
+    lines = [f"{'nm':<22}" + "".join(f"{facts['wavelengths_nm'][index]:7.0f}" for index in shown)]
+    for name, values in {facts["method"]: facts["mean"], **facts["baselines"]}.items():
+        cells = "".join(f"{values[index]:7.3f}"
+                        for index in shown) if values is not None else " found no spectrum"
+        lines.append(f"{name[:22]:<22}{cells}")
+    return "\n".join(lines)

@@ -1,0 +1,170 @@
+"""What plan, certify, prior train and uplift answer: names and folders in, numbers and text out."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.sampling.further.more_measurements import joined
+from spectrabox.sampling.further.planner import (
+    READING_ERROR,
+    Candidate,
+    photo_candidate,
+    plan,
+    wavelength_candidates,
+)
+from spectrabox.sampling.judge.certificate import LEVELS, certificate_page, certify
+from spectrabox.sampling.measurement import linear_between
+from spectrabox.sampling.prior.draws import sample_prior
+from spectrabox.sampling.prior.libraries import read_library
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
+from spectrabox.sampling.prior.tables import build_table, outside, uplift_directly, uplift_pixels
+from spectrabox.sampling.prior.training import LeftOut, train
+from spectrabox.session.signals.measurement_file import further_measurements
+from spectrabox.session.signals.signal_options import measurement_of_signal, numbers
+
+PLAN_DRAWS = 2000
+
+
+def response_of(sensitivity: str, light: str) -> np.ndarray:
+    """Response (K, 61), integrated at 1 nm."""
+    fine = visible_grid(1)
+    return relative_response(sensitivity, light, fine) @ linear_between(GRID, fine)
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """The options of ``spectrabox plan`` as given."""
+
+    sensitivity: str
+    light: str
+    signal: str
+    white: str | None
+    noise: str | None
+    steps: int
+    lights: tuple[str, ...]             # of another photo by the same camera
+    cameras: tuple[str, ...]            # of another photo under the same light
+    readings: tuple[str, ...]           # taken already, as are the next three
+    photos: tuple[str, ...]
+    same: tuple[str, ...]
+    more: Path | None
+    reading_minutes: float
+    photo_minutes: float
+    spot_minutes: float | None          # of a whole spectrum by a spectrometer; None: there is none
+    seed: int
+
+
+def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
+    """JSON object and text of ``spectrabox plan``.
+
+    Raises
+    ------
+    InputError
+    """
+    minutes = (request.reading_minutes, request.photo_minutes, request.spot_minutes or 1.0)
+    if min(minutes) <= 0:
+        raise InputError("the minutes of a measurement must be positive")
+    response = relative_response(request.sensitivity, request.light, visible_grid(1))
+    measurement = measurement_of_signal(response, numbers(request.signal, len(response), "signal"),
+                                        request.white, request.noise)
+    taken = further_measurements(request.readings, request.photos, request.same, request.more,
+                                 request.sensitivity, response, request.white)
+    draws = sample_prior(joined(measurement, taken), PLAN_DRAWS, request.seed)
+    chosen = plan(draws.spectra, candidates_of(request), request.steps)
+    facts = {"steps": [{"measurement": step.name, "width_before": step.width_before,
+                        "width_after": step.width_after, "minutes": step.minutes,
+                        "fall_per_minute": step.fall_per_minute} for step in chosen],
+             "taken": [one.name for one in taken], "outcome": draws.outcome}
+    lines = [f"{step.name}: mean width of the 95 % band {step.width_before:.3f} -> "
+             f"{step.width_after:.3f} in {step.minutes:g} min" for step in chosen]
+    return facts, "\n".join([*lines, draws.outcome])
+
+
+def candidates_of(request: PlanRequest) -> list[Candidate]:
+    """Readings every 10 nm, photos under other lights or by other cameras, and a spectrometer's
+    whole spectrum.
+    """
+    found = wavelength_candidates(GRID, minutes=request.reading_minutes)
+    if request.spot_minutes is not None:
+        rows = np.concatenate([one.rows for one in found])
+        found.append(Candidate("spectrometer spot, 400-700 nm", rows, READING_ERROR,
+                               request.spot_minutes))
+    photos = [(f"photo under {light}", request.sensitivity, light) for light in request.lights]
+    photos += [(f"photo by {camera}", camera, request.light) for camera in request.cameras]
+    return found + [photo_candidate(name, response_of(camera, light), request.photo_minutes)
+                    for name, camera, light in photos]
+
+
+def certify_answer(folders: list[Path], sensitivity: str, light: str, noise: float,
+                   prior_file: Path | None,
+                   lights: tuple[str, ...]) -> tuple[dict[str, Any], str]:
+    """JSON object and page of ``spectrabox certify``."""
+    if not 0 <= noise < 0.5:
+        raise InputError(f"a relative noise of {noise:g} was given; 0 to 0.5 is needed")
+    prior, response = load_prior(prior_file), response_of(sensitivity, light)
+    found = [certify(prior, read_library(folder), response, noise, lights=lights)
+             for folder in folders]
+    facts = [{"name": one.name, "curves": one.curves, "left_out": one.left_out, "rmse": one.rmse,
+              "spectral_angle": one.spectral_angle,
+              "coverage": {f"{level:g}": one.coverage[level] for level in LEVELS},
+              "coverage_standard_error": one.coverage_error, "curve_coverage": one.curve_coverage,
+              "width": one.width, "sharpness": one.sharpness, "winkler": one.winkler,
+              "delta_e00": one.delta_e00,
+              "unfamiliar": one.unfamiliar, "trained_on": one.trained_on, "verdict": one.verdict}
+             for one in found]
+    return {"libraries": facts, "prior": prior.source, "noise": noise}, \
+        certificate_page(found, prior, f"{sensitivity} under {light}")
+
+
+def train_answer(folders: list[Path], sensitivity: str, light: str, components: int,
+                 seed: int) -> tuple[dict[str, Any], str, LogitMixture]:
+    """JSON object, text and prior of ``spectrabox prior train``."""
+    if not 1 <= components <= 64:
+        raise InputError(f"{components} components were asked for; 1 to 64 are possible")
+    libraries = [read_library(folder) for folder in folders]
+    prior, judged = train(libraries, response_of(sensitivity, light), components, seed)
+    rows = [left_out_facts(prior, one) for one in judged]
+    lines = [f"{'left out':<20} {'curves':>6} {'RMSE':>7} {'95 % band holds':>16} {'width':>6} "
+             f"{'whole curves':>13}"]
+    lines += [f"{row['name']:<20} {row['curves']:6d} {row['rmse']:7.4f} {row['coverage']:16.3f} "
+              f"{row['width']:6.3f} {row['curve_coverage']:13.3f}" for row in rows]
+    lines += [f"{library.name}: left out {count} curves, {reason}" for library in libraries
+              for reason, count in library.left_out.items()]
+    facts = {"left_out_in_turn": rows,
+             "band_factors": dict(zip(map(str, prior.levels.tolist()), prior.band_factors.tolist(),
+                                      strict=True)), "curve_factor": prior.curve_factor,
+             "source": prior.source}
+    return facts, "\n".join(lines), prior
+
+
+def left_out_facts(prior: LogitMixture, one: LeftOut) -> dict[str, Any]:
+    """What a library left out of training says of the calibrated 95 % band."""
+    place = int(np.argmin(np.abs(prior.levels - 0.95)))
+    factor = prior.band_factors[place]
+    return {"name": one.name, "curves": one.curves, "rmse": one.rmse,
+            "coverage": float(np.mean(one.scores[place] <= factor)),
+            "width": float(one.width[place] * factor),
+            "curve_coverage": float(np.mean(one.scores[place].max(axis=1) <= prior.curve_factor))}
+
+
+def uplift_answer(signals: np.ndarray, sensitivity: str, light: str, noise: float,
+                  side: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """Mean and standard deviation (H, W, 61) of an image's signals (H, W, K) and the share outside
+    0 to 1.
+    """
+    response = response_of(sensitivity, light)
+    if signals.shape[2] != len(response):
+        raise InputError(f"the image has {signals.shape[2]} bands and the sensitivities "
+                         f"{len(response)}")
+    flat = np.nan_to_num(signals.reshape(-1, len(response)).astype(float))
+    prior = load_prior()
+    small = len(flat) < side**3 or len(response) != 3
+    mean, spread = (uplift_directly(prior, response, np.clip(flat, 0, 1), noise) if small
+                    else uplift_pixels(build_table(prior, response, noise, side), flat))
+    shape = (*signals.shape[:2], GRID.nm.size)
+    return mean.reshape(shape), spread.reshape(shape), float(outside(flat).mean())

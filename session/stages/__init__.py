@@ -1,0 +1,1 @@
+"""The stages of a session: inputs, then photos, calibration, reconstruction, sampling."""

@@ -1,0 +1,151 @@
+"""Stored results of a finished run to what the report shows."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.records import Calibration, Reconstruction
+from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, spectrum_on_grid
+from spectrabox.reconstruct.joint_reconstruction import JointReconstruction
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.pipeline import (
+    FinishedRun,
+    array_of,
+    calibrations_of,
+    chart_of,
+    joint_of,
+    notes_of,
+    photo_of,
+    results_folder,
+    samples_of,
+)
+from spectrabox.session.scores import score
+from spectrabox.session.stages.error_budget import relative_errors, variance_shares
+from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
+from spectrabox.session.store.results import ChartResult, MaterialResult, SessionResults, ViewResult
+
+CHART_WARNING, SURFACE_WARNING = 0.03, 0.05
+
+
+def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]) -> SessionResults:
+    """Everything the report shows."""
+    stored = run.stored
+    calibrations, joint = calibrations_of(config, stored), joint_of(stored)
+    calibration, reconstruction = calibrations[0], joint.views[0]
+    photo = photo_of(stored)
+    bands = band_names(config, photo.signal.shape[2])
+    materials = [_material(config, calibrations, joint, stored, joint.materials.index(name))
+                 for name in config.materials if name in joint.materials]
+    previews = results_folder(config) / "photo"
+    views = [ViewResult(shot.name, bands, calibrations[number],
+                        previews / f"{shot.record('preview')}.png", joint.views[number]) for number,
+             shot in enumerate(config.shots) if shot.name]
+    return SessionResults(
+        folder=config.folder, name=config.session.name, operator=config.session.operator,
+        notes=config.session.notes, bands=bands, inputs=_inputs(config, run),
+        chart=_chart(config, run),
+        calibration=calibration, sensitivity_truth=_sensitivity_truth(config),
+        light_scale=reconstruction.light_scale, photo=photo, photo_preview=previews / "preview.png",
+        reconstruction=reconstruction,
+        materials=materials, views=views, signal_bands=joint.bands if views else bands,
+        provenance=provenance, warnings=notes_of(stored) + _warnings(config, calibration,
+                                                                     reconstruction),
+        stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name,
+                stage in stored.items()])
+
+
+def _material(config: SessionConfig, calibrations: list[Calibration], joint: JointReconstruction,
+              stored: dict[str, Any], index: int) -> MaterialResult:
+    name, spectrum = joint.materials[index], joint.spectra[index]
+    section = config.materials[name]
+    truth = None if section.truth is None else read_reflectance(config, section.truth)
+    known = (name, spectrum, joint.signal[index], joint.signal_covariance[index],
+             joint.model_covariance[index])
+    if joint.known[index]:
+        return MaterialResult(*known, None, None, {}, truth, None)
+    samples, summary = samples_of(stored, name)
+    errors = relative_errors(calibrations, joint, index)
+    scores = None if truth is None else score(spectrum_on_grid(truth, joint.grid), spectrum,
+                                              summary, samples)
+    by_prior = config.sampling.method == "prior" and config.sampling.through == "surface"
+    shares = variance_shares(calibrations, joint, index) if by_prior else {}
+    return MaterialResult(*known, summary, samples, errors, truth, scores, shares)
+
+
+def _chart(config: SessionConfig, run: FinishedRun) -> ChartResult | None:
+    chart = chart_of(run.stored)
+    if chart is None:
+        return None
+    stage = run.stored["calibrate"]
+    predicted, irradiance = array_of(stage, "predicted"), array_of(stage, "irradiance")
+    assert predicted is not None and irradiance is not None
+    return ChartResult(chart[0], chart[1], predicted, irradiance / irradiance.max(),
+                       results_folder(config) / "chart" / "overlay.png")
+
+
+def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:
+    truth = config.sensitivity.truth
+    if truth is None:
+        return None
+    nm, _, curves = read_curves(config.path(truth.file), truth.columns, truth.wavelength_column)
+    values = on_grid(nm, curves, GRID, truth.file)
+    return GRID.nm, values / values.max()
+
+
+def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
+    """Every input file once, with its role, hash, size and what is known of it."""
+    roles: dict[str, str] = {}
+    for shot in config.shots:
+        for role, names in (("object photo", shot.photo_files),
+                            ("light spectrum", [light.file for light in shot.all_lights]),
+                            ("scene", [shot.scene]), ("chart photo", shot.chart_files)):
+            for name in names:
+                roles.setdefault(name, f"{role}, {shot.name}" if shot.name else role)
+    for role, others in (("dark frame", config.photos.dark_files),
+                         ("flat-field photo", config.photos.flats.values()),
+                         ("chart scene",
+                          [name for name in [config.chart.scene] if name is not None])):
+        for name in others:
+            roles.setdefault(name, role)
+    if not config.sensitivity.from_chart:
+        roles.setdefault(config.sensitivity.source.file, "sensitivities")
+    for material, section in config.materials.items():
+        if section.known is not None:
+            roles.setdefault(section.known.file, f"known spectrum of {material}")
+    hashes = {name: digest for stage in run.stored.values() for name,
+              digest in stage.key.get("files", {}).items()}
+    facts = {shot.photo_files[0]: photo_of(run.stored, shot) for shot in config.shots}
+    facts |= {shot.chart_files[0]: chart[2] for shot in config.chart_shots
+              if (chart := chart_of(run.stored, shot)) is not None}
+    return [{"role": role, "file": name, "sha256": hashes[name],
+             "bytes": config.path(name).stat().st_size}
+            | ({} if (image := facts.get(name)) is None else
+               {"exposure_s": image.exposure_s, "iso": image.iso, "f_number": image.f_number,
+                "camera": image.camera, "kind": image.kind.value,
+                "clipped": float(image.saturated.any(axis=2).mean())})
+            for name, role in roles.items() if name in hashes]
+
+
+def _warnings(config: SessionConfig, calibration: Calibration,
+              reconstruction: Reconstruction) -> list[str]:
+    found = []
+    residuals = calibration.sensitivity.residuals
+    if residuals is not None and (rms := float(np.sqrt(np.mean(residuals**2)))) > CHART_WARNING:
+        found.append(f"The chart's patches disagree with the fitted camera by {rms:.1%} rms: look "
+                     "for glare, uneven light or another chart.")
+    agreement = reconstruction.agreement
+    for index, name in enumerate(agreement.names):
+        off = agreement.ratio[index] - 1
+        if np.abs(off).max() > SURFACE_WARNING:
+            found.append(f"Photo and rendering disagree on {name} by "
+                         f"{off[np.argmax(np.abs(off))]:+.0%} in the worst band: geometry, light "
+                         "or material of this surface is not as the scene says.")
+    if config.photos.flat is None:
+        found.append("No flat-field photo: vignetting is not corrected and counts as reflectance.")
+    if config.scale.source == "material" or calibration.light_scale is None:
+        found.append("The light scale rests on the spectrum given for a known material.")
+    if calibration.sensitivity.basis is None and calibration.sensitivity.residuals is None:
+        found.append("The sensitivities were taken from a file and not checked against a chart "
+                     "photo.")
+    return found

@@ -1,0 +1,108 @@
+"""The stage that makes one camera of all chart photos, and a light with its scale for every
+shot.
+"""
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from spectrabox.calibrate.calibration import (
+    ChartCalibration,
+    ChartShot,
+    calibrate_chart,
+    calibration_from_curves,
+)
+from spectrabox.calibrate.prior.camera_prior import load_prior
+from spectrabox.calibrate.sensitivity import scale_of_photo
+from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
+from spectrabox.radiometry.records import LightScale, PatchSamples, Spectrum
+from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.stages.inputs import (
+    GRID,
+    read_chart_reference,
+    read_chart_scene,
+    read_light,
+    read_sensitivities,
+)
+
+Progress = Callable[[float, str], None]
+FLAT = np.full(24, np.pi)        # irradiance where nobody knows the geometry
+
+
+def calibrate_shots(config: SessionConfig, device: str, charts: Sequence[PatchSamples | None],
+                    progress: Progress) -> dict[str, Any]:
+    """Patch statistics and lights to one camera, and to the light and its scale of every shot.
+
+    With the method ``prior`` the charts under all lights are one fit; other methods fit the camera
+    to the first.
+    """
+    lights = [read_light(config, shot.light) for shot in config.shots]
+    shown = {number: samples for number, samples in enumerate(charts) if samples is not None}
+    irradiance = _irradiance(config, device, progress) if shown else None
+    progress(0.6, "fitting sensitivities")
+    curves = None if config.sensitivity.from_chart else read_sensitivities(config)[1]
+    first = _first_chart(config, shown, lights, irradiance, curves) if 0 in shown else None
+    if first is not None:
+        camera = first.calibration
+    else:
+        assert curves is not None
+        camera = calibration_from_curves(GRID, curves, lights[0], config.sensitivity.relative_error)
+    lit = FLAT if irradiance is None else irradiance
+    records = {"calibration": camera, "irradiance": None if first is None else lit,
+               "predicted": None if first is None else first.predicted}
+    for number, shot in enumerate(config.shots[1:], start=1):
+        if number in shown:
+            scale = _scale_under(config, number, shown, lights[number], irradiance, first,
+                                 camera.sensitivity.curves)
+        else:
+            scale = camera.light_scale if shot.light == config.shots[0].light else None
+        records[shot.record("calibration")] = dataclasses.replace(camera, light=lights[number],
+                                                                  light_scale=scale)
+    return records
+
+
+def _irradiance(config: SessionConfig, device: str, progress: Progress) -> np.ndarray | None:
+    """On each patch for a light spectrum of 1; None where the geometry is not known."""
+    scene = read_chart_scene(config)
+    if scene is None:
+        return None
+    progress(0.2, "irradiance on the chart")
+    start_mitsuba(device)
+    return patch_irradiance(scene, patch_centres_uv(), patch_size_uv(), config.session.seed)
+
+
+def _first_chart(config: SessionConfig, shown: Mapping[int, PatchSamples],
+                 lights: Sequence[Spectrum],
+                 irradiance: np.ndarray | None, curves: np.ndarray | None) -> ChartCalibration:
+    """The first shot's chart, together with those under other lights where the method takes
+    several.
+    """
+    chosen, reference = config.sensitivity, read_chart_reference(config)
+    several = curves is None and chosen.method in (None, "prior")
+    more = tuple(ChartShot(samples, reference, lights[number], irradiance)
+                 for number, samples in shown.items() if number) if several else ()
+    return calibrate_chart(
+        shown[0], reference, lights[0], FLAT if irradiance is None else irradiance, GRID,
+        coefficients=chosen.coefficients, curves=curves, scaled=irradiance is not None,
+        method=chosen.method, more=more, prior=None if chosen.prior is None
+        else load_prior(config.path(chosen.prior)))
+
+
+def _scale_under(config: SessionConfig, number: int, shown: Mapping[int, PatchSamples],
+                 light: Spectrum,
+                 irradiance: np.ndarray | None, first: ChartCalibration | None,
+                 curves: np.ndarray) -> LightScale | None:
+    """Scale of the light of one shot from its own chart photo; None where the geometry is not
+    known.
+    """
+    if irradiance is None:
+        return None
+    if first is not None and first.found is not None:
+        return scale_of_photo(first.found, list(shown).index(number))
+    return calibrate_chart(shown[number], read_chart_reference(config), light, irradiance, GRID,
+                           curves=curves, scaled=True).scale

@@ -1,0 +1,127 @@
+"""How well each material's signal is known, by cause: the likelihood of the samplers and the
+report's error budget.
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from spectrabox.radiometry.records import Calibration
+from spectrabox.radiometry.response import white_signal
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.reconstruct.joint_reconstruction import JointReconstruction
+from spectrabox.sampling.error_budget import error_budget
+from spectrabox.sampling.measurement import SpectralMeasurement, linear_between
+from spectrabox.sampling.prior.mixture import load_prior
+
+DARK = 1e-12             # of the light's strongest wavelength
+
+
+def measurement_of(calibrations: Sequence[Calibration], joint: JointReconstruction,
+                   index: int) -> SpectralMeasurement:
+    """What the photos said of one material, relative to white, with every error that is known."""
+    covariance = np.sum(list(signal_covariances(calibrations, joint, index).values()), axis=0)
+    return SpectralMeasurement(joint.grid, joint.response, joint.signal[index], covariance)
+
+
+def signal_covariances(calibrations: Sequence[Calibration], joint: JointReconstruction,
+                       index: int) -> dict[str, np.ndarray]:
+    """Covariance (J, J) of one material's signal, relative to white, by cause.
+
+    Parameters
+    ----------
+    calibrations : of each view
+    index : int
+        Of the material.
+    """
+    signal = joint.signal[index]
+    both = np.outer(signal, signal)
+    return {"photo and rendering noise": joint.signal_covariance[index],
+            "sensitivities": sensitivity_covariance(calibrations, joint, index),
+            "light spectrum": light_covariance(calibrations, joint, index),
+            "light scale": block_diag(*(scale_covariance(calibrations[view], joint, view)
+                                        for view in np.unique(joint.view_of_band))) * both,
+            "photo and model disagree": joint.model_covariance[index] * both}
+
+
+def scale_covariance(calibration: Calibration, joint: JointReconstruction, view: int) -> np.ndarray:
+    """Relative covariance (K, K) of what the bands of one view read of white.
+
+    A known material sets one scale for all bands. A chart to which the curves are fitted too gives
+    every band its own: their errors on white are uncorrelated within what
+    benchmarks/bench_white_signal.py can tell.
+    """
+    scale, bands = joint.views[view].light_scale, int(np.count_nonzero(joint.view_of_band == view))
+    relative = 0.0 if scale.standard_error is None else scale.standard_error / scale.value
+    fitted = calibration.light_scale is not None and calibration.sensitivity.covariance is not None
+    return relative**2 * (np.eye(bands) if fitted else np.ones((bands, bands)))
+
+
+def relative_errors(calibrations: Sequence[Calibration], joint: JointReconstruction,
+                    index: int) -> dict[str, np.ndarray]:
+    """Relative standard error (J,) of one material's signal, by cause."""
+    return {cause: np.sqrt(np.diag(covariance)) / joint.signal[index]
+            for cause, covariance in signal_covariances(calibrations, joint, index).items()}
+
+
+def light_covariance(calibrations: Sequence[Calibration], joint: JointReconstruction,
+                     index: int) -> np.ndarray:
+    """Covariance (J, J) of a signal, relative to white, by the stated errors of each light's
+    readings, all apart.
+
+    To first order, as for the curves; zero for lights whose error nobody stated. Photos under one
+    light err alike.
+    """
+    rows, signal = [], joint.signal[index]
+    for view in np.unique(joint.view_of_band):
+        light, mine = calibrations[view].light, joint.view_of_band == view
+        if light.standard_error is None:
+            rows.append(np.zeros((int(mine.sum()), 1)))
+            continue
+        power = spectrum_on_grid(light, joint.grid)
+        by_nm = (joint.spectra[index] - signal[mine, None]) * joint.response[mine]
+        by_reading = by_nm / np.maximum(power, DARK * power.max()) @ linear_between(light.grid,
+                                                                                    joint.grid)
+        rows.append(by_reading * light.standard_error)
+    return block_diag(*(row @ row.T for row in rows))
+
+
+def variance_shares(calibrations: Sequence[Calibration], joint: JointReconstruction,
+                    index: int) -> dict[str, float]:
+    """Share of each cause in the variance of a spectrum drawn from the learnt prior, mean over
+    wavelengths.
+
+    Metamerism is what would remain if every signal were perfect.
+    """
+    budget = error_budget(load_prior(), measurement_of(calibrations, joint, index),
+                          signal_covariances(calibrations, joint, index))
+    total = sum(float(np.mean(variance)) for variance in budget.values())
+    return {cause: float(np.mean(variance)) / total for cause, variance in budget.items()}
+
+
+def sensitivity_covariance(calibrations: Sequence[Calibration], joint: JointReconstruction,
+                           index: int) -> np.ndarray:
+    """Covariance (J, J) of a signal, relative to white, by the error of the camera's curves.
+
+    With a covariance of the curves, to first order: an error dM of a band changes the signal by the
+    integral of dM x light x (reflectance - signal), divided by the white signal, since white itself
+    is calibrated. The same error acts in the photos under every light. Without one, every band errs
+    by the stated share of the brightest band, and photos err apart: an error of a curve's tail
+    admits light from there.
+    """
+    signal, fit = joint.signal[index], calibrations[0].sensitivity
+    if fit.covariance is None or fit.basis is None:
+        return block_diag(*(calibrations[view].relative_covariance
+                            * signal[joint.view_of_band == view].max() ** 2
+                            for view in np.unique(joint.view_of_band)))
+    bands, coefficients = len(fit.curves), fit.basis.shape[1]
+    jacobian = np.zeros((signal.size, bands, coefficients))
+    for view in np.unique(joint.view_of_band):
+        mine = np.flatnonzero(joint.view_of_band == view)
+        weight = spectrum_on_grid(calibrations[view].light, joint.grid) * joint.grid.weights_nm
+        contrast = (joint.spectra[index] - signal[mine, None]) * weight / white_signal(fit.curves * weight)[:, None]
+        jacobian[mine, np.arange(bands)] = contrast @ fit.basis
+    rows = jacobian.reshape(signal.size, -1)
+    return rows @ fit.covariance @ rows.T

@@ -1,0 +1,213 @@
+"""Every input of a session, read and checked the same way by ``check`` and ``run``."""
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.capture.develop.bands import stack_bands, strongest_channel
+from spectrabox.capture.develop.developed import develop_photos, open_any
+from spectrabox.radiometry.chart import REFERENCES, chart_reflectances, measured_chart
+from spectrabox.radiometry.errors import ClippedPhotoError, InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import LinearImage, Quantity, Spectrum
+from spectrabox.radiometry.spectra.spectrum_files import (
+    on_grid,
+    read_curves,
+    read_spectrum,
+    spectrum_on_grid,
+)
+from spectrabox.reconstruct.inverse_rendering import MaterialSpec
+from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials, read_scene
+from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig, Shot, SpectrumRef
+
+GRID = visible_grid()            # 400-700 nm in 1 nm steps, on which everything is integrated
+MOST_CLIPPED = 0.5               # of the object photo
+LARGEST_ASPECT_ERROR = 0.01  # photo against scene film: above, the two do not show the same view
+
+
+def read_light(config: SessionConfig, reference: SpectrumRef | None = None) -> Spectrum:
+    """Light spectrum as its file gives it, the session's own unless another is named; covers
+    400-700 nm, nowhere negative.
+    """
+    reference = reference or config.light.spectrum
+    light = _spectrum(config, reference, Quantity.RELATIVE)
+    values = spectrum_on_grid(light, GRID)
+    if values.max() <= 0 or values.min() < -0.01 * values.max():
+        raise InputError(f"{reference.file}: a light spectrum must be positive; "
+                         f"it runs from {values.min():.3g} to {values.max():.3g} over 400-700 nm")
+    return light
+
+
+def read_reflectance(config: SessionConfig, reference: SpectrumRef) -> Spectrum:
+    """Reflectance that covers 400-700 nm."""
+    spectrum = _spectrum(config, reference, Quantity.REFLECTANCE)
+    spectrum_on_grid(spectrum, GRID)
+    return spectrum
+
+
+def read_sensitivities(config: SessionConfig) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names and measured curves (K, P) on the working grid, scaled to a largest value of 1."""
+    source = config.sensitivity.source
+    nm, names, curves = read_curves(config.path(source.file), source.columns,
+                                    source.wavelength_column)
+    if len(names) < 3:
+        raise InputError(f"{source.file} holds {len(names)} curves; three or more bands are needed")
+    on = on_grid(nm, curves, GRID, source.file)
+    if on.max() <= 0 or on.min() < -0.05 * on.max():
+        raise InputError(f"{source.file}: sensitivities must be positive; "
+                         f"they run from {on.min():.3g} to {on.max():.3g}")
+    return names, np.maximum(on, 0.0) / on.max()
+
+
+def read_chart_reference(config: SessionConfig) -> np.ndarray:
+    """Reflectances (24, P) of the chart: a published average by name, or measured ones from a
+    file.
+    """
+    name = config.chart.reference
+    if name in REFERENCES or not Path(name).suffix:
+        return chart_reflectances(name, GRID)
+    return measured_chart(config.path(name), GRID)
+
+
+def read_session_scene(config: SessionConfig, file: str | None = None) -> SceneFile:
+    """The scene of the object photo, or another one; its files lie within the session folder."""
+    return read_scene(config.path(file or config.scene.file), None if config.allow_outside
+                      else config.folder)
+
+
+def read_chart_scene(config: SessionConfig) -> SceneFile | None:
+    """The scene of the chart photo, where there is one."""
+    if config.chart.scene is None:
+        return None
+    return read_scene(config.path(config.chart.scene), None if config.allow_outside
+                      else config.folder)
+
+
+def chart_corners(config: SessionConfig, shot: Shot) -> np.ndarray | None:
+    """Outer corners (4, 2) of the chart in pixels where the operator gave them, for the first shot
+    alone.
+    """
+    given = config.chart.corners_px
+    return None if given is None or shot.name else np.array(given)
+
+
+def read_photo(config: SessionConfig, photo: dict[str, tuple[str, ...]]) -> tuple[LinearImage,
+                                                                                  tuple[str, ...]]:
+    """A photo as linear signal, without dark signal and flat-fielded where the session has the
+    frames.
+
+    One of several bands is stacked; its bands are brought to the shortest of their exposures where
+    all state one. Notes say what was found on the way: hot pixels, measured exposure ratios, a file
+    that is not linear.
+    """
+    darks, flats = [config.path(name) for name in config.photos.dark_files], config.photos.flats
+    images, notes = [], []
+    for band, files in photo.items():
+        flat = flats.get(band, flats.get(ONE_PHOTO))
+        image, said = develop_photos([config.path(name) for name in files], darks,
+                                     None if flat is None else config.path(flat),
+                                     config.photos.not_linear)
+        images.append(image)
+        notes += [note for note in said if note not in notes]
+    if ONE_PHOTO in photo:
+        return images[0], tuple(notes)
+    exposures = [image.exposure_s for image in images]
+    shortest = None if None in exposures else min(exposure for exposure in exposures
+                                                  if exposure is not None)
+    stacked = stack_bands(images, list(photo), _channels(config),
+                          exposures_s=None if shortest is None else [shortest] * len(images))
+    return dataclasses.replace(stacked, exposure_s=shortest), tuple(notes)
+
+
+def _channels(config: SessionConfig) -> list[int]:
+    """Channel of each band, the same in all photos: a scene of other colours may tip the balance
+    between two.
+    """
+    first = next(iter([shot.chart for shot in config.chart_shots] + [config.shots[0].photo]))
+    return [strongest_channel(open_any(config.path(files[0]), config.photos.not_linear))
+            for files in first.values()]
+
+
+def require_exposed(photo: LinearImage, name: str) -> None:
+    """Refuse an object photo of which too little is left to compare with a rendering.
+
+    Raises
+    ------
+    ClippedPhotoError
+        With the saturated share.
+    """
+    clipped = float(photo.saturated.any(axis=2).mean())
+    if clipped > MOST_CLIPPED:
+        raise ClippedPhotoError(f"{name}: {clipped:.0%} of the photo is saturated; halve the "
+                                "exposure until the surfaces are not, the light itself may be")
+
+
+def check_aspect(photo: LinearImage, scene: SceneFile, name: str) -> None:
+    """Refuse a photo whose shape is not that of the scene's film.
+
+    Raises
+    ------
+    InputError
+        Naming both sizes.
+    """
+    height, width = photo.signal.shape[:2]
+    mismatch = (width / height) / (scene.width / scene.height) - 1
+    if abs(mismatch) > LARGEST_ASPECT_ERROR:
+        full = (round(width * photo.sensor_step), round(height * photo.sensor_step))
+        raise InputError(f"{name} is {full[0]} x {full[1]} pixels, but {scene.path.name} expects "
+                         f"{scene.width} x {scene.height} ({mismatch:+.0%} in shape): give the "
+                         "whole photo uncropped, or correct the film's width and height")
+
+
+def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:
+    """Refuse a scene whose BSDFs are not those of the session's materials.
+
+    Raises
+    ------
+    InputError
+        One sentence a line.
+    """
+    if problems := check_materials(scene, bsdfs):
+        raise InputError("\n".join(problems))
+
+
+def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpec, ...]:
+    """Materials of the session with their known spectra on the working grid.
+
+    Raises
+    ------
+    InputError
+        If scene and session do not name the same materials.
+    """
+    require_materials(scene, {name: material.bsdf for name, material in config.materials.items()})
+    return tuple(MaterialSpec(name, material.bsdf, None if material.known is None else
+                              spectrum_on_grid(read_reflectance(config, material.known), GRID))
+                 for name, material in config.materials.items())
+
+
+def _spectrum(config: SessionConfig, reference: SpectrumRef, role: Quantity) -> Spectrum:
+    return read_spectrum(config.path(reference.file), role=role, column=reference.column,
+                         wavelength_column=reference.wavelength_column)
+
+
+def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
+    """Names of the camera's bands.
+
+    Raises
+    ------
+    InputError
+        If the photo and the measured curves differ in the number of bands.
+    """
+    photographed = tuple(config.shots[0].photo)
+    names = photographed if any(photographed) else ("R", "G", "B") if bands == 3 else \
+        tuple(f"band {index + 1}" for index in range(bands))
+    if config.sensitivity.from_chart:
+        return names
+    curves = read_sensitivities(config)[0]
+    if len(curves) != bands:
+        raise InputError(f"{config.sensitivity.source.file} holds {len(curves)} curves, but the "
+                         f"photo has {bands} bands ({', '.join(names)}): give one curve for each, "
+                         "in this order")
+    return names if any(photographed) else curves

@@ -1,0 +1,45 @@
+"""Progress on standard error: a live bar on a terminal, one line a stage elsewhere."""
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
+
+Progress = Callable[[str, float, str], None]
+
+
+@contextlib.contextmanager
+def progress_display(quiet: bool = False) -> Iterator[Progress]:
+    """A function of (stage, fraction, message) that shows how far the work has come."""
+    if quiet:
+        yield lambda stage, fraction, message: None
+    elif sys.stderr.isatty():
+        with _live_bars() as show:
+            yield show
+    else:
+        yield _print_line
+
+
+def _print_line(stage: str, fraction: float, message: str) -> None:
+    if fraction in (0.0, 1.0):
+        print(f"{stage:<12} {'started' if fraction == 0.0 else message or 'done'}", file=sys.stderr,
+              flush=True)
+
+
+@contextlib.contextmanager
+def _live_bars() -> Iterator[Progress]:
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bars
+
+    with Bars(TextColumn("{task.fields[stage]:<12}"), BarColumn(),
+              TextColumn("{task.percentage:>3.0f}%"), TimeElapsedColumn(),
+              TextColumn("{task.fields[message]}"), console=Console(stderr=True)) as bars:
+        tasks: dict[str, object] = {}
+
+        def show(stage: str, fraction: float, message: str) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task("", total=1.0, stage=stage, message="")
+            bars.update(tasks[stage], completed=fraction, message=message)  # type: ignore[arg-type]
+
+        yield show

@@ -1,0 +1,102 @@
+"""Draws of all materials of a scene at once, through the light transport that the reconstruction
+traced.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import Calibration
+from spectrabox.radiometry.response import white_signal
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.reconstruct.fit.region_transport import RegionTransport
+from spectrabox.reconstruct.joint_reconstruction import JointReconstruction
+from spectrabox.sampling.measurement import SpectralSamples, linear_between
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.scene.draws import draw_scene, shared_errors
+from spectrabox.session.stages.error_budget import scale_covariance
+
+KEPT = 1e-4              # of the largest variance of a direction of the sensitivities' error
+
+
+def draw_through_transport(calibration: Calibration, joint: JointReconstruction, draws: int,
+                           seed: int,
+                           coefficients: int) -> dict[str, SpectralSamples]:
+    """Draws of every unknown material, interreflection, noise, calibration and model errors
+    included.
+
+    Raises
+    ------
+    InputError
+        If the session has several photos, lights of several spectra, or another engine than the
+        transport's.
+    ConvergenceError
+        See ``sampling.scene_draws.draw_scene``.
+    """
+    if len(joint.views) > 1 or not joint.regions:
+        reason = "the session has several photos" if len(joint.views) > 1 else \
+            "the engine kept no light transport, or the lights differ in spectrum"
+        raise InputError("sampling.through = \"transport\" takes one photo under lights of one "
+                         f"spectrum, fitted by the transport engine, and {reason}; set [sampling] "
+                         "through = \"surface\"")
+    regions, view = joint.regions[0], joint.views[0]
+    fine = joint.response * view.white_signal[:, None] * view.light_scale.value
+    response = fine @ linear_between(PRIOR_GRID, joint.grid)
+    known = {name: np.interp(PRIOR_GRID.nm, joint.grid.nm, joint.spectra[place])
+             for place, name in enumerate(joint.materials) if joint.known[place]}
+    return draw_scene(regions.transport, regions.signal, regions.standard_error, response, draws,
+                      seed, common=_common_errors(calibration, joint, regions, fine), known=known,
+                      coefficients=coefficients)
+
+
+def _common_errors(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
+                   response: np.ndarray) -> np.ndarray:
+    """What one standard deviation of each error that regions share does to their signals (Q, R,
+    K).
+    """
+    view = joint.views[0]
+    spectra = np.array([joint.spectra[joint.materials.index(name)]
+                        for name in regions.transport.materials])
+    products = np.exp(regions.transport.exponents.astype(float) @ np.log(np.maximum(spectra, 1e-6)))
+    received = regions.transport.coefficients @ products
+    signal = received @ response.T
+    known_curves = calibration.sensitivity.covariance is None or calibration.sensitivity.basis is None
+    of_curves = _of_tails(calibration, joint, regions, signal / white_signal(response)) * white_signal(response) \
+        if known_curves else _of_curves(calibration, received, response, view.light_scale.value, joint)
+    return np.concatenate([of_curves, shared_errors(
+        signal, scale_covariance(calibration, joint, 0), 0.0, regions.surface, regions.colour_error,
+        regions.brightness_error)])
+
+
+def _of_tails(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
+              relative: np.ndarray) -> np.ndarray:
+    """Errors (Q, R, K) of measured curves, relative to white, as
+    ``error_budget.sensitivity_covariance`` has them.
+
+    Every band errs by the stated share of the material's brightest band; regions of one material
+    err alike.
+    """
+    values, vectors = np.linalg.eigh(calibration.relative_covariance)
+    patterns = (vectors * np.sqrt(np.maximum(values, 0))).T[values > 0]
+    material = np.array([joint.views[0].agreement.materials[surface]
+                         for surface in regions.surface])
+    brightest = relative.max(axis=1, keepdims=True)
+    return np.array([np.where((material == name)[:, None], brightest * pattern, 0.0)
+                     for name in np.unique(material) for pattern in patterns]).reshape(-1, *relative.shape)
+
+
+def _of_curves(calibration: Calibration, received: np.ndarray, response: np.ndarray, scale: float,
+               joint: JointReconstruction) -> np.ndarray:
+    """Errors (Q, R, K) of the camera's curves by principal directions; white keeps its signal,
+    being calibrated.
+    """
+    fit = calibration.sensitivity
+    assert fit.covariance is not None and fit.basis is not None
+    values, vectors = np.linalg.eigh(fit.covariance)
+    chosen = values > KEPT * values[-1]
+    bands, count = len(fit.curves), fit.basis.shape[1]
+    curves = (vectors[:, chosen] * np.sqrt(values[chosen])).T.reshape(-1, bands,
+                                                                      count) @ fit.basis.T
+    moved = scale * curves * spectrum_on_grid(calibration.light, joint.grid) * joint.grid.weights_nm
+    moved -= response * (moved.sum(axis=2) / white_signal(response))[..., None]
+    return np.einsum("rp,qkp->qrk", received, moved)

@@ -1,0 +1,75 @@
+"""Any frozen record to a pair of files and back: arrays as .npz, everything else as JSON. No
+pickle.
+"""
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+import zipfile
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.shaped import Record, array_fields
+
+
+def pack(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
+    """JSON-able form of a record; its arrays are put into ``arrays`` under dotted names."""
+    if isinstance(value, Record):
+        return {f.name: pack(getattr(value, f.name), f"{name}.{f.name}", arrays)
+                for f in dataclasses.fields(value)}  # type: ignore[arg-type]
+    if isinstance(value, np.ndarray):
+        arrays[name] = value
+        return {"array": name}
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, tuple):
+        return [pack(item, f"{name}.{index}", arrays) for index, item in enumerate(value)]
+    return value
+
+
+def unpack(kind: Any, node: Any, arrays: typing.Mapping[str, np.ndarray]) -> Any:
+    """The value of type ``kind`` that ``pack`` wrote."""
+    if node is None:
+        return None
+    if isinstance(kind, types.UnionType) or typing.get_origin(kind) is typing.Union:
+        kind = next(option for option in typing.get_args(kind) if option is not types.NoneType)
+    if isinstance(node, dict) and set(node) == {"array"}:
+        return arrays[node["array"]]
+    if isinstance(kind, type) and issubclass(kind, Record):
+        hints = typing.get_type_hints(kind, include_extras=True)
+        plain = typing.get_type_hints(kind)
+        fields = array_fields(typing.cast(Any, kind))
+        return kind(**{f.name: unpack(hints[f.name] if f.name in fields else plain[f.name],
+                                      node[f.name], arrays)
+                       for f in dataclasses.fields(kind)})  # type: ignore[arg-type]
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return kind[node]
+    if typing.get_origin(kind) is tuple:
+        return tuple(unpack(typing.get_args(kind)[0], item, arrays) for item in node)
+    return node
+
+
+def save_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
+    """Arrays under their names into one .npz."""
+    np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
+
+
+def load_arrays(path: Path) -> dict[str, np.ndarray]:
+    """Arrays of one .npz.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or holds anything but plain arrays.
+    """
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            return {name: stored[name] for name in stored.files}
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise InputError(f"the stored result {path.name} is damaged ({error}); run again with "
+                         "--force") from None

@@ -1,0 +1,102 @@
+"""Everything a finished session knows, as the report and the command line read it."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.records import (
+    Calibration,
+    ChartDetection,
+    LightScale,
+    LinearImage,
+    PatchSamples,
+    Reconstruction,
+    Spectrum,
+    SpectrumSummary,
+)
+from spectrabox.sampling.measurement import SpectralSamples
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How near a recovered spectrum came to a measured truth, over 400-700 nm."""
+
+    rmse_mean: float                  # reflectance, mean of the samples
+    rmse_inverse_rendering: float     # reflectance, the one spectrum of inverse rendering
+    coverage: float  # share of wavelengths at which the band at the session's level holds the truth
+    coverage_95: float                # the same for the 95 % band
+    coverage_bounds: float            # the same for the exact bounds
+    band_width: float                 # mean width of the band, reflectance
+    # CIEDE2000 under D65, 2 degree observer, mean of the samples against truth
+    delta_e00_mean: float
+
+
+@dataclass(frozen=True)
+class MaterialResult:
+    """One material of the scene."""
+
+    name: str
+    spectrum: np.ndarray  # (P,) of inverse rendering, or as given; on the reconstruction's grid
+    signal: np.ndarray                # (J,) relative to white, in the bands of all photos
+    signal_covariance: np.ndarray     # (J, J) noise
+    model_covariance: np.ndarray      # (J, J) relative: photo and model disagree
+    summary: SpectrumSummary | None   # None where the spectrum was given
+    samples: SpectralSamples | None
+    # cause -> (K,) relative standard error of this material's signal
+    error_budget: dict[str, np.ndarray]
+    truth: Spectrum | None
+    scores: Scores | None
+    # cause -> share of the spectrum's variance
+    variance_shares: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ChartResult:
+    """The chart photo as it was used."""
+
+    detection: ChartDetection
+    samples: PatchSamples
+    predicted: np.ndarray             # (24, K) signal that the calibration predicts
+    irradiance: np.ndarray            # (24,) relative irradiance of each patch, brightest 1
+    overlay: Path                     # PNG
+
+
+@dataclass(frozen=True)
+class ViewResult:
+    """A further photo of the same materials."""
+
+    name: str
+    bands: tuple[str, ...]
+    calibration: Calibration          # with the light of this view
+    photo_preview: Path               # PNG
+    reconstruction: Reconstruction
+
+
+@dataclass(frozen=True)
+class SessionResults:
+    """What the report shows; ``folder`` is the session folder."""
+
+    folder: Path
+    name: str
+    operator: str
+    notes: str
+    bands: tuple[str, ...]            # band names, "R", "G", "B" for a colour camera
+    # role, file (relative), sha256, bytes; of photos also exposure_s, iso, camera ...
+    inputs: list[dict[str, Any]]
+    chart: ChartResult | None         # None where sensitivities came from a file
+    calibration: Calibration
+    sensitivity_truth: tuple[np.ndarray, np.ndarray] | None  # nm (P,), curves (K, P)
+    light_scale: LightScale
+    photo: LinearImage                # at the render's size
+    photo_preview: Path               # PNG of the whole object photo
+    reconstruction: Reconstruction
+    materials: list[MaterialResult]
+    signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
+    stages: list[dict[str, Any]]      # name, seconds, state ("run", "kept")
+    # versions, command, seed, started, finished, machine facts without paths
+    provenance: dict[str, Any]
+    warnings: list[str] = field(default_factory=list)
+    views: list[ViewResult] = field(default_factory=list)  # photos beyond the first

@@ -1,0 +1,122 @@
+"""Stored results of a session: one folder per stage, replaced whole, with the key of what it was
+made from.
+
+A stage's key is a plain dictionary (settings, files with their hashes, the keys of the stages
+before, versions), kept beside the results, so that a stale stage can say why it is stale.
+"""
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import writable
+from spectrabox.session.store.record_files import load_arrays, pack, save_arrays, unpack
+
+FACTS, ARRAYS = "facts.json", "arrays.npz"
+
+
+@dataclass(frozen=True)
+class StoredStage:
+    """One finished stage as it lies on disk."""
+
+    folder: Path
+    facts: dict[str, Any]
+
+    @property
+    def key(self) -> dict[str, Any]:
+        return dict(self.facts["key"])
+
+    @property
+    def seconds(self) -> float:
+        return float(self.facts["seconds"])
+
+    def record(self, kind: Any, name: str) -> Any:
+        """A record of the stage by name, or None where it was stored as None.
+
+        Raises
+        ------
+        InputError
+            If the stored files are damaged.
+        """
+        try:
+            return unpack(kind, self.facts["records"][name], load_arrays(self.folder / ARRAYS))
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"the stored results of stage {self.folder.name} are damaged "
+                             f"({error!r}); run again with --force") from None
+
+
+def fingerprint(key: dict[str, Any]) -> str:
+    """Hash of a key."""
+    return hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()
+
+
+def load_stage(results: Path, stage: str) -> StoredStage | None:
+    """A stage's stored results; None where there are none. Finishes a replacement that was cut
+    short.
+    """
+    folder, old = results / stage, results / f".{stage}.old"
+    if not folder.exists() and old.exists():
+        old.replace(folder)
+    try:
+        facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except (json.JSONDecodeError, UnicodeDecodeError):
+        # half a file cannot come from here; whatever it is, the stage is to be run again
+        return None
+    return StoredStage(folder, facts) if isinstance(facts, dict) and "key" in facts else None
+
+
+@contextlib.contextmanager
+def stage_folder(results: Path, stage: str) -> Iterator[Path]:
+    """An empty folder that takes the stage's place when the block ends well, and vanishes
+    otherwise.
+    """
+    new, old, final = results / f".{stage}.new", results / f".{stage}.old", results / stage
+    with writable(results):
+        shutil.rmtree(new, ignore_errors=True)
+        new.mkdir(parents=True)
+        try:
+            yield new
+            shutil.rmtree(old, ignore_errors=True)
+            if final.exists():
+                final.replace(old)
+            new.replace(final)
+            shutil.rmtree(old, ignore_errors=True)
+        finally:
+            shutil.rmtree(new, ignore_errors=True)
+
+
+def save_stage(folder: Path, key: dict[str, Any], records: dict[str, Any], seconds: float,
+               more: dict[str, Any]) -> None:
+    """Write a stage's records and facts into its (temporary) folder."""
+    arrays: dict[str, Any] = {}
+    packed = {name: pack(record, name, arrays) for name, record in records.items()}
+    save_arrays(folder / ARRAYS, arrays)
+    facts = {"key": key, "seconds": round(seconds, 3), **more, "records": packed}
+    (folder / FACTS).write_text(json.dumps(facts, indent=1, sort_keys=True), encoding="utf-8")
+
+
+def why_stale(stored: dict[str, Any], current: dict[str, Any]) -> list[str]:
+    """What differs between two keys, in words."""
+    reasons = []
+    for part in sorted(stored.keys() | current.keys()):
+        before, now = stored.get(part, {}), current.get(part, {})
+        if not (isinstance(before, dict) and isinstance(now, dict)):
+            reasons += [f"{part} changed"] if before != now else []
+            continue
+        for name in sorted(before.keys() | now.keys()):
+            if name not in now:
+                reasons.append(f"{part}: {name} is no longer used")
+            elif name not in before:
+                reasons.append(f"{part}: {name} is new")
+            elif before[name] != now[name]:
+                reasons.append(f"{part}: {name} changed")
+    return reasons
