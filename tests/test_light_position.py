@@ -83,7 +83,7 @@ def light_centre(scene):
                                   light=np.ones(2), bands={"one": np.ones(2)},
                                   range_nm=(400.0, 700.0), size=(4, 4)))
     parameters = mi.traverse(loaded)
-    name = next(key for key in parameters
+    name = next(key for key in parameters.keys()  # noqa: SIM118  Mitsuba's own kind of mapping
                 if key.endswith(("light.to_world", "bulb.position")))
     place = parameters[name]
     return np.array(place.translation() if name.endswith("to_world") else place).ravel()
