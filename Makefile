@@ -1,7 +1,7 @@
 # make demo   writes a synthetic capture session with known truth and runs it, as an operator would
 # make test   runs the tests
 # make bench  prints the measured figures (DATA=FOLDER for those that need measured data); takes the better part of an hour
-# make paper  prints the table of every figure of docs/paper.md and what data are missing; pictures go to build/paper
+# make paper  prints the table of every figure of docs/results/paper.md and what data are missing; pictures go to build/paper
 # All set up everything they need in .venv first; a second call does no work twice.
 PYTHON ?= python3
 DEMO   ?= demo-session

@@ -5,7 +5,7 @@ A Cornell box of three chart colours, 4 x 4 blocks of a 32 x 32 image, three ban
 runs several times with other seeds; the scatter of the runs gives the standard errors. The
 threshold of the largest |Z| is the 1 % level of Student's law, Sidak-corrected for the number of
 blocks and bands. Mitsuba draws with its ``independent`` sampler, since ``ldsampler`` is low by 0.3
-% (docs/reconstruction.md). "Bias at most": largest |bias| plus 2.33 standard errors.
+% (docs/explanation/reconstruction.md). "Bias at most": largest |bias| plus 2.33 standard errors.
 """
 from __future__ import annotations
 

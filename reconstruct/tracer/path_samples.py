@@ -6,7 +6,7 @@ Point i of the rule has the coordinates frac(phi(i) z_d + shift_d), phi the radi
 SIAM J. Sci. Comput. 28, 2006, up to 2^20 points). The shift is uniform, so each coordinate is
 uniform as well and every mean is unbiased; rules with other shifts are independent, and their
 scatter gives the error. Compared with independent numbers the noise of a picture's total falls by
-two and more, at less cost per number (docs/reconstruction.md).
+two and more, at less cost per number (docs/explanation/reconstruction.md).
 """
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trace the light of a scene once, apart from every spectrum (docs/reconstruction.md).
+"""Trace the light of a scene once, apart from every spectrum (docs/explanation/reconstruction.md).
 
 A path tracer with unit reflectances and unit lights carries along each path which product of
 reflectances it has met, and adds its contribution to (region, light, product). Every rendering,
