@@ -31,14 +31,13 @@ from spectrabox.calibrate.calibration import calibration_from_curves
 from spectrabox.capture.photo.binning import bin_image, render_size
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import Quantity, Reconstruction
+from spectrabox.radiometry.records import LearntSpectra, Quantity, Reconstruction
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, read_spectrum
 from spectrabox.reconstruct.agreement import misalignment, scene_errors
 from spectrabox.reconstruct.engines.transport_engine import fit_priors, trace_problem
 from spectrabox.reconstruct.fit.traced_fit import TracedView, fit_traced
 from spectrabox.reconstruct.inverse_rendering import (
     InversionSettings,
-    LearntSpectra,
     MaterialSpec,
     View,
     reconstruct,

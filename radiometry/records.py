@@ -72,8 +72,7 @@ class RawFrame(Record):
     """The mosaic as the sensor gave it, in sensor orientation."""
 
     mosaic: Annotated[np.ndarray, "H W"]            # uint16 DN, visible area
-    # index 0 R, 1 G, 2 B of the repeating tile, from pixel (0, 0)
-    cfa: Annotated[np.ndarray, "a b"]
+    cfa: Annotated[np.ndarray, "a b"]               # tile from pixel (0, 0): 0 R, 1 G, 2 B
     black_level: Annotated[np.ndarray, "a b"]       # DN at each position of the tile
     white_level: float                              # DN
     exposure_s: float | None
@@ -86,13 +85,11 @@ class RawFrame(Record):
 
 @dataclass(frozen=True, eq=False)
 class LinearImage(Record):
-    """Linear camera signal; one pixel covers ``sensor_step`` x ``sensor_step`` pixels of the
-    photo.
-    """
+    """Linear camera signal; a pixel covers ``sensor_step`` x ``sensor_step`` of the photo's."""
 
     signal: Annotated[np.ndarray, "H W K"]          # float32
     variance: Annotated[np.ndarray, "H W K"]        # float32, signal squared
-    saturated: Annotated[np.ndarray, "H W K"]  # bool: any contributing sample at the clip point
+    saturated: Annotated[np.ndarray, "H W K"]       # bool: a sample in it is at the clip point
     sensor_step: float
     exposure_s: float | None                        # None where the file does not say
     iso: float | None
@@ -105,13 +102,10 @@ class LinearImage(Record):
 
 @dataclass(frozen=True, eq=False)
 class ChartDetection(Record):
-    """Where the 24 patches lie. Corners in full-resolution sensor pixels, (0, 0) the centre of the
-    top-left pixel.
-    """
+    """Where the 24 patches lie, in full-resolution pixels; (0, 0) is the centre of the first."""
 
-    # the sampled quadrilateral of each patch, chart order
-    corners_px: Annotated[np.ndarray, "24 4 2"]
-    confidence: float  # 0 to 1: agreement of the patches with the reference
+    corners_px: Annotated[np.ndarray, "24 4 2"]     # sampled quadrilaterals, chart order
+    confidence: float                               # 0 to 1: agreement with the reference
     mirrored: bool
     how_found: str
 
@@ -124,7 +118,7 @@ class PatchSamples(Record):
     covariance_of_mean: Annotated[np.ndarray, "24 K K"]
     pixels: Annotated[np.ndarray, "24"]             # samples used in each patch
     saturated_fraction: Annotated[np.ndarray, "24 K"]
-    gradient: Annotated[np.ndarray, "24 K"]         # relative change of the signal across the patch
+    gradient: Annotated[np.ndarray, "24 K"]         # relative change across the patch
 
 
 # ---- calibrate -----------------------------------------------------------------------------------
@@ -135,14 +129,13 @@ class SensitivityFit(Record):
 
     grid: WavelengthGrid
     curves: Annotated[np.ndarray, "K P"]
-    # None where the curves were measured and read from a file
+    # What follows up to the outcome is None where the curves were measured and read from a file.
     basis: Annotated[np.ndarray, "P N"] | None
     coefficients: Annotated[np.ndarray, "K N"] | None
-    covariance: Annotated[np.ndarray, "D D"] | None  # D = K N, band after band
+    covariance: Annotated[np.ndarray, "D D"] | None             # D = K N, band after band
     standard_error: Annotated[np.ndarray, "K P"] | None
-    residuals: Annotated[np.ndarray, "24 K"] | None  # (photo - fit) / photo of each patch
-    # the same, each patch left out of its own fit
-    held_out_residuals: Annotated[np.ndarray, "24 K"] | None
+    residuals: Annotated[np.ndarray, "24 K"] | None             # (photo - fit) / photo
+    held_out_residuals: Annotated[np.ndarray, "24 K"] | None    # each patch left out of its fit
     condition_number: float | None
     method: str
     outcome: Outcome
@@ -150,9 +143,7 @@ class SensitivityFit(Record):
 
 @dataclass(frozen=True, eq=False)
 class LightScale(Record):
-    """Factor from rendered signal (light spectrum as given, sensitivities peaking at 1) to the
-    photo's signal.
-    """
+    """Factor from a rendered signal, of sensitivities peaking at 1, to that of the photo."""
 
     value: float
     standard_error: float | None
@@ -162,30 +153,50 @@ class LightScale(Record):
 
 @dataclass(frozen=True, eq=False)
 class Calibration(Record):
-    """All that turns rendered spectra into camera signal. ``relative_covariance`` is the error of
-    predicted signals.
-    """
+    """All that turns rendered spectra into camera signal, and the error of predicted signals."""
 
     sensitivity: SensitivityFit
     light: Spectrum
-    light_scale: LightScale | None  # None: to be found from a known material of the scene
-    # of (photo - predicted) / photo for surfaces like the chart's
-    relative_covariance: Annotated[np.ndarray, "K K"]
+    light_scale: LightScale | None                  # None: a known material of the scene tells it
+    relative_covariance: Annotated[np.ndarray, "K K"]   # of (photo - predicted) / photo
     checks: tuple[str, ...]
 
 
 # ---- reconstruct ---------------------------------------------------------------------------------
 
 @dataclass(frozen=True, eq=False)
+class LearntSpectra(Record):
+    """A prior on every unknown reflectance, from the measured spectra that sampling knows."""
+
+    nm: Annotated[np.ndarray, "P"]
+    mean: Annotated[np.ndarray, "P"]
+    covariance: Annotated[np.ndarray, "P P"]
+
+
+@dataclass(frozen=True, eq=False)
 class LightTransport(Record):
-    """Light transport as a polynomial: signal of region r is the sum over e of coefficients[r, e] x
-    product e.
+    """Light transport as a polynomial in the reflectances.
+
+    The signal of region r is the sum over e of coefficients[r, e] times the product of reflectances
+    that ``exponents[e]`` names.
     """
 
     materials: tuple[str, ...]
-    exponents: Annotated[np.ndarray, "E M"]         # how often each material is met
+    exponents: Annotated[np.ndarray, "E M"]         # how often a path encounters each material
     coefficients: Annotated[np.ndarray, "R E"]
-    covariance: Annotated[np.ndarray, "R E E"] | None  # Monte Carlo
+    covariance: Annotated[np.ndarray, "R E E"] | None   # Monte Carlo
+
+
+@dataclass(frozen=True, eq=False)
+class RegionTransport(Record):
+    """R regions of one photo: what they show, how surely, and how light reaches them."""
+
+    transport: LightTransport                       # for reflectances and a light spectrum of 1
+    signal: Annotated[np.ndarray, "R K"]            # NaN where the fit does not trust the region
+    standard_error: Annotated[np.ndarray, "R K"]    # independent: photo, Monte Carlo, unevenness
+    surface: Annotated[np.ndarray, "R"]             # index into the scene's surfaces
+    colour_error: float                             # relative, of each surface in each band
+    brightness_error: float                         # relative, of each surface in all bands alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +207,7 @@ class SurfaceAgreement(Record):
     materials: tuple[str, ...]                      # S material names
     pixels: Annotated[np.ndarray, "S"]
     ratio: Annotated[np.ndarray, "S K"]             # photo / rendering, summed over the surface
-    spread: Annotated[np.ndarray, "S K"]  # standard deviation of log(photo / rendering) over blocks
+    spread: Annotated[np.ndarray, "S K"]            # of log(photo / rendering) over blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,13 +220,10 @@ class Reconstruction(Record):
     basis: Annotated[np.ndarray, "P N"]
     coefficients: Annotated[np.ndarray, "M N"]      # NaN rows where known
     spectra: Annotated[np.ndarray, "M P"]
-    # integral of sensitivity x light: what reflectance 1 gives
-    white_signal: Annotated[np.ndarray, "K"]
+    white_signal: Annotated[np.ndarray, "K"]        # of a reflectance of 1 at all wavelengths
     signal: Annotated[np.ndarray, "M K"]            # of each material, relative to white
-    # photo noise and Monte Carlo noise of the fit
-    signal_covariance: Annotated[np.ndarray, "M K K"]
-    # photo and model disagree: relative, by surface
-    model_covariance: Annotated[np.ndarray, "M K K"]
+    signal_covariance: Annotated[np.ndarray, "M K K"]   # photo noise and Monte Carlo noise
+    model_covariance: Annotated[np.ndarray, "M K K"]    # relative: disagreement of photo and model
     measured: Annotated[np.ndarray, "H W K"]        # photo at the render's size
     rendered: Annotated[np.ndarray, "H W K"]
     used: Annotated[np.ndarray, "H W"]              # bool: pixels that entered the fit
@@ -228,6 +236,29 @@ class Reconstruction(Record):
     seed: int
     outcome: Outcome
     notes: tuple[str, ...] = ()                     # what is data and what is prior, in sentences
+
+
+@dataclass(frozen=True, eq=False)
+class JointReconstruction(Record):
+    """Spectra that explain V photos, and the signals of J bands: every independent response.
+
+    Two photos that differ in exposure or viewpoint alone have the same response: they make its
+    signals surer and add no band.
+    """
+
+    views: tuple[Reconstruction, ...]               # of each photo; all with the same spectra
+    names: tuple[str, ...]                          # of the views
+    materials: tuple[str, ...]                      # M, of all views
+    known: tuple[bool, ...]
+    grid: WavelengthGrid
+    spectra: Annotated[np.ndarray, "M P"]
+    bands: tuple[str, ...]                          # J names, "view: band"
+    view_of_band: Annotated[np.ndarray, "J"]        # int
+    response: Annotated[np.ndarray, "J P"]          # of each band; rows sum to 1
+    signal: Annotated[np.ndarray, "M J"]            # of each material, relative to white
+    signal_covariance: Annotated[np.ndarray, "M J J"]
+    model_covariance: Annotated[np.ndarray, "M J J"]    # relative; independent between views
+    regions: tuple[RegionTransport, ...] = ()       # of each view; none by engines without them
 
 
 # ---- sampling ------------------------------------------------------------------------------------

@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Calibration, LightScale, LinearImage, Reconstruction
+from spectrabox.radiometry.records import (
+    Calibration,
+    JointReconstruction,
+    LightScale,
+    LinearImage,
+    Reconstruction,
+)
 from spectrabox.radiometry.response import white_signal
 from spectrabox.reconstruct.agreement import (
     model_covariance,
@@ -19,24 +25,19 @@ from spectrabox.reconstruct.agreement import (
 from spectrabox.reconstruct.engines.gradient_engine import engine_for, invert_by_gradient
 from spectrabox.reconstruct.engines.per_wavelength import invert_per_wavelength
 from spectrabox.reconstruct.engines.transport_engine import solve_views
-from spectrabox.reconstruct.joint_reconstruction import (
-    JointReconstruction,
-    engine_answers,
-    joint_record,
-)
+from spectrabox.reconstruct.joint_reconstruction import engine_answers, joint_record
 from spectrabox.reconstruct.misfit import misfit_notes, surface_tests
 from spectrabox.reconstruct.problem import (
     EngineAnswer,
     InverseProblem,
     InversionSettings,
-    LearntSpectra,
     MaterialSpec,
     View,
     inverse_problems,
 )
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 
-__all__ = ["ENGINES", "InversionSettings", "JointReconstruction", "LearntSpectra", "MaterialSpec",
+__all__ = ["ENGINES", "InversionSettings", "MaterialSpec",
            "View", "reconstruct", "reconstruct_views"]
 
 Progress = Callable[[float, str], None]

@@ -4,17 +4,18 @@ of them stacked.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.records import Outcome, Reconstruction, WavelengthGrid
+from spectrabox.radiometry.records import (
+    JointReconstruction,
+    Outcome,
+    Reconstruction,
+    RegionTransport,
+)
 from spectrabox.radiometry.response import relative_operator, white_signal
-from spectrabox.radiometry.shaped import Record
 from spectrabox.reconstruct.engines.transport_engine import ViewsAnswer
 from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
-from spectrabox.reconstruct.fit.region_transport import RegionTransport
 from spectrabox.reconstruct.fit.traced_fit import unknown_materials
 from spectrabox.reconstruct.fit.transport_fit import TransportFit
 from spectrabox.reconstruct.problem import EngineAnswer, InverseProblem
@@ -22,31 +23,6 @@ from spectrabox.reconstruct.problem import EngineAnswer, InverseProblem
 SAME = 1e-9             # relative: responses closer than this are one
 # of white: error given to every stacked signal, so that bands which repeat others stay regular
 REDUNDANT = 1e-4
-
-
-@dataclass(frozen=True, eq=False)
-class JointReconstruction(Record):
-    """Spectra that explain V photos. J bands: those of every view, without the views that repeat an
-    earlier response.
-
-    Two photos that differ in exposure or viewpoint alone have the same response, and add no band
-    but better signals.
-    """
-
-    views: tuple[Reconstruction, ...]  # of each photo; coefficients and spectra are the same in all
-    names: tuple[str, ...]                          # of the views
-    materials: tuple[str, ...]                      # M, of all views
-    known: tuple[bool, ...]
-    grid: WavelengthGrid
-    spectra: Annotated[np.ndarray, "M P"]
-    bands: tuple[str, ...]                          # J names, "view: band"
-    view_of_band: Annotated[np.ndarray, "J"]        # int
-    response: Annotated[np.ndarray, "J P"]          # of each band; rows sum to 1
-    signal: Annotated[np.ndarray, "M J"]            # of each material, relative to white
-    signal_covariance: Annotated[np.ndarray, "M J J"]
-    model_covariance: Annotated[np.ndarray, "M J J"]  # relative; bands of different views err apart
-    # of each view; none where an engine other than transport found it
-    regions: tuple[RegionTransport, ...] = ()
 
 
 def engine_answers(problems: Sequence[InverseProblem], answer: ViewsAnswer) -> tuple[EngineAnswer,

@@ -23,7 +23,6 @@ from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.agreement import usable_pixels
 from spectrabox.reconstruct.fit.inversion_inputs import (
     InversionSettings,
-    LearntSpectra,
     MaterialSpec,
     View,
     gain_of_bands,
@@ -37,7 +36,7 @@ from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.scene.surfaces import surface_map
 
-__all__ = ["EngineAnswer", "InverseProblem", "InversionSettings", "LearntSpectra", "MaterialSpec",
+__all__ = ["EngineAnswer", "InverseProblem", "InversionSettings", "MaterialSpec",
            "View", "inverse_problem", "inverse_problems", "spectrum_prior"]
 
 PHOTO_FLOOR = 0.01       # of a band's median signal: black level and stray light

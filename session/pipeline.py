@@ -13,12 +13,12 @@ from spectrabox.radiometry.light_drift import LightDrift
 from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
+    JointReconstruction,
     LinearImage,
     PatchSamples,
     Reconstruction,
     SpectrumSummary,
 )
-from spectrabox.reconstruct.joint_reconstruction import JointReconstruction
 from spectrabox.sampling.measurement import SpectralSamples
 from spectrabox.session.config.session_schema import SessionConfig, Shot
 from spectrabox.session.keys import Key, as_stored, stage_keys

@@ -11,6 +11,7 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import (
     Calibration,
+    JointReconstruction,
     LightScale,
     Outcome,
     Quantity,
@@ -18,7 +19,6 @@ from spectrabox.radiometry.records import (
     Spectrum,
 )
 from spectrabox.radiometry.response import response_matrix, white_signal
-from spectrabox.reconstruct.joint_reconstruction import JointReconstruction
 from spectrabox.session.stages.error_budget import (
     light_covariance,
     measurement_of,

@@ -11,21 +11,11 @@ import pytest
 from spectrabox.fixtures.cornell_box import MATERIALS, cornell_box_xml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import band_products, exponents_up_to
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records import JointReconstruction, LearntSpectra, Quantity, Spectrum
 from spectrabox.reconstruct.engines import transport_engine
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
-from spectrabox.reconstruct.inverse_rendering import (
-    JointReconstruction,
-    reconstruct,
-    reconstruct_views,
-)
-from spectrabox.reconstruct.problem import (
-    InversionSettings,
-    LearntSpectra,
-    View,
-    inverse_problems,
-    spectrum_prior,
-)
+from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
+from spectrabox.reconstruct.problem import InversionSettings, View, inverse_problems, spectrum_prior
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.tracer.transport import shaded_image
 from spectrabox.reconstruct.vignetting import cos4_gain

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import RegionTransport
 from spectrabox.reconstruct.agreement import scale_from_surfaces, scene_errors, surface_agreement
 from spectrabox.reconstruct.fit.photo_terms import ViewFit
-from spectrabox.reconstruct.fit.region_transport import RegionTransport, region_transport
+from spectrabox.reconstruct.fit.region_transport import region_transport
 from spectrabox.reconstruct.fit.traced_fit import TracedView, fit_traced
 from spectrabox.reconstruct.fit.transport_fit import FitPriors, TransportFit
 from spectrabox.reconstruct.problem import InverseProblem, InversionSettings, spectrum_prior

@@ -11,6 +11,7 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import (
     Calibration,
+    LearntSpectra,
     LightScale,
     LinearImage,
     Spectrum,
@@ -55,17 +56,6 @@ class View:
     light_scale: LightScale | None = None
     light_spectra: Mapping[str, Spectrum] = field(default_factory=dict)
     gain: np.ndarray | None = None
-
-
-@dataclass(frozen=True)
-class LearntSpectra:
-    """Mean (P,) and covariance (P, P) of reflectances at wavelengths nm (P,), as a prior of every
-    unknown material.
-    """
-
-    nm: np.ndarray
-    mean: np.ndarray
-    covariance: np.ndarray
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.records import Calibration, Reconstruction
+from spectrabox.radiometry.records import Calibration, JointReconstruction, Reconstruction
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, spectrum_on_grid
-from spectrabox.reconstruct.joint_reconstruction import JointReconstruction
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import (
     FinishedRun,

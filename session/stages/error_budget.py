@@ -8,10 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import block_diag
 
-from spectrabox.radiometry.records import Calibration
+from spectrabox.radiometry.records import Calibration, JointReconstruction
 from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.reconstruct.joint_reconstruction import JointReconstruction
 from spectrabox.sampling.error_budget import error_budget
 from spectrabox.sampling.measurement import SpectralMeasurement, linear_between
 from spectrabox.sampling.prior.mixture import load_prior

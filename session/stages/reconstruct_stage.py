@@ -16,13 +16,13 @@ from spectrabox.radiometry.light_drift import (
 from spectrabox.radiometry.light_scale import scale_for_photo
 from spectrabox.radiometry.records import (
     Calibration,
+    JointReconstruction,
+    LearntSpectra,
     LightScale,
     LinearImage,
 )
 from spectrabox.reconstruct.inverse_rendering import (
     InversionSettings,
-    JointReconstruction,
-    LearntSpectra,
     MaterialSpec,
     View,
     reconstruct_views,

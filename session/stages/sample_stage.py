@@ -9,11 +9,9 @@ import numpy as np
 
 from spectrabox.radiometry.records import (
     Calibration,
+    JointReconstruction,
     SpectrumSummary,
     WavelengthGrid,
-)
-from spectrabox.reconstruct.inverse_rendering import (
-    JointReconstruction,
 )
 from spectrabox.sampling.measurement import SpectralMeasurement, SpectralSamples, summarise_spectra
 from spectrabox.sampling.methods import draw_spectra

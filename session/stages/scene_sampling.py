@@ -6,11 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Calibration
+from spectrabox.radiometry.records import Calibration, JointReconstruction, RegionTransport
 from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.reconstruct.fit.region_transport import RegionTransport
-from spectrabox.reconstruct.joint_reconstruction import JointReconstruction
 from spectrabox.sampling.measurement import SpectralSamples, linear_between
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.scene.draws import draw_scene, shared_errors
