@@ -26,7 +26,7 @@ $(VENV)/bin/python:
 $(STAMP): requirements.lock pyproject.toml reconstruct/rendering/llvm.py | $(VENV)/bin/python
 	@echo "setting up $(VENV) from locked versions"
 	@$(PY) -m pip install -q --disable-pip-version-check --require-hashes --only-binary :all: -r requirements.lock
-	@$(PY) -m pip install -q --disable-pip-version-check --no-deps -e .
+	@$(PY) -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@$(PY) -m spectrabox.reconstruct.rendering.llvm
 	@touch $@
 

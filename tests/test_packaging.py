@@ -1,0 +1,146 @@
+"""What is installed: the wheel by itself, beside packages of other people, and its dependencies."""
+from __future__ import annotations
+
+import ast
+import os
+import re
+import subprocess
+import sys
+import sysconfig
+import tomllib
+import zipfile
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDERS = ("radiometry", "capture", "calibrate", "reconstruct", "sampling", "session", "fixtures")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+OUTSIDE = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+
+
+def succeed(*command, cwd):
+    done = subprocess.run([str(word) for word in command], cwd=cwd, env=OUTSIDE, text=True,
+                          capture_output=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def name_of(requirement):
+    return re.split(r"[ ;<>=!~\[]", requirement)[0].lower().replace("_", "-")
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    succeed(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder, cwd=ROOT)
+    return next(folder.glob("*.whl"))
+
+
+@pytest.fixture(scope="module")
+def names(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        return archive.namelist()
+
+
+def test_the_wheel_holds_each_file_of_the_folders_once(names):
+    files = {f"spectrabox/{path.relative_to(ROOT).as_posix()}"
+             for folder in FOLDERS for path in (ROOT / folder).rglob("*")
+             if path.is_file() and "__pycache__" not in path.parts}
+    own = {"spectrabox/__init__.py", "spectrabox/__main__.py", "spectrabox/py.typed"}
+    assert len(names) == len(set(names))
+    assert {name for name in names if ".dist-info/" not in name} == files | own
+
+
+@pytest.mark.parametrize("name", [
+    "spectrabox/py.typed", "spectrabox/calibrate/prior/models/rawtoaces39.npz",
+    "spectrabox/sampling/prior/models/measured_reflectances.npz",
+    "spectrabox/session/report/templates/report.html.j2"])
+def test_the_wheel_holds_what_is_read_at_run_time(names, name):
+    assert name in names
+
+
+def test_the_wheel_carries_its_licence_and_the_sources_of_its_data(names):
+    assert {name.split("/")[-1] for name in names if "/licenses/" in name} == {"LICENSE", "NOTICE"}
+    notice = (ROOT / "NOTICE").read_text(encoding="utf-8")
+    for model in ROOT.glob("*/prior/models/*.npz"):
+        assert model.relative_to(ROOT).as_posix() in notice
+
+
+def stand_in_named_fixtures(folder):
+    """A wheel with the import name of the registry's ``fixtures``, made without a network."""
+    path = folder / "fixtures-4.0-py3-none-any.whl"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("fixtures/__init__.py", "class Fixture: pass\n")
+        about = "fixtures-4.0.dist-info"
+        archive.writestr(f"{about}/METADATA", "Metadata-Version: 2.1\nName: fixtures\nVersion: 4.0\n")
+        archive.writestr(f"{about}/WHEEL", "Wheel-Version: 1.0\nGenerator: test\n"
+                                           "Root-Is-Purelib: true\nTag: py3-none-any\n")
+        archive.writestr(f"{about}/RECORD", "".join(f"{name},,\n" for name in (
+            "fixtures/__init__.py", f"{about}/METADATA", f"{about}/WHEEL", f"{about}/RECORD")))
+    return path
+
+
+def test_another_package_named_fixtures_can_come_and_go(wheel, tmp_path):
+    environment, outside = tmp_path / "environment", tmp_path / "outside"
+    outside.mkdir()
+    succeed(sys.executable, "-m", "venv", "--without-pip", environment, cwd=tmp_path)
+    python = environment / "bin" / "python"
+    pip = (sys.executable, "-m", "pip", "--python", python, "--disable-pip-version-check")
+    for file in (wheel, stand_in_named_fixtures(tmp_path)):
+        succeed(*pip, "install", "-q", "--no-index", "--no-deps", file, cwd=outside)
+    # numpy and the like come from this environment; a path here does not read the .pth files
+    # there, so that the editable spectrabox stays out.
+    link = next(environment.rglob("site-packages")) / "libraries.pth"
+
+    def check(other):
+        link.write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
+        where = succeed(python, "-c", "import spectrabox.fixtures.paints as paints;"
+                        "print(paints.__file__)", cwd=outside)
+        assert Path(where.strip()).is_relative_to(environment)
+        answer = succeed(environment / "bin" / "spectrabox", "sample", "--json",
+                         "--sensitivity", "Nikon 5100 (NPL)", "--light", "D65",
+                         "--signal", "0.2,0.3,0.15", "--samples", "1000", cwd=outside)
+        assert '"mean"' in answer
+        there = "import importlib.util as u; print(u.find_spec('fixtures') is not None)"
+        assert succeed(python, "-c", there, cwd=outside).strip() == str(other)
+        link.unlink()       # or pip would see the packages there
+
+    check(other=True)
+    succeed(*pip, "uninstall", "-q", "-y", "fixtures", cwd=outside)
+    check(other=False)
+
+
+def imported_names():
+    for folder in FOLDERS:
+        for path in (ROOT / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Import):
+                    yield from (alias.name.split(".")[0] for alias in node.names)
+                elif isinstance(node, ast.ImportFrom) and node.module:
+                    yield node.module.split(".")[0]
+
+
+def test_dependencies_are_what_is_imported():
+    distributions = packages_distributions()
+    imported = {name_of(distributions[name][0]) for name in set(imported_names())
+                if name not in sys.stdlib_module_names and name != "spectrabox"}
+    stated = {name_of(line) for line in PROJECT["project"]["dependencies"]}
+    assert imported - stated == set(), "imported, but not among the dependencies of pyproject.toml"
+    assert stated - imported == set(), "a dependency in pyproject.toml that nothing imports"
+
+
+def test_everything_that_is_installed_is_locked_with_its_hashes():
+    lock = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+    locked = {name_of(block): block for block in re.split(r"\n(?=\S)", lock)}
+    extras = PROJECT["project"]["optional-dependencies"]
+    for line in (*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"],
+                 *extras["test"], *extras["build"]):
+        assert "--hash=sha256:" in locked[name_of(line)], line
+
+
+def test_one_version_is_stated():
+    version = re.search(r'__version__ = "(.*)"', (ROOT / "spectrabox" / "__init__.py").read_text())[1]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\n## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
