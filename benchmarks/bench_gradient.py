@@ -21,10 +21,17 @@ from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.engines import gradient
 from spectrabox.reconstruct.engines.gradient import fit_by_gradient
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec, inverse_problem
+from spectrabox.reconstruct.problem import MaterialSpec, inverse_problem
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 
-from benchmarks.paper.synthetic_photo import BANDS, GRID, measured_camera, photograph, scene_of
+from benchmarks.paper.synthetic_photo import (
+    BANDS,
+    GRID,
+    measured_camera,
+    photograph,
+    plain_settings,
+    scene_of,
+)
 
 WIDTH, BOUNCES, COEFFICIENTS, PHOTO_SPP = 48, 6, 7, 2048
 PATCHES = {"white": "white 9.5", "green": "green", "red": "red"}
@@ -47,7 +54,7 @@ def agreement() -> dict[str, Any]:
     result: dict[str, Any] = {}
     for engine in ("transport", "gradient"):
         start = time.perf_counter()
-        settings = InversionSettings(COEFFICIENTS, MOST_STEPS, STEP_SPP, engine=engine)
+        settings = plain_settings(COEFFICIENTS, engine, MOST_STEPS, STEP_SPP)
         found = reconstruct(box, photo, camera, SCALE, SPECS, BANDS, settings, lambda done,
                             what: None)
         seconds = time.perf_counter() - start

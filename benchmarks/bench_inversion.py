@@ -50,15 +50,11 @@ from spectrabox.reconstruct.engines import gradient
 from spectrabox.reconstruct.engines.per_wavelength import descend, monochrome_job
 from spectrabox.reconstruct.engines.transport_engine import fit_problem, unit_scene
 from spectrabox.reconstruct.fit.transport_fit import FitPriors
-from spectrabox.reconstruct.problem import (
-    InverseProblem,
-    InversionSettings,
-    MaterialSpec,
-    inverse_problem,
-)
+from spectrabox.reconstruct.problem import InverseProblem, MaterialSpec, inverse_problem
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.regions import block_regions
 from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import TracedTransport, shaded_image, trace_transport
 
 COEFFICIENTS, STEPS, GRADIENT_SPP, TRACE_SPP, PHOTO_SPP = 7, 200, 16, 64, 4096

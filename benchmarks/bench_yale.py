@@ -37,7 +37,6 @@ from spectrabox.reconstruct.agreement import misalignment, scene_errors
 from spectrabox.reconstruct.engines.transport_engine import fit_priors, trace_problem
 from spectrabox.reconstruct.fit.traced_fit import TracedView, fit_traced
 from spectrabox.reconstruct.inverse_rendering import (
-    InversionSettings,
     MaterialSpec,
     View,
     reconstruct,
@@ -47,6 +46,7 @@ from spectrabox.reconstruct.problem import inverse_problem
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.regions import block_regions
 from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.sampling.prior.mixture import load_prior, reflectance_moments
 
 GRID = visible_grid()
@@ -90,7 +90,8 @@ def learnt_spectra() -> LearntSpectra:
 
 def methods(steps: int) -> dict[str, InversionSettings]:
     """What is compared, from the paper's method to all that the transport engine offers."""
-    ours = InversionSettings(coefficients=9)
+    ours = InversionSettings(coefficients=9, engine="transport", spectrum_prior="smooth",
+                             errors_from_scene=False)
     told = replace(ours, errors_from_scene=True)
     learnt = replace(told, spectrum_prior="learnt", learnt=learnt_spectra())
     return {"paper: gradient, 7 coefficients": InversionSettings(7, steps=steps, spp=16,

@@ -30,21 +30,16 @@ from spectrabox.reconstruct.misfit import misfit_notes, surface_tests
 from spectrabox.reconstruct.problem import (
     EngineAnswer,
     InverseProblem,
-    InversionSettings,
     MaterialSpec,
     View,
     inverse_problems,
 )
 from spectrabox.reconstruct.scene.scene_file import SceneFile
-
-__all__ = ["ENGINES", "InversionSettings", "MaterialSpec",
-           "View", "reconstruct", "reconstruct_views"]
+from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 
 Progress = Callable[[float, str], None]
 ONE_PHOTO: dict[str, Callable[[InverseProblem, InversionSettings, Progress], EngineAnswer]] = {
     "gradient": invert_by_gradient, "per-wavelength": invert_per_wavelength}
-# auto: transport, or gradient for glossy materials
-ENGINES = ("transport", *ONE_PHOTO, "single-bounce", "auto")
 
 
 def reconstruct(scene_file: SceneFile, photo: LinearImage, calibration: Calibration,

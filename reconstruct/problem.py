@@ -22,22 +22,17 @@ from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.agreement import usable_pixels
 from spectrabox.reconstruct.fit.inversion_inputs import (
-    InversionSettings,
     MaterialSpec,
     View,
     gain_of_bands,
     require_light,
     require_scales,
     require_sound_pixels,
-    spectrum_prior,
 )
 from spectrabox.reconstruct.rendering.renderer import load_scene
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.scene.surfaces import surface_map
-
-__all__ = ["EngineAnswer", "InverseProblem", "InversionSettings", "MaterialSpec",
-           "View", "inverse_problem", "inverse_problems", "spectrum_prior"]
 
 PHOTO_FLOOR = 0.01       # of a band's median signal: black level and stray light
 PHOTO_ERROR = 0.02  # relative: pose, light profile, lens; keeps bright pixels from ruling the fit

@@ -17,6 +17,7 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.reconstruct.problem import MaterialSpec
 from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.settings import InversionSettings
 
 GRID = visible_grid(5)
 WIDTH = 32
@@ -55,6 +56,14 @@ def specs(known=()):
     """The three materials; those named are given their true spectrum."""
     return tuple(MaterialSpec(name, name, TRUTH[name] if name in known else None)
                  for name in MATERIALS)
+
+
+def plain_settings(coefficients, **chosen):
+    """Settings whose answer rests on the photo and its stated errors: nothing read off the scene,
+    and the smooth prior, of the transport engine unless another is chosen.
+    """
+    plain = {"engine": "transport", "errors_from_scene": False, "spectrum_prior": "smooth"}
+    return InversionSettings(coefficients, **plain | chosen)
 
 
 SCALE_ONE = LightScale(1.0, None, None, "given")

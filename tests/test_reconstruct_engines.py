@@ -15,10 +15,11 @@ from spectrabox.radiometry.records import Outcome
 from spectrabox.reconstruct.engines import per_wavelength, transport_engine
 from spectrabox.reconstruct.engines.gradient import fit_by_gradient
 from spectrabox.reconstruct.engines.transport_engine import trace_problem, unit_scene
-from spectrabox.reconstruct.inverse_rendering import ENGINES, reconstruct
-from spectrabox.reconstruct.problem import InversionSettings, inverse_problem
+from spectrabox.reconstruct.inverse_rendering import reconstruct
+from spectrabox.reconstruct.problem import inverse_problem
 from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
 from spectrabox.reconstruct.scene.regions import block_regions
+from spectrabox.reconstruct.settings import ENGINES
 from spectrabox.reconstruct.tracer.transport import shaded_image
 
 from tests.cornell_problem import (
@@ -29,6 +30,7 @@ from tests.cornell_problem import (
     WIDTH,
     camera,
     photo_of,
+    plain_settings,
     scene,
     specs,
 )
@@ -74,7 +76,7 @@ def true_signals(found):
 
 
 def test_the_transport_engine_finds_the_band_signals(box, photo, quick):
-    found = reconstruct(box, photo, camera(), SCALE_ONE, specs(), BANDS, InversionSettings(7),
+    found = reconstruct(box, photo, camera(), SCALE_ONE, specs(), BANDS, plain_settings(7),
                         silent)
     wanted, _ = true_signals(found)
     # Photo and transport are each good to about 1 % per surface at this size, the small red and
@@ -102,7 +104,7 @@ def test_a_known_material_gives_the_scale(box, photo, quick):
     dimmed = replace(photo, signal=photo.signal * np.float32(0.4),
                      variance=photo.variance * np.float32(0.16))
     found = reconstruct(box, dimmed, camera(), None, specs(known=("white",)), BANDS,
-                        InversionSettings(7), silent)
+                        plain_settings(7), silent)
     # Each of seven white surfaces, some of a dozen pixels, is good to 2 to 4 %; they count alike.
     assert found.light_scale.value == pytest.approx(0.4, rel=0.06)
     assert found.known == (True, False, False) and np.isnan(found.coefficients[0]).all()
@@ -111,14 +113,14 @@ def test_a_known_material_gives_the_scale(box, photo, quick):
 def test_direct_light_alone_explains_interreflection_as_brightness(box, photo, quick):
     wanted, _ = true_signals(None)
     found = reconstruct(box, photo, camera(), SCALE_ONE, specs(), BANDS,
-                        InversionSettings(7, engine="single-bounce"), silent)
+                        plain_settings(7, engine="single-bounce"), silent)
     # The walls light each other: without that the fit must make them brighter by far more than the
     # noise of 1 %.
     assert np.all(found.signal.mean(axis=1) > 1.05 * wanted.mean(axis=1))
 
 
 def test_the_gradient_engine_finds_the_same_signals(box, photo):
-    settings = InversionSettings(7, steps=80, spp=8, engine="gradient")
+    settings = plain_settings(7, steps=80, spp=8, engine="gradient")
     found = reconstruct(box, photo, camera(), SCALE_ONE, specs(), BANDS, settings, silent)
     wanted, _ = true_signals(found)
     # Eighty steps of eight paths, half the default: still within a tenth.
@@ -177,7 +179,7 @@ def test_the_gradient_agrees_with_finite_differences(box):
 def test_the_per_wavelength_engine_goes_downhill(box, photo):
     problem = inverse_problem(box, photo, camera(), SCALE_ONE, specs(), BANDS, 5)
     fit = per_wavelength.descend(per_wavelength.monochrome_job(problem,
-                                                               InversionSettings(5, 4, 1, 1)),
+                                                               plain_settings(5, steps=4, spp=1, seed=1)),
                                  silent)
     assert fit.coefficients.shape == (3, 5) and np.all((fit.coefficients >= 0)
                                                        & (fit.coefficients <= 1))
@@ -188,7 +190,7 @@ def test_an_unknown_engine_is_named(box, photo):
     with pytest.raises(InputError, match="no engine 'magic'; use one of transport, gradient, "
                        "per-wavelength"):
         reconstruct(box, photo, camera(), SCALE_ONE, specs(), BANDS,
-                    InversionSettings(engine="magic"), silent)
+                    plain_settings(9, engine="magic"), silent)
     assert set(ENGINES) == {"transport", "gradient", "per-wavelength", "single-bounce", "auto"}
 
 
@@ -233,4 +235,4 @@ def test_a_material_that_no_light_reaches_is_refused(tmp_path, photo, quick):
     hidden = scene(tmp_path, text)
     with pytest.raises(InputError, match="no light reaches material 'red'"):
         reconstruct(hidden, photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), SCALE_ONE, specs(),
-                    BANDS, InversionSettings(7), silent)
+                    BANDS, plain_settings(7), silent)

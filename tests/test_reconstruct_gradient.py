@@ -13,11 +13,11 @@ from spectrabox.reconstruct.engines import gradient, transport_engine
 from spectrabox.reconstruct.engines.gradient import fit_by_gradient, reflectance_key, stalled
 from spectrabox.reconstruct.engines.gradient_engine import invert_by_gradient
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec, inverse_problem
+from spectrabox.reconstruct.problem import MaterialSpec, inverse_problem
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import read_scene
 
-from tests.cornell_problem import BANDS, GRID, SCALE_ONE, camera, photo_of
+from tests.cornell_problem import BANDS, GRID, SCALE_ONE, camera, photo_of, plain_settings
 
 WIDTH = 16
 PAINT = 0.15 + 0.5 / (1 + np.exp((560 - GRID.nm) / 20))
@@ -151,7 +151,7 @@ def test_the_gradient_agrees_with_finite_differences_for_any_bsdf(tmp_path, kind
 @pytest.mark.parametrize("kind", ["roughplastic", "principled", "roughconductor"])
 def test_a_coated_or_metallic_paint_is_found(tmp_path, kind):
     problem = ball(tmp_path, kind, count=7)
-    answer = invert_by_gradient(problem, InversionSettings(7, steps=80, spp=8, engine="gradient"),
+    answer = invert_by_gradient(problem, plain_settings(7, steps=80, spp=8, engine="gradient"),
                                 silent)
     response = problem.response / problem.response.sum(axis=1, keepdims=True)
     # Eight paths a step: 2 % of white in the strongest bands.
@@ -165,7 +165,7 @@ def test_the_engine_is_chosen_by_the_materials_and_the_choice_is_said(tmp_path, 
     monkeypatch.setattr(transport_engine, "MOST_SPP", 64)
     problem = ball(tmp_path, kind)
     found = reconstruct(problem.scene_file, photo_of(problem.measured), camera(), SCALE_ONE,
-                        problem.materials, BANDS, InversionSettings(5, steps=4, spp=2,
+                        problem.materials, BANDS, plain_settings(5, steps=4, spp=2,
                                                                     engine="auto"), silent)
     assert engine in found.engine
     assert ("paint" in found.notes[0] and "gradient" in found.notes[0]) == (kind != "diffuse")

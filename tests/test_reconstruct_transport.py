@@ -16,7 +16,7 @@ from spectrabox.radiometry.interreflection import (
 )
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import InversionSettings, inverse_problem
+from spectrabox.reconstruct.problem import inverse_problem
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.tracer import transport
@@ -36,6 +36,7 @@ from tests.cornell_problem import (
     WIDTH,
     camera,
     photo_of,
+    plain_settings,
     scene,
     specs,
 )
@@ -245,7 +246,7 @@ def test_a_coated_surface_is_sent_to_the_gradient_engine(tmp_path):
     with pytest.raises(InputError,
                        match=r"red of box\.xml is coated or glossy.*engine = \"gradient\""):
         reconstruct(scene(tmp_path, text), photo, camera(), SCALE_ONE, specs(), BANDS,
-                    InversionSettings(7),
+                    plain_settings(7),
                     lambda done, what: None)
 
 

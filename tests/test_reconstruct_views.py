@@ -14,8 +14,9 @@ from spectrabox.radiometry.interreflection import band_products, exponents_up_to
 from spectrabox.radiometry.records import JointReconstruction, LearntSpectra, Quantity, Spectrum
 from spectrabox.reconstruct.engines import transport_engine
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
+from spectrabox.reconstruct.fit.inversion_inputs import spectrum_prior
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
-from spectrabox.reconstruct.problem import InversionSettings, View, inverse_problems, spectrum_prior
+from spectrabox.reconstruct.problem import View, inverse_problems
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.tracer.transport import shaded_image
 from spectrabox.reconstruct.vignetting import cos4_gain
@@ -29,6 +30,7 @@ from tests.cornell_problem import (
     WIDTH,
     camera,
     photo_of,
+    plain_settings,
     scene,
     specs,
 )
@@ -37,7 +39,7 @@ SPECTRA = np.array([TRUTH[name] for name in MATERIALS])
 BOUNCES = 3
 NOISE = 0.003
 FALLING = 0.1 + np.exp(-((GRID.nm - 400) / 90) ** 2) + 0.6 * np.exp(-((GRID.nm - 570) / 15) ** 2)
-SETTINGS = InversionSettings(9)
+SETTINGS = plain_settings(9)
 
 
 def silent(done, what):

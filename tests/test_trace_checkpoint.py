@@ -37,7 +37,7 @@ def box(tmp_path_factory):
 @pytest.fixture
 def short(monkeypatch):
     """Passes of few paths, so that a trace has many."""
-    monkeypatch.setattr(transport, "MOST_POINTS", 1 << 11)
+    monkeypatch.setattr(transport, "MAX_POINTS", 1 << 11)
 
 
 def traced(box, **options):
@@ -47,11 +47,10 @@ def traced(box, **options):
 
 def test_each_coordinate_of_the_lattice_has_one_point_in_each_of_as_many_intervals(mitsuba):
     count = 1 << 10
-    lattice = ShiftedLattice(70, 5)
+    lattice = ShiftedLattice(70, 5, count)
     for dimension in (0, 1, 33, len(GENERATOR) - 1, len(GENERATOR), 69):
-        place = np.array(lattice.integer(mitsuba.UInt32(np.arange(count)),
-                                         mitsuba.UInt32(dimension)), dtype=np.uint64)
-        shifted = (place - np.uint64(place[0])) % np.uint64(1 << 32)
+        coordinate = np.array(lattice.integer(mitsuba.UInt32(dimension)), dtype=np.uint64)
+        shifted = (coordinate - np.uint64(coordinate[0])) % np.uint64(1 << 32)
         assert np.array_equal(np.sort(shifted >> np.uint64(22)), np.arange(count))
 
 
@@ -64,13 +63,11 @@ def test_the_lattice_s_integral_is_closer_than_independent_numbers(mitsuba):
     """Shifted rules are unbiased, and even: their error of a smooth integral is a small part of the
     independent one.
     """
-    count, index = 1 << 12, mitsuba.UInt32(np.arange(1 << 12))
+    count = 1 << 12
     sums = []
     for seed in range(32):
-        lattice = ShiftedLattice(4, seed)
-        pairs = [np.array(lattice.pair(index, mitsuba.UInt32(first))).reshape(2,
-                                                                              -1) for first in (0,
-                                                                                                2)]
+        lattice = ShiftedLattice(4, seed, count)
+        pairs = [np.array(lattice.pair(mitsuba.UInt32(first))).reshape(2, -1) for first in (0, 2)]
         sums.append(np.prod(np.concatenate(pairs), axis=0).mean())
     # The product of four uniform numbers has mean 1/16 and variance 1/81 - 1/256.
     independent = np.sqrt((1 / 81 - 1 / 256) / count)

@@ -20,7 +20,7 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.records import LightScale, LinearImage, Reconstruction
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec, View
+from spectrabox.reconstruct.problem import MaterialSpec, View
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.shape.shape import wearing
 from spectrabox.sampling.measurement import SpectralMeasurement
@@ -29,7 +29,14 @@ from spectrabox.sampling.published.per_axis_box import sample_per_axis
 from spectrabox.sampling.published.ranking import best_by_readings
 
 from benchmarks.paper.figure_4 import spectra_behind
-from benchmarks.paper.synthetic_photo import BANDS, GRID, measured_camera, photograph, scene_of
+from benchmarks.paper.synthetic_photo import (
+    BANDS,
+    GRID,
+    measured_camera,
+    photograph,
+    plain_settings,
+    scene_of,
+)
 
 WIDTH, PHOTO_SPP, COEFFICIENTS, STEPS, STEP_SPP = 48, 512, 7, 120, 16
 SAMPLE = 20     # of CES99, counted from 0: a yellow that the prior was not trained on
@@ -87,8 +94,7 @@ def inverted(truth: np.ndarray) -> tuple[LinearImage, list[Reconstruction]]:
                         mesh).scene_file
         photo = photograph(shown, {"paint": truth}, camera, PHOTO_SPP)
         return photo, [reconstruct(shown, photo, camera, scale, (MaterialSpec("paint", "paint"),),
-                                   BANDS, InversionSettings(COEFFICIENTS, STEPS, STEP_SPP,
-                                                            engine=engine),
+                                   BANDS, plain_settings(COEFFICIENTS, engine, STEPS, STEP_SPP),
                                    lambda done, what: None) for engine in ("gradient", "transport")]
 
 

@@ -24,7 +24,7 @@ from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import LightScale
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec
+from spectrabox.reconstruct.problem import MaterialSpec
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.sampling.further.conditioning import Reading, condition
 from spectrabox.sampling.measurement import SpectralMeasurement
@@ -34,7 +34,14 @@ from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.sampling.published.ranking import best_by_readings
 
-from benchmarks.paper.synthetic_photo import BANDS, GRID, measured_camera, photograph, scene_of
+from benchmarks.paper.synthetic_photo import (
+    BANDS,
+    GRID,
+    measured_camera,
+    photograph,
+    plain_settings,
+    scene_of,
+)
 
 SPECTRA, WIDTH, PHOTO_SPP, COEFFICIENTS = 20, 24, 256, 7
 DRAWS, KEPT, READING_ERROR = 10_000, 1_000, 0.005
@@ -136,7 +143,7 @@ def found_in_photo(truth: np.ndarray) -> SpectralMeasurement:
     camera, scene = measured_camera(), scene_of(view_xml(cameras(6)[3], WIDTH))
     photo = photograph(scene, {"paint": truth}, camera, PHOTO_SPP)
     found = reconstruct(scene, photo, camera, LightScale(1.0, None, None, "given"),
-                        (MaterialSpec("paint", "paint"),), BANDS, InversionSettings(COEFFICIENTS),
+                        (MaterialSpec("paint", "paint"),), BANDS, plain_settings(COEFFICIENTS),
                         lambda done, what: None)
     response = camera.sensitivity.curves * GRID.weights_nm
     return SpectralMeasurement(GRID, response / response.sum(axis=1, keepdims=True),

@@ -21,7 +21,7 @@ from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, wri
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
-from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec, View, inverse_problems
+from spectrabox.reconstruct.problem import MaterialSpec, View, inverse_problems
 from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
 from spectrabox.reconstruct.shape.mesh import write_mesh
 from spectrabox.reconstruct.shape.shape import (
@@ -41,6 +41,7 @@ from benchmarks.paper.synthetic_photo import (
     GRID,
     measured_camera,
     photograph,
+    plain_settings,
     scene_of,
     spectrum_rmse,
 )
@@ -92,7 +93,7 @@ def measure(true_mesh: Path, found_mesh: Path, out: Path) -> dict[str, Any]:
     spectra, drawn = {"descent": found.spectrum}, []
     for name, mesh in (("on the found shape", found_mesh), ("on the true shape", true_mesh)):
         answer = reconstruct_views([wearing(view, "object", mesh) for view in used], MATERIALS,
-                                   InversionSettings(COEFFICIENTS), lambda done, what: None)
+                                   plain_settings(COEFFICIENTS), lambda done, what: None)
         spectra[name] = answer.spectra[0]
         measurement = SpectralMeasurement(GRID, answer.response[:3], answer.signal[0][:3],
                                           np.zeros((3, 3)))

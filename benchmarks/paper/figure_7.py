@@ -19,7 +19,7 @@ from spectrabox.fixtures.cornell_box import cornell_box_xml
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
 from spectrabox.radiometry.records import LightScale, LinearImage
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec
+from spectrabox.reconstruct.problem import MaterialSpec
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.sampling.measurement import SpectralMeasurement
 from spectrabox.sampling.methods import draw_spectra
@@ -32,6 +32,7 @@ from benchmarks.paper.synthetic_photo import (
     GRID,
     measured_camera,
     photograph,
+    plain_settings,
     scene_of,
     spectrum_rmse,
 )
@@ -79,7 +80,7 @@ def rows() -> tuple[list[dict[str, Any]], dict[tuple[str, str], np.ndarray], Lin
                                     ("interreflection", BOUNCES, ("gradient", "transport"))):
         box = scene_of(cornell_box_xml(WIDTH, bounces + 1))
         for engine in engines:
-            settings = InversionSettings(COEFFICIENTS, STEPS, STEP_SPP, engine=engine)
+            settings = plain_settings(COEFFICIENTS, engine, STEPS, STEP_SPP)
             found = reconstruct(box, photo, camera, LightScale(1.0, None, None, "given"), materials,
                                 BANDS, settings, lambda done, what: None)
             name = "paper: descent" if engine == "gradient" else "ours: traced transport"

@@ -24,7 +24,7 @@ from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.engines.gradient import LEARNING_RATE, START, cosine_rate
 from spectrabox.reconstruct.engines.per_wavelength import VARIANT, monochrome_xml
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import InversionSettings, MaterialSpec, inverse_problem
+from spectrabox.reconstruct.problem import MaterialSpec, inverse_problem
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.sampling.measurement import SpectralMeasurement
@@ -37,6 +37,7 @@ from benchmarks.paper.synthetic_photo import (
     GRID,
     measured_camera,
     photograph,
+    plain_settings,
     scene_of,
     spectrum_rmse,
 )
@@ -84,7 +85,7 @@ def rows() -> tuple[list[dict[str, Any]], dict[str, np.ndarray]]:
                          ("transport", "ours: traced transport")):
         start = time.process_time()
         found = reconstruct(box, photo, camera, scale, materials, BANDS,
-                            InversionSettings(COEFFICIENTS, STEPS, STEP_SPP, engine=engine),
+                            plain_settings(COEFFICIENTS, engine, STEPS, STEP_SPP),
                             lambda done, what: None)
         curves[name], seconds[name] = found.spectra[orange], time.process_time() - start
         response = camera.sensitivity.curves * GRID.weights_nm

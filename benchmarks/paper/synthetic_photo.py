@@ -23,6 +23,7 @@ from spectrabox.radiometry.records import (
 from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.scene_file import SceneFile, read_scene
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
+from spectrabox.reconstruct.settings import InversionSettings
 
 GRID = visible_grid()
 BANDS = ("R", "G", "B")
@@ -61,6 +62,15 @@ def photograph(scene: SceneFile, truth: Mapping[str, np.ndarray], calibration: C
     return LinearImage(signal.astype(np.float32), variance.astype(np.float32),
                        np.zeros(signal.shape, bool), 1.0, None, None, None, PhotoKind.LINEAR_FILE,
                        "", "rendered", "")
+
+
+def plain_settings(coefficients: int, engine: str = "transport", steps: int = 160,
+                   spp: int = 16) -> InversionSettings:
+    """Settings whose answer rests on the photo and its stated errors: nothing read off the scene,
+    and the smooth prior.
+    """
+    return InversionSettings(coefficients, steps, spp, engine=engine, errors_from_scene=False,
+                             spectrum_prior="smooth")
 
 
 def spectrum_rmse(found: np.ndarray, truth: np.ndarray) -> float:

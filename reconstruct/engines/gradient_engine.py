@@ -11,9 +11,10 @@ import numpy as np
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import relative_operator
 from spectrabox.reconstruct.engines.gradient import GradientFit, fit_by_gradient
-from spectrabox.reconstruct.problem import EngineAnswer, InverseProblem, InversionSettings
+from spectrabox.reconstruct.problem import EngineAnswer, InverseProblem
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_file import SceneFile, not_plain_products
+from spectrabox.reconstruct.settings import InversionSettings
 
 FINAL_SPP, FINAL_PASSES = 256, 4
 

@@ -27,8 +27,9 @@ from spectrabox.reconstruct.engines.gradient import (
     outcome_of,
 )
 from spectrabox.reconstruct.engines.gradient_engine import answer_of_descent
-from spectrabox.reconstruct.problem import EngineAnswer, InverseProblem, InversionSettings
+from spectrabox.reconstruct.problem import EngineAnswer, InverseProblem
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
+from spectrabox.reconstruct.settings import InversionSettings
 
 WAVELENGTHS = 31
 VARIANT = "llvm_ad_mono"

@@ -11,14 +11,16 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import RegionTransport
 from spectrabox.reconstruct.agreement import scale_from_surfaces, scene_errors, surface_agreement
+from spectrabox.reconstruct.fit.inversion_inputs import spectrum_prior
 from spectrabox.reconstruct.fit.photo_terms import ViewFit
 from spectrabox.reconstruct.fit.region_transport import region_transport
 from spectrabox.reconstruct.fit.traced_fit import TracedView, fit_traced
 from spectrabox.reconstruct.fit.transport_fit import FitPriors, TransportFit
-from spectrabox.reconstruct.problem import InverseProblem, InversionSettings, spectrum_prior
+from spectrabox.reconstruct.problem import InverseProblem
 from spectrabox.reconstruct.rendering.renderer import load_scene
 from spectrabox.reconstruct.scene.regions import block_regions, region_means
 from spectrabox.reconstruct.scene.scene_file import not_plain_products
+from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import (
     TracedTransport,
     joined,

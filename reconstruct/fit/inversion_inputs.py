@@ -11,7 +11,6 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import (
     Calibration,
-    LearntSpectra,
     LightScale,
     LinearImage,
     Spectrum,
@@ -19,11 +18,11 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.reconstruct.fit.transport_fit import SpectrumPrior, learnt_prior
 from spectrabox.reconstruct.scene.scene_file import SceneFile
+from spectrabox.reconstruct.settings import SPECTRUM_PRIORS, InversionSettings
 
 DARK_BAND = 1e-6         # of the strongest band's light: below, a band has none
 NEGATIVE_SIGMA = 6.0     # a pixel this far below zero is no noise
 MOST_NEGATIVE = 1e-3     # share of such pixels that defects explain
-SPECTRUM_PRIORS = ("smooth", "learnt", "none")
 
 
 @dataclass(frozen=True)
@@ -58,32 +57,6 @@ class View:
     gain: np.ndarray | None = None
 
 
-@dataclass(frozen=True)
-class InversionSettings:
-    """Numbers an operator may choose."""
-
-    coefficients: int = 9
-    steps: int = 160                # of the gradient and per-wavelength engines
-    spp: int = 16  # paths per pixel and step; the transport engine decides how many it needs
-    seed: int = 1
-    # relative standard deviation of each surface's brightness in each band: light profile, pose,
-    # uneven paint; 0 where only pixel noise is to be expected
-    surface_error: float = 0.01
-    # of the prior on spectra (reconstruct/fit/transport_fit.py); 0 for none
-    smoothness: float = 0.1
-    engine: str = "transport"       # or "gradient", "per-wavelength", "single-bounce"
-    # What follows is for the transport engines alone. Errors are standard deviations of logarithms.
-    brightness_error: float = 0.0   # of each surface, in all bands alike: light profile, geometry
-    light_error: float = 0.0        # of each light of the scene, traced apart for it
-    # of each entry of a band-mixing matrix: photos that went through colour processing
-    mixing_error: float = 0.0
-    block_error: float = 0.0        # of each block of pixels, beside its noise
-    # raise these errors to what surfaces of one paint, or of a known one, show
-    errors_from_scene: bool = False
-    spectrum_prior: str = "smooth"  # or "learnt", which needs ``learnt``, or "none"
-    learnt: LearntSpectra | None = None
-
-
 def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid,
                    basis: np.ndarray) -> SpectrumPrior | None:
     """The learnt prior of the coefficients; None where the settings ask for smoothness or for
@@ -101,7 +74,7 @@ def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid,
         return None
     if settings.learnt is None:
         raise InputError("a learnt prior on spectra needs the mean and covariance of measured "
-                         "reflectances")
+                         "reflectances: give them, or choose the prior \"smooth\"")
     learnt = settings.learnt
     between = np.array([np.interp(grid.nm, learnt.nm, unit) for unit in np.eye(learnt.nm.size)]).T
     return learnt_prior(basis, between @ learnt.mean, between @ learnt.covariance @ between.T)

@@ -22,34 +22,38 @@ GENERATOR = (
     36237, 94049, 170665, 79397, 123963, 223451, 323871, 303633, 98567, 318855, 494245, 477137,
     177975, 64483, 26695, 88779, 94497, 239429, 381007)
 # for which the vector was made; more are several rules with shifts of their own
-MOST_POINTS = 1 << 20
+MAX_POINTS = 1 << 20
 
 
 class ShiftedLattice:
-    """Points of one rule as arrays of the renderer; another seed is another, independent rule."""
+    """The first ``points`` points of one rule, as arrays of the renderer; another seed is another,
+    independent rule.
+    """
 
-    def __init__(self, dimensions: int, seed: int) -> None:
+    def __init__(self, dimensions: int, seed: int, points: int) -> None:
+        import drjit as dr
         import mitsuba as mi
 
+        self.index = dr.arange(mi.UInt32, points)
         self.generator = mi.UInt32(generating_vector(dimensions))
         self.shift = mi.UInt32(np.random.default_rng(seed).integers(0, 1 << 32, dimensions,
                                                                     dtype=np.uint32))
 
-    def integer(self, index: Any, dimension: Any) -> Any:
-        """Coordinate times 2^32 of points 0, 1, 2, ..."""
+    def integer(self, dimension: Any) -> Any:
+        """Coordinate times 2^32 of every point."""
         import drjit as dr
         import mitsuba as mi
 
-        return (dr.brev(index) * dr.gather(mi.UInt32, self.generator, dimension)
+        return (dr.brev(self.index) * dr.gather(mi.UInt32, self.generator, dimension)
                 + dr.gather(mi.UInt32, self.shift, dimension))
 
-    def pair(self, index: Any, dimension: Any) -> Any:
-        """Two coordinates in [0, 1), from ``dimension`` on."""
+    def pair(self, dimension: Any) -> Any:
+        """Two coordinates of every point in [0, 1), from ``dimension`` on."""
         import mitsuba as mi
 
         scale = 2.0**-24  # 24 bits, as many as a float32 holds: 32 could round up to 1
-        return mi.Point2f(mi.Float(self.integer(index, dimension) >> 8) * scale,
-                          mi.Float(self.integer(index, dimension + 1) >> 8) * scale)
+        return mi.Point2f(mi.Float(self.integer(dimension) >> 8) * scale,
+                          mi.Float(self.integer(dimension + 1) >> 8) * scale)
 
 
 def generating_vector(dimensions: int) -> np.ndarray:

@@ -18,7 +18,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import exponents_up_to, product_count, prune
 from spectrabox.radiometry.records import LightTransport
 from spectrabox.reconstruct.rendering.renderer import all_cores
-from spectrabox.reconstruct.tracer.path_samples import MOST_POINTS
+from spectrabox.reconstruct.tracer.path_samples import MAX_POINTS
 from spectrabox.reconstruct.tracer.path_tracer import Tracer
 from spectrabox.reconstruct.tracer.trace_checkpoint import (
     PassSums,
@@ -237,4 +237,4 @@ def _schedule(spp: int, passes: int, pixels: int) -> tuple[int, int]:
     lattice.
     """
     paths = 1 << max(int(np.ceil(np.log2(max(spp * pixels / passes, 1)))), 10)
-    return passes * max(paths // MOST_POINTS, 1), min(paths, MOST_POINTS)
+    return passes * max(paths // MAX_POINTS, 1), min(paths, MAX_POINTS)

@@ -21,13 +21,9 @@ from spectrabox.radiometry.records import (
     LightScale,
     LinearImage,
 )
-from spectrabox.reconstruct.inverse_rendering import (
-    InversionSettings,
-    MaterialSpec,
-    View,
-    reconstruct_views,
-)
+from spectrabox.reconstruct.inverse_rendering import MaterialSpec, View, reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.sampling.prior.mixture import load_prior, reflectance_moments
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.inputs import (
