@@ -18,7 +18,7 @@ from spectrabox.radiometry.shaped import Record
 LEVEL = 0.9
 NORMAL_QUANTILE = 1.6449
 DRAWS = 1000
-FEWEST_BANDS = 3
+MIN_BANDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +59,8 @@ def answer_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectru
         If the photo has fewer than 3 bands; others as of ``calibrate_chart``.
     """
     bands = samples.mean.shape[1]
-    if bands < FEWEST_BANDS:
-        raise InputError(f"the photo has {bands} band{'s' * (bands > 1)}; {FEWEST_BANDS} or more "
+    if bands < MIN_BANDS:
+        raise InputError(f"the photo has {bands} band{'s' * (bands > 1)}; {MIN_BANDS} or more "
                          "are needed: stack photos that were taken through different filters into "
                          "one of several bands")
     even = np.full(len(samples.mean), np.pi)

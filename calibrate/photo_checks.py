@@ -9,10 +9,10 @@ from spectrabox.radiometry.errors import CalibrationError, CheckError, InputErro
 from spectrabox.radiometry.records import Quantity, Spectrum, WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
-FEWEST_PATCHES = 8
+MIN_PATCHES = 8
 ALIKE = 1e-3                 # relative spread of the ratio of two bands over the patches
 DARK_LIGHT = 1e-3            # of the light's largest value
-LARGEST_IRRADIANCE = 50.0    # W m-2 nm-1; the sun gives 1.5
+MAX_IRRADIANCE = 50.0        # W m-2 nm-1; the sun gives 1.5
 WORST_MODEL_ERROR = 0.05  # patches that disagree by more than this were not explained by any camera
 WORST_CHI_SQUARE = 3.0
 
@@ -24,9 +24,9 @@ def require_patches(signal: np.ndarray) -> None:
     ------
     CalibrationError
     """
-    if len(signal) < FEWEST_PATCHES:
+    if len(signal) < MIN_PATCHES:
         raise CalibrationError(f"{len(signal)} patches are too few to find sensitivities; "
-                               f"{FEWEST_PATCHES} are needed")
+                               f"{MIN_PATCHES} are needed")
     bad = np.flatnonzero(~(np.isfinite(signal).all(axis=1) & (signal > 0).all(axis=1)))
     if bad.size:
         raise CalibrationError(f"patch {bad[0] + 1} has no positive signal in every band; check "
@@ -63,7 +63,7 @@ def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tupl
         raise InputError(f"{light.source}: a light spectrum must be positive; it runs from "
                          f"{power.min():.3g} to {power.max():.3g} over "
                          f"{grid.nm[0]:g}-{grid.nm[-1]:g} nm")
-    if light.quantity is Quantity.IRRADIANCE and power.max() > LARGEST_IRRADIANCE:
+    if light.quantity is Quantity.IRRADIANCE and power.max() > MAX_IRRADIANCE:
         raise InputError(f"{light.source}: {power.max():.3g} W m-2 nm-1 is more than any lamp "
                          "gives; state the unit, for example '# unit: uW cm-2 nm-1'")
     power = np.maximum(power, 0.0)

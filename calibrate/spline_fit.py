@@ -34,7 +34,7 @@ Solver = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.nda
 SMOOTH_COEFFICIENTS = 24
 # of the mean information of a coefficient
 PENALTIES = tuple(10.0 ** power for power in np.arange(-8, 3.1, 0.5))
-LARGEST_CONDITION = 1e8
+MAX_CONDITION = 1e8
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def _require_determined(design: np.ndarray, condition: float, coefficients: int)
     if len(design) < design.shape[1]:
         raise CalibrationError(f"{len(design)} usable patches cannot determine {coefficients} coefficients a band; "
                                "use method \"prior\", or shoot the chart again")
-    if not np.isfinite(condition) or condition > LARGEST_CONDITION:
+    if not np.isfinite(condition) or condition > MAX_CONDITION:
         raise CalibrationError(f"the chart under this light cannot determine {coefficients} "
                                f"coefficients (condition number {condition:.1e}); check that the "
                                "light covers 400-700 nm")

@@ -9,9 +9,9 @@ from spectrabox.radiometry.records import LightScale, LinearImage
 SAME_SETTING = 1e-6
 # of the times that cameras state: 1/125, 1/60
 DIAL_DIGITS = (1, 1.25, 1.3, 1.5, 1.6, 2, 2.5, 3, 3.2, 4, 5, 6, 6.4, 8)
-LONGEST_AS_FRACTION_S = 0.26
-MOST_ROUNDING_STOPS = 0.1    # 1/60 s is 1/64 s, by 0.093
-LARGEST_LIGHT_CONDITION = 1e8
+MAX_FRACTION_S = 0.26
+MAX_ROUNDING_STOPS = 0.1     # 1/60 s is 1/64 s, by 0.093
+MAX_LIGHT_CONDITION = 1e8
 
 
 def exposure_product(photo: LinearImage, name: str) -> float:
@@ -63,7 +63,7 @@ def rounding_error(before: LinearImage, after: LinearImage) -> float:
 
 
 def _on_dial(exposure_s: float) -> bool:
-    shown = exposure_s if exposure_s > LONGEST_AS_FRACTION_S else 1 / exposure_s
+    shown = exposure_s if exposure_s > MAX_FRACTION_S else 1 / exposure_s
     digits = shown / 10 ** np.floor(np.log10(shown) + SAME_SETTING)
     return bool(np.any(np.abs(np.array(DIAL_DIGITS) / digits - 1) < SAME_SETTING))
 
@@ -74,7 +74,7 @@ def _off_third(value: float) -> float:
     """
     stops = float(np.log2(value))
     off = stops - round(3 * stops) / 3
-    return off if abs(off) < MOST_ROUNDING_STOPS else 0.0
+    return off if abs(off) < MAX_ROUNDING_STOPS else 0.0
 
 
 def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: LinearImage,
@@ -147,7 +147,7 @@ def scales_from_signals(measured: np.ndarray, predicted: np.ndarray,
     target = np.full(measured.size, 1 / relative_error)
     normal = rows.T @ rows
     spread = np.sqrt(np.diag(normal))
-    if np.linalg.cond(normal / np.outer(spread, spread)) > LARGEST_LIGHT_CONDITION:
+    if np.linalg.cond(normal / np.outer(spread, spread)) > MAX_LIGHT_CONDITION:
         raise CalibrationError(f"these {measured.shape[0]} regions cannot tell the "
                                f"{len(predicted)} lights apart; photograph the chart under one "
                                "light at a time")

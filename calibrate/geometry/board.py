@@ -15,7 +15,7 @@ from spectrabox.radiometry.shaped import Record
 
 BOARD_KEYS = {"columns", "rows", "square", "marker", "dictionary", "legacy", "origin", "right",
               "down"}
-FEWEST_SQUARES = 3
+MIN_SQUARES = 3
 SQUARE_ANGLE = 1e-3     # radians: how far from a right angle the two directions of a board may be
 
 
@@ -58,9 +58,9 @@ def read_board(path: Path) -> Board:
                          f"{', '.join(sorted(BOARD_KEYS))}")
     columns, rows = written.get("columns"), written.get("rows")
     if not (isinstance(columns, int) and isinstance(rows, int) and min(columns, rows)
-            >= FEWEST_SQUARES):
+            >= MIN_SQUARES):
         raise InputError(f"{path.name}: columns and rows are {columns} and {rows}; whole numbers "
-                         f"of squares, {FEWEST_SQUARES} or more, are needed")
+                         f"of squares, {MIN_SQUARES} or more, are needed")
     square, marker = (_number(written.get(name), name, path) for name in ("square", "marker"))
     if not 0 < marker < square:
         raise InputError(f"{path.name}: the marker is {marker:g} and the square {square:g} wide; "

@@ -22,13 +22,13 @@ from spectrabox.calibrate.geometry.projection import (
 )
 from spectrabox.radiometry.errors import CheckError, InputError
 
-FEWEST_POINTS = 6
+MIN_POINTS = 6
 ACCEPTED_SHARE = 0.005      # rms, of the photo's width: 2.5 mm in a box of half a metre
-LARGEST_FOCAL_ERROR = 0.05
+MAX_FOCAL_ERROR = 0.05
 DIFFERENT = 3.0             # standard errors by which a second pose has to be worse
-SMALLEST_NOISE_PX = 0.05
+MIN_NOISE_PX = 0.05
 STARTS = 3                  # of them refined
-MOST_STEPS = 200
+MAX_STEPS = 200
 FAR_PX = 1e6                # stands for a point that cannot be projected
 FOCAL_RANGE = (0.4, 10.0)   # of the photo's width, tried in 10 steps
 
@@ -73,12 +73,12 @@ def pose_and_focal_length(places: np.ndarray, points_px: np.ndarray, width: int,
     jacobian = _jacobian(places, fit[0], lens, True)
     relative = np.inf
     if np.linalg.cond(jacobian / np.linalg.norm(jacobian, axis=0)) < 1 / FLAT**2:
-        noise = max(fit[2] / (2 * len(places) - 7), SMALLEST_NOISE_PX**2)
+        noise = max(fit[2] / (2 * len(places) - 7), MIN_NOISE_PX**2)
         relative = float(np.sqrt(noise * np.linalg.inv(jacobian.T @ jacobian)[6, 6]))
-    if not relative < LARGEST_FOCAL_ERROR:
+    if not relative < MAX_FOCAL_ERROR:
         where = "they lie in one plane: " if spread(places)[2] < FLAT else ""
         raise CheckError(f"the points leave the focal length open by {min(relative, 9.99):.0%} "
-                         f"({LARGEST_FOCAL_ERROR:.0%} is the most), for it cannot be told from the "
+                         f"({MAX_FOCAL_ERROR:.0%} is the most), for it cannot be told from the "
                          f"distance; {where}give points at different depths, or the lens (--lens)")
     pose = _pose(places, points_px, fit[0], lens, True)
     error = fit[1] * relative
@@ -94,9 +94,9 @@ def lens_of_focal_length(focal_px: float, width: int, height: int) -> Lens:
 
 
 def _require_usable(places: np.ndarray, points_px: np.ndarray, lens: Lens) -> None:
-    if len(places) < FEWEST_POINTS:
+    if len(places) < MIN_POINTS:
         raise InputError(f"{len(places)} points cannot determine a pose reliably; give "
-                         f"{FEWEST_POINTS} or more")
+                         f"{MIN_POINTS} or more")
     if spread(places)[1] < FLAT:
         raise InputError(f"the {len(places)} points lie on one line, about which the camera may "
                          "stand anywhere; give points of a surface, better of two")
@@ -117,7 +117,7 @@ def _require_one(fits: list[tuple[np.ndarray, float, float]], points: int) -> No
     """Refuse a second pose that explains the points about as well (a small or distant plane turns
     over).
     """
-    noise = max(fits[0][2] / (2 * points - 6), SMALLEST_NOISE_PX**2)
+    noise = max(fits[0][2] / (2 * points - 6), MIN_NOISE_PX**2)
     for parameters, _, squares in fits[1:]:
         turned = rotation_matrix(parameters[:3]) @ rotation_matrix(fits[0][0][:3]).T
         if np.trace(turned) < 3 - FLAT and squares - fits[0][2] < DIFFERENT**2 * noise:
@@ -143,7 +143,7 @@ def _refuse(places: np.ndarray, points_px: np.ndarray, lens: Lens, free_focal: b
     if _explains(squares(everyone, np.abs([lens.width - 1, 0] - points_px)), len(places), lens):
         raise CheckError(found + "with left and right exchanged they fit: the photo is mirrored, "
                          "or the points are matched as in a mirror")
-    if len(places) > FEWEST_POINTS:
+    if len(places) > MIN_POINTS:
         without = [squares(np.delete(everyone, index), points_px) for index in everyone]
         worst = int(np.argmin(without))
         if _explains(without[worst], len(places) - 1, lens):
@@ -187,7 +187,7 @@ def _refined(places: np.ndarray, points_px: np.ndarray, lens: Lens, start: np.nd
         return np.column_stack([derivative[:, :6], log_focal]) if free_focal else derivative[:, :6]
 
     found = least_squares(misses, np.append(start, 0.0) if free_focal else start, slope,
-                          x_scale="jac", method="lm", max_nfev=MOST_STEPS)
+                          x_scale="jac", method="lm", max_nfev=MAX_STEPS)
     behind = (places @ rotation_matrix(found.x[:3]).T + found.x[3:6])[:, 2] <= 0
     return found.x[:6], float(at(found.x).matrix[0, 0]), np.inf if behind.any() else float(2 * found.cost)
 

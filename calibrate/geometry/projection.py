@@ -17,11 +17,11 @@ from spectrabox.calibrate.geometry.lens import Lens, pinhole
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records import LinearImage
 
-FEWEST_VIEWS = 3
-FEWEST_CORNERS = 6
+MIN_VIEWS = 3
+MIN_CORNERS = 6
 LENS_RMS_PX = 2.0
-LEAST_TILT_DEG = 10.0
-LARGEST_FOCAL_ERROR = 0.02          # relative; a chart's irradiance would be off by twice that
+MIN_TILT_DEG = 10.0
+MAX_FOCAL_ERROR = 0.02              # relative; a chart's irradiance would be off by twice that
 FLAT = 1e-3                         # a spread of points below this share of the largest is none
 OVERLAY_SIDE = 1600                 # px
 GREEN, RED, BLACK = (60, 220, 60), (255, 40, 40), (0, 0, 0)
@@ -45,10 +45,10 @@ def find_board(board: Board, grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     charuco = _charuco(board)
     corners, identities, _, markers = cv2.aruco.CharucoDetector(charuco).detectBoard(grey)
     seen = 0 if corners is None else len(corners)
-    if seen < FEWEST_CORNERS:
+    if seen < MIN_CORNERS:
         found = 0 if markers is None else len(markers)
         raise CheckError(f"{seen} corners of the ChArUco board are seen, and {found} of its "
-                         f"markers; {FEWEST_CORNERS} corners are needed: bring the board nearer, "
+                         f"markers; {MIN_CORNERS} corners are needed: bring the board nearer, "
                          "light it evenly, do not mirror the photo, and check that columns, rows "
                          "and dictionary are those of the print")
     places, points = charuco.matchImagePoints(corners, identities)
@@ -67,9 +67,9 @@ def lens_from_views(views: Sequence[tuple[np.ndarray, np.ndarray]], width: int, 
     CheckError
         If no lens explains the views, or they leave the focal length open.
     """
-    if len(views) < FEWEST_VIEWS:
+    if len(views) < MIN_VIEWS:
         raise InputError(f"{len(views)} views of the board cannot determine a lens; take "
-                         f"{FEWEST_VIEWS} or more, tilted in different ways")
+                         f"{MIN_VIEWS} or more, tilted in different ways")
     places = [view[0].astype(np.float32) for view in views]
     points = [view[1].astype(np.float32) for view in views]
     rms, matrix, distortion, turns, _, errors, _, by_view = cv2.calibrateCameraExtended(
@@ -85,9 +85,9 @@ def lens_from_views(views: Sequence[tuple[np.ndarray, np.ndarray]], width: int, 
     apart = float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min())))
     relative = float(errors[0] / matrix[0, 0])
     # OpenCV states no error along what is singular
-    if apart < LEAST_TILT_DEG or not relative < LARGEST_FOCAL_ERROR:
+    if apart < MIN_TILT_DEG or not relative < MAX_FOCAL_ERROR:
         raise CheckError(f"the views leave the focal length open (error {relative:.1%}, the board's directions are "
-                         f"{apart:.0f} degrees apart, {LEAST_TILT_DEG:g} are needed); tilt the board by some 30 "
+                         f"{apart:.0f} degrees apart, {MIN_TILT_DEG:g} are needed); tilt the board by some 30 "
                          "degrees, each time to another side")
     return Lens(width, height, np.asarray(matrix), np.ravel(distortion)[:5], errors[:4],
                 errors[4:9], float(rms), source), by_view

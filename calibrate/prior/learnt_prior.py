@@ -20,10 +20,10 @@ from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.radiometry.errors import InputError
 
 FAMILIES_PER_CAMERA = 0.33   # 13 families of 39 cameras
-FEWEST_FOR_FAMILIES = 12     # fewer cameras make one Gaussian
+MIN_CAMERAS_FOR_FAMILIES = 12  # fewer cameras make one Gaussian
 KEPT_VARIANCE = 0.9999
-FEWEST_CAMERAS = 4
-FEWEST_FREEDOM = 3           # of Student's t: fewer makers say nothing of how makers differ
+MIN_CAMERAS = 4
+MIN_FREEDOM = 3              # of Student's t: fewer makers say nothing of how makers differ
 UNLIKE = "a camera unlike those measured"
 
 
@@ -67,8 +67,8 @@ def build_prior(nm: np.ndarray, curves: np.ndarray, names: tuple[str, ...], *, s
         If there are fewer than 4 cameras.
     """
     cameras = len(curves)
-    if cameras < FEWEST_CAMERAS:
-        raise InputError(f"a prior needs {FEWEST_CAMERAS} measured cameras or more; {cameras} "
+    if cameras < MIN_CAMERAS:
+        raise InputError(f"a prior needs {MIN_CAMERAS} measured cameras or more; {cameras} "
                          "could be read")
     vectors = (curves / curves.mean(axis=(1, 2), keepdims=True)).reshape(cameras, -1)
     groups = families(vectors)
@@ -98,7 +98,7 @@ def build_prior(nm: np.ndarray, curves: np.ndarray, names: tuple[str, ...], *, s
 
 def families(vectors: np.ndarray) -> list[np.ndarray]:
     """Indices of the members of each family of two or more, by Ward's method, of vectors (C, D)."""
-    if len(vectors) < FEWEST_FOR_FAMILIES:
+    if len(vectors) < MIN_CAMERAS_FOR_FAMILIES:
         return []
     from scipy.cluster.hierarchy import fcluster, linkage
     label = fcluster(linkage(vectors, "ward"), round(FAMILIES_PER_CAMERA * len(vectors)),
@@ -141,7 +141,7 @@ def _student_widening(names: tuple[str, ...]) -> float:
     many makers.
     """
     from scipy.special import ndtri, stdtrit
-    freedom = max(len({_maker(name) for name in names}) - 1, FEWEST_FREEDOM)
+    freedom = max(len({_maker(name) for name in names}) - 1, MIN_FREEDOM)
     return float(stdtrit(freedom, 0.95) / ndtri(0.95))
 
 

@@ -35,7 +35,7 @@ LINEARISED_AT = 0.008
 GAINS = ((0.05, 0.8), (0.4, 0.2))
 EXPOSURE_SD = 3.0            # of log exposure about the first guess: nothing is known
 ITERATIONS = 6
-LARGEST_STEP = 0.5  # of a log exposure or field term in one iteration: exp() of more runs away
+MAX_STEP = 0.5  # of a log exposure or field term in one iteration: exp() of more runs away
 NEGLIGIBLE = 1e-4            # share of a component below which it is left out
 
 
@@ -238,7 +238,7 @@ def _linearise(photos: list[ChartPhoto], designs: list[np.ndarray], start: np.nd
         projected = covariance @ jacobian.T
         gain = np.linalg.solve(jacobian @ projected + noise, linear - jacobian @ start)
         step = start + projected @ gain - state
-        state = state + step / max(1.0, np.abs(step[curve_count:]).max() / LARGEST_STEP)
+        state = state + step / max(1.0, np.abs(step[curve_count:]).max() / MAX_STEP)
     predicted, jacobian = _equations(photos, designs, state, bands)
     return jacobian, measured - predicted + jacobian @ state
 

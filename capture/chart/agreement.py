@@ -25,11 +25,11 @@ WORST_PATCH = 0.65
 # of one patch in a file that may have been through a tone curve and a colour matrix
 WORST_ENCODED_PATCH = 1.3
 DARKEST_SHARE = 0.03  # of the brightest patch, added to the denominator of relative misfits
-LEAST_RANK_CORRELATION = 0.8     # of the six neutral patches
+MIN_RANK_CORRELATION = 0.8       # of the six neutral patches
 NEUTRALS = slice(18, 24)
 LEFT_OUT = 0.1                   # of the log residuals, the worst
 HOPELESS_RESIDUAL = 1.0          # rms of the log residual above which no mixture of bands is tried
-LEAST_CONTRAST = 0.2
+MIN_CONTRAST = 0.2
 WORST_LEFT_OUT = 2               # patches
 MIXTURE_STEPS = 6
 MIXED_BANDS = 3                  # more would fit 24 patches whatever their colours
@@ -92,7 +92,7 @@ def _log_fit(signals: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
     if brightness.max() <= 0:
         return np.inf, np.nan
     if _rank_correlation(brightness[NEUTRALS],
-                         reference[NEUTRALS].sum(axis=1)) < LEAST_RANK_CORRELATION:
+                         reference[NEUTRALS].sum(axis=1)) < MIN_RANK_CORRELATION:
         return np.inf, np.nan
     bands = signals.shape[1]
     # dark patches may read 0 or less
@@ -102,7 +102,7 @@ def _log_fit(signals: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
     terms = np.column_stack([np.log(reference).ravel(), np.tile(np.eye(bands), (24, 1)), place])
     solution = np.linalg.lstsq(terms, logs, rcond=None)[0]
     contrast = float(solution[0])
-    if contrast <= LEAST_CONTRAST:
+    if contrast <= MIN_CONTRAST:
         return np.inf, contrast
     fitting = np.sort(np.abs(logs - terms @ solution))[:int((1 - LEFT_OUT) * logs.size)]
     return float(np.sqrt(np.mean(fitting**2))) / contrast, contrast

@@ -30,17 +30,17 @@ from spectrabox.radiometry.records import ChartDetection, LinearImage, PhotoKind
 QUAD_SHARE = 0.6                         # of a patch's side that is sampled
 PICTURE_SIDES = (1600, 1000, 2400)  # px, long side of the picture to search, in the order tried
 REGION_SHARE = 0.55                      # of the picture's sides, for a search of its parts
-MOST_MAGNIFIED = 2.0                     # more only blurs
+MAX_MAGNIFIED = 2.0                      # more only blurs
 ACCEPTED_CONTRAST = (0.6, 1.9)  # power of the light; an sRGB-encoded file taken as linear has 0.5
 CONFIDENCE_SCALE = 0.25                  # confidence = exp(-residual / 0.25)
 RECTIFIED_PX_PER_MM, RECTIFIED_BORDER_MM = 2.0, 20.0
 SAME_PATCH_CODES = 10                    # sRGB code values, for what belongs to one patch
 # Distance between patches / distance of their centres: 0.08 on the large card, 0.2 on the small
 # ones; cards of other makers with the same colours have 0.02.
-LEAST_GAP = 0.05
+MIN_GAP = 0.05
 GAP_PX_PER_MM, GAP_STRIP_MM = 3.0, 12.0  # sampling of the strip that joins two patches
-LEAST_GAP_DEPTH = 15  # sRGB code values by which a gap must be darker than both patches
-FEWEST_GAPS = 6                          # of 38
+MIN_GAP_DEPTH = 15  # sRGB code values by which a gap must be darker than both patches
+MIN_GAPS = 6                             # of 38
 OVERLAY_SIDE = 1600                      # px
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -143,18 +143,18 @@ def _proposals(image: LinearImage, picture: np.ndarray,
 def _windows(height: int, width: int) -> Iterator[tuple[tuple[slice, slice], int, str]]:
     """Parts of the picture to search, and the long side to search them at."""
     longest = max(height, width)
-    for side in dict.fromkeys(min(side, int(MOST_MAGNIFIED * longest)) for side in PICTURE_SIDES):
+    for side in dict.fromkeys(min(side, int(MAX_MAGNIFIED * longest)) for side in PICTURE_SIDES):
         yield (slice(0, height), slice(0, width)), side, f"found in the whole photo at {side} px"
     h, w = int(REGION_SHARE * height), int(REGION_SHARE * width)
     for top in (0, (height - h) // 2, height - h):
         for left in (0, (width - w) // 2, width - w):
-            side = min(PICTURE_SIDES[0], int(MOST_MAGNIFIED * max(h, w)))
+            side = min(PICTURE_SIDES[0], int(MAX_MAGNIFIED * max(h, w)))
             yield (slice(top, top + h),
                    slice(left, left + w)), side, f"found in a part of the photo at {side} px"
 
 
 def _resized(picture: np.ndarray, side: int) -> tuple[np.ndarray, float]:
-    scale = min(side / max(picture.shape[:2]), MOST_MAGNIFIED)
+    scale = min(side / max(picture.shape[:2]), MAX_MAGNIFIED)
     interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
     return cv2.resize(picture, None, fx=scale, fy=scale, interpolation=interpolation), scale
 
@@ -271,7 +271,7 @@ def _require_every_patch(image: LinearImage, agreement: Agreement) -> None:
 def _require_gaps(image: LinearImage, picture: np.ndarray, quads_px: np.ndarray) -> None:
     """Refuse a card whose patches stand closer than on any ColorChecker Classic."""
     gap = patch_gap(picture, image_from_sensor(quads_px, image.sensor_step))
-    if gap is None or gap < LEAST_GAP:
+    if gap is None or gap < MIN_GAP:
         raise CheckError(f"photo {image.source} shows a card with the colours of a ColorChecker Classic, but its "
                          f"patches "
                          f"stand {'at no visible distance' if gap is None else f'only {gap:.1%} of their pitch'} "
@@ -297,7 +297,7 @@ def patch_gap(rgb8: np.ndarray, quads: np.ndarray) -> float | None:
         strips = ([grey[y - half:y + half, x:x + reach].mean(axis=0)] if patch % 6 < 5 else []) + \
                  ([grey[y:y + reach, x - half:x + half].mean(axis=1)] if patch < 18 else [])
         widths += [gap for strip in strips if (gap := _gap_width(strip)) is not None]
-    return float(np.median(widths)) if len(widths) >= FEWEST_GAPS else None
+    return float(np.median(widths)) if len(widths) >= MIN_GAPS else None
 
 
 def _gap_width(profile: np.ndarray) -> float | None:
@@ -308,7 +308,7 @@ def _gap_width(profile: np.ndarray) -> float | None:
     ends = min(float(np.median(part)) for part in (profile[:profile.size // 5],
                                                    profile[-(profile.size // 5):]))
     lowest = float(profile[inner].min())
-    if ends - lowest < LEAST_GAP_DEPTH:
+    if ends - lowest < MIN_GAP_DEPTH:
         return None
     return float(np.mean(profile < (lowest + ends) / 2))
 

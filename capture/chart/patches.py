@@ -8,7 +8,7 @@ import numpy as np
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError
 from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples
 
-FEWEST_SAMPLES = 16
+MIN_SAMPLES = 16
 CLIP_SIGMA = 3.0
 VARIANCE_LEFT_BY_CLIPPING = 0.9733  # of a normal distribution cut at 3 sigma
 SIGMA_PER_MAD = 1.4826              # of a normal distribution
@@ -98,9 +98,9 @@ def _one_patch(image: LinearImage, quad_px: np.ndarray, number: int) -> tuple[np
         raise CheckError(f"photo {image.source}: patch {number} of the chart lies partly outside "
                          "the photo; photograph the whole chart")
     y, x = pixels_inside(quad_px, image.sensor_step, height, width)
-    if y.size < FEWEST_SAMPLES:
+    if y.size < MIN_SAMPLES:
         raise CheckError(f"photo {image.source}: the chart is too small, patch {number} has "
-                         f"{y.size} pixels and at least {FEWEST_SAMPLES} are needed; move the "
+                         f"{y.size} pixels and at least {MIN_SAMPLES} are needed; move the "
                          "camera closer")
     samples = image.signal[y, x].astype(float)
     terms = np.column_stack([np.ones(y.size), x - x.mean(), y - y.mean()])

@@ -23,15 +23,15 @@ from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamp
 
 WHITE_PATCH, BLACK_PATCH = 18, 23
 # of full scale in the brightest band: black-level errors are then 1 % of grey patches
-LEAST_WHITE_SIGNAL = 0.05
-MOST_RELATIVE_ERROR = 0.05       # standard error / mean of the black patch in its best band
-MOST_UNEVEN = 0.40  # change of the light over the chart that a smooth field takes out to about 2 %
+MIN_WHITE_SIGNAL = 0.05
+MAX_RELATIVE_ERROR = 0.05        # standard error / mean of the black patch in its best band
+MAX_UNEVEN = 0.40  # change of the light over the chart that a smooth field takes out to about 2 %
 # white light on a patch, of the white patch: 0.013 at most without glare, 40 cameras
-MOST_GLARE = 0.03
-MOST_EXCLUDED = 0.10             # of the samples of a patch
-MOST_TILT_DEG = 40.0             # beyond it paints shine
-MOST_BLUR = 0.20  # of the side of a patch, from 10 to 90 %: the sampled middle is then still clean
-FEWEST_PIXELS = 100              # of each patch
+MAX_GLARE = 0.03
+MAX_EXCLUDED = 0.10              # of the samples of a patch
+MAX_TILT_DEG = 40.0              # beyond it paints shine
+MAX_BLUR = 0.20  # of the side of a patch, from 10 to 90 %: the sampled middle is then still clean
+MIN_PIXELS = 100                 # of each patch
 PROFILE_POINTS = 61
 HALF_EDGE_MM = 15.0              # of the profile across the outer edge of a patch
 
@@ -123,13 +123,13 @@ def _exposure_reasons(samples: PatchSamples, names: tuple[str, ...], white: floa
                        "halve the exposure")
     error = np.sqrt(np.diagonal(samples.covariance_of_mean[BLACK_PATCH]))
     relative = float(np.min(error / np.maximum(samples.mean[BLACK_PATCH], np.finfo(float).tiny)))
-    if white < LEAST_WHITE_SIGNAL:
+    if white < MIN_WHITE_SIGNAL:
         reasons.append(f"under-exposure: the white patch reaches {white:.1%} of full scale and "
-                       f"{LEAST_WHITE_SIGNAL:.0%} "
+                       f"{MIN_WHITE_SIGNAL:.0%} "
                        f"is needed; expose {min(0.7 / max(white, 1e-3), 500):.0f} times as long")
-    elif relative > MOST_RELATIVE_ERROR:
+    elif relative > MAX_RELATIVE_ERROR:
         reasons.append(f"under-exposure: the mean of the black patch is known to {relative:.0%} "
-                       f"only and {MOST_RELATIVE_ERROR:.0%} is needed; expose longer or bring the "
+                       f"only and {MAX_RELATIVE_ERROR:.0%} is needed; expose longer or bring the "
                        "chart closer")
     return reasons
 
@@ -137,33 +137,33 @@ def _exposure_reasons(samples: PatchSamples, names: tuple[str, ...], white: floa
 def _light_reasons(excluded: np.ndarray, names: tuple[str, ...], uneven: float,
                    glare: np.ndarray) -> list[str]:
     reasons = []
-    if uneven > MOST_UNEVEN:
+    if uneven > MAX_UNEVEN:
         reasons.append(f"uneven light: it changes by {uneven:.0%} over the chart and "
-                       f"{MOST_UNEVEN:.0%} is the most; move the lamp away or use two, or "
+                       f"{MAX_UNEVEN:.0%} is the most; move the lamp away or use two, or "
                        "photograph a white card in the same place as flat field")
-    if glare.max() > MOST_GLARE:
-        shining = np.flatnonzero(glare > MOST_GLARE)
+    if glare.max() > MAX_GLARE:
+        shining = np.flatnonzero(glare > MAX_GLARE)
         reasons.append(f"glare: white light of up to {glare.max():.1%} of the white patch lies on "
                        f"{', '.join(names[i] for i in shining[np.argsort(-glare[shining])][:4])}; "
                        "turn the chart or the lamp so that it does not mirror the lamp or a window")
-    spoilt = np.flatnonzero(excluded > MOST_EXCLUDED)
+    spoilt = np.flatnonzero(excluded > MAX_EXCLUDED)
     if spoilt.size:
         reasons.append(f"dust or glints: {excluded.max():.0%} of the samples of "
-                       f"{names[int(excluded.argmax())]} stand out, {MOST_EXCLUDED:.0%} is the "
+                       f"{names[int(excluded.argmax())]} stand out, {MAX_EXCLUDED:.0%} is the "
                        "most; clean the chart and keep reflections off it")
     return reasons
 
 
 def _camera_reasons(tilt: float, blur: float, pixels: int) -> list[str]:
     reasons = []
-    if tilt > MOST_TILT_DEG:
+    if tilt > MAX_TILT_DEG:
         reasons.append(f"tilt: the chart is turned away by {tilt:.0f} degrees and "
-                       f"{MOST_TILT_DEG:.0f} is the most; face it to the camera")
-    if blur > MOST_BLUR:
-        reasons.append(f"blur: edges are {blur:.0%} of a patch wide and {MOST_BLUR:.0%} is the "
+                       f"{MAX_TILT_DEG:.0f} is the most; face it to the camera")
+    if blur > MAX_BLUR:
+        reasons.append(f"blur: edges are {blur:.0%} of a patch wide and {MAX_BLUR:.0%} is the "
                        "most; focus on the chart")
-    if pixels < FEWEST_PIXELS:
-        reasons.append(f"too small: a patch has {pixels} pixels and {FEWEST_PIXELS} are needed; "
+    if pixels < MIN_PIXELS:
+        reasons.append(f"too small: a patch has {pixels} pixels and {MIN_PIXELS} are needed; "
                        "bring the chart closer")
     return reasons
 

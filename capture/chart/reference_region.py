@@ -7,9 +7,9 @@ from spectrabox.capture.chart.patches import pixels_inside
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError, InputError
 from spectrabox.radiometry.records import LinearImage
 
-FEWEST_PIXELS = 16
+MIN_PIXELS = 16
 CLIPPED_LIMIT = 0.01        # of the pixels of a region
-LEAST_SIGNAL_TO_NOISE = 10  # of a region's mean
+MIN_SIGNAL_TO_NOISE = 10    # of a region's mean
 
 
 def region_signals(image: LinearImage, corners_px: np.ndarray) -> np.ndarray:
@@ -38,8 +38,8 @@ def _mean(image: LinearImage, quad: np.ndarray, name: str) -> np.ndarray:
         raise InputError(f"{name} leaves the photo of {round(width * image.sensor_step)} x "
                          f"{round(height * image.sensor_step)} pixels; correct its corners")
     y, x = pixels_inside(quad, image.sensor_step, height, width)
-    if y.size < FEWEST_PIXELS:
-        raise InputError(f"{name} holds {y.size} pixels, {FEWEST_PIXELS} are needed; outline more "
+    if y.size < MIN_PIXELS:
+        raise InputError(f"{name} holds {y.size} pixels, {MIN_PIXELS} are needed; outline more "
                          "of the reference, corner after corner")
     clipped = float(image.saturated[y, x].any(axis=1).mean())
     if clipped > CLIPPED_LIMIT:
@@ -47,7 +47,7 @@ def _mean(image: LinearImage, quad: np.ndarray, name: str) -> np.ndarray:
                                 "or use a darker reference")
     mean = image.signal[y, x].mean(axis=0, dtype=float)
     noise = np.sqrt(image.variance[y, x].mean(axis=0, dtype=float) / y.size)
-    if np.any(mean < LEAST_SIGNAL_TO_NOISE * noise) or np.any(mean <= 0):
+    if np.any(mean < MIN_SIGNAL_TO_NOISE * noise) or np.any(mean <= 0):
         raise CheckError(f"{name} is too dark (signal {mean.min():.2g}, noise {noise.max():.1g}); "
                          "use a lighter reference or expose more")
     return mean

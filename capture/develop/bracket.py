@@ -17,15 +17,15 @@ import numpy as np
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records import LinearImage
 
-MOST_DISAGREEMENT = 0.05  # of the ratio of two exposures: nominal times are rounded by up to 2.4 %
+MAX_DISAGREEMENT = 0.05   # of the ratio of two exposures: nominal times are rounded by up to 2.4 %
 # between the ratios of dark and bright halves: above, the sensor or the file is not linear
-MOST_CURVATURE = 0.03
+MAX_CURVATURE = 0.03
 # of full scale in the shorter exposure: below it black-level errors disturb the ratio
-LEAST_SIGNAL = 0.02
-LEAST_READ_SIGMAS = 70.0     # 20 steps of the file where nothing but its steps makes read noise
+MIN_SIGNAL = 0.02
+MIN_READ_SIGMAS = 70.0       # 20 steps of the file where nothing but its steps makes read noise
 # of the picture saturated in some band: what charge spills from there reaches everywhere
-MOST_FLOODED = 0.25
-FEWEST_SHARED = 200          # samples seen well in both exposures
+MAX_FLOODED_SHARE = 0.25
+MIN_SHARED = 200             # samples seen well in both exposures
 
 
 def merge_exposures(images: Sequence[LinearImage], spills: bool = False) -> tuple[LinearImage,
@@ -56,7 +56,7 @@ def merge_exposures(images: Sequence[LinearImage], spills: bool = False) -> tupl
     _require_one_setting(images)
     ordered = sorted(images, key=lambda image: image.exposure_s or 0.0)
     flooded = [image.source for image in ordered[1:] if spills
-               and image.saturated.any(axis=2).mean() > MOST_FLOODED]
+               and image.saturated.any(axis=2).mean() > MAX_FLOODED_SHARE]
     ordered = [image for image in ordered if image.source not in flooded]
     if len(ordered) == 1:
         return ordered[0], _left_out(flooded)
@@ -89,7 +89,7 @@ def merge_exposures(images: Sequence[LinearImage], spills: bool = False) -> tupl
 
 
 def _left_out(flooded: Sequence[str]) -> tuple[str, ...]:
-    return tuple(f"{source} is left out: saturated over more than {MOST_FLOODED:.0%} of the picture"
+    return tuple(f"{source} is left out: saturated over more than {MAX_FLOODED_SHARE:.0%} of the picture"
                  for source in flooded)
 
 
@@ -147,15 +147,15 @@ def _agreement(shorter: LinearImage, longer: LinearImage, spills: bool) -> tuple
     """
     stated = float(longer.exposure_s or 1) / float(shorter.exposure_s or 1)
     read_sigma = np.sqrt(variance_line(shorter)[0])
-    least = np.maximum(LEAST_SIGNAL, LEAST_READ_SIGMAS * read_sigma)
+    least = np.maximum(MIN_SIGNAL, MIN_READ_SIGMAS * read_sigma)
     usable = ~near_saturated(shorter.saturated | longer.saturated, spills)
     shared = usable & (longer.signal > least * np.float32(stated))
-    if np.count_nonzero(shared) < FEWEST_SHARED:
+    if np.count_nonzero(shared) < MIN_SHARED:
         return stated, f"{shorter.source} and {longer.source} share too few well-exposed pixels to measure their ratio"
     a, b = shorter.signal[shared].astype(float), longer.signal[shared].astype(float)
     ratio = float(b.sum() / a.sum())
     pair = f"{shorter.source} ({shorter.exposure_s:g} s) and {longer.source} ({longer.exposure_s:g} s)"
-    if abs(ratio / stated - 1) > MOST_DISAGREEMENT:
+    if abs(ratio / stated - 1) > MAX_DISAGREEMENT:
         raise CheckError(f"the exposures {pair} differ by a factor of {ratio:.3f} in signal and "
                          f"{stated:.3f} in time; the light, the aperture or the scene changed "
                          "between them, or a file is not linear: take the bracket again on a "
@@ -163,7 +163,7 @@ def _agreement(shorter: LinearImage, longer: LinearImage, spills: bool) -> tuple
     order = np.argsort(b)  # of the longer one, which has less noise
     dark, bright = order[:b.size // 2], order[b.size // 2:]
     curvature = float(b[bright].sum() / a[bright].sum() / (b[dark].sum() / a[dark].sum()) - 1)
-    if abs(curvature) > MOST_CURVATURE:
+    if abs(curvature) > MAX_CURVATURE:
         raise CheckError(f"the exposures {pair} have a ratio that changes by {curvature:+.1%} from "
                          "dark to bright parts; the sensor or the file is not linear there: keep "
                          "the brightest parts below the clip point, give raw files, or subtract a "

@@ -18,8 +18,8 @@ from spectrabox.radiometry.records import LinearImage, RawFrame
 
 HOT_SIGMA = 8.0              # above the median of the dark frame: none of 60 million normal pixels
 SIGMA_PER_MAD = 1.4826       # of a normal distribution
-MOST_EXPOSURE_RATIO = 1.05   # dark current grows with the exposure
-MOST_HOT = 0.01              # of the pixels: more is light that leaked in
+MAX_EXPOSURE_RATIO = 1.05    # dark current grows with the exposure
+MAX_HOT_SHARE = 0.01         # of the pixels: more is light that leaked in
 ROUNDING_VARIANCE = 1 / 12   # DN squared
 
 
@@ -68,9 +68,9 @@ def mean_dark(frames: Sequence[RawFrame], cut_off_dn: float = 0.0) -> DarkFrame:
         sigma = max(SIGMA_PER_MAD * float(np.median(np.abs(level[tile] - np.median(level[tile])))),
                     np.sqrt(scatter / len(frames)))
         hot[tile] = level[tile] > np.median(level[tile]) + HOT_SIGMA * sigma
-    if hot.mean() > MOST_HOT:
+    if hot.mean() > MAX_HOT_SHARE:
         raise CheckError(f"dark frame {first.file}: {hot.mean():.1%} of its pixels stand out and "
-                         f"at most {MOST_HOT:.0%} may; it is not dark: put the cap on and cover "
+                         f"at most {MAX_HOT_SHARE:.0%} may; it is not dark: put the cap on and cover "
                          "the viewfinder")
     variance = np.full(level.shape, scatter / len(frames), np.float32)
     return DarkFrame(level - np.float32(cut_off_dn), variance, hot, len(frames),
@@ -163,7 +163,7 @@ def _require_fits(frame: RawFrame, dark: DarkFrame) -> None:
                          f"{frame.file} at ISO {frame.iso:g}; take dark frames at the photo's ISO")
     if dark.exposure_s and frame.exposure_s:
         ratio = dark.exposure_s / frame.exposure_s
-        if not 1 / MOST_EXPOSURE_RATIO <= ratio <= MOST_EXPOSURE_RATIO:
+        if not 1 / MAX_EXPOSURE_RATIO <= ratio <= MAX_EXPOSURE_RATIO:
             raise InputError(f"dark frame {dark.source} was exposed for {dark.exposure_s:g} s and "
                              f"photo {frame.file} for {frame.exposure_s:g} s; take dark frames at "
                              "the photo's exposure")

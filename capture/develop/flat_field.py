@@ -15,10 +15,10 @@ from spectrabox.radiometry.records import LinearImage
 ORDER = 4                    # of the polynomial in x and y together: 15 terms
 BLOCKS = 24                  # block means along each side, at most
 CLIPPED_LIMIT = 0.01         # of a block: a few hot pixels do not spoil it
-LEAST_SIGNAL = 0.02          # of full scale: below it black-level errors exceed 1 % of the card
-MOST_ROUGH = 0.05            # of a block against the smooth card: holes, shadows, writing
+MIN_SIGNAL = 0.02            # of full scale: below it black-level errors exceed 1 % of the card
+MAX_ROUGH = 0.05             # of a block against the smooth card: holes, shadows, writing
 # a polynomial must not be trusted over more of the picture than this leaves out
-LEAST_USABLE_BLOCKS = 0.75
+MIN_USABLE_BLOCKS = 0.75
 
 
 def divide_by_flat(image: LinearImage, flat: LinearImage) -> LinearImage:
@@ -49,13 +49,13 @@ def smooth_flat(flat: LinearImage) -> np.ndarray:
     """Smoothed card (H, W, K) float32, 1 in each band where it is brightest."""
     height, width, bands = flat.signal.shape
     y, x, means, usable = _block_means(flat)
-    if np.mean(usable) < LEAST_USABLE_BLOCKS:
+    if np.mean(usable) < MIN_USABLE_BLOCKS:
         raise CheckError(f"flat field {flat.source} is saturated in {1 - np.mean(usable):.0%} of "
                          "its area; photograph the white card with a shorter exposure")
     darkest = means[usable].min()
-    if darkest < LEAST_SIGNAL:
+    if darkest < MIN_SIGNAL:
         raise CheckError(f"flat field {flat.source} falls to {darkest:.4f} of full scale and at "
-                         f"least {LEAST_SIGNAL} is needed; photograph the white card filling the "
+                         f"least {MIN_SIGNAL} is needed; photograph the white card filling the "
                          "frame, with a longer exposure")
     terms = _polynomial_terms(y, x)[usable]
     shading = np.empty((height, width, bands), np.float32)
@@ -76,10 +76,10 @@ def _require_smooth(flat: LinearImage, log_residuals: np.ndarray) -> None:
     picture.
     """
     rough = np.abs(np.expm1(log_residuals))
-    if rough.max() > MOST_ROUGH:
-        raise CheckError(f"flat field {flat.source}: {np.count_nonzero(rough > MOST_ROUGH)} of "
+    if rough.max() > MAX_ROUGH:
+        raise CheckError(f"flat field {flat.source}: {np.count_nonzero(rough > MAX_ROUGH)} of "
                          f"{rough.size} parts differ from a smooth card, by up to "
-                         f"{rough.max():.0%} ({MOST_ROUGH:.0%} is the most); photograph a clean "
+                         f"{rough.max():.0%} ({MAX_ROUGH:.0%} is the most); photograph a clean "
                          "white card without holes, shadows or edges that fills the frame")
 
 

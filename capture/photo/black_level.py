@@ -15,7 +15,7 @@ import numpy as np
 from spectrabox.capture.photo.metadata import PhotoMetadata
 
 COLOUR_INDEX = {"R": 0, "G": 1, "B": 2}
-FEWEST_MASKED = 256  # samples at each position of the tile: an error of 0.06 of the read noise
+MIN_MASKED = 256  # samples at each position of the tile: an error of 0.06 of the read noise
 OUTLIER_SIGMA = 4.0          # of masked pixels: hot pixels and light that leaks in at the edge
 SIGMA_PER_MAD = 1.4826       # of a normal distribution
 
@@ -80,7 +80,7 @@ def masked_black(whole: np.ndarray, areas: tuple[tuple[int, ...], ...], origin: 
             first_row, first_column = top + (origin[0] + y - top) % shape[0], left + (origin[1] + x - left) % shape[1]
             samples[position].append(whole[first_row:bottom:shape[0],
                                            first_column:right:shape[1]].ravel())
-    if not areas or min(sum(part.size for part in parts) for parts in samples) < FEWEST_MASKED:
+    if not areas or min(sum(part.size for part in parts) for parts in samples) < MIN_MASKED:
         return None
     return np.array([_robust_mean(np.concatenate(parts)) for parts in samples]).reshape(shape)
 

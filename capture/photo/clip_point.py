@@ -12,11 +12,11 @@ from spectrabox.capture.photo.noise import PhotonTransfer
 from spectrabox.radiometry.records import RawFrame
 
 SAMPLES = 1_000_000          # of each colour, enough for a histogram
-FEWEST_PILED = 50            # samples at the top
+MIN_PILED = 50               # samples at the top
 TIMES_BELOW = 10.0           # what a value just below holds on average
 VALUES_BELOW = 16            # DN that are compared
-MOST_OF_PICTURE = 0.5        # a plain picture piles up without clipping
-LEAST_SIGMA_DN = 1.5         # noise that would have spread the pile
+MAX_SHARE_OF_PICTURE = 0.5   # a plain picture piles up without clipping
+MIN_SIGMA_DN = 1.5           # noise that would have spread the pile
 
 
 def clip_points(frame: RawFrame) -> np.ndarray:
@@ -36,7 +36,7 @@ def piles_up(frame: RawFrame, clip: float, band: int, noise: PhotonTransfer) -> 
     chosen = frame.cfa == band
     scale = frame.white_level - float(frame.black_level[chosen].mean())
     level = (clip - float(frame.black_level[chosen].mean())) / scale
-    return float(np.sqrt(noise.read[band] + noise.gain[band] * level)) * scale >= LEAST_SIGMA_DN
+    return float(np.sqrt(noise.read[band] + noise.gain[band] * level)) * scale >= MIN_SIGMA_DN
 
 
 def _some_samples(frame: RawFrame, band: int) -> np.ndarray:
@@ -53,8 +53,8 @@ def _pile(samples: np.ndarray, white_level: float) -> float:
     counts = np.bincount(samples)
     top = counts.size - 1
     below = counts[max(top - VALUES_BELOW, 0):top]
-    piled = (counts[top] >= FEWEST_PILED and counts[top] > TIMES_BELOW * np.mean(below)
+    piled = (counts[top] >= MIN_PILED and counts[top] > TIMES_BELOW * np.mean(below)
              if below.size else False)
-    if top >= white_level or not piled or counts[top] > MOST_OF_PICTURE * samples.size:
+    if top >= white_level or not piled or counts[top] > MAX_SHARE_OF_PICTURE * samples.size:
         return float(white_level)
     return float(top)

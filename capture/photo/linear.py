@@ -23,7 +23,7 @@ from spectrabox.radiometry.records import LinearImage, PhotoKind, RawFrame
 
 CLIP_FRACTION = 0.98    # of the clip point: above it sensors are no longer linear
 # of which a hundredth of the picture may be darker: a black level beyond that is wrong
-LOWEST_SIGNAL = -0.03
+MIN_SIGNAL = -0.03
 CHECKED_SAMPLES = 200_000
 ROWS_AT_ONCE = 32       # of tiles
 
@@ -205,7 +205,7 @@ def _saturated(frame: RawFrame, positions: list[_Position], shape: tuple[int, ..
 def _require_above_black(frame: RawFrame, signal: np.ndarray) -> None:
     stride = max(1, int(np.sqrt(signal.size / CHECKED_SAMPLES)))
     low = float(np.percentile(signal[::stride, ::stride], 1))
-    if low < LOWEST_SIGNAL:
+    if low < MIN_SIGNAL:
         raise InputError(f"raw photo {frame.file}: the darkest hundredth of the picture lies "
                          f"{-low:.1%} of full scale below its black level "
                          f"({frame.black_level.max():g} DN); the level or the dark frame is wrong, "

@@ -16,9 +16,9 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 
 LARGE_TILE, SMALL_TILE = 16, 8  # pixels; the small one for pictures with few large ones
-MANY_TILES, FEWEST_TILES = 200, 4
-TILES_PER_LEVEL, MOST_LEVELS = 40, 100
-MOST_TILES = 10_000  # of each band, spread over the picture: the line is then known to about 1 %
+MANY_TILES, MIN_TILES = 200, 4
+TILES_PER_LEVEL, MAX_LEVELS = 40, 100
+MAX_TILES = 10_000  # of each band, spread over the picture: the line is then known to about 1 %
 # of chi-square by Wilson and Hilferty: right to 1e-4 here, without scipy
 QUANTILE, NORMAL_QUANTILE = 0.15, -1.0364334
 # Second differences of white noise are correlated by -2/3 and 1/6 along the row; their mean square
@@ -107,7 +107,7 @@ def _pair_tiles(a: np.ndarray, b: np.ndarray, clipped: np.ndarray) -> tuple[np.n
                                                                       SMALL_TILE)
              for plane in (a, b, clipped)]
     usable = ~tiles[2].any(axis=(1, 3))
-    if np.count_nonzero(usable) < FEWEST_TILES:
+    if np.count_nonzero(usable) < MIN_TILES:
         raise InputError("the pair of photos is saturated nearly everywhere; give a pair with a "
                          "shorter exposure")
     means = [tile.mean(axis=(1, 3), dtype=float) for tile in tiles[:2]]
@@ -141,7 +141,7 @@ def _tile_statistics(signal: np.ndarray, saturated: np.ndarray,
     height, width = signal.shape
     size = LARGE_TILE if height * width >= MANY_TILES * LARGE_TILE**2 else SMALL_TILE
     rows, columns = height // size, width // size
-    stride = max(1, rows * columns // MOST_TILES)
+    stride = max(1, rows * columns // MAX_TILES)
     tiles, clipped = (plane[:rows * size, :columns * size].reshape(rows, size, columns,
                                                                    size)[::stride]
                       for plane in (signal, saturated))
@@ -150,10 +150,10 @@ def _tile_statistics(signal: np.ndarray, saturated: np.ndarray,
     # 1 + 4 + 1 times that of one pixel
     variance = np.mean(np.square(second), axis=(2, 3), dtype=float) / 6
     mean = tiles.mean(axis=(2, 3), dtype=float)
-    if np.count_nonzero(~clipped) < FEWEST_TILES:
+    if np.count_nonzero(~clipped) < MIN_TILES:
         raise InputError(f"the noise of {name} of {width} x {height} pixels with "
                          f"{np.mean(saturated):.0%} saturated cannot be measured; at least "
-                         f"{FEWEST_TILES} unsaturated tiles of {size} x {size} are needed")
+                         f"{MIN_TILES} unsaturated tiles of {size} x {size} are needed")
     return mean[~clipped], variance[~clipped], size * (size - 2)
 
 
@@ -162,7 +162,7 @@ def _fit_line(mean: np.ndarray, variance: np.ndarray, terms: int,
     """Read noise and gain, both at least 0, from the tiles of one band."""
     freedom = terms / TERMS_PER_FREEDOM
     flat_quantile = (1 - 2 / (9 * freedom) + NORMAL_QUANTILE * np.sqrt(2 / (9 * freedom))) ** 3
-    levels = int(np.clip(mean.size // TILES_PER_LEVEL, 1, MOST_LEVELS))
+    levels = int(np.clip(mean.size // TILES_PER_LEVEL, 1, MAX_LEVELS))
     in_level = mean.size // levels
     # the brightest few may be left over
     order = np.argsort(mean)[:levels * in_level].reshape(levels, in_level)

@@ -6,7 +6,7 @@ import numpy as np
 from spectrabox.radiometry.records import LinearImage
 
 WHITE_PERCENTILE = 99.5
-LEAST_WHITE = 1e-30
+MIN_WHITE = 1e-30
 TABLE_SIZE = 65536
 SAMPLES = 500_000  # enough to find a percentile
 
@@ -23,7 +23,7 @@ def preview_rgb8(image: LinearImage) -> np.ndarray:
     picture = np.empty((*image.signal.shape[:2], 3), np.uint8)
     for channel, band in enumerate(shown):
         plane = image.signal[..., band]
-        white = max(float(np.percentile(plane[::stride, ::stride], WHITE_PERCENTILE)), LEAST_WHITE)
+        white = max(float(np.percentile(plane[::stride, ::stride], WHITE_PERCENTILE)), MIN_WHITE)
         picture[..., channel] = _encoded(plane, white)
     return picture
 

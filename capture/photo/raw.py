@@ -24,7 +24,7 @@ from spectrabox.radiometry.files import sha256_of
 from spectrabox.radiometry.records import RawFrame
 
 # of the white level: places of one tile differ by less than 0.1 % of it in cameras
-MOST_BLACK_SPREAD = 0.02
+MAX_BLACK_SPREAD = 0.02
 # what LibRaw prints where it goes on regardless
 TROUBLE = ("unexpected end of file", "data corrupted", "corrupt")
 
@@ -183,7 +183,7 @@ def _require_plausible_tile(cfa: np.ndarray, black_level: np.ndarray, white_leve
         raise InputError(f"raw photo {path.name} states the colour filters {cfa.tolist()} (0 red, "
                          "1 green, 2 blue), neither Bayer nor X-Trans; it is damaged: copy it from "
                          "the camera card again")
-    if np.ptp(black_level) > MOST_BLACK_SPREAD * white_level:
+    if np.ptp(black_level) > MAX_BLACK_SPREAD * white_level:
         raise InputError(f"raw photo {path.name} states black levels from {black_level.min():g} to "
                          f"{black_level.max():g} DN, too far apart for one sensor; it is damaged: "
                          "copy it from the camera card again")

@@ -24,7 +24,7 @@ from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 
 TITLE = "spectrabox transcript"
 VERSION = "1"
-MOST_BYTES = 50_000_000
+MAX_BYTES = 50_000_000
 ESCAPES = {"\r": "\\r", "\n": "\\n", "\t": "\\t", "\\": "\\\\", '"': '\\"'}
 UNESCAPES = {"r": b"\r", "n": b"\n", "t": b"\t", "\\": b"\\", '"': b'"'}
 EVENT = re.compile(r'([<>]) (\d+\.?\d*) "((?:[^"\\]|\\.)*)"')
@@ -138,8 +138,8 @@ def read_transcript(path: Path) -> Transcript:
         If the file is missing, is no transcript, or a line of it cannot be read.
     """
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise InputError(f"{path.name} is larger than {MOST_BYTES // 1_000_000} MB; that is no "
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"{path.name} is larger than {MAX_BYTES // 1_000_000} MB; that is no "
                              "transcript")
         text = path.read_text(encoding="ascii")
     except FileNotFoundError:

@@ -39,8 +39,8 @@ __all__ = ["SpectralTable", "column_index", "format_of", "on_grid", "read_curves
 FINE_STEP_NM = 2.5
 # a step wider than both, among narrower ones, is a hole and no coarse grid
 HOLE_STEPS, WIDEST_STEP_NM = 3.0, 20.0
-LARGEST_FILE_BYTES = 1_000_000_000
-MOST_NAMED = 24             # columns in one error sentence: as many as a chart has patches
+MAX_FILE_BYTES = 1_000_000_000
+MAX_NAMED = 24              # columns in one error sentence: as many as a chart has patches
 SI_FACTORS = {"uw cm-2 sr-1 nm-1": 0.01, "µw cm-2 sr-1 nm-1": 0.01, "μw cm-2 sr-1 nm-1": 0.01,
               "uw cm-2 nm-1": 0.01, "mw m-2 nm-1": 1e-3, "mw m-2 sr-1 nm-1": 1e-3, "percent": 0.01,
               "%": 0.01}
@@ -232,8 +232,8 @@ def spectrum_on_grid(spectrum: Spectrum, grid: WavelengthGrid) -> np.ndarray:
 
 def _content(path: Path) -> bytes:
     try:
-        if path.is_file() and path.stat().st_size > LARGEST_FILE_BYTES:
-            raise InputError(f"{path.name} is larger than {LARGEST_FILE_BYTES // 1_000_000} MB; "
+        if path.is_file() and path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(f"{path.name} is larger than {MAX_FILE_BYTES // 1_000_000} MB; "
                              "give a file of spectra")
         return path.read_bytes()
     except FileNotFoundError:
@@ -255,8 +255,8 @@ def column_index(table: SpectralTable, column: str | int | None, wavelength_colu
     """
     candidates = [i for i, name in enumerate(table.names) if name
                   and not name.startswith("standard_error")]
-    names = ", ".join(repr(table.names[i]) for i in candidates[:MOST_NAMED])
-    names += f" and {len(candidates) - MOST_NAMED} more" if len(candidates) > MOST_NAMED else ""
+    names = ", ".join(repr(table.names[i]) for i in candidates[:MAX_NAMED])
+    names += f" and {len(candidates) - MAX_NAMED} more" if len(candidates) > MAX_NAMED else ""
     if column is None and table.main is not None:
         return table.names.index(table.main)
     if column is None:

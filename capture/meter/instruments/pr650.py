@@ -33,7 +33,7 @@ from spectrabox.radiometry.spectra.readings import ReadingOutcome
 REPLY_S = 10.0
 EXPOSURE_S = 6.0
 POINTS = 101
-MOST_EMPTY_LINES = 20
+MAX_EMPTY_LINES = 20
 ERRORS = {
     1: "no end of scan at the start", 3: "no start signal", 4: "no end of scan for the integration",
     5: "its DMA failed",
@@ -151,7 +151,7 @@ class Pr650(Instrument):
         return reply
 
     def _line(self, limit_s: float) -> str:
-        for _ in range(MOST_EMPTY_LINES):
+        for _ in range(MAX_EMPTY_LINES):
             if text := self.line.read_line(limit_s, LINE_ENDS):
                 return text
         raise LineFaultError(f"{self.line.name}: only line ends arrive; check speed and cable")

@@ -28,7 +28,7 @@ from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 REPLY_S = 10.0
 SETTLE_S = 1.0              # between Q and PHOTO
-LONGEST_EXPOSURE_S = 30.0
+MAX_EXPOSURE_S = 30.0
 INTEGRAL_RTOL = 0.01        # report 5 states the sum of its values times the step, in four digits
 ERRORS = {
     -1: "the light is not constant", -2: "the light is too strong",
@@ -120,7 +120,7 @@ class Pr655(Instrument):
         self.line.send(b"Q")
 
     def longest_measurement_s(self) -> float:
-        return 10 + self.averages * 2 * LONGEST_EXPOSURE_S
+        return 10 + self.averages * 2 * MAX_EXPOSURE_S
 
     def _enter(self) -> None:
         self.entered = True

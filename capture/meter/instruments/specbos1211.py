@@ -30,7 +30,7 @@ SPEEDS = (921600, 115200, 38400)
 FIRST_NM, LAST_NM, STEP_NM = 380, 780, 1
 EXPOSURE_S = 60.0
 SPECTRUM_S = 10.0
-MOST_BLOCKS = 6             # header, unit label and values, each closed by an empty line
+MAX_BLOCKS = 6              # header, unit label and values, each closed by an empty line
 UNKNOWN_COMMAND = 4
 
 
@@ -107,7 +107,7 @@ class Specbos1211(Instrument):
         self.line.write(b"*FETCH:SPRAD\r")
         wanted = np.arange(FIRST_NM, LAST_NM + STEP_NM, STEP_NM, dtype=float)
         text = ""
-        for _ in range(MOST_BLOCKS):
+        for _ in range(MAX_BLOCKS):
             reply = self.line.read_until((b"\r\r", jeti.NAK), SPECTRUM_S).lstrip(jeti.ENQ)
             if reply.endswith(jeti.NAK):
                 raise refused(self, "*FETCH:SPRAD", jeti.error_number(self), jeti.ERRORS)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.formats.table import MOST_VALUES, UNITS, SpectralTable
+from spectrabox.radiometry.spectra.formats.table import MAX_VALUES, UNITS, SpectralTable
 
 HEADER_BYTES = 484
 TYPES = ("raw", "reflectance", "radiance", "no units", "irradiance", "quality index",
@@ -111,7 +111,7 @@ def _samples(content: bytes, at: int, header: AsdHeader, name: str,
              kind: str | None = None) -> tuple[np.ndarray, int]:
     kind = kind or header.sample_format
     size = np.dtype(kind).itemsize * header.channels
-    if at + size > len(content) or header.channels > MOST_VALUES:
+    if at + size > len(content) or header.channels > MAX_VALUES:
         raise InputError(f"{name} is cut: {at + size} bytes are stated, {len(content)} are there; "
                          "copy the file from the instrument again")
     values = np.frombuffer(content, kind, header.channels, at).astype(float)

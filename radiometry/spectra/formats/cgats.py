@@ -15,7 +15,7 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.table import (
-    MOST_VALUES,
+    MAX_VALUES,
     SpectralTable,
     distinct,
     number,
@@ -150,7 +150,7 @@ def _words(line: str, name: str) -> list[str]:
 
 
 def _rows(fields: list[str], cells: list[str], keys: dict[str, str], name: str) -> list[list[str]]:
-    if not fields or not cells or len(cells) % len(fields) or len(cells) > MOST_VALUES:
+    if not fields or not cells or len(cells) % len(fields) or len(cells) > MAX_VALUES:
         raise InputError(f"{name}: {len(cells)} cells do not fill rows of {len(fields)} fields; "
                          "the file is cut or was edited")
     rows = [cells[start:start + len(fields)] for start in range(0, len(cells), len(fields))]

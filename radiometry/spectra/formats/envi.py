@@ -9,7 +9,7 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.table import (
-    MOST_VALUES,
+    MAX_VALUES,
     SpectralTable,
     distinct,
     number,
@@ -52,7 +52,7 @@ def read_envi(content: bytes, path: Path) -> SpectralTable:
                          "export the library as float")
     kind = np.dtype((">" if keys.get("byte order", "0").strip() == "1" else "<")
                     + DATA_TYPES[data_type])
-    if not 0 < bands * count <= MOST_VALUES or offset < 0 or offset + bands * count * kind.itemsize > len(data):
+    if not 0 < bands * count <= MAX_VALUES or offset < 0 or offset + bands * count * kind.itemsize > len(data):
         raise InputError(f"{data_name} is cut: {count} spectra of {bands} bands are stated, "
                          f"{max(len(data) - offset, 0)} bytes of values are there")
     with np.errstate(invalid="ignore", over="ignore"):

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.formats.table import MOST_VALUES, SpectralTable
+from spectrabox.radiometry.spectra.formats.table import MAX_VALUES, SpectralTable
 
 MAGIC = b"\x76\x2f\x31\x01"
 CHANNEL = re.compile(r"(?:.*\.)?(S0|T)\.(\d+[,.]?\d*)(nm|um|m)")
@@ -133,7 +133,7 @@ def _check_layout(content: bytes, attributes: dict[str, bytes],
         raise InputError(f"{name} has subsampled channels or unknown pixel types; save it at full "
                          "resolution as float")
     if not (0 < width <= 65536 and 0 < height
-            <= 65536) or width * height * len(channels) > MOST_VALUES:
+            <= 65536) or width * height * len(channels) > MAX_VALUES:
         raise InputError(f"{name}: {width} x {height} pixels in {len(channels)} channels are more "
                          "than is read here; crop it")
 

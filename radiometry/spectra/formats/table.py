@@ -10,8 +10,8 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 
-SHORTEST_NM, LONGEST_NM = 100.0, 1e5
-MOST_VALUES = 50_000_000    # of one file: more is no spectral file, or a damaged count
+MIN_NM, MAX_NM = 100.0, 1e5
+MAX_VALUES = 50_000_000     # of one file: more is no spectral file, or a damaged count
 GAP_STEPS = 3.0             # a step this many times the usual one is a gap
 UNITS = {"reflectance": Quantity.REFLECTANCE.value, "irradiance": Quantity.IRRADIANCE.value,
          "radiance": Quantity.RADIANCE.value, "relative": Quantity.RELATIVE.value}
@@ -58,7 +58,7 @@ def checked_table(table: SpectralTable) -> SpectralTable:
     if np.any(np.diff(nm) <= 0):
         place = nm[1:][np.diff(nm) <= 0][0]
         raise InputError(f"{table.file}: wavelengths must ascend; they turn back at {place:g} nm")
-    if nm[0] < SHORTEST_NM or nm[-1] > LONGEST_NM:
+    if nm[0] < MIN_NM or nm[-1] > MAX_NM:
         raise InputError(f"{table.file}: wavelengths from {nm[0]:g} to {nm[-1]:g} cannot be in nm; "
                          "give them in nm")
     values = np.where(np.isfinite(table.values), table.values, np.nan)
