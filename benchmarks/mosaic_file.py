@@ -20,8 +20,7 @@ COLOURS = "RGB"
 
 def read_mosaic(path: str | os.PathLike[str], pattern: str, *, white_level: float,
                 black_level: float = 0.0, exposure_s: float | None = None, iso: float | None = None,
-                f_number: float | None = None,
-                camera: str = "") -> RawFrame:
+                f_number: float | None = None, camera: str = "") -> RawFrame:
     """Read a mosaic of one band.
 
     Parameters

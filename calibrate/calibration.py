@@ -63,14 +63,12 @@ class ChartCalibration(Record):
     found: PriorFit | None                          # of the method ``prior``
 
 
-def calibration_from_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectrum,
-                           irradiance: np.ndarray, grid: WavelengthGrid, *,
-                           coefficients: int = SPLINE_COEFFICIENTS,
-                           curves: np.ndarray | None = None, scaled: bool = False,
-                           method: str | None = None,
-                           prior: CameraPrior | None = None,
-                           patch_places: np.ndarray | None = None) -> tuple[Calibration,
-                                                                            np.ndarray]:
+def calibration_from_chart(
+        samples: PatchSamples, reflectances: np.ndarray, light: Spectrum, irradiance: np.ndarray,
+        grid: WavelengthGrid, *, coefficients: int = SPLINE_COEFFICIENTS,
+        curves: np.ndarray | None = None, scaled: bool = False, method: str | None = None,
+        prior: CameraPrior | None = None,
+        patch_places: np.ndarray | None = None) -> tuple[Calibration, np.ndarray]:
     """Calibration from a chart photo, and the signal (24, K) that it predicts for the patches.
 
     Parameters
@@ -108,10 +106,9 @@ def calibration_from_chart(samples: PatchSamples, reflectances: np.ndarray, ligh
 
 
 def calibrate_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectrum,
-                    irradiance: np.ndarray,
-                    grid: WavelengthGrid, *, coefficients: int = SPLINE_COEFFICIENTS,
-                    curves: np.ndarray | None = None, scaled: bool = False,
-                    method: str | None = None,
+                    irradiance: np.ndarray, grid: WavelengthGrid, *,
+                    coefficients: int = SPLINE_COEFFICIENTS, curves: np.ndarray | None = None,
+                    scaled: bool = False, method: str | None = None,
                     prior: CameraPrior | None = None, patch_places: np.ndarray | None = None,
                     more: tuple[ChartShot, ...] = ()) -> ChartCalibration:
     """The same with the joint estimate and the light scale whether or not the geometry is known.
@@ -211,17 +208,15 @@ def _further(shot: ChartShot, grid: WavelengthGrid) -> ChartPhoto:
 
 
 def _from_measured(samples: PatchSamples, reflectances: np.ndarray, power: np.ndarray,
-                   irradiance: np.ndarray,
-                   grid: WavelengthGrid, curves: np.ndarray) -> tuple[SensitivityFit, LightScale,
-                                                                      np.ndarray]:
+                   irradiance: np.ndarray, grid: WavelengthGrid,
+                   curves: np.ndarray) -> tuple[SensitivityFit, LightScale, np.ndarray]:
     unscaled = _chart_signals(grid, curves, power, reflectances, irradiance)
     scale = scale_from_signals(samples.mean, unscaled, CHART_ERROR, "chart photo")
     return _measured_curves(grid, curves, scale.residuals), scale, scale.value * unscaled
 
 
 def _chart_signals(grid: WavelengthGrid, curves: np.ndarray, power: np.ndarray,
-                   reflectances: np.ndarray,
-                   irradiance: np.ndarray) -> np.ndarray:
+                   reflectances: np.ndarray, irradiance: np.ndarray) -> np.ndarray:
     return reflectances @ response_matrix(grid, curves, power).T * (irradiance / np.pi)[:, None]
 
 

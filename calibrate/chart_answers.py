@@ -37,10 +37,10 @@ class ChartAnswer(Record):
 
 
 def answer_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectrum,
-                 grid: WavelengthGrid, *,
-                 method: str | None = None, prior: CameraPrior | None = None,
-                 curves: np.ndarray | None = None, irradiance: np.ndarray | None = None,
-                 more: tuple[ChartShot, ...] = (), seed: int = 0) -> ChartAnswer:
+                 grid: WavelengthGrid, *, method: str | None = None,
+                 prior: CameraPrior | None = None, curves: np.ndarray | None = None,
+                 irradiance: np.ndarray | None = None, more: tuple[ChartShot, ...] = (),
+                 seed: int = 0) -> ChartAnswer:
     """Everything that one chart photo, or several, say of a camera.
 
     Parameters

@@ -38,8 +38,7 @@ class ChartPhoto(Record):
 
 
 def chart_photo(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
-                irradiance: np.ndarray,
-                grid: WavelengthGrid, *, places: np.ndarray | None = None,
+                irradiance: np.ndarray, grid: WavelengthGrid, *, places: np.ndarray | None = None,
                 glare: bool = True) -> ChartPhoto:
     """Bring one photo into the form that every fit takes.
 
@@ -81,8 +80,7 @@ def nuisance_sd(photo: ChartPhoto) -> np.ndarray:
 
 
 def predicted_signal(photo: ChartPhoto, design: np.ndarray, coefficients: np.ndarray,
-                     exposure: float,
-                     nuisance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+                     exposure: float, nuisance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signal (I K,) patch after patch, and its derivatives (I K, K N + 1 + nuisances)."""
     patches, bands = photo.signal.shape
     terms = photo.places.shape[1]

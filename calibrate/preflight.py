@@ -35,8 +35,7 @@ class Preflight(Record):
 
 
 def preflight(prior: CameraPrior, reflectances: np.ndarray, power: np.ndarray, grid: WavelengthGrid,
-              *,
-              relative_error: float = 0.01, places: np.ndarray | None = None,
+              *, relative_error: float = 0.01, places: np.ndarray | None = None,
               second: dict[str, np.ndarray] | None = None) -> Preflight:
     """What to expect of a photo of a chart under a light, for a camera like those measured and for
     one unlike them.
@@ -75,9 +74,8 @@ def preflight(prior: CameraPrior, reflectances: np.ndarray, power: np.ndarray, g
 
 
 def _expected(prior: CameraPrior, spreads: np.ndarray, components: list[int],
-              reflectances: np.ndarray,
-              powers: list[np.ndarray], grid: WavelengthGrid, relative_error: float,
-              places: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+              reflectances: np.ndarray, powers: list[np.ndarray], grid: WavelengthGrid,
+              relative_error: float, places: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """Variance (K, P) of the curves and relative error (K,) of each, means over some components of
     the prior.
     """
@@ -98,8 +96,7 @@ def _expected(prior: CameraPrior, spreads: np.ndarray, components: list[int],
 
 
 def _imagined(reflectances: np.ndarray, power: np.ndarray, coefficients: np.ndarray,
-              basis: np.ndarray,
-              grid: WavelengthGrid, places: np.ndarray | None) -> ChartPhoto:
+              basis: np.ndarray, grid: WavelengthGrid, places: np.ndarray | None) -> ChartPhoto:
     """The photo that a camera of these coefficients (K, N) would take."""
     patches, bands = len(reflectances), len(coefficients)
     terms = np.zeros((patches, 0)) if places is None else field_terms(places)

@@ -139,9 +139,8 @@ def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior | None, grid: Wa
 
 
 def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
-                      irradiance: np.ndarray,
-                      grid: WavelengthGrid, coefficients: int = SPLINE_COEFFICIENTS, *,
-                      method: str = "prior",
+                      irradiance: np.ndarray, grid: WavelengthGrid,
+                      coefficients: int = SPLINE_COEFFICIENTS, *, method: str = "prior",
                       prior: CameraPrior | None = None,
                       places: np.ndarray | None = None) -> tuple[SensitivityFit, LightScale]:
     """Sensitivities with their largest value 1, and the factor that was divided out.

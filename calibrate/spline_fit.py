@@ -50,8 +50,7 @@ class BandFits(Record):
 
 
 def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarray,
-              grid: WavelengthGrid,
-              coefficients: int) -> BandFits:
+              grid: WavelengthGrid, coefficients: int) -> BandFits:
     """Fit every band by one of ``SPLINE_METHODS``.
 
     Parameters
@@ -112,8 +111,8 @@ def _fit_each(solve: Solver, design: np.ndarray, signal: np.ndarray,
                                                                block in solved]), without
 
 
-def _solve_paper(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray,
-                                                                                     np.ndarray]:
+def _solve_paper(design: np.ndarray, signal: np.ndarray,
+                 sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Plain least squares (Eq. 20); its covariance from the residuals."""
     solution, *_ = np.linalg.lstsq(design, signal, rcond=None)
     freedom = max(signal.size - solution.size, 1)

@@ -90,8 +90,8 @@ def band_products(exponents: np.ndarray, reflectances: np.ndarray,
 
 
 def band_products_jacobian(exponents: np.ndarray, reflectances: np.ndarray, response: np.ndarray,
-                           basis: np.ndarray, unknown: tuple[int, ...]) -> tuple[np.ndarray,
-                                                                                 np.ndarray]:
+                           basis: np.ndarray,
+                           unknown: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Signal (E, K) of each product and its derivative (E, K, U, N) by the spline coefficients of
     unknown materials.
 

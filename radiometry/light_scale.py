@@ -157,8 +157,8 @@ def scales_from_signals(measured: np.ndarray, predicted: np.ndarray,
     return values, covariance * max(misfit, 1.0)
 
 
-def light_drift(before: np.ndarray, after: np.ndarray, relative_error: float) -> tuple[np.ndarray,
-                                                                                       np.ndarray]:
+def light_drift(before: np.ndarray, after: np.ndarray,
+                relative_error: float) -> tuple[np.ndarray, np.ndarray]:
     """Change of the light between two photos of the same neutral reference.
 
     Parameters

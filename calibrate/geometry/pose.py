@@ -152,8 +152,8 @@ def _refuse(places: np.ndarray, points_px: np.ndarray, lens: Lens, free_focal: b
     raise CheckError(found + "check their order, and that all places are in one unit")
 
 
-def _with_focal(places: np.ndarray, points_px: np.ndarray, middle: Lens) -> tuple[np.ndarray, float,
-                                                                                  float] | None:
+def _with_focal(places: np.ndarray, points_px: np.ndarray,
+                middle: Lens) -> tuple[np.ndarray, float, float] | None:
     """The best fit from the likeliest of a range of focal lengths."""
     starts = []
     for focal in np.geomspace(*FOCAL_RANGE, 10) * middle.width:

@@ -168,8 +168,7 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartPhoto],
 
 
 def _white_error(photo: ChartPhoto, basis: np.ndarray, coefficients: np.ndarray,
-                 covariance: np.ndarray,
-                 place: int) -> float:
+                 covariance: np.ndarray, place: int) -> float:
     """Relative standard error of what one band reads of white; ``place`` is that of the photo's log
     exposure.
 

@@ -47,8 +47,7 @@ CONSTANTS = PriorConstants()
 
 
 def build_prior(nm: np.ndarray, curves: np.ndarray, names: tuple[str, ...], *, source: str,
-                licence: str,
-                constants: PriorConstants = CONSTANTS) -> CameraPrior:
+                licence: str, constants: PriorConstants = CONSTANTS) -> CameraPrior:
     """Prior learnt from measured cameras.
 
     Parameters

@@ -143,8 +143,8 @@ def held_out_signals(photos: list[ChartPhoto], prior: CameraPrior, grid: Wavelen
 
 
 def expected_covariance(photos: list[ChartPhoto], prior: CameraPrior, family: int,
-                        relative_error: float,
-                        grid: WavelengthGrid, *, spread: np.ndarray) -> np.ndarray:
+                        relative_error: float, grid: WavelengthGrid, *,
+                        spread: np.ndarray) -> np.ndarray:
     """Covariance (D, D) of the curves that photos like these would leave for a camera of one
     family.
 
@@ -166,8 +166,8 @@ def hat_basis(nodes_nm: np.ndarray, nm: np.ndarray) -> np.ndarray:
 
 
 def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: float,
-                 photos: list[ChartPhoto], designs: list[np.ndarray]) -> tuple[np.ndarray,
-                                                                               np.ndarray]:
+                 photos: list[ChartPhoto],
+                 designs: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (Z, Z) and mean (Z,) of curves and nuisances beforehand; the exposure starts where
     it fits best.
 
@@ -224,8 +224,7 @@ def _noise(photos: list[ChartPhoto], error: float) -> np.ndarray:
 
 
 def _linearise(photos: list[ChartPhoto], designs: list[np.ndarray], start: np.ndarray,
-               covariance: np.ndarray,
-               bands: int) -> tuple[np.ndarray, np.ndarray]:
+               covariance: np.ndarray, bands: int) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives J (Y, Z) at the best answer, and the data (Y,) that a linear model y = J state
     would have.
     """

@@ -108,8 +108,8 @@ def _log_fit(signals: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
     return float(np.sqrt(np.mean(fitting**2))) / contrast, contrast
 
 
-def _mixture_fit(signals: np.ndarray, reference: np.ndarray, contrast: float) -> tuple[np.ndarray,
-                                                                                       np.ndarray]:
+def _mixture_fit(signals: np.ndarray, reference: np.ndarray,
+                 contrast: float) -> tuple[np.ndarray, np.ndarray]:
     """Relative misfit (24,) of each patch, and the light (24,) on it, where every band may mix
     those of the reference.
 

@@ -197,8 +197,8 @@ def _fitted_quads(rgb8: np.ndarray, proposed: np.ndarray) -> np.ndarray:
     return _printed_quads(picture_from_mm)
 
 
-def _patch_centroids(rgb8: np.ndarray, picture_from_mm: np.ndarray) -> tuple[np.ndarray,
-                                                                             np.ndarray]:
+def _patch_centroids(rgb8: np.ndarray,
+                     picture_from_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where each patch really lies in mm (24, 2), and whether its filled area is that of a
     patch.
     """

@@ -31,8 +31,8 @@ def sample_patches(image: LinearImage, detection: ChartDetection) -> PatchSample
     return patches_and_excluded(image, detection)[0]
 
 
-def patches_and_excluded(image: LinearImage, detection: ChartDetection) -> tuple[PatchSamples,
-                                                                                 np.ndarray]:
+def patches_and_excluded(image: LinearImage,
+                         detection: ChartDetection) -> tuple[PatchSamples, np.ndarray]:
     """As ``sample_patches``, and the share (24,) of the samples of each patch that were left out as
     dust or glints.
     """

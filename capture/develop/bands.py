@@ -15,8 +15,8 @@ WELL_EXPOSED_PERCENTILE = 99.0
 
 
 def stack_bands(images: Sequence[LinearImage], names: Sequence[str],
-                channels: Sequence[int] | None = None, exposures_s: Sequence[float]
-                | None = None) -> LinearImage:
+                channels: Sequence[int] | None = None,
+                exposures_s: Sequence[float] | None = None) -> LinearImage:
     """One image of K bands, in the order of the photos.
 
     Parameters

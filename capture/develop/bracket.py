@@ -28,8 +28,8 @@ MAX_FLOODED_SHARE = 0.25
 MIN_SHARED = 200             # samples seen well in both exposures
 
 
-def merge_exposures(images: Sequence[LinearImage], spills: bool = False) -> tuple[LinearImage,
-                                                                                  tuple[str, ...]]:
+def merge_exposures(images: Sequence[LinearImage],
+                    spills: bool = False) -> tuple[LinearImage, tuple[str, ...]]:
     """One image at the shortest exposure, and a note on how well each pair of exposures agrees.
 
     Photos of the same exposure are averaged. A pixel is saturated where every exposure is; it then

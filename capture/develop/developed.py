@@ -67,8 +67,8 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
     return merged, (*notes, *ratios)
 
 
-def _mean_over_one_dark(pairs: Sequence[tuple[RawFrame, DarkFrame]]) -> tuple[LinearImage,
-                                                                              tuple[str, ...]]:
+def _mean_over_one_dark(
+        pairs: Sequence[tuple[RawFrame, DarkFrame]]) -> tuple[LinearImage, tuple[str, ...]]:
     """Mean of photos of one dark frame, whose noise no number of photos averages away."""
     mean, ratios = merge_exposures([subtract_dark(frame, dark) for frame, dark in pairs])
     left = (1 - 1 / len(pairs)) * common_variance(*pairs[0])

@@ -154,8 +154,8 @@ class _Position(NamedTuple):
     tile: tuple[int, int]
     step: int
 
-    def within(self, rows: slice, height: int, width: int) -> tuple[tuple[slice, slice],
-                                                                    tuple[slice, slice, int]]:
+    def within(self, rows: slice, height: int,
+               width: int) -> tuple[tuple[slice, slice], tuple[slice, slice, int]]:
         """Slices of the mosaic and of the picture for some rows of the picture that begin with a
         whole tile.
         """

@@ -40,8 +40,8 @@ class TranscriptPlayer:
     """
 
     def __init__(self, transcript: Transcript, *, time_scale: float = 1.0, strict: bool = True,
-                 fault: Fault | None = None,
-                 character_gap_s: float = 0.0, over_socket: bool = False, seed: int = 0) -> None:
+                 fault: Fault | None = None, character_gap_s: float = 0.0,
+                 over_socket: bool = False, seed: int = 0) -> None:
         self.transcript = transcript
         self.problems: list[str] = []
         self.heard = bytearray()

@@ -121,8 +121,8 @@ def _samples(content: bytes, at: int, header: AsdHeader, name: str,
     return values, at + size
 
 
-def _reference(content: bytes, at: int, header: AsdHeader, name: str) -> tuple[np.ndarray | None,
-                                                                               bool, int]:
+def _reference(content: bytes, at: int, header: AsdHeader,
+               name: str) -> tuple[np.ndarray | None, bool, int]:
     """The reference after its flag, two dates and a note; None where all of it is zero. Was it
     taken for this spectrum?
     """
