@@ -106,8 +106,8 @@ def run_trial(subject: Subject, name: str, fault: Fault | None) -> Trial:
 def run_all(subjects: list[Subject], places: int, workers: int,
             done: Callable[[Trial], None] | None = None) -> list[Trial]:
     """Every trial of every subject, several at a time: they mostly wait."""
-    cases = [(subject, name, fault) for subject in subjects for name, fault in trials(subject,
-                                                                                      places)]
+    cases = [(subject, name, fault) for subject in subjects
+             for name, fault in trials(subject, places)]
     results = []
     with ThreadPoolExecutor(workers) as pool:
         for trial in pool.map(lambda case: run_trial(*case), cases):
@@ -120,12 +120,11 @@ def run_all(subjects: list[Subject], places: int, workers: int,
 def _outcome(transcript: Transcript, port: str) -> tuple[str, str, SpectralReading | None]:
     try:
         reading = measure_once(transcript.facts["instrument"], port, settings_of(transcript),
-                               lambda direction,
-                               data: None,
-                               pace=FAST)
+                               lambda direction, data: None, pace=FAST)
     except InstrumentError as error:
         return type(error).__name__, str(error), None
-    return "spectrum" if reading.spectrum is not None else "no reading", reading.outcome.value, reading
+    return ("spectrum" if reading.spectrum is not None else "no reading", reading.outcome.value,
+            reading)
 
 
 def _is_true(reading: SpectralReading, subject: Subject) -> bool:

@@ -136,8 +136,8 @@ def calibrate_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spec
     elif method in (None, "prior"):
         first = chart_photo(samples, reflectances, power, irradiance, grid, places=places)
         found = prior_calibration([first, *(_further(shot, grid) for shot in more)], grid, prior)
-        fit, scale, predicted = found.sensitivity, scale_of_photo(found,
-                                                                  0), found.photos[0].predicted
+        fit, scale, predicted = (found.sensitivity, scale_of_photo(found, 0),
+                                 found.photos[0].predicted)
         said = sentences(found, grid)
     else:
         assert method is not None
@@ -172,8 +172,8 @@ def prior_calibration(photos: list[ChartPhoto], grid: WavelengthGrid,
     if not found.disagrees:
         return found
     known = default_prior(photos, grid) if prior is None else prior
-    alone = [found] if len(photos) == 1 else [fit_with_prior([photo], known,
-                                                             grid) for photo in photos]
+    alone = [found] if len(photos) == 1 else [fit_with_prior([photo], known, grid)
+                                              for photo in photos]
     for number, (photo, one) in enumerate(zip(photos, alone, strict=True), start=1):
         if one.disagrees:
             which = "the chart photo" if len(photos) == 1 else f"chart photo {number}"
@@ -191,7 +191,8 @@ def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spe
     ``relative_error``.
     """
     covariance = np.eye(len(curves)) * relative_error**2
-    note = f"sensitivities taken as given; predicted signals assumed right within {relative_error:.1%} a band"
+    note = ("sensitivities taken as given; predicted signals assumed right within "
+            f"{relative_error:.1%} a band")
     return Calibration(_measured_curves(grid, curves, None), light, None, covariance, (note,))
 
 

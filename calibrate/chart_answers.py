@@ -97,6 +97,6 @@ def facts_of(result: ChartAnswer, grid: WavelengthGrid) -> dict[str, Any]:
         facts |= {"model_error": found.model_error, "chi_square": found.chi_square,
                   "prior_share": found.prior_share.tolist(), "photos": len(found.photos),
                   "field": found.photos[0].field.tolist(), "glare": found.photos[0].glare.tolist(),
-                  "nearest_cameras": [{"cameras": members, "probability": share} for members,
-                                      share in found.families]}
+                  "nearest_cameras": [{"cameras": members, "probability": share}
+                                      for members, share in found.families]}
     return facts

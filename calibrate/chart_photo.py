@@ -87,8 +87,8 @@ def predicted_signal(photo: ChartPhoto, design: np.ndarray, coefficients: np.nda
     lit = np.exp(exposure + photo.places @ nuisance[:terms])
     bare = lit[:, None] * (design @ coefficients.T)
     glare = nuisance[terms:] if photo.glare else np.zeros(bands)
-    by_curve = np.einsum("in,kl->ikln", lit[:, None] * design, np.eye(bands)).reshape(patches
-                                                                                      * bands, -1)
+    by_curve = np.einsum("in,kl->ikln", lit[:, None] * design,
+                         np.eye(bands)).reshape(patches * bands, -1)
     by_exposure = bare.reshape(-1, 1)
     by_field = (bare[:, :, None] * photo.places[:, None, :]).reshape(patches * bands, terms)
     by_glare = np.tile(np.eye(bands), (patches, 1))[:, :nuisance.size - terms]

@@ -52,7 +52,8 @@ def read_patches(path: Path) -> tuple[PatchSamples, tuple[str, ...]]:
     if len(set(band_names)) < len(bands):
         raise InputError(f"{path.name} holds two bands of one name ({', '.join(band_names)}); name "
                          "each column once")
-    error = _errors(values, names, band_names, errors, path.name) if errors else np.zeros((PATCHES, len(bands)))
+    error = (_errors(values, names, band_names, errors, path.name) if errors
+             else np.zeros((PATCHES, len(bands))))
     return _samples(values[:, bands], error), tuple(band_names)
 
 

@@ -68,8 +68,8 @@ def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tupl
                          "gives; state the unit, for example '# unit: uW cm-2 nm-1'")
     power = np.maximum(power, 0.0)
     return power, tuple(f"the light has no power (below {DARK_LIGHT:.1%} of its largest) over "
-                        f"{low:g}-{high:g} nm: the photo says nothing of the curves there" for low,
-                        high in dark_ranges(power, grid))
+                        f"{low:g}-{high:g} nm: the photo says nothing of the curves there"
+                        for low, high in dark_ranges(power, grid))
 
 
 def unlit(power: np.ndarray) -> np.ndarray:
@@ -81,8 +81,8 @@ def dark_ranges(power: np.ndarray, grid: WavelengthGrid) -> list[tuple[float, fl
     """Wavelength ranges (nm) in which the light (P,) has practically no power."""
     dark = np.concatenate([[False], unlit(power), [False]])
     edges = np.flatnonzero(np.diff(dark.astype(int)))
-    return [(float(grid.nm[start]), float(grid.nm[stop - 1])) for start, stop in edges.reshape(-1,
-                                                                                               2)]
+    return [(float(grid.nm[start]), float(grid.nm[stop - 1]))
+            for start, stop in edges.reshape(-1, 2)]
 
 
 def refuse_disagreement(said: str, model_error: float, chi_square: float,

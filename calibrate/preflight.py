@@ -64,10 +64,10 @@ def preflight(prior: CameraPrior, reflectances: np.ndarray, power: np.ndarray, g
                          places)
 
     variance, relative = expected([power], known)
-    tried = {name: float(expected([power, other], known)[1].mean()) for name,
-             other in (second or {}).items()}
-    design = (reflectances * power * grid.weights_nm) @ basis_matrix(grid.nm,
-                                                                     SPLINE_COEFFICIENTS)[:, 1:-1]
+    tried = {name: float(expected([power, other], known)[1].mean())
+             for name, other in (second or {}).items()}
+    design = (reflectances * power
+              * grid.weights_nm) @ basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
     return Preflight(relative, expected([power], [last])[1], 1.645 * np.sqrt(variance),
                      float(np.linalg.cond(design)), tuple(dark_ranges(power, grid)),
                      tuple(sorted(tried.items(), key=lambda item: item[1])))

@@ -225,7 +225,8 @@ def _normalised(bands: BandFits, patches: PatchSamples, grid: WavelengthGrid,
                             0, None)) / peak
     residuals = 1 - bands.design @ bands.coefficients.T / patches.mean
     held_out = 1 - bands.predicted_without / patches.mean
-    outcome = Outcome.ILL_POSED if bands.condition_number > ILL_POSED_CONDITION else Outcome.CONVERGED
+    outcome = (Outcome.ILL_POSED if bands.condition_number > ILL_POSED_CONDITION
+               else Outcome.CONVERGED)
     names = {"paper": "splines with zero ends, paper Eqs. 18-20",
              "nonnegative": "non-negative splines with zero ends",
              "smooth": "non-negative splines, smoothness by cross-validation"}
@@ -249,6 +250,6 @@ def _condition_number(photo: ChartPhoto, grid: WavelengthGrid) -> float:
     the method.
     """
     from spectrabox.radiometry.bspline import basis_matrix
-    design = (photo.reflectances * photo.power) @ basis_matrix(grid.nm,
-                                                               SPLINE_COEFFICIENTS)[:, 1:-1]
+    design = (photo.reflectances
+              * photo.power) @ basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
     return float(np.linalg.cond(design))

@@ -74,10 +74,8 @@ def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarr
     if method != "smooth":
         _require_determined(design, condition, coefficients)
     solvers: dict[str, Solver] = {"paper": _solve_paper, "nonnegative": _solve_nonnegative}
-    solve = solvers[method] if method in solvers else partial(_solve_smooth,
-                                                              roughness=_best_roughness(design,
-                                                                                        signal,
-                                                                                        sigma))
+    solve = (solvers[method] if method in solvers
+             else partial(_solve_smooth, roughness=_best_roughness(design, signal, sigma)))
     found, covariance, without = _fit_each(solve, design, signal, sigma)
     if method == "smooth":
         return BandFits(full, found, covariance, design, without, condition)
@@ -89,8 +87,9 @@ def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarr
 
 def _require_determined(design: np.ndarray, condition: float, coefficients: int) -> None:
     if len(design) < design.shape[1]:
-        raise CalibrationError(f"{len(design)} usable patches cannot determine {coefficients} coefficients a band; "
-                               "use method \"prior\", or shoot the chart again")
+        raise CalibrationError(f"{len(design)} usable patches cannot determine {coefficients} "
+                               "coefficients a band; use method \"prior\", or shoot the chart "
+                               "again")
     if not np.isfinite(condition) or condition > MAX_CONDITION:
         raise CalibrationError(f"the chart under this light cannot determine {coefficients} "
                                f"coefficients (condition number {condition:.1e}); check that the "
@@ -107,8 +106,8 @@ def _fit_each(solve: Solver, design: np.ndarray, signal: np.ndarray,
         for band in range(signal.shape[1]):
             coefficients, _ = solve(design[rest], signal[rest, band], sigma[rest, band])
             without[patch, band] = design[patch] @ coefficients
-    return np.array([found for found, _ in solved]), np.array([block for _,
-                                                               block in solved]), without
+    return (np.array([found for found, _ in solved]), np.array([block for _, block in solved]),
+            without)
 
 
 def _solve_paper(design: np.ndarray, signal: np.ndarray,
@@ -129,8 +128,8 @@ def _solve_nonnegative(design: np.ndarray, signal: np.ndarray,
     covariance = np.zeros((solution.size,) * 2)
     freedom = max(signal.size - np.count_nonzero(free), 1)
     misfit = max(norm**2 / freedom, 1.0)  # never surer than the stated patch errors
-    covariance[np.ix_(free, free)] = misfit * np.linalg.pinv(weighted[:, free].T
-                                                             @ weighted[:, free])
+    covariance[np.ix_(free, free)] = misfit * np.linalg.pinv(
+        weighted[:, free].T @ weighted[:, free])
     return solution, covariance
 
 

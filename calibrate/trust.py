@@ -19,7 +19,8 @@ FROM_PRIOR = 0.5  # share of the prior's uncertainty that is left: more, and the
 MUCH_GLARE = 0.02            # of the brightest patch
 PROBABLE = 0.05              # families below are not named
 SURELY = 0.9  # probability of a kind of camera above which something else may be wrong
-CHECK_LIGHT = "the curves are like those of no measured camera: check that the light spectrum is that of the photo"
+CHECK_LIGHT = ("the curves are like those of no measured camera: check that the light spectrum is "
+               "that of the photo")
 CLEAR_GAIN = 20.0            # of log evidence, for another reading of the photo
 
 

@@ -70,8 +70,8 @@ def fit_light_field(signals: np.ndarray, predicted: np.ndarray, centres_px: np.n
     terms = powers - powers.mean(axis=0)
     bands = signals.shape[1]
     weights = (predicted / (predicted + DARKEST_SHARE * predicted.max(axis=0))).ravel()
-    design = np.column_stack([np.tile(np.eye(bands), (signals.shape[0], 1)), np.repeat(terms, bands,
-                                                                                       axis=0)])
+    design = np.column_stack([np.tile(np.eye(bands), (signals.shape[0], 1)),
+                              np.repeat(terms, bands, axis=0)])
     parameters = np.zeros(design.shape[1])
     gain = signals.sum(axis=0) / predicted.sum(axis=0)
     parameters[:bands] = np.log(np.maximum(gain, np.finfo(float).tiny))
@@ -113,6 +113,5 @@ def divide_by_field(image: LinearImage, field: LightField) -> LinearImage:
 
 def _terms(xy: np.ndarray, order: int) -> np.ndarray:
     x, y = xy[..., 0], xy[..., 1]
-    return np.stack([x**(total - power) * y**power for total in range(1,
-                                                                      order + 1) for power
-                     in range(total + 1)], -1)
+    return np.stack([x**(total - power) * y**power for total in range(1, order + 1)
+                     for power in range(total + 1)], -1)

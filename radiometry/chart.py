@@ -87,6 +87,6 @@ def typical_camera_signals(reflectances: np.ndarray, grid: WavelengthGrid,
     Only to recognise a chart and its orientation; nothing is measured with it.
     """
     power = grid.weights_nm if light is None else light * grid.weights_nm
-    bands = np.array([np.exp(-0.5 * ((grid.nm - peak) / width) ** 2) * power for peak,
-                      width in TYPICAL_BANDS_NM])
+    bands = np.array([np.exp(-0.5 * ((grid.nm - peak) / width) ** 2) * power
+                      for peak, width in TYPICAL_BANDS_NM])
     return reflectances @ (bands / bands.sum(axis=1, keepdims=True)).T

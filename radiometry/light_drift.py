@@ -60,8 +60,8 @@ def drift_between(chart_photo: LinearImage, chart_signals: np.ndarray, object_ph
     level_error = float(level * relative.max())
     colour = ratio / level - 1
     colour_error = _colour_error(before, after, relative_error)
-    changed = bool(np.sum((colour / colour_error) ** 2) > chi2.isf(SIGNIFICANCE,
-                                                                   max(len(ratio) - 1, 1)))
+    changed = bool(np.sum((colour / colour_error) ** 2)
+                   > chi2.isf(SIGNIFICANCE, max(len(ratio) - 1, 1)))
     return LightDrift(ratio, error, level, level_error, colour, changed,
                       _sentence(level, level_error, colour, changed,
                                 rounding_error(chart_photo, object_photo)))
@@ -73,9 +73,8 @@ def scale_after_drift(scale: LightScale, drift: LightDrift) -> LightScale:
     """
     known = 0.0 if scale.standard_error is None else scale.standard_error / scale.value
     value = scale.value * drift.level
-    error = None if scale.standard_error is None else value * float(np.hypot(known,
-                                                                             drift.level_error
-                                                                             / drift.level))
+    error = (None if scale.standard_error is None
+             else value * float(np.hypot(known, drift.level_error / drift.level)))
     return LightScale(value, error, scale.residuals, f"{scale.source}, times {drift.level:.4g} for "
                       "the light's drift")
 

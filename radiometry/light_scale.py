@@ -98,7 +98,8 @@ def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: Linear
     error = scale.standard_error
     if error is not None:
         error = float(np.hypot(error, rounded * scale.value)) * ratio
-    how = scale.source if abs(ratio - 1) < SAME_SETTING else f"{scale.source}, times {ratio:.4g} for the exposure"
+    how = (scale.source if abs(ratio - 1) < SAME_SETTING
+           else f"{scale.source}, times {ratio:.4g} for the exposure")
     if rounded > SAME_SETTING:
         how += f", which is known to {rounded:.1%} as cameras round the settings they state"
     return LightScale(scale.value * ratio, error, scale.residuals, how)

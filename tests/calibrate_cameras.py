@@ -36,9 +36,8 @@ def reflectances(count=24, seed=5):
     chart.
     """
     rng = np.random.default_rng(seed)
-    steps = rng.uniform(420, 680, (count, 2)), rng.uniform(15, 60, (count, 2)), rng.uniform(-1, 1,
-                                                                                            (count,
-                                                                                             2))
+    steps = (rng.uniform(420, 680, (count, 2)), rng.uniform(15, 60, (count, 2)),
+             rng.uniform(-1, 1, (count, 2)))
     shape = sum(height[:, None] / (1 + np.exp(-(GRID.nm - place[:, None]) / width[:, None]))
                 for place, width, height in zip(*(part.T for part in steps), strict=True))
     low, high = shape.min(axis=1, keepdims=True), shape.max(axis=1, keepdims=True)
@@ -52,9 +51,8 @@ def daylight():
 
 
 def led():
-    return 0.02 + np.exp(-0.5 * ((GRID.nm - 450) / 10) ** 2) + 0.8 * np.exp(-0.5
-                                                                            * ((GRID.nm - 570) / 55)
-                                                                            ** 2)
+    return (0.02 + np.exp(-0.5 * ((GRID.nm - 450) / 10) ** 2)
+            + 0.8 * np.exp(-0.5 * ((GRID.nm - 570) / 55) ** 2))
 
 
 def on_grid(curves):

@@ -11,8 +11,8 @@ from spectrabox.radiometry.errors import InputError
 
 
 def write_rawtoaces(path, curves, model, nm=NODES):
-    rows = {f"{wavelength:g}": list(values) for wavelength,
-            values in zip(nm, curves.T, strict=True)}
+    rows = {f"{wavelength:g}": list(values)
+            for wavelength, values in zip(nm, curves.T, strict=True)}
     path.write_text(json.dumps({"header": {"manufacturer": "Maker", "model": model},
                                 "spectral_data": {"data": {"main": rows}}}), encoding="utf-8")
 
@@ -24,8 +24,10 @@ def test_three_formats_give_the_same_curves(tmp_path):
                                       for nm, (r, g, b) in zip(NODES, curves.T, strict=True))]
     (tmp_path / "b.csv").write_text("\n".join(lines), encoding="utf-8")
     wide = np.pad(curves[:, ::2], ((0, 0), (0, 2)))
-    (tmp_path / "c.txt").write_text("Maker C\n" + "\n".join(" ".join(f"{v:.9g}" for v in row)
-                                                            for row in wide), encoding="utf-8")
+    (tmp_path / "c.txt").write_text("Maker "
+                                    "C\n"
+                                    + "\n".join(" ".join(f"{v:.9g}" for v in row) for row in wide),
+                                    encoding="utf-8")
     found = read_camera_database(tmp_path)
     assert set(found.names) == {"Maker A", "b", "Maker C"} and not found.skipped
     by_name = dict(zip(found.names, found.curves, strict=True))

@@ -86,8 +86,8 @@ def test_where_no_photo_had_light_the_curves_are_the_priors():
 def test_measured_curves_that_are_right_agree():
     # 6 % between laboratories, 20 % of fall-off and 1 % of glare are no disagreement.
     tilt = 1 + 0.1 * np.sin(GRID.nm / 60)
-    signal = chart() * np.linspace(0.9, 1.1, 24).reshape(4, 6).mean(axis=0)[np.arange(24) % 6][:,
-                                                                                               None]
+    signal = chart() * np.linspace(0.9, 1.1,
+                                   24).reshape(4, 6).mean(axis=0)[np.arange(24) % 6][:, None]
     curves = TRUTH * tilt / (TRUTH * tilt).max()
     checks = calibrated(signal + 0.01 * signal.max(axis=0), curves=curves).calibration.checks
     assert any(check.startswith("measured curves and photo agree within") for check in checks)
@@ -111,7 +111,8 @@ def test_measured_curves_in_another_order_are_refused():
 def test_the_record_says_how_well_the_chart_is_reproduced():
     made = calibrated(chart(), prior=prior())
     fitted, without = made.delta_e.mean(), made.held_out_delta_e.mean()
-    said = f"chart colour difference {fitted:.2f} CIEDE2000, {without:.2f} for patches left out of the fit"
+    said = (f"chart colour difference {fitted:.2f} CIEDE2000, {without:.2f} for patches left out "
+            "of the fit")
     assert made.calibration.checks[0].startswith(said)
     # 0.3 % of noise in the signals is about 0.2 CIEDE2000.
     assert made.delta_e.mean() < 0.5

@@ -52,9 +52,8 @@ def test_the_board_is_found_in_its_own_picture():
 def test_undistorting_straightens_what_the_lens_bent():
     y, x = np.mgrid[0:480, 0:640].astype(float)
     pixels = np.stack([x, y], axis=-1).reshape(-1, 1, 2)
-    ideal = cv2.undistortPoints(pixels, TRUE.matrix, TRUE.distortion, P=pinhole(TRUE)).reshape(480,
-                                                                                               640,
-                                                                                               2)
+    ideal = cv2.undistortPoints(pixels, TRUE.matrix, TRUE.distortion,
+                                P=pinhole(TRUE)).reshape(480, 640, 2)
     # a scene whose signal is its place
     bent = np.stack([ideal[..., 0], ideal[..., 1], np.ones((480, 640))], axis=-1)
     straight = undistorted(photo(bent), TRUE)
@@ -69,9 +68,8 @@ def test_a_half_size_image_is_bent_back_like_the_whole_photo():
     # centres of 2 x 2 blocks in pixels of the photo
     y, x = np.mgrid[0:240, 0:320].astype(float) * 2 + 0.5
     pixels = np.stack([x, y], axis=-1).reshape(-1, 1, 2)
-    ideal = cv2.undistortPoints(pixels, TRUE.matrix, TRUE.distortion, P=pinhole(TRUE)).reshape(240,
-                                                                                               320,
-                                                                                               2)
+    ideal = cv2.undistortPoints(pixels, TRUE.matrix, TRUE.distortion,
+                                P=pinhole(TRUE)).reshape(240, 320, 2)
     straight = undistorted(photo(np.concatenate([ideal, np.ones((240, 320, 1))], axis=-1),
                                  step=2.0), TRUE)
     shown = ~straight.saturated.any(axis=-1)
@@ -105,7 +103,9 @@ def test_saturated_pixels_and_the_outside_stay_marked():
     where = cv2.undistortPoints(np.array([[[200.0, 100.0]]]), TRUE.matrix, TRUE.distortion,
                                 P=pinhole(TRUE))[0, 0]
     x, y = np.rint(where).astype(int)
-    assert straight.saturated[y, x, 1] and not straight.saturated[y, x, 0] and not straight.saturated[240, 320].any()
+    assert straight.saturated[y, x,
+                              1] and not straight.saturated[y, x, 0] and not straight.saturated[
+        240, 320].any()
     assert np.all(straight.variance > 0)
 
 

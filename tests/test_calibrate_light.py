@@ -16,7 +16,8 @@ def test_the_light_scale_is_linear_in_the_light():
     found = scale_from_signals(2.5 * PREDICTED, PREDICTED, 0.01, "chart")
     # One quotient of sums: a few eps.
     assert found.value == pytest.approx(2.5, rel=1e-13)
-    assert scale_from_signals(5.0 * PREDICTED, PREDICTED, 0.01, "chart").value == pytest.approx(5.0, rel=1e-13)
+    assert scale_from_signals(5.0 * PREDICTED, PREDICTED, 0.01,
+                              "chart").value == pytest.approx(5.0, rel=1e-13)
 
 
 def test_the_scales_standard_error_is_the_scatter_of_repeated_photos():
@@ -49,8 +50,8 @@ def test_the_closed_form_is_the_minimum_that_a_gradient_method_finds():
     loss = minimize_scalar(lambda scale: np.sum(((measured - scale * PREDICTED) / measured) ** 2),
                            (1, 2), options={"xtol": 1e-10})
     # The minimum of a parabola is found to the square root of eps.
-    assert scale_from_signals(measured, PREDICTED, 0.01, "chart").value == pytest.approx(loss.x,
-                                                                                         rel=1e-7)
+    assert scale_from_signals(measured, PREDICTED, 0.01,
+                              "chart").value == pytest.approx(loss.x, rel=1e-7)
 
 
 def test_two_lights_are_told_apart():

@@ -52,8 +52,8 @@ def test_a_second_light_is_worth_what_preflight_says():
     known, errors = prior(), []
     for index, truth in enumerate(on_grid(cameras(6, 70))):
         shots = [photo(noisy(factor * signals(truth, light(), SURFACES), 0.02, 10 * index + number),
-                       light(), SURFACES, 0.02) for number,
-                 (light, factor) in enumerate(((led, 1.0), (daylight, 0.02)))]
+                       light(), SURFACES, 0.02)
+                 for number, (light, factor) in enumerate(((led, 1.0), (daylight, 0.02)))]
         errors.append([relative_error(fit_with_prior(given, known, GRID).sensitivity.curves, truth)
                        for given in (shots[:1], shots)])
     one, two = np.sqrt(np.mean(np.square(errors), axis=0))
@@ -84,8 +84,8 @@ def test_two_charts_say_more_than_one_and_do_not_depend_on_their_order():
     other = reflectances(48, 21)
     shots = [photo(noisy(signals(truth, led(), SURFACES), 0.01, 3), led(), SURFACES, 0.01),
              photo(noisy(0.3 * signals(truth, led(), other), 0.01, 4), led(), other, 0.01)]
-    alone, both, turned = (fit_with_prior(given, prior(), GRID) for given in (shots[:1], shots,
-                                                                              shots[::-1]))
+    alone, both, turned = (fit_with_prior(given, prior(), GRID)
+                           for given in (shots[:1], shots, shots[::-1]))
     assert np.sum(both.sensitivity.standard_error**2) < np.sum(alone.sensitivity.standard_error**2)
     assert [held.shape for held in both.held_out] == [(24, 3), (48, 3)]
     # The curves' scale is fixed by the first chart: the same Gaussian in other coordinates, to
@@ -147,8 +147,8 @@ def many_bands(count, seed=1):
     """Lopsided bumps (K, P) over a low pedestal, largest value 1."""
     rng = np.random.default_rng(seed)
     apart = GRID.nm - (np.linspace(425, 675, count) + rng.normal(0, 4, count))[:, None]
-    width, skew = max(12, 110 / count) * rng.uniform(0.7, 1.3, (count, 1)), rng.uniform(0.7, 1.5,
-                                                                                        (count, 1))
+    width, skew = (max(12, 110 / count) * rng.uniform(0.7, 1.3, (count, 1)),
+                   rng.uniform(0.7, 1.5, (count, 1)))
     found = np.exp(-0.5 * (apart / np.where(apart > 0, width * skew, width / skew)) ** 2)
     found = rng.uniform(0.5, 1, (count, 1)) * (found + rng.uniform(0, 0.03, (count, 1)))
     return found / found.max()
@@ -156,8 +156,8 @@ def many_bands(count, seed=1):
 
 @pytest.mark.parametrize("bands, light", [(4, led), (7, daylight), (16, daylight)])
 def test_any_number_of_bands_takes_the_same_joint_estimate(bands, light):
-    truth, terms, across = many_bands(bands), field_terms(patch_centres_uv()), patch_centres_uv()[:,
-                                                                                                  0]
+    truth, terms, across = (many_bands(bands), field_terms(patch_centres_uv()),
+                            patch_centres_uv()[:, 0])
     spoiled = signals(truth, light(), SURFACES) * (1 - 0.2 * across)[:, None]
     spoiled = noisy(spoiled + 0.005 * spoiled.max(axis=0), 0.005, 3)
     found = fit_with_prior([photo(spoiled, light(), SURFACES, 0.005, terms, True)], None, GRID)

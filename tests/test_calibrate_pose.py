@@ -89,8 +89,7 @@ def test_points_that_do_not_tell_are_refused():
     with pytest.raises(CheckError,
                        match=r"cannot be told from the distance; they lie in one plane.*--lens"):
         pose_and_focal_length(flat, seen(flat, (np.pi, 0, 0), (0, 0, 0.9), np.random.default_rng(1),
-                                         lens=PLAIN),
-                              640, 480)
+                                         lens=PLAIN), 640, 480)
 
 
 def test_a_small_plane_that_may_be_turned_over_is_refused():
@@ -120,8 +119,8 @@ def test_a_board_lies_where_its_file_says(tmp_path):
     path.write_text('columns = 9\nrows = 7\nsquare = 3\nmarker = 2.2\norigin = [1, 2, 3]\nright = '
                     '[0, 0, -2]\ndown = [0, -1, 0]\n', encoding="utf-8")
     board = read_board(path)
-    assert (board.columns, board.rows, board.square, board.dictionary) == (9, 7, 3.0,
-                                                                           "DICT_5X5_100")
+    assert (board.columns, board.rows, board.square,
+            board.dictionary) == (9, 7, 3.0, "DICT_5X5_100")
     np.testing.assert_allclose(in_scene(board, np.array([[3.0, 6.0, 0.0]]), "b"), [[1, -4, 0]],
                                atol=1e-12)
     with pytest.raises(InputError, match="does not say where the board lies"):

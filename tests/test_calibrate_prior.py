@@ -104,7 +104,8 @@ def test_the_prior_beats_what_it_knows_without_a_photo():
     found = fit_with_prior([photo(noisy(truth, led(), 0.005, 45), led(), SURFACES, 0.005)], known,
                            GRID)
     mean = on_grid(known.means[-1].reshape(3, -1))
-    assert relative_error(found.sensitivity.curves, on_grid(truth)) < 0.5 * relative_error(mean, on_grid(truth))
+    assert relative_error(found.sensitivity.curves,
+                          on_grid(truth)) < 0.5 * relative_error(mean, on_grid(truth))
 
 
 def test_fall_off_and_glare_cost_little():
@@ -114,10 +115,9 @@ def test_fall_off_and_glare_cost_little():
     signal = noisy(truth, light, 0.005, 47)
     spoiled = signal * (1 - 0.2 * across)[:, None] + 0.01 * signal.max(axis=0)
     flat, distorted = (fit_with_prior([photo(given, light, SURFACES, 0.005, terms, True)], known,
-                                      GRID)
-                       for given in (signal, spoiled))
-    errors = [relative_error(found.sensitivity.curves, on_grid(truth)) for found in (flat,
-                                                                                     distorted)]
+                                      GRID) for given in (signal, spoiled))
+    errors = [relative_error(found.sensitivity.curves, on_grid(truth))
+              for found in (flat, distorted)]
     # One camera at one noise: the median over cameras in the benchmark is held to 1.2.
     assert errors[1] < 1.5 * errors[0] + 0.005
     field = distorted.photos[0].field

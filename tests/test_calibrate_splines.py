@@ -20,10 +20,8 @@ def spline_camera(seed=2):
     rng = np.random.default_rng(seed)
     coefficients[:, 1:-1] = np.array([[0.1, 0.1, 0.1, 0.1, 0.3, 0.9, 0.6, 0.2],
                                       [0.1, 0.2, 0.4, 1.0, 0.7, 0.3, 0.1, 0.1],
-                                      [0.3, 0.9, 0.8, 0.3, 0.1, 0.1, 0.1, 0.1]]) + rng.uniform(0,
-                                                                                               0.05,
-                                                                                               (3,
-                                                                                                8))
+                                      [0.3, 0.9, 0.8, 0.3, 0.1, 0.1, 0.1, 0.1]]) + rng.uniform(
+        0, 0.05, (3, 8))
     return coefficients / (coefficients @ BASIS.T).max()
 
 

@@ -33,8 +33,8 @@ def test_white_is_known_as_well_as_stated(method):
     # Thirty makers: with one, the prior would widen every error for knowing so few.
     known = build_prior(NODES, cameras(30, 1), tuple(f"maker{index} one" for index in range(30)),
                         source="simulated", licence="none") if method == "prior" else None
-    found = [white_errors(method, NOISE, camera, curves, known) for camera,
-             curves in enumerate(cameras(16, 95))]
+    found = [white_errors(method, NOISE, camera, curves, known)
+             for camera, curves in enumerate(cameras(16, 95))]
     normal = np.array([errors / stated for errors, stated in found])
     # 48 errors in standard errors: their rms is 1 +- 0.10; three of these either way.
     assert 0.7 < np.sqrt(np.mean(normal**2)) < 1.3

@@ -43,8 +43,8 @@ def photograph(folder, scene, seed=1):
 def true_centres(corners_xy):
     row, column = np.divmod(np.arange(24), 6)
     centres_mm = np.column_stack([column, row]) * PITCH_MM + 20
-    projected = np.column_stack([centres_mm, np.ones(24)]) @ homography(UNIT * GRID_MM,
-                                                                        corners_xy).T
+    projected = (np.column_stack([centres_mm, np.ones(24)])
+                 @ homography(UNIT * GRID_MM, corners_xy).T)
     return projected[:, :2] / projected[:, 2:]
 
 
@@ -169,7 +169,9 @@ def test_a_good_photo_passes_the_clipping_check(tmp_path, reference):
 def test_a_chart_too_small_is_refused(tmp_path, reference):
     place = corners(width=60)
     image = photograph(tmp_path, chart_scene(HEIGHT, WIDTH, CAMERA_GAIN * reference, place))
-    with pytest.raises(CheckError, match=r"chart is too small, patch 1 has \d+ pixels and at least 16 are needed"):
+    with pytest.raises(
+            CheckError,
+            match=r"chart is too small, patch 1 has \d+ pixels and at least 16 are needed"):
         sample_patches(image, find_chart(image, reference, place))
 
 

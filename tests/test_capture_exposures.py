@@ -30,8 +30,8 @@ def scene(height=160, width=240):
 def frame(light, seed=1, cfa=RGGB, clip=WHITE, offset=0.0, **changes):
     """A mosaic of one grey scene (H, W), with shot and read noise."""
     rng = np.random.default_rng(seed)
-    counts = BLACK + offset + rng.poisson(np.maximum(light, 0) * ELECTRONS) * (WHITE
-                                                                               - BLACK) / ELECTRONS
+    counts = (BLACK + offset + rng.poisson(np.maximum(light, 0) * ELECTRONS) * (WHITE - BLACK)
+              / ELECTRONS)
     counts = np.minimum(counts + rng.normal(scale=READ_DN, size=light.shape), clip)
     fields = {"exposure_s": 0.01, "iso": 100.0, "f_number": 8.0, "camera": "Body 1",
               "file": "photo.dng", "sha256": ""}
@@ -64,8 +64,8 @@ def test_x_trans_blocks_average_two_five_and_two_samples(shift):
     colours = np.tile(cfa, (10, 16))
     for band, samples in enumerate((2, 5, 2)):
         mask = colours == band
-        total = np.where(mask, (mosaic - BLACK) / (WHITE - BLACK), 0).reshape(20, 3, 32,
-                                                                              3).sum(axis=(1, 3))
+        total = np.where(mask, (mosaic - BLACK) / (WHITE - BLACK),
+                         0).reshape(20, 3, 32, 3).sum(axis=(1, 3))
         # Single precision over five terms.
         np.testing.assert_allclose(image.signal[..., band], total / samples, atol=1e-6)
 
@@ -208,7 +208,8 @@ def test_hot_pixels_are_filled_without_cutting_off_digits():
     dark = DarkFrame(np.full(mosaic.shape, BLACK, np.float32), np.zeros(mosaic.shape, np.float32),
                      hot, 1, 0.01, 100.0, "Body 1", "dark.dng")
     raw = dataclasses.replace(frame(np.zeros(mosaic.shape)), mosaic=mosaic)
-    red = subtract_dark(raw, dark, PhotonTransfer(np.zeros(3), np.zeros(3))).signal[..., 0] * (WHITE - BLACK) + BLACK
+    red = (subtract_dark(raw, dark, PhotonTransfer(np.zeros(3), np.zeros(3))).signal[..., 0]
+           * (WHITE - BLACK) + BLACK)
     beside = (mosaic[::2, 2:474:8].astype(float) + mosaic[::2, 6:478:8]) / 2
     # Rounding to whole DN errs by 0.35 DN (1 sigma) at 2360 places; cutting off would take 0.25 DN
     # from each.
@@ -244,15 +245,14 @@ def test_a_bracket_agrees_with_the_truth_within_its_variance():
     truth = scene()[::2, ::2]
     noise = PhotonTransfer((READ_DN**2 + 1 / 12) / (WHITE - BLACK) ** 2 * np.array([1, 0.5, 1]),
                            np.array([1, 0.5, 1]) / ELECTRONS)
-    merged, notes = merge_exposures([linear_image(frame(scene() * seconds, seed,
-                                                        exposure_s=seconds), noise)
-                                     for seed, seconds in enumerate((0.25, 1.0, 4.0), 1)])
+    merged, notes = merge_exposures(
+        [linear_image(frame(scene() * seconds, seed, exposure_s=seconds), noise)
+         for seed, seconds in enumerate((0.25, 1.0, 4.0), 1)])
     error = merged.signal[..., 0] - 0.25 * truth
     assert len(notes) == 2 and not merged.saturated.any()
     # Mean of 9600 squared errors in sigma: 1 within 4 standard deviations.
-    assert np.mean(error**2 / merged.variance[..., 0]) == pytest.approx(1,
-                                                                        abs=4
-                                                                        * np.sqrt(2 / error.size))
+    assert np.mean(error**2 / merged.variance[..., 0]) == pytest.approx(
+        1, abs=4 * np.sqrt(2 / error.size))
     alone = exposed(0.25, 1)
     assert merged.variance.mean() < 0.5 * alone.variance.mean()
 
@@ -260,8 +260,8 @@ def test_a_bracket_agrees_with_the_truth_within_its_variance():
 def test_dark_parts_are_not_pulled_down_by_their_own_noise():
     light = np.full((160, 240), 0.01)
     light[:, :120] = 0.8
-    merged, _ = merge_exposures([exposed(seconds, seed, light) for seed,
-                                 seconds in enumerate((0.5, 1.0), 1)])
+    merged, _ = merge_exposures([exposed(seconds, seed, light)
+                                 for seed, seconds in enumerate((0.5, 1.0), 1)])
     dark = merged.signal[:, 62:, 0]
     # Mean of 4640 pixels within 4 sigma of their stated noise, and the ratio of exposures to 0.1 %.
     bound = 4 * np.sqrt(merged.variance[:, 62:, 0].mean() / dark.size) + 0.001 * 0.005
@@ -277,11 +277,11 @@ def test_equal_exposures_are_averaged():
 
 def test_saturated_in_every_exposure_stays_saturated():
     light = np.where(scene() > 0.6, 40.0, scene())
-    merged, _ = merge_exposures([exposed(seconds, seed, light) for seed,
-                                 seconds in enumerate((0.25, 0.5), 1)])
+    merged, _ = merge_exposures([exposed(seconds, seed, light)
+                                 for seed, seconds in enumerate((0.25, 0.5), 1)])
     inside = (light[::2, ::2] > 1) & (light[1::2, 1::2] > 1)
-    assert merged.saturated[inside].all() and not merged.saturated[~inside & (light[1::2, 1::2]
-                                                                              < 1)].all()
+    assert merged.saturated[inside].all() and not merged.saturated[
+        ~inside & (light[1::2, 1::2] < 1)].all()
 
 
 @pytest.mark.parametrize("changes, message", [
@@ -333,8 +333,8 @@ def test_saturated_pixels_do_not_bend_the_line_of_the_variance():
 def test_neighbours_of_saturated_pixels_are_left_out():
     saturated = np.zeros((5, 6, 2), bool)
     saturated[2, 3, 0] = True
-    assert near_saturated(saturated)[..., 0].sum() == 9 and not near_saturated(saturated)[...,
-                                                                                          1].any()
+    assert near_saturated(saturated)[..., 0].sum() == 9 and not near_saturated(
+        saturated)[..., 1].any()
     assert near_saturated(saturated, spills=True)[..., 1].sum() == 9
 
 

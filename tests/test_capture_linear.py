@@ -41,9 +41,8 @@ def flat_image(signal, **changes):
               "kind": PhotoKind.RAW,
               "camera": "Body", "source": "photo.dng", "sha256": "",
               "saturated": np.zeros(signal.shape, bool)}
-    return LinearImage(signal=signal.astype(np.float32), variance=np.full(signal.shape, 1e-6,
-                                                                          np.float32),
-                       **(fields | changes))
+    return LinearImage(signal=signal.astype(np.float32),
+                       variance=np.full(signal.shape, 1e-6, np.float32), **(fields | changes))
 
 
 # ---- raw to linear -------------------------------------------------------------------------------
@@ -93,8 +92,8 @@ def test_a_pixel_is_saturated_where_any_sample_of_its_tile_is(tmp_path):
 def test_large_photos_stay_in_single_precision(tmp_path):
     write_dng(tmp_path / "photo.dng", np.full((64, 64), 4000, np.uint16))
     image = linear_image(read_raw(tmp_path / "photo.dng"))
-    assert (image.signal.dtype, image.variance.dtype, image.saturated.dtype) == (np.float32,
-                                                                                 np.float32, bool)
+    assert (image.signal.dtype, image.variance.dtype,
+            image.saturated.dtype) == (np.float32, np.float32, bool)
 
 
 # ---- noise ---------------------------------------------------------------------------------------
@@ -106,8 +105,8 @@ def test_gain_and_read_noise_are_found_in_a_photo_with_texture(electrons, read_n
                       axis=0) * np.array([1.0, 0.8, 0.5])
     scene[100:200] *= rng.uniform(0.5, 1.0, (100, 600, 1))  # a fifth of the picture is not flat
     scene[300:] *= np.exp(np.linspace(0, -1, 180))[:, None, None]
-    photo = rng.poisson(scene * electrons) / electrons + rng.normal(scale=read_noise,
-                                                                    size=scene.shape)
+    photo = (rng.poisson(scene * electrons) / electrons
+             + rng.normal(scale=read_noise, size=scene.shape))
     noise = photon_transfer(photo.astype(np.float32), photo > 0.98, quantum=1 / 16383)
     # Stated accuracy of the method: 10 %.
     np.testing.assert_allclose(noise.gain, 1 / electrons, rtol=0.1)
@@ -148,8 +147,8 @@ def test_exr_pixels_and_exposure_come_back_exactly(tmp_path):
     write_exr(tmp_path / "photo.exr", pixels, ("R", "G", "B"), exposure_s=0.125)
     image = open_photo(tmp_path / "photo.exr")
     np.testing.assert_array_equal(image.signal, pixels)
-    assert (image.exposure_s, image.iso, image.sensor_step, image.kind) == (0.125, None, 1.0,
-                                                                            PhotoKind.LINEAR_FILE)
+    assert (image.exposure_s, image.iso, image.sensor_step,
+            image.kind) == (0.125, None, 1.0, PhotoKind.LINEAR_FILE)
 
 
 def test_named_bands_come_in_rgb_order_and_alpha_is_dropped(tmp_path):

@@ -49,8 +49,8 @@ def judged(folder, **changes):
 
 def test_the_stored_reference_is_that_of_the_published_reflectances():
     grid = visible_grid(10.0)
-    computed = published.typical_camera_signals(published.chart_reflectances("BabelColor Average",
-                                                                             grid), grid)
+    computed = published.typical_camera_signals(
+        published.chart_reflectances("BabelColor Average", grid), grid)
     # Four decimals are stored.
     np.testing.assert_allclose(TYPICAL_SIGNALS, computed, atol=0.5e-4)
     assert published.PATCH_NAMES == PATCH_NAMES and typical_signals(7).shape == (24, 7)
@@ -119,7 +119,9 @@ def test_a_small_chart_is_called_too_small(tmp_path):
 
 def test_a_card_whose_patches_nearly_touch_is_refused(tmp_path):
     image = open_photo(chart_photo(tmp_path, patch_mm=42.6))
-    with pytest.raises(CheckError, match=r"patches stand only \d\.\d% of their pitch apart.*another maker's card"):
+    with pytest.raises(
+            CheckError,
+            match=r"patches stand only \d\.\d% of their pitch apart.*another maker's card"):
         locate_chart(image, TYPICAL_SIGNALS)
 
 
@@ -208,8 +210,8 @@ def test_a_developed_photo_comes_back_whole(tmp_path):
     back = read_linear_file(tmp_path / "photo.exr")
     for name in ("signal", "variance", "saturated"):
         np.testing.assert_array_equal(getattr(back, name), getattr(image, name))
-    assert (back.kind, back.camera, back.sensor_step, back.iso) == (image.kind, image.camera, 2.0,
-                                                                    100.0)
+    assert (back.kind, back.camera, back.sensor_step,
+            back.iso) == (image.kind, image.camera, 2.0, 100.0)
     # Exposure is stored in single precision.
     assert back.exposure_s == pytest.approx(image.exposure_s, rel=1e-7)
 
@@ -226,8 +228,8 @@ def test_chart_answers_good_with_the_keys_of_the_contract(tmp_path):
                       "--json")
     facts = json.loads(text)
     assert (code, facts["verdict"], facts["reasons"], facts["mirrored"]) == (0, "good", [], False)
-    assert np.shape(facts["corners_px"]) == (24, 4, 2) and np.shape(facts["standard_error"]) == (24,
-                                                                                                 3)
+    assert np.shape(facts["corners_px"]) == (24, 4,
+                                             2) and np.shape(facts["standard_error"]) == (24, 3)
     error = (np.array(facts["mean"]) - SIGNALS) / facts["standard_error"]
     # 72 normal deviates: rms 1 within 4 standard deviations.
     assert np.sqrt(np.mean(error**2)) == pytest.approx(1, abs=4 / np.sqrt(2 * 72))
@@ -272,8 +274,8 @@ def test_a_jpeg_or_png_is_taken_as_encoded_and_marked(tmp_path):
 def test_develop_merges_a_bracket_with_dark_frames(tmp_path):
     scene = chart_scene(HEIGHT // 2, WIDTH // 2, SIGNALS, PLACE / 2)
     photos = [write_photo(tmp_path / f"photo{seconds.denominator}.dng", 60 * float(seconds) * scene,
-                          index, exposure_s=seconds) for index,
-              seconds in enumerate((Fraction(1, 60), Fraction(1, 240)))]
+                          index, exposure_s=seconds)
+              for index, seconds in enumerate((Fraction(1, 60), Fraction(1, 240)))]
     darks = [write_photo(tmp_path / f"dark{seconds.denominator}.dng", 0 * scene, 5 + index,
                          exposure_s=seconds)
              for index, seconds in enumerate((Fraction(1, 60), Fraction(1, 240)))]
@@ -295,8 +297,8 @@ def test_develop_takes_what_is_not_linear_only_when_told_and_marks_it(tmp_path):
     code, text = call("develop", tmp_path / "photo.png", "-o", tmp_path / "out.exr", "--not-linear",
                       "--json")
     facts = json.loads(text)
-    assert code == 0 and "NOT LINEAR" in facts["source"] and any("NOT LINEAR" in note
-                                                                 for note in facts["notes"])
+    assert code == 0 and "NOT LINEAR" in facts["source"] and any(
+        "NOT LINEAR" in note for note in facts["notes"])
     assert "NOT LINEAR" in open_photo(tmp_path / "out.exr").source
 
 

@@ -109,8 +109,8 @@ def test_black_levels_that_change_over_columns_are_refused_not_ignored(photo):
 
 def test_exposure_and_camera_are_those_of_the_file(photo):
     frame = read_raw(photo)
-    assert (frame.exposure_s, frame.iso, frame.f_number, frame.white_level) == (1 / 125, 100.0, 8.0,
-                                                                                16383.0)
+    assert (frame.exposure_s, frame.iso, frame.f_number,
+            frame.white_level) == (1 / 125, 100.0, 8.0, 16383.0)
     assert frame.camera == "Spectrabox Synthetic SN0001"
 
 
@@ -128,7 +128,9 @@ def test_a_missing_file_is_named(tmp_path):
 @pytest.mark.parametrize("kept_bytes", [8, 300, 2000, -1])
 def test_a_file_cut_short_is_refused_quietly(photo, capfd, kept_bytes):
     photo.write_bytes(photo.read_bytes()[:kept_bytes])
-    with pytest.raises(InputError, match=r"raw photo photo.dng cannot be read to its end .* cut short or damaged"):
+    with pytest.raises(
+            InputError,
+            match=r"raw photo photo.dng cannot be read to its end .* cut short or damaged"):
         read_raw(photo)
     assert capfd.readouterr().err == ""
 
@@ -185,8 +187,8 @@ def test_truncated_flipped_and_mislabelled_files_end_in_a_sentence_or_a_photo(tm
     mosaic = np.tile(MOSAIC, (2, 2)) >> (16 - bits)
     write_dng(tmp_path / "photo.dng", mosaic, pattern=pattern, bits=bits, white=2**bits - 1,
               black=(3,) * 4)
-    whole, rng = (tmp_path / "photo.dng").read_bytes(), np.random.default_rng([3, bits,
-                                                                               len(pattern)])
+    whole, rng = (tmp_path / "photo.dng").read_bytes(), np.random.default_rng(
+        [3, bits, len(pattern)])
     path = tmp_path / f"damaged{suffix}"
     for index in range(60):
         damaged = bytearray(whole[:rng.integers(0, len(whole))] if index % 3 == 0 else whole)

@@ -66,8 +66,8 @@ def bent_photo(folder: Path, tilt, name="photo.exr", shift=SHIFT):
     turn = cv2.Rodrigues(np.array(tilt))[0]
     plane = np.linalg.inv(np.column_stack([turn[:, :2], shift]))  # from rays to places on the board
     across, down, depth = plane @ np.column_stack([rays.reshape(-1, 2), np.ones(x.size)]).T
-    drawn = (np.stack([across, down]) / depth / 0.03 * 100 + 49.5).reshape(2, 480,
-                                                                           640).astype(np.float32)
+    drawn = (np.stack([across, down]) / depth / 0.03 * 100
+             + 49.5).reshape(2, 480, 640).astype(np.float32)
     grey = cv2.remap(picture, *drawn, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT,
                      borderValue=0.5)
     write_exr(folder / name, np.repeat(0.05 + 0.8 * grey[..., None], 3, axis=2), ["R", "G", "B"],
@@ -98,8 +98,8 @@ def test_mitsuba_shows_points_where_lens_and_pose_put_them(folder):
     world_to_camera[:3, :3], world_to_camera[:3, 3] = cv2.Rodrigues(np.array(TURN))[0], BOX_SHIFT
     pose = Pose(world_to_camera, np.zeros((6, 6)), np.zeros((1, 2)), 0.0)
     balls = "".join(f'<shape type="sphere"><point name="center" value="{x}, {y}, {z}"/><float '
-                    'name="radius" value="0.004"/><emitter type="area"/></shape>' for x, y,
-                    z in CORNERS)
+                    'name="radius" value="0.004"/><emitter type="area"/></shape>'
+                    for x, y, z in CORNERS)
     (folder / "scene.xml").write_text(SCENE.replace('<emitter type="constant" id="sky"/>', balls),
                                       encoding="utf-8")
     text = scene_with_camera(folder / "scene.xml", mitsuba_sensor(lens, pose), (640, 480), folder)
@@ -130,8 +130,8 @@ def test_board_photos_give_the_lens_and_the_camera_its_place(folder):
     facts = json.loads(call("lens", *photos, "--board", folder / "board.toml", "--out",
                             folder / "found.json", "--overlay", folder / "shown", "--json").stdout)
     found = read_lens(folder / "found.json")
-    assert facts["rms_px"] < 0.3 and len(facts["views"]) == 6 and (folder / "shown"
-                                                                   / "view5.png").is_file()
+    assert facts["rms_px"] < 0.3 and len(facts["views"]) == 6 and (
+        folder / "shown" / "view5.png").is_file()
     # Corners of a drawn board are found to about 0.1 pixel; OpenCV's own errors do not know of the
     # drawing's.
     np.testing.assert_allclose(found.matrix, TRUE.matrix, atol=5)
@@ -139,9 +139,8 @@ def test_board_photos_give_the_lens_and_the_camera_its_place(folder):
     placed.write_text(BOARD + "origin = [0, 1, 2]\nright = [1, 0, 0]\ndown = [0, -1, 0]\n",
                       encoding="utf-8")
     facts = json.loads(call("pose", photos[1], "--scene", folder / "scene.xml", "--board", placed,
-                            "--lens",
-                            folder / "lens.json", "--out", folder / "posed.xml", "--overlay",
-                            folder / "seen.png", "--json").stdout)
+                            "--lens", folder / "lens.json", "--out", folder / "posed.xml",
+                            "--overlay", folder / "seen.png", "--json").stdout)
     board_to_world = np.array([[1.0, 0, 0, 0], [0, -1, 0, 1], [0, 0, -1, 2], [0, 0, 0, 1]])
     board_to_camera = np.eye(4)
     board_to_camera[:3, :3], board_to_camera[:3, 3] = cv2.Rodrigues(np.array(TILTS[1]))[0], SHIFT
@@ -235,8 +234,7 @@ def test_what_is_wrong_is_said_and_nothing_is_written(folder):
                 "--out", out, code=3)
     assert "has 64 x 48 pixels, the lens was found at 640 x 480" in said.stderr
     assert "0 of 3 photos show the board" in call("lens", blank, blank, blank, "--board", board,
-                                                  "--out",
-                                                  folder / "none.json", code=4).stderr
+                                                  "--out", folder / "none.json", code=4).stderr
     assert not out.exists() and not (folder / "none.json").exists()
 
 

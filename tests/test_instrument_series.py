@@ -32,8 +32,8 @@ def test_a_reading_comes_back_from_disk_bit_for_bit(tmp_path):
     back = read_reading(path)
     np.testing.assert_array_equal(back.spectrum.values, values)
     np.testing.assert_array_equal(back.spectrum.grid.nm, NM)
-    assert (back.instrument, back.integration_ms, back.outcome) == ("PR-655", 100.0,
-                                                                    ReadingOutcome.MEASURED)
+    assert (back.instrument, back.integration_ms,
+            back.outcome) == ("PR-655", 100.0, ReadingOutcome.MEASURED)
 
 
 def test_a_reading_without_a_spectrum_is_kept_as_that(tmp_path):
@@ -119,8 +119,8 @@ def test_readings_without_a_spectrum_are_not_averaged_in():
 
 def test_different_quantities_are_not_averaged():
     with pytest.raises(InputError, match="start a new series with --again"):
-        series_of([reading(np.ones(NM.size)), reading(np.ones(NM.size),
-                                                      quantity=Quantity.IRRADIANCE)], "x")
+        series_of([reading(np.ones(NM.size)),
+                   reading(np.ones(NM.size), quantity=Quantity.IRRADIANCE)], "x")
 
 
 def spectrum(values, error=None, nm=NM):

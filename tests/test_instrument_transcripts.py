@@ -87,9 +87,8 @@ def test_a_driver_that_leaves_the_recording_is_told_where():
     with TranscriptPlayer(other, time_scale=0.0) as player, pytest.raises(NoReplyError):
         measure_once("cr250", player.port, settings_of(other), lambda direction, data: None,
                      pace=Pace(0.01, 0.3))
-    assert any("the recording has b'SM ExposureX 2" in problem and "sent b'SM ExposureX 3"
-               in problem
-               for problem in player.problems)
+    assert any("the recording has b'SM ExposureX 2" in problem and "sent b'SM ExposureX "
+               "3" in problem for problem in player.problems)
 
 
 def test_a_missing_transcript_is_named(tmp_path):

@@ -71,8 +71,8 @@ def test_a_line_that_always_fails_ends_in_an_error_and_a_free_instrument(subject
                 > DEADLINE_S]
     # A doubled last reply comes after all that is needed: the PR-650's spectrum is right. All
     # others are refused.
-    assert {(t.instrument, t.fault) for t in trials if t.result == "spectrum"} <= {("pr650",
-                                                                                    "duplicate")}
+    assert {(t.instrument, t.fault) for t in trials
+            if t.result == "spectrum"} <= {("pr650", "duplicate")}
 
 
 @pytest.mark.parametrize("fault", [FaultKind.STALL.value, FaultKind.DRIBBLE.value])

@@ -93,7 +93,9 @@ def test_two_programs_cannot_use_one_port(line):
 
 
 def test_a_missing_port_is_named_with_those_that_exist():
-    with pytest.raises(PortError, match=r"there is no port /dev/ttyNONE; ports of this computer: .*meter list"):
+    with pytest.raises(
+            PortError,
+            match=r"there is no port /dev/ttyNONE; ports of this computer: .*meter list"):
         open_line("/dev/ttyNONE", SETTINGS, silent)
 
 
@@ -117,8 +119,8 @@ def test_a_port_address_that_cannot_be_is_refused():
 
 
 def test_listing_the_ports_opens_none(monkeypatch):
-    monkeypatch.setattr(serial, "serial_for_url", lambda *args, **kwargs: pytest.fail("a port was "
-                                                                                      "opened"))
+    monkeypatch.setattr(serial, "serial_for_url", lambda *args,
+                        **kwargs: pytest.fail("a port was opened"))
     monkeypatch.setattr(serial.Serial, "open", lambda self: pytest.fail("a port was opened"))
     assert all({"port", "usb"} <= set(entry) for entry in list_ports())
 

@@ -33,8 +33,8 @@ def test_show_says_what_is_not_stated(tmp_path):
     result = run("show", tmp_path / "loose.csv")
     assert "quantity not stated, unit not stated" in result.stdout and "no number at 1 of 3" in result.stdout
     facts = json.loads(run("show", tmp_path / "loose.csv", "--json").stdout)
-    assert facts["quantity"] is None and facts["unit"] is None and facts["values"] == [0.5, None,
-                                                                                       0.7]
+    assert facts["quantity"] is None and facts["unit"] is None and facts["values"] == [
+        0.5, None, 0.7]
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".sp", ".spdx", ".sli"])
@@ -74,8 +74,8 @@ def test_several_files_go_into_a_folder(tmp_path):
     result = run("convert", tmp_path / "0.asd", tmp_path / "1.sig", "-o", tmp_path / "out", "--to",
                  ".sp")
     assert result.exit_code == 0 and sorted(path.name
-                                            for path in (tmp_path / "out").iterdir()) == ["0.sp",
-                                                                                          "1.sp"]
+                                            for path in (tmp_path / "out").iterdir()) == [
+        "0.sp", "1.sp"]
 
 
 @pytest.mark.parametrize("options, code, message", [

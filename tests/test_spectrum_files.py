@@ -136,7 +136,9 @@ def test_a_hole_in_a_spectrum_is_not_bridged(tmp_path):
     rows = [f"{nm},{'' if 500 < nm < 560 else 1}" for nm in range(380, 781, 5)]
     spectrum = read_spectrum(write(tmp_path, "nm,value\n" + "\n".join(rows), "light.csv"),
                              role=Quantity.RELATIVE)
-    with pytest.raises(InputError, match=r"light.csv, column value has no values between 500 and 560 nm: measure or"):
+    with pytest.raises(
+            InputError,
+            match=r"light.csv, column value has no values between 500 and 560 nm: measure or"):
         spectrum_on_grid(spectrum, visible_grid())
 
 

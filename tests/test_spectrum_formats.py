@@ -43,8 +43,8 @@ PRECISION = {"CSV": 5e-9, "ASD": 1e-15, "CGATS": 5e-9, "TM-27": 5e-9, "ENVI": 0,
 
 def write(tmp_path, content, name):
     path = tmp_path / name
-    path.write_bytes(content) if isinstance(content, bytes) else path.write_text(content,
-                                                                                 encoding="utf-8")
+    path.write_bytes(content) if isinstance(content,
+                                            bytes) else path.write_text(content, encoding="utf-8")
     return path
 
 
@@ -74,8 +74,8 @@ def test_a_file_is_known_by_its_content_and_not_by_its_name(tmp_path, name, suff
     renamed = write(tmp_path, original.read_bytes(), f"renamed{suffix}")
     table = read_table(renamed)
     assert table.facts["format"] == name
-    assert any("in spite of its name" in note for note in table.notes) == (suffix == ".csv"
-                                                                           and name != "CSV")
+    assert any("in spite of its name" in note
+               for note in table.notes) == (suffix == ".csv" and name != "CSV")
 
 
 @pytest.mark.parametrize("suffix", [*WRITERS, ".sli"])
@@ -294,8 +294,8 @@ def test_a_file_that_cannot_be_read_gets_one_sentence(tmp_path, content, name, m
 
 def test_gaps_in_the_wavelengths_are_said(tmp_path):
     text = "nm,v\n" + "".join(f"{nm},0.5\n" for nm in [*range(400, 500, 5), *range(560, 700, 5)])
-    assert read_table(write(tmp_path, text, "s.csv")).notes == ("no wavelengths between 495 and "
-                                                                "560 nm",)
+    assert read_table(write(tmp_path, text,
+                            "s.csv")).notes == ("no wavelengths between 495 and 560 nm",)
 
 
 @pytest.mark.skipif("SPECTRABOX_DATA" not in os.environ,

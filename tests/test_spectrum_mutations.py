@@ -39,8 +39,8 @@ def test_a_damaged_file_gives_a_sentence_or_a_well_formed_table(examples, name, 
             assert str(error) and "\n" not in str(error)
             sentences += 1
             continue
-        assert table.values.shape == (len(table.names), table.nm.size) and np.all(np.diff(table.nm)
-                                                                                  > 0)
+        assert table.values.shape == (len(table.names),
+                                      table.nm.size) and np.all(np.diff(table.nm) > 0)
         assert not np.any(np.isinf(table.values))
     assert 0 < sentences < COPIES
 

@@ -68,10 +68,8 @@ def read_board(path: Path) -> Board:
     place = [written.get(name) for name in ("origin", "right", "down")]
     axes = None
     if any(vector is not None for vector in place):
-        axes = np.array([_vector(vector, name, 3, path) for vector, name in zip(place,
-                                                                                ("origin", "right",
-                                                                                 "down"),
-                                                                                strict=True)])
+        axes = np.array([_vector(vector, name, 3, path)
+                         for vector, name in zip(place, ("origin", "right", "down"), strict=True)])
         lengths = np.linalg.norm(axes[1:], axis=1)
         if not np.all(lengths > 0) or abs(axes[1] @ axes[2]) > SQUARE_ANGLE * lengths.prod():
             raise InputError(f"{path.name}: right and down must be two directions at a right angle")

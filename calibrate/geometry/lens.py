@@ -80,8 +80,8 @@ def mitsuba_sensor(lens: Lens, pose: Pose) -> dict[str, Any]:
     matrix = pinhole(lens)
     return {"to_world": np.linalg.inv(pose.world_to_camera) @ OPENCV_TO_MITSUBA,
             "fov": float(np.degrees(2 * np.arctan(lens.width / (2 * matrix[0, 0])))),
-            "fov_axis": "x", "principal_point_offset_x": float(0.5 - (matrix[0, 2] + 0.5)
-                                                               / lens.width),
+            "fov_axis": "x",
+            "principal_point_offset_x": float(0.5 - (matrix[0, 2] + 0.5) / lens.width),
             "principal_point_offset_y": float(0.5 - (matrix[1, 2] + 0.5) / lens.height)}
 
 

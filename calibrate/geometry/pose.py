@@ -47,8 +47,8 @@ def pose_from_points(places: np.ndarray, points_px: np.ndarray, lens: Lens,
         If no place of the camera explains them, or two do.
     """
     _require_usable(places, points_px, lens)
-    fits = sorted((_refined(places, points_px, lens, start, False) for start in likely_poses(places, points_px, lens)),
-                  key=lambda fit: fit[2])
+    fits = sorted((_refined(places, points_px, lens, start, False)
+                   for start in likely_poses(places, points_px, lens)), key=lambda fit: fit[2])
     if not fits or not _explains(fits[0][2], len(places), lens):
         _refuse(places, points_px, lens, False, names)
     _require_one(fits, len(places))
@@ -159,8 +159,7 @@ def _with_focal(places: np.ndarray, points_px: np.ndarray,
     for focal in np.geomspace(*FOCAL_RANGE, 10) * middle.width:
         lens = lens_of_focal_length(focal, middle.width, middle.height)
         starts += [(float(np.sum((projected(places, start, lens)[0] - points_px) ** 2)), lens,
-                    start)
-                   for start in likely_poses(places, points_px, lens)]
+                    start) for start in likely_poses(places, points_px, lens)]
     likeliest = sorted(starts, key=lambda one: one[0])[:STARTS]
     return min((_refined(places, points_px, lens, start, True) for _, lens, start in likeliest),
                key=lambda fit: fit[2], default=None)
@@ -189,7 +188,8 @@ def _refined(places: np.ndarray, points_px: np.ndarray, lens: Lens, start: np.nd
     found = least_squares(misses, np.append(start, 0.0) if free_focal else start, slope,
                           x_scale="jac", method="lm", max_nfev=MAX_STEPS)
     behind = (places @ rotation_matrix(found.x[:3]).T + found.x[3:6])[:, 2] <= 0
-    return found.x[:6], float(at(found.x).matrix[0, 0]), np.inf if behind.any() else float(2 * found.cost)
+    return (found.x[:6], float(at(found.x).matrix[0, 0]), np.inf if behind.any()
+            else float(2 * found.cost))
 
 
 def _pose(places: np.ndarray, points_px: np.ndarray, parameters: np.ndarray, lens: Lens,

@@ -86,9 +86,9 @@ def lens_from_views(views: Sequence[tuple[np.ndarray, np.ndarray]], width: int, 
     relative = float(errors[0] / matrix[0, 0])
     # OpenCV states no error along what is singular
     if apart < MIN_TILT_DEG or not relative < MAX_FOCAL_ERROR:
-        raise CheckError(f"the views leave the focal length open (error {relative:.1%}, the board's directions are "
-                         f"{apart:.0f} degrees apart, {MIN_TILT_DEG:g} are needed); tilt the board by some 30 "
-                         "degrees, each time to another side")
+        raise CheckError(f"the views leave the focal length open (error {relative:.1%}, the "
+                         f"board's directions are {apart:.0f} degrees apart, {MIN_TILT_DEG:g} are "
+                         "needed); tilt the board by some 30 degrees, each time to another side")
     return Lens(width, height, np.asarray(matrix), np.ravel(distortion)[:5], errors[:4],
                 errors[4:9], float(rms), source), by_view
 

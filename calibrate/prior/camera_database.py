@@ -74,9 +74,8 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
                          + (f"; the first problem: {skipped[0]}" if skipped
                             else "; JSON, TXT or CSV files are needed"))
     bands = len(next(iter(kept.values())))
-    skipped += [f"{name} has {len(curves)} bands, the others {bands}" for name,
-                curves in kept.items()
-                if len(curves) != bands]
+    skipped += [f"{name} has {len(curves)} bands, the others {bands}"
+                for name, curves in kept.items() if len(curves) != bands]
     kept = {name: curves for name, curves in kept.items() if len(curves) == bands}
     return CameraDatabase(grid.nm, np.array(list(kept.values())), tuple(kept), tuple(skipped))
 
@@ -92,8 +91,8 @@ def _checked(nm: np.ndarray, curves: np.ndarray, grid: WavelengthGrid, name: str
     if not np.all(np.isfinite(curves)):
         raise InputError(f"{name}: some values are not numbers")
     values = on_grid(nm, curves, grid, name)
-    if values.max() <= 0 or values.min() < -NEGATIVE * values.max() or np.any(values.max(axis=1)
-                                                                              <= 0):
+    if values.max() <= 0 or values.min() < -NEGATIVE * values.max() or np.any(
+            values.max(axis=1) <= 0):
         raise InputError(f"{name}: sensitivities must be positive; they run from "
                          f"{values.min():.3g} to {values.max():.3g}")
     return np.maximum(values, 0.0)

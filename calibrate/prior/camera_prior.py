@@ -71,8 +71,8 @@ class CameraPrior(Record):
             found[index] = (share_inside * inside + share_across * across
                             + np.kron(each, (add_sd * top) ** 2 * matern(self.nm, add_nm, 1.5))
                             + relative * (np.kron(each, each_sd**2 * matern(self.nm, each_nm, 2.5))
-                                          + np.kron(together, all_sd**2 * matern(self.nm, all_nm,
-                                                                                 2.5)))
+                                          + np.kron(together,
+                                                    all_sd**2 * matern(self.nm, all_nm, 2.5)))
                             + (self.jitter_sd * top) ** 2 * np.eye(size))
         return found
 

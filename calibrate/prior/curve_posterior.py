@@ -85,8 +85,7 @@ def draw_curves(posterior: CurvePosterior, bands: int, draws: int, seed: int) ->
         stacked = [mean[:size] + rng.standard_normal((count, size))
                    @ _root(covariance[:size, :size]).T
                    for count, mean, covariance in zip(counts, posterior.means,
-                                                      posterior.covariances, strict=True)
-                   if count]
+                                                      posterior.covariances, strict=True) if count]
     coefficients = np.vstack(stacked).reshape(draws, bands, -1)
     curves = np.clip(rng.permutation(coefficients), 0, None) @ posterior.basis.T
     return CurveDraws(curves / curves.max(axis=(1, 2), keepdims=True), seed)
@@ -110,7 +109,8 @@ def sensitivity_draws(calibration: Calibration, draws: int, seed: int) -> np.nda
         raise InputError(f"the sensitivities ({fit.method}) carry no covariance to draw from; "
                          "fit them to a chart photo")
     normal = np.random.default_rng(seed).standard_normal((draws, fit.coefficients.size))
-    coefficients = (fit.coefficients.ravel() + normal @ _root(fit.covariance).T).reshape(draws, *fit.coefficients.shape)
+    coefficients = (fit.coefficients.ravel()
+                    + normal @ _root(fit.covariance).T).reshape(draws, *fit.coefficients.shape)
     curves = np.clip(coefficients @ fit.basis.T, 0, None)
     return curves / curves.max(axis=(1, 2), keepdims=True)
 

@@ -104,9 +104,9 @@ def posterior_of_curves(photos: list[ChartPhoto], prior: CameraPrior, grid: Wave
         for shared in (start, covariance, jacobian, linear):
             shared.flags.writeable = False  # else every candidate below would copy it
         log_share = float(np.log(prior.weights[family] * share))
-        candidates += [Candidate(log_share + _log_evidence(projected + noise,
-                                                           linear - jacobian @ start), family,
-                                 gain_sd, error, start, covariance, jacobian, linear)
+        candidates += [Candidate(log_share
+                                 + _log_evidence(projected + noise, linear - jacobian @ start),
+                                 family, gain_sd, error, start, covariance, jacobian, linear)
                        for error, noise in noises.items()]
     return _mixture(candidates, noises, basis, prior)
 
@@ -135,8 +135,8 @@ def held_out_signals(photos: list[ChartPhoto], prior: CameraPrior, grid: Wavelen
         without = np.empty(photo.signal.shape)
         for patch in range(len(photo.signal)):
             block = slice(row, row + prior.bands)
-            without[patch] = photo.signal[patch] - np.linalg.solve(inverse[block, block],
-                                                                   weighted[block])
+            without[patch] = (photo.signal[patch]
+                              - np.linalg.solve(inverse[block, block], weighted[block]))
             row += prior.bands
         signals.append(without)
     return signals, float(innovation @ weighted / innovation.size)
@@ -187,8 +187,8 @@ def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: f
                  for photo, design in zip(photos, designs, strict=True)]
     sds = [np.r_[photo.relative_exposure_sd or EXPOSURE_SD, nuisance_sd(photo)] for photo in photos]
     sds[0][0] = EXPOSURE_SD
-    linked = np.array([index == 0 or photo.relative_exposure_sd is not None for index,
-                       photo in enumerate(photos)])
+    linked = np.array([index == 0 or photo.relative_exposure_sd is not None
+                       for index, photo in enumerate(photos)])
     start = np.concatenate([mean, *(np.r_[exposures[0] if tied else exposure, np.zeros(sd.size - 1)]
                                     for exposure, sd, tied in zip(exposures, sds, linked,
                                                                   strict=True))])

@@ -113,8 +113,8 @@ def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:
         outline = np.rint(quad).astype(np.int32)[None]
         cv2.polylines(picture, outline, True, (0, 0, 0), 3, cv2.LINE_AA)
         cv2.polylines(picture, outline, True, (255, 255, 255), 1, cv2.LINE_AA)
-        place = tuple(int(value) for value in np.rint(quad.mean(axis=0) + np.array([-0.3, 0.2])
-                                                      * size))
+        place = tuple(int(value)
+                      for value in np.rint(quad.mean(axis=0) + np.array([-0.3, 0.2]) * size))
         for colour, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
             cv2.putText(picture, str(number), place, cv2.FONT_HERSHEY_SIMPLEX, max(size / 60, 0.3),
                         colour, thickness, cv2.LINE_AA)
@@ -172,8 +172,7 @@ def _mcc_quads(rgb8: np.ndarray) -> list[np.ndarray]:
         return []
     if not found:
         return []
-    return [np.array(chart.getColorCharts(), float).reshape(24, 4,
-                                                            2)
+    return [np.array(chart.getColorCharts(), float).reshape(24, 4, 2)
             for chart in detector.getListColorChecker()]
 
 
@@ -320,9 +319,9 @@ def _not_found(image: LinearImage, residual: float, by_hand: bool) -> str:
         return (f"photo {image.source}: the patches at the given corners {found} (relative rms, at "
                 f"most {ACCEPTED_RESIDUAL} is accepted); give corners_px as the outer corners of "
                 "the patch grid at dark skin, bluish green, black and white")
-    nearest = "" if not np.isfinite(residual) else (" (the likeliest place disagrees by "
-                                                    f"{residual:.2f}, at most {ACCEPTED_RESIDUAL} "
-                                                    "is accepted)")
+    nearest = ("" if not np.isfinite(residual)
+               else (f" (the likeliest place disagrees by {residual:.2f}, at most "
+                     f"{ACCEPTED_RESIDUAL} is accepted)"))
     return (f"no ColorChecker was found in photo {image.source}{nearest}; let the chart fill at "
             "least a quarter of the frame in even light without glare, or give its corners as "
             "corners_px in session.toml")

@@ -36,11 +36,10 @@ def patches_and_excluded(image: LinearImage,
     """As ``sample_patches``, and the share (24,) of the samples of each patch that were left out as
     dust or glints.
     """
-    patches = [_one_patch(image, quad, number) for number, quad in enumerate(detection.corners_px,
-                                                                             start=1)]
-    mean, covariance, pixels, saturated, gradient, excluded = (np.array(column)
-                                                               for column in zip(*patches,
-                                                                                 strict=True))
+    patches = [_one_patch(image, quad, number)
+               for number, quad in enumerate(detection.corners_px, start=1)]
+    mean, covariance, pixels, saturated, gradient, excluded = (
+        np.array(column) for column in zip(*patches, strict=True))
     return PatchSamples(mean=mean, covariance_of_mean=covariance, pixels=pixels,
                         saturated_fraction=saturated, gradient=gradient), excluded
 
@@ -116,9 +115,8 @@ def _one_patch(image: LinearImage, quad_px: np.ndarray, number: int) -> tuple[np
     least = np.maximum(np.sqrt(np.diag(covariance)), np.finfo(np.float32).tiny)
     gradient = np.ptp(terms @ plane, axis=0) / np.maximum(np.abs(mean), least)
     excluded = np.array(1 - residuals.shape[0] / samples.shape[0])
-    return mean, covariance, np.array(residuals.shape[0]), image.saturated[y,
-                                                                           x].mean(
-        axis=0), gradient, excluded
+    return (mean, covariance, np.array(residuals.shape[0]), image.saturated[y, x].mean(axis=0),
+            gradient, excluded)
 
 
 def _near_plane(samples: np.ndarray, variance: np.ndarray, terms: np.ndarray) -> np.ndarray:

@@ -70,12 +70,13 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
     agreement = chart_agreement(image, detection.corners_px, reference)
     uneven = float(agreement.light.max() / agreement.light.min() - 1)
     # A file that went through a tone curve is undone by its power, as well as one number can.
-    linear = samples.mean if image.kind is PhotoKind.RAW else np.maximum(samples.mean, 0) ** (1 / agreement.contrast)
+    linear = (samples.mean if image.kind is PhotoKind.RAW
+              else np.maximum(samples.mean, 0) ** (1 / agreement.contrast))
     glare = white_excess(linear, reference, agreement.light)
     white, pixels = float(samples.mean[WHITE_PATCH].max()), int(samples.pixels.min())
     tilt, blur = tilt_deg(detection.corners_px), edge_width(image, detection.corners_px)
-    reasons = (*_exposure_reasons(samples, names, white), *_light_reasons(excluded, names, uneven,
-                                                                          glare),
+    reasons = (*_exposure_reasons(samples, names, white),
+               *_light_reasons(excluded, names, uneven, glare),
                *_camera_reasons(tilt, blur, pixels))
     return ChartVerdict("re-shoot" if reasons else "good", reasons, samples, excluded, white,
                         uneven, float(glare.max()), tilt, blur, pixels)

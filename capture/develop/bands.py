@@ -49,15 +49,17 @@ def stack_bands(images: Sequence[LinearImage], names: Sequence[str],
          for wanted, image, name in zip(exposures_s, images, names, strict=True)]
     pick = list(zip(images, chosen, scales, strict=True))
     exposures = {image.exposure_s for image in images} if exposures_s is None else set(exposures_s)
-    return dataclasses.replace(
-        first, signal=np.stack([image.signal[..., channel] * np.float32(scale) for image, channel,
-                                scale in pick], -1),
-        variance=np.stack([image.variance[..., channel] * np.float32(scale**2) for image, channel,
-                           scale in pick], -1),
-        saturated=np.stack([image.saturated[..., channel] for image, channel, _ in pick], -1),
-        exposure_s=exposures.pop() if len(exposures) == 1 else None,
-        source="; ".join(f"{name}: {image.source}" for name,
-                         image in zip(names, images, strict=True)))
+    return dataclasses.replace(first,
+                               signal=np.stack([image.signal[..., channel] * np.float32(scale)
+                                                for image, channel, scale in pick], -1),
+                               variance=np.stack([image.variance[..., channel]
+                                                  * np.float32(scale**2)
+                                                  for image, channel, scale in pick], -1),
+                               saturated=np.stack([image.saturated[..., channel]
+                                                   for image, channel, _ in pick], -1),
+                               exposure_s=exposures.pop() if len(exposures) == 1 else None,
+                               source="; ".join(f"{name}: {image.source}"
+                                                for name, image in zip(names, images, strict=True)))
 
 
 def _exposure_like(image: LinearImage, first: LinearImage, name: str) -> float:

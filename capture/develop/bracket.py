@@ -89,8 +89,8 @@ def merge_exposures(images: Sequence[LinearImage],
 
 
 def _left_out(flooded: Sequence[str]) -> tuple[str, ...]:
-    return tuple(f"{source} is left out: saturated over more than {MAX_FLOODED_SHARE:.0%} of the picture"
-                 for source in flooded)
+    return tuple(f"{source} is left out: saturated over more than {MAX_FLOODED_SHARE:.0%} of the "
+                 "picture" for source in flooded)
 
 
 def variance_line(image: LinearImage) -> tuple[np.ndarray, np.ndarray]:
@@ -151,10 +151,12 @@ def _agreement(shorter: LinearImage, longer: LinearImage, spills: bool) -> tuple
     usable = ~near_saturated(shorter.saturated | longer.saturated, spills)
     shared = usable & (longer.signal > least * np.float32(stated))
     if np.count_nonzero(shared) < MIN_SHARED:
-        return stated, f"{shorter.source} and {longer.source} share too few well-exposed pixels to measure their ratio"
+        return (stated, f"{shorter.source} and {longer.source} share too few well-exposed pixels "
+                "to measure their ratio")
     a, b = shorter.signal[shared].astype(float), longer.signal[shared].astype(float)
     ratio = float(b.sum() / a.sum())
-    pair = f"{shorter.source} ({shorter.exposure_s:g} s) and {longer.source} ({longer.exposure_s:g} s)"
+    pair = (f"{shorter.source} ({shorter.exposure_s:g} s) and {longer.source} "
+            f"({longer.exposure_s:g} s)")
     if abs(ratio / stated - 1) > MAX_DISAGREEMENT:
         raise CheckError(f"the exposures {pair} differ by a factor of {ratio:.3f} in signal and "
                          f"{stated:.3f} in time; the light, the aperture or the scene changed "
@@ -168,7 +170,8 @@ def _agreement(shorter: LinearImage, longer: LinearImage, spills: bool) -> tuple
                          "dark to bright parts; the sensor or the file is not linear there: keep "
                          "the brightest parts below the clip point, give raw files, or subtract a "
                          "dark frame")
-    return ratio, f"{pair}: ratio {ratio:.4f} measured, {stated:.4f} stated, {curvature:+.2%} from dark to bright"
+    return (ratio, f"{pair}: ratio {ratio:.4f} measured, {stated:.4f} stated, {curvature:+.2%} "
+            "from dark to bright")
 
 
 def _require_one_setting(images: Sequence[LinearImage]) -> None:

@@ -70,8 +70,8 @@ def mean_dark(frames: Sequence[RawFrame], cut_off_dn: float = 0.0) -> DarkFrame:
         hot[tile] = level[tile] > np.median(level[tile]) + HOT_SIGMA * sigma
     if hot.mean() > MAX_HOT_SHARE:
         raise CheckError(f"dark frame {first.file}: {hot.mean():.1%} of its pixels stand out and "
-                         f"at most {MAX_HOT_SHARE:.0%} may; it is not dark: put the cap on and cover "
-                         "the viewfinder")
+                         f"at most {MAX_HOT_SHARE:.0%} may; it is not dark: put the cap on and "
+                         "cover the viewfinder")
     variance = np.full(level.shape, scatter / len(frames), np.float32)
     return DarkFrame(level - np.float32(cut_off_dn), variance, hot, len(frames),
                      first.exposure_s, first.iso, first.camera,

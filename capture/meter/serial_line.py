@@ -187,7 +187,8 @@ class SerialLine:
     def _no_reply(self, limit_s: float) -> NoReplyError:
         partial = bytes(self._buffer)
         self._buffer.clear()
-        what = f"only {len(partial)} bytes came, ending {shown(partial[-SHOWN_BYTES:])}" if partial else "nothing came"
+        what = (f"only {len(partial)} bytes came, ending {shown(partial[-SHOWN_BYTES:])}" if partial
+                else "nothing came")
         return NoReplyError(f"{self.name}: no complete reply within {limit_s:g} s ({what}); check "
                             "that the instrument is on, is the one named and is set to this speed, "
                             "then try again")
@@ -285,4 +286,5 @@ def _group_advice(port: str) -> str:
         group = grp.getgrgid(Path(port).stat().st_gid).gr_name
     except (KeyError, OSError):
         group = "dialout"
-    return f"it belongs to the group {group}; run 'sudo usermod -aG {group} $USER', then log in again"
+    return (f"it belongs to the group {group}; run 'sudo usermod -aG {group} $USER', then log in "
+            "again")

@@ -36,10 +36,10 @@ def bin_image(image: LinearImage, width: int, height: int) -> LinearImage:
     down = area_weights(image.signal.shape[0], height)
     across = area_weights(image.signal.shape[1], width)
     touched = _weigh(down > 0, image.saturated, across > 0) > 0.5
-    return dataclasses.replace(
-        image, signal=_weigh(down, image.signal, across), variance=_weigh(down**2, image.variance,
-                                                                          across**2),
-        saturated=touched, sensor_step=image.sensor_step * image.signal.shape[1] / width)
+    return dataclasses.replace(image, signal=_weigh(down, image.signal, across),
+                               variance=_weigh(down**2, image.variance, across**2),
+                               saturated=touched,
+                               sensor_step=image.sensor_step * image.signal.shape[1] / width)
 
 
 def area_weights(source: int, target: int) -> np.ndarray:

@@ -77,7 +77,8 @@ def masked_black(whole: np.ndarray, areas: tuple[tuple[int, ...], ...], origin: 
     samples: list[list[np.ndarray]] = [[] for _ in range(shape[0] * shape[1])]
     for top, left, bottom, right in areas:
         for position, (y, x) in enumerate(np.ndindex(*shape)):
-            first_row, first_column = top + (origin[0] + y - top) % shape[0], left + (origin[1] + x - left) % shape[1]
+            first_row, first_column = (top + (origin[0] + y - top) % shape[0],
+                                       left + (origin[1] + x - left) % shape[1])
             samples[position].append(whole[first_row:bottom:shape[0],
                                            first_column:right:shape[1]].ravel())
     if not areas or min(sum(part.size for part in parts) for parts in samples) < MIN_MASKED:

@@ -45,8 +45,8 @@ def _some_samples(frame: RawFrame, band: int) -> np.ndarray:
     positions = np.argwhere(frame.cfa == band)
     in_all = frame.mosaic.size * len(positions) / frame.cfa.size
     stride = max(1, int(in_all / SAMPLES))
-    return np.concatenate([frame.mosaic[y::rows * stride, x::columns].ravel() for y,
-                           x in positions])
+    return np.concatenate([frame.mosaic[y::rows * stride, x::columns].ravel()
+                           for y, x in positions])
 
 
 def _pile(samples: np.ndarray, white_level: float) -> float:

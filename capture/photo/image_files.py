@@ -110,7 +110,8 @@ def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, 
                          "mosaic is one band of 8 or 16-bit integers: save the raw frame without "
                          "demosaicing")
     make, model = (spec.get_string_attribute(name) for name in ("Make", "Model"))
-    return np.ascontiguousarray(stored[..., 0]), _positive(spec, "ExposureTime"), f"{make} {model}".strip()
+    return (np.ascontiguousarray(stored[..., 0]), _positive(spec, "ExposureTime"),
+            f"{make} {model}".strip())
 
 
 def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
@@ -150,8 +151,8 @@ def write_linear_exr(path: str | os.PathLike[str], image: LinearImage) -> None:
         If the file cannot be written.
     """
     bands = image.signal.shape[2]
-    names = ["R", "G", "B"] if bands == 3 else [f"band{number:03d}" for number in range(1,
-                                                                                        bands + 1)]
+    names = (["R", "G", "B"] if bands == 3
+             else [f"band{number:03d}" for number in range(1, bands + 1)])
     pixels = np.concatenate([image.signal, image.variance, image.saturated.astype(np.float32)],
                             axis=2)
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
@@ -174,7 +175,8 @@ def _developed(path: Path, spec: oiio.ImageSpec) -> LinearImage:
     stored, _, _ = _stored(path)
     names = list(spec.channelnames)
     bands = [name for name in names if not name.startswith((VARIANCE, SATURATED))]
-    bands = [band for band in "RGB" if band in bands] + [band for band in bands if band not in ("R", "G", "B")]
+    bands = ([band for band in "RGB" if band in bands]
+             + [band for band in bands if band not in ("R", "G", "B")])
     missing = [prefix + band for prefix in (VARIANCE, SATURATED) for band in bands if prefix
                + band not in names]
     if missing:
@@ -288,8 +290,9 @@ def _linear_image(path: Path, signal: np.ndarray, spec: oiio.ImageSpec, clip: fl
 def _require_finite(path: Path, signal: np.ndarray) -> None:
     bad = np.count_nonzero(~np.isfinite(signal))
     if bad:
-        raise InputError(f"photo {path.name} has {bad} of {signal.size} values that are NaN or infinite; export it "
-                         "again without them, nothing is guessed in their place")
+        raise InputError(f"photo {path.name} has {bad} of {signal.size} values that are NaN or "
+                         "infinite; export it again without them, nothing is guessed in their "
+                         "place")
 
 
 def _positive(spec: oiio.ImageSpec, name: str) -> float | None:

@@ -25,7 +25,8 @@ EXPOSURE_TAGS = ("EXIF ExposureTime", "Image ExposureTime")
 F_NUMBER_TAGS = ("EXIF FNumber", "Image FNumber")
 ISO_TAGS = ("EXIF ISOSpeedRatings", "EXIF PhotographicSensitivity", "Image ISOSpeedRatings")
 # Tags of DNG files, in whichever directory holds the mosaic.
-BLACK_TAG, BLACK_REPEAT_TAG, ACTIVE_AREA_TAG, MASKED_AREAS_TAG = "BlackLevel", "0xC619", "0xC68D", "0xC68E"
+BLACK_TAG, BLACK_REPEAT_TAG = "BlackLevel", "0xC619"
+ACTIVE_AREA_TAG, MASKED_AREAS_TAG = "0xC68D", "0xC68E"
 DNG_VERSION_TAG = "Image Tag 0xC612"
 BLACK_DELTA_TAGS = ("0xC61B", "0xC61C")  # BlackLevelDeltaH, BlackLevelDeltaV
 RAW_PHOTOMETRY = (32803, 34892)  # colour filter array, full-colour pixels
@@ -55,8 +56,8 @@ class PhotoMetadata:
     @property
     def camera(self) -> str:
         """Make, model and serial number as far as known, in one line."""
-        model = self.model if not self.make or self.model.startswith(
-            self.make) else f"{self.make} {self.model}"
+        model = (self.model if not self.make or self.model.startswith(self.make)
+                 else f"{self.make} {self.model}")
         return f"{model.strip()} {self.serial}".strip()
 
 

@@ -67,8 +67,7 @@ def photon_transfer(signal: np.ndarray, saturated: np.ndarray, quantum: np.ndarr
     floor = np.broadcast_to(np.square(quantum, dtype=float) / 12, bands)
     name = f"photo {source}" if source else "a photo"
     lines = [_fit_line(*_tile_statistics(signal[..., band], saturated[..., band], name),
-                       floor[band])
-             for band in range(bands)]
+                       floor[band]) for band in range(bands)]
     read, gain = np.array(lines).T
     return PhotonTransfer(read=read, gain=gain)
 
@@ -142,9 +141,9 @@ def _tile_statistics(signal: np.ndarray, saturated: np.ndarray,
     size = LARGE_TILE if height * width >= MANY_TILES * LARGE_TILE**2 else SMALL_TILE
     rows, columns = height // size, width // size
     stride = max(1, rows * columns // MAX_TILES)
-    tiles, clipped = (plane[:rows * size, :columns * size].reshape(rows, size, columns,
-                                                                   size)[::stride]
-                      for plane in (signal, saturated))
+    tiles, clipped = (
+        plane[:rows * size, :columns * size].reshape(rows, size, columns, size)[::stride]
+        for plane in (signal, saturated))
     tiles, clipped = tiles.swapaxes(1, 2), np.any(clipped, axis=(1, 3))
     second = tiles[..., :-2] - 2 * tiles[..., 1:-1] + tiles[..., 2:]
     # 1 + 4 + 1 times that of one pixel
@@ -189,4 +188,6 @@ def _nonnegative_line(x: np.ndarray, y: np.ndarray, sigma: np.ndarray) -> tuple[
     squares, products = np.square(design).sum(axis=0), design.T @ target
     # of two edges of the quadrant, the better one
     alone = np.maximum(products, 0) / (squares + np.finfo(float).tiny)
-    return (float(alone[0]), 0.0) if products[0] * alone[0] >= products[1] * alone[1] else (0.0, float(alone[1]))
+    if products[0] * alone[0] >= products[1] * alone[1]:
+        return float(alone[0]), 0.0
+    return 0.0, float(alone[1])

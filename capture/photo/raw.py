@@ -104,8 +104,9 @@ def _open(path: Path) -> Iterator[rawpy.RawPy]:
         raise InputError(f"photo {path.name} is no camera raw that LibRaw {_libraw_version()} "
                          "knows; give a raw file, a DNG, or a linear EXR or TIFF") from error
     except (rawpy.LibRawError, rawpy.NotSupportedError) as error:
-        raise InputError(f"raw photo {path.name} cannot be read to its end ({_sentence(error)}); "
-                         "it is cut short or damaged: copy it from the camera card again") from error
+        raise InputError(
+            f"raw photo {path.name} cannot be read to its end ({_sentence(error)}); it is cut "
+            "short or damaged: copy it from the camera card again") from error
     with raw:
         if any(word in line.lower() for line in complaints for word in TROUBLE):
             raise InputError(f"raw photo {path.name} holds fewer pixels than it promises "
@@ -158,8 +159,7 @@ def _require_known_sensor(raw: rawpy.RawPy, metadata: PhotoMetadata, path: Path)
         if raw.num_colors == 1:
             return
         if raw.num_colors == 3 and set(colours[:3]) == set(
-            "RGB") and tile is not None and tile.shape in ((2, 2),
-                                                           (6, 6)):
+                "RGB") and tile is not None and tile.shape in ((2, 2), (6, 6)):
             return
         found = "no colour filter pattern" if tile is None else \
             f"a {tile.shape[0]} x {tile.shape[1]} pattern of {raw.num_colors} colours ({colours})"

@@ -83,8 +83,8 @@ def replay_transcript(transcript: Transcript, *, speed: float = 0.0,
 
 def settings_text(wanted: MeterSettings) -> str:
     """Settings as one line of a transcript; undone by ``settings_of``."""
-    return " ".join(f"{key}={value:g}" for key in SETTINGS if (value := getattr(wanted, key))
-                    is not None)
+    return " ".join(f"{key}={value:g}" for key in SETTINGS
+                    if (value := getattr(wanted, key)) is not None)
 
 
 def settings_of(transcript: Transcript) -> MeterSettings:

@@ -17,10 +17,12 @@ class ReadingOutcome(Enum):
     """How a reading ended, as a sentence the operator can act on."""
 
     MEASURED = "Measured."
-    LOW_LIGHT = "Measured, but the instrument says the light is low: expect noise; repeat, or use a wider aperture."
+    LOW_LIGHT = ("Measured, but the instrument says the light is low: expect noise; repeat, or use "
+                 "a wider aperture.")
     TOO_DARK = ("No reading: the light is too weak for this instrument; bring more light, a longer "
                 "exposure or a wider aperture. This is not a spectrum of zeros.")
-    TOO_BRIGHT = "No reading: the light is too strong; use a shorter exposure, a smaller aperture or a filter."
+    TOO_BRIGHT = ("No reading: the light is too strong; use a shorter exposure, a smaller aperture "
+                  "or a filter.")
     NO_SYNC = ("No reading: the instrument could not lock to the light's flicker; state its "
                "frequency, or switch sync off.")
     UNSTEADY = "No reading: the light changed during the measurement; let it warm up, then repeat."

@@ -187,8 +187,7 @@ def read_reflectances(path: Path, grid: WavelengthGrid) -> dict[str, np.ndarray]
     """
     table = read_table(path)
     return {name: spectrum_on_grid(spectrum_of(table, role=Quantity.REFLECTANCE, column=index + 2),
-                                   grid)
-            for index, name in enumerate(distinct(list(table.names)))
+                                   grid) for index, name in enumerate(distinct(list(table.names)))
             if not name.startswith("standard_error")}
 
 

@@ -102,8 +102,8 @@ class Cr250(Instrument):
         rows = [self.line.read_line(REPLY_S) for _ in range(nm.size)]
         self.line.pace.sleep(AFTER_SPECTRUM_S)
         values = np.array([numbers(row, 1, self.line.name)[0] for row in rows])
-        xyz, radiometric, exposure = (self._ask(f"RM {key}") for key in ("XYZ", "Radiometric",
-                                                                         "Exposure"))
+        xyz, radiometric, exposure = (self._ask(f"RM {key}")
+                                      for key in ("XYZ", "Radiometric", "Exposure"))
         kind = int(numbers(radiometric.split(",")[0], 1, self.line.name)[0])
         if kind not in UNITS:
             raise LineFaultError(f"{self.line.name}: quantity {kind} is neither radiance (0) nor "

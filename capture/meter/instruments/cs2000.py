@@ -68,8 +68,8 @@ class Cs2000(Instrument):
 
     def settings(self, wanted: MeterSettings) -> None:
         if wanted.averages not in (None, 1):
-            raise refused(self, f"averages = {wanted.averages}", 17, {17: "it has no averaging; "
-                                                                      "use --repeat"})
+            raise refused(self, f"averages = {wanted.averages}", 17,
+                          {17: "it has no averaging; use --repeat"})
         if wanted.integration_ms is not None:
             self._remember("SPMS", "SPMR")
             self._ask(f"SPMS,3,{round(wanted.integration_ms * 1000)},2")

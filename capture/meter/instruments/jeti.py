@@ -75,9 +75,9 @@ def ask(instrument: Instrument, command: str) -> str:
         raise refused(instrument, command, error_number(instrument), ERRORS)
     text = ascii_text(reply, instrument.line.name).strip()
     if text.lower().startswith(command.lower()):
-        raise LineFaultError(f"{instrument.line.name}: the command {command!r} came back instead of an answer; "
-                             f"switch the "
-                             "instrument off and on, and check the adapter")
+        raise LineFaultError(f"{instrument.line.name}: the command {command!r} came back instead "
+                             "of an answer; switch the instrument off and on, and check the "
+                             "adapter")
     return text
 
 

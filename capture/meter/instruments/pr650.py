@@ -99,8 +99,8 @@ class Pr650(Instrument):
             raise refused(self, "d5", int(quality), ERRORS)
         pairs = np.array([numbers(row, 2, self.line.name) for row in rows])
         total = numbers(integral, 1, self.line.name)[0]
-        if not np.array_equal(pairs[:, 0], nm) or abs(pairs[:, 1].sum() * step
-                                                      - total) > 0.01 * abs(total):
+        if not np.array_equal(pairs[:, 0],
+                              nm) or abs(pairs[:, 1].sum() * step - total) > 0.01 * abs(total):
             raise UntrustedReadingError(f"{self.line.name}: the spectrum does not fit the grid and "
                                         "the integral that the instrument states; measure again, "
                                         "and check the cable")
@@ -109,8 +109,7 @@ class Pr650(Instrument):
             raise LineFaultError(f"{self.line.name}: unit code {unit:g} is neither radiance (0) "
                                  "nor irradiance (1); mount a calibrated accessory")
         return HeldResult(nm, pairs[:, 1], UNITS[int(unit)], numbers(colour, 5, self.line.name)[2],
-                          None,
-                          (grid, header, integral, *rows, colour))
+                          None, (grid, header, integral, *rows, colour))
 
     def leave(self) -> None:
         """Nothing to send: it leaves remote mode when it is switched off."""

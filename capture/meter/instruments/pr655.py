@@ -63,7 +63,8 @@ class Pr655(Instrument):
         if found[5].strip().lower() == "english":
             self._set("SU1", "SU0")
         if wanted.integration_ms is not None:
-            before = 0 if found[6].strip().lower() == "adaptive" else _leading_integer(found[7], self.line.name)
+            before = (0 if found[6].strip().lower() == "adaptive"
+                      else _leading_integer(found[7], self.line.name))
             self._set(f"SE{round(wanted.integration_ms):05d}", f"SE{before:05d}")
         if wanted.averages is not None:
             self._set(f"SN{wanted.averages:02d}",

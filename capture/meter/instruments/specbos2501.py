@@ -79,8 +79,8 @@ class Specbos2501(Instrument):
                                  "cable")
         wanted = np.arange(first, last + step / 2, step)
         self.line.write(b"*CALC:SPRAD\r")
-        reply = self.line.read_until((jeti.ETX, jeti.NAK), SPECTRUM_S).lstrip(jeti.ENQ + jeti.ACK
-                                                                              + jeti.BEL)
+        reply = self.line.read_until((jeti.ETX, jeti.NAK),
+                                     SPECTRUM_S).lstrip(jeti.ENQ + jeti.ACK + jeti.BEL)
         if reply.endswith(jeti.NAK):
             raise refused(self, "*CALC:SPRAD", jeti.error_number(self), jeti.ERRORS)
         if not reply.startswith(jeti.STX):

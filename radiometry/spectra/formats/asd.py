@@ -47,10 +47,8 @@ class AsdHeader:
 
 def is_asd(content: bytes) -> bool:
     """Whether content begins as an ASD file does."""
-    return content[:3] in (b"ASD",
-                           *(b"as%d" % version for version in range(2,
-                                                                    9))) and b"\x00" in content[
-        :HEADER_BYTES]
+    return (content[:3] in (b"ASD", *(b"as%d" % version for version in range(2, 9)))
+            and b"\x00" in content[:HEADER_BYTES])
 
 
 def read_asd(content: bytes, path: Path) -> SpectralTable:
@@ -157,9 +155,8 @@ def _columns(header: AsdHeader, spectrum: np.ndarray, reference: np.ndarray | No
         np.divide(spectrum, reference, out=ratio, where=reference > 0)
         stated = {"quantity": quantity, "unit": "1"}
         both = {"target": (spectrum, counts), "reference": (reference, counts)}
-        return {**both, quantity: (ratio, stated)} if header.kind == "raw" else {quantity: (ratio,
-                                                                                            stated),
-                                                                                 **both}
+        return ({**both, quantity: (ratio, stated)} if header.kind == "raw"
+                else {quantity: (ratio, stated), **both})
     if header.kind == "reflectance" and header.version != "ASD":
         notes.append("the file holds no reference: its spectrum is taken as reflectance, as its "
                      "header states")
@@ -195,8 +192,9 @@ def _derived(header: AsdHeader, spectrum: np.ndarray,
     counts = np.full(nm.shape, np.nan)
     np.divide(spectrum, fibre, out=counts, where=fibre != 0)
     values = calibrations[LAMP][0] * counts * factor
-    return ("irradiance", values) if irradiance else ("radiance", values * calibrations[BASE][0]
-                                                      / np.pi)
+    if irradiance:
+        return "irradiance", values
+    return "radiance", values * calibrations[BASE][0] / np.pi
 
 
 def _calibrations(content: bytes, at: int, header: AsdHeader,

@@ -162,8 +162,8 @@ def _rows(fields: list[str], cells: list[str], keys: dict[str, str], name: str) 
 
 
 def _wavelengths(keys: dict[str, str], labels: list[float], name: str) -> np.ndarray:
-    stated = [number(keys.get(key, "")) for key in ("SPECTRAL_BANDS", "SPECTRAL_START_NM",
-                                                    "SPECTRAL_END_NM")]
+    stated = [number(keys.get(key, ""))
+              for key in ("SPECTRAL_BANDS", "SPECTRAL_START_NM", "SPECTRAL_END_NM")]
     if not all(np.isfinite(stated)):
         return np.array(labels)
     bands, first, last = stated

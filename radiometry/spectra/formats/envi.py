@@ -56,8 +56,8 @@ def read_envi(content: bytes, path: Path) -> SpectralTable:
         raise InputError(f"{data_name} is cut: {count} spectra of {bands} bands are stated, "
                          f"{max(len(data) - offset, 0)} bytes of values are there")
     with np.errstate(invalid="ignore", over="ignore"):
-        values = np.frombuffer(data, kind, bands * count, offset).astype(float).reshape(count,
-                                                                                        bands)
+        values = np.frombuffer(data, kind, bands * count,
+                               offset).astype(float).reshape(count, bands)
     values = np.where(np.isfinite(values), values, np.nan)
     ignored = number(keys.get("data ignore value", ""))
     scale = number(keys.get("reflectance scale factor", "1"))
@@ -94,8 +94,8 @@ def _table(keys: dict[str, str], values: np.ndarray, name: str) -> SpectralTable
     if len(names) != values.shape[0]:
         names = [f"spectrum {index}" for index in range(1, values.shape[0] + 1)]
     facts = {"source": " ".join(keys.get("description", name).split())}
-    facts.update({key: keys[other].strip() for key, other in (("quantity", "quantity"),
-                                                              ("unit", "data units"))
+    facts.update({key: keys[other].strip()
+                  for key, other in (("quantity", "quantity"), ("unit", "data units"))
                   if other in keys})
     if "reflectance scale factor" in keys and "quantity" not in facts:
         facts.update(quantity="reflectance", unit="1")

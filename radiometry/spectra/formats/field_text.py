@@ -16,14 +16,12 @@ COUNTS = {"quantity": "raw", "unit": "counts"}
 NO_UNIT = {"quantity": "relative", "unit": "relative"}
 SED_COLUMNS = {"reflect. %": ("reflectance", PERCENT), "tgt./ref. %": ("reflectance", PERCENT),
                "reflect. [1.0]": ("reflectance", {"quantity": "reflectance", "unit": "1"}),
-               "rad. (target)": ("target radiance", NO_UNIT), "rad. (ref.)": ("reference radiance",
-                                                                              NO_UNIT),
-               "irrad. (target)": ("target irradiance", NO_UNIT), "irrad. (ref.)": ("reference "
-                                                                                    "irradiance",
-                                                                                    NO_UNIT),
-               "norm. dn (target)": ("target counts", COUNTS), "norm. dn (ref.)": ("reference "
-                                                                                   "counts",
-                                                                                   COUNTS)}
+               "rad. (target)": ("target radiance", NO_UNIT),
+               "rad. (ref.)": ("reference radiance", NO_UNIT),
+               "irrad. (target)": ("target irradiance", NO_UNIT),
+               "irrad. (ref.)": ("reference irradiance", NO_UNIT),
+               "norm. dn (target)": ("target counts", COUNTS),
+               "norm. dn (ref.)": ("reference counts", COUNTS)}
 NO_UNIT_NOTE = "the file states no unit for its radiance or irradiance: it is taken as relative"
 
 
@@ -46,8 +44,8 @@ def read_svc(content: bytes, path: Path) -> SpectralTable:
     """
     lines = text_of(content, path.name).splitlines()
     start = next(index for index, line in enumerate(lines) if re.match(r"\s*data\s*=", line))
-    keys = {key.strip().lower(): value.strip() for key, _,
-            value in (line.partition("=") for line in lines[:start])}
+    keys = {key.strip().lower(): value.strip()
+            for key, _, value in (line.partition("=") for line in lines[:start])}
     rows = [[number(cell) for cell in line.replace(",", " ").split()] for line in lines[start + 1:]
             if line.strip()]
     numbers = _rectangle(rows, 4, path.name)
@@ -70,8 +68,8 @@ def read_sed(content: bytes, path: Path) -> SpectralTable:
     """
     lines = text_of(content, path.name).splitlines()
     start = next(index for index, line in enumerate(lines) if line.startswith("Data:"))
-    keys = {key.strip().lower(): value.strip() for key, _,
-            value in (line.partition(":") for line in lines[:start])}
+    keys = {key.strip().lower(): value.strip()
+            for key, _, value in (line.partition(":") for line in lines[:start])}
     table = [line for line in lines[start + 1:] if line.strip()]
     mark = "\t" if table and "\t" in table[0] else ","
     header = [cell.strip().strip('"') for cell in table[0].split(mark)] if table else []

@@ -34,8 +34,8 @@ def read_rawtoaces(content: bytes, path: Path) -> SpectralTable:
     names = _at(_at(data, "index", path.name), "main", path.name, list)
     curves = _at(_at(data, "data", path.name), "main", path.name)
     try:
-        points = sorted((float(nm), [float(value) for value in values]) for nm,
-                        values in curves.items())
+        points = sorted((float(nm), [float(value) for value in values])
+                        for nm, values in curves.items())
         values = np.array([row for _, row in points], dtype=float).T
         nm = np.array([place for place, _ in points])
     except (TypeError, ValueError, AttributeError):

@@ -57,7 +57,8 @@ def read_tm27(content: bytes, path: Path) -> SpectralTable:
               if _tag(element) in HEADER_KEYS}
     facts = {"source": header.get("Description") or path.name, **_quantity(found[0]),
              **{key.lower(): value for key, value in header.items() if value}}
-    names = ("value",) if len(found) == 1 else tuple(f"distribution {index}" for index in range(1, len(found) + 1))
+    names = ("value",) if len(found) == 1 else tuple(f"distribution {index}"
+                                                     for index in range(1, len(found) + 1))
     return SpectralTable(pairs[0][0], names, np.array([values for _, values in pairs]), facts,
                          path.name)
 
