@@ -104,7 +104,8 @@ def fit_one(method: str, shots: list[Shot], reflectances: np.ndarray, prior: Cam
     fit, _ = fit_sensitivities(PatchSamples(first.signal, covariances[0], np.ones(24), zero, zero),
                                reflectances, first.power, np.full(24, np.pi), GRID, method=method)
     assert fit.standard_error is not None
-    return fit.curves, fit.curves - 1.645 * fit.standard_error, fit.curves + 1.645 * fit.standard_error
+    half_width = 1.645 * fit.standard_error
+    return fit.curves, fit.curves - half_width, fit.curves + half_width
 
 
 def transfer_error(curves: np.ndarray, truth: np.ndarray, reflectances: np.ndarray,
@@ -219,7 +220,8 @@ def print_table(figures: dict[str, Any]) -> None:
         name = f"{cell['light']} {cell['noise']:.1%}"
         print(f"{name:<16}" + "".join(f"{cell[method]['error']:13.4f}" for method in METHODS)
               + f"{cell['target']:10.3f}{cell['paper']['error'] / cell['prior']['error']:13.1f}"
-              f"{cell['prior']['coverage']:10.3f}{cell['smooth']['coverage']:11.3f}{cell['prior']['seconds']:9.2f}")
+              f"{cell['prior']['coverage']:10.3f}{cell['smooth']['coverage']:11.3f}"
+              f"{cell['prior']['seconds']:9.2f}")
     for title, key in (("whole brand left out, LED-B3 1 %", "brand_out"), ("transfer LED-B3 1 % to "
                                                                            "A", "transfer"),
                        ("field and glare allowed, none there", "flat"),

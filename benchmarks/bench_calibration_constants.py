@@ -95,7 +95,8 @@ def choose(database: CameraDatabase, scored: np.ndarray) -> tuple[PriorConstants
 
     def both(state: np.ndarray) -> float:
         constants = of_reach(state)
-        return KNOWN_MAKER * mean_score(alone, constants) + (1 - KNOWN_MAKER) * mean_score(brands, constants)
+        return (KNOWN_MAKER * mean_score(alone, constants)
+                + (1 - KNOWN_MAKER) * mean_score(brands, constants))
 
     start = np.r_[0.0, -1.0, np.log([0.05, 0.5, 0.1, 0.3, 1.0])]
     found = _search(both, start, REACH_STEPS)

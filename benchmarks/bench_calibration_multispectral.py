@@ -85,10 +85,12 @@ def main() -> None:
     if arguments.json:
         print(json.dumps({"cameras": arguments.cameras, "rows": rows}))
         return
-    print(f"{'bands':>5}{'light, noise':>16}{'joint':>8}{'holds':>7}{'smooth':>8}{'holds':>7}{'s a fit':>9}")
+    print(f"{'bands':>5}{'light, noise':>16}{'joint':>8}{'holds':>7}{'smooth':>8}{'holds':>7}"
+          f"{'s a fit':>9}")
     for row in rows:
         name = f"{row['light']} {row['noise']:.1%}"
-        print(f"{row['bands']:5d}{name:>16}{row['error']:8.3f}{row['coverage']:7.3f}{row['smooth_error']:8.3f}"
+        print(f"{row['bands']:5d}{name:>16}{row['error']:8.3f}{row['coverage']:7.3f}"
+              f"{row['smooth_error']:8.3f}"
               f"{row['smooth_coverage']:7.3f}{row['seconds']:9.2f}")
 
 

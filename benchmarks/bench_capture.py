@@ -46,7 +46,9 @@ import resource, sys, numpy
 from spectrabox.capture.photo.linear import open_photo
 import spectrabox.capture.develop.bracket
 with open("/proc/self/clear_refs", "w") as file: file.write("5")
-def peak(): return int(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1]) / 1024
+def peak():
+    lines = open("/proc/self/status")
+    return int(next(line for line in lines if line.startswith("VmHWM")).split()[1]) / 1024
 before = peak(); image = open_photo(sys.argv[1]); print(before, peak())
 """
 
@@ -179,7 +181,8 @@ def damaged_files(folder: Path, files: int) -> dict[str, int]:
         else:
             for _ in range(rng.integers(1, 4)):
                 damaged[rng.integers(0, 800)] ^= 1 << int(rng.integers(0, 8))
-        path = folder / f"damaged{('.dng', '.exr', '.tif', '.png', '.nef')[index % 5 if index % 7 == 0 else 0]}"
+        suffix = (".dng", ".exr", ".tif", ".png", ".nef")[index % 5 if index % 7 == 0 else 0]
+        path = folder / f"damaged{suffix}"
         path.write_bytes(damaged)
         try:
             image = open_photo(path)
@@ -256,7 +259,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         facts: dict[str, Any] = {
-            "decoding": [decoding(folder, megapixels, arguments.repeats) for megapixels in arguments.megapixels],
+            "decoding": [decoding(folder, megapixels, arguments.repeats)
+                         for megapixels in arguments.megapixels],
             "chart_command": chart_command(folder, arguments.repeats),
             "noise": noise_accuracy(folder), "damaged": damaged_files(folder, arguments.damaged)}
     if arguments.data is not None:
@@ -264,10 +268,12 @@ def main() -> None:
     if arguments.json:
         print(json.dumps(facts))
         return
-    print(f"{'megapixels':>10}{'ours s':>9}{'postprocess s':>15}{'ratio':>7}{'peak MB':>9}{'mosaic MB':>11}"
+    print(f"{'megapixels':>10}{'ours s':>9}{'postprocess s':>15}{'ratio':>7}{'peak MB':>9}"
+          f"{'mosaic MB':>11}"
           f"{'peak/mosaic':>13}")
     for row in facts["decoding"]:
-        print(f"{row['megapixels']:>10.1f}{row['seconds']:>9.2f}{row['postprocess_seconds']:>15.2f}{row['ratio']:>7.1f}"
+        print(f"{row['megapixels']:>10.1f}{row['seconds']:>9.2f}"
+              f"{row['postprocess_seconds']:>15.2f}{row['ratio']:>7.1f}"
               f"{row['peak_mb']:>9.0f}{row['mosaic_mb']:>11.0f}{row['peak_over_mosaic']:>13.1f}")
     command = facts["chart_command"]
     print(f"spectrabox chart on 24 megapixels: {command['median_seconds']:.2f} s "

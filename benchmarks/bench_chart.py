@@ -258,7 +258,8 @@ def main() -> None:
     print(f"{'kind':<24}{'found':>7}{'refused':>9}{'wrong':>7}{'good':>6}{'OpenCV found':>14}"
           f"{'OpenCV wrong':>14}{'s':>7}")
     for row in rows:
-        print(f"{row['kind']:<24}{row['found']:>7}{row['refused']:>9}{row['wrong']:>7}{row['good']:>6}"
+        print(f"{row['kind']:<24}{row['found']:>7}{row['refused']:>9}{row['wrong']:>7}"
+              f"{row['good']:>6}"
               f"{row['opencv_found']:>14}{row['opencv_wrong']:>14}{row['seconds']:>7.2f}")
     opencv_wrong = sum(row["opencv_wrong"] for row in rows)
     print(f"found {share:.1%} of charts that should be; wrongly accepted {wrong} of {scenes} "

@@ -195,10 +195,13 @@ def main() -> None:
     print(f"{'noise':>6} {'RMSE joint/alone':>18} {'ratio':>6} {'width joint/alone':>18} "
           f"{'ratio':>6} {'coverage':>20} {'bits':>5} {'MAP ms':>7} {'draws s (max)':>13}")
     for row in table:
-        print(f"{row['noise']:6.2f} {row['joint_rmse']:9.4f}/{row['alone_rmse']:.4f} {row['rmse_ratio']:8.2f} "
+        print(f"{row['noise']:6.2f} {row['joint_rmse']:9.4f}/{row['alone_rmse']:.4f} "
+              f"{row['rmse_ratio']:8.2f} "
               f"{row['joint_width']:9.3f}/{row['alone_width']:.3f} {row['width_ratio']:9.2f} "
-              f"{row['joint_coverage']:6.3f}+-{row['coverage_error']:.3f}/{row['alone_coverage']:.3f} "
-              f"{row['bits']:5.1f} {1e3 * row['map_s']:7.0f} {row['draws_s']:6.1f} ({row['draws_s_max']:.1f})  "
+              f"{row['joint_coverage']:6.3f}+-{row['coverage_error']:.3f}/"
+              f"{row['alone_coverage']:.3f} "
+              f"{row['bits']:5.1f} {1e3 * row['map_s']:7.0f} {row['draws_s']:6.1f} ("
+              f"{row['draws_s_max']:.1f})  "
               f"{row['converged'] * arguments.scenes:.0f} of {arguments.scenes} converged")
 
 

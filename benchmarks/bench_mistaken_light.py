@@ -53,7 +53,8 @@ def main() -> None:
     rng = np.random.default_rng(20)
     print(f"{'light':<10}{'taken for':<12}{'refused':>8}{'said':>8}{'silent':>8}")
     for true, claimed in PAIRS:
-        found = [judged(database, camera, true, claimed, rng) for camera in range(0, len(database.names), 2)]
+        found = [judged(database, camera, true, claimed, rng)
+                 for camera in range(0, len(database.names), 2)]
         print(f"{true:<10}{claimed:<12}" + "".join(f"{found.count(verdict):8d}"
                                                    for verdict in ("refused", "said", "silent")),
               flush=True)

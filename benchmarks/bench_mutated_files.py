@@ -40,11 +40,10 @@ def tally(path: Path, original: Path, content: bytes, copies: int) -> dict[str, 
         except Exception as error:  # noqa: BLE001  what must not happen is what is counted here
             counts[f"CRASH {type(error).__name__}"] += 1
         else:
-            sound = table.values.shape == (len(table.names),
-                                           table.nm.size) and bool(np.all(np.diff(table.nm) > 0))
-            same = table.values.shape == truth.values.shape and np.array_equal(table.values, truth.values,
-                                                                               equal_nan=True) \
-                and np.array_equal(table.nm, truth.nm)
+            sound = (table.values.shape == (len(table.names), table.nm.size)
+                     and bool(np.all(np.diff(table.nm) > 0)))
+            same = (np.array_equal(table.values, truth.values, equal_nan=True)
+                    and np.array_equal(table.nm, truth.nm))
             counts["unchanged" if sound and same else "what the file now says" if sound
                    else "MALFORMED"] += 1
         longest = max(longest, time.perf_counter() - started)
@@ -63,7 +62,7 @@ def tally_other(path: Path, content: bytes, copies: int) -> dict[str, float] | N
         path.write_bytes(mutated(content, seed))
         try:
             spectrum = ASDFile(str(path)).spectrumData
-        except Exception as error:  # noqa: BLE001  another package's errors are counted, whatever they are
+        except Exception as error:  # noqa: BLE001  another package's errors are counted, all kinds
             counts[f"raises {type(error).__name__}"] += 1
         else:
             counts["no spectrum and no error" if spectrum is None else "a spectrum"] += 1

@@ -54,7 +54,8 @@ def errors_of(truth: np.ndarray, made: ChartCalibration, power: np.ndarray,
     errors.
     """
     fit, weight = made.calibration.sensitivity, power * GRID.weights_nm
-    assert fit.basis is not None and fit.covariance is not None and made.scale.standard_error is not None
+    assert fit.basis is not None and fit.covariance is not None
+    assert made.scale.standard_error is not None
     seen = made.scale.value * surfaces @ (fit.curves * weight).T
     white = made.scale.value * fit.curves @ weight
     blocks = fit.covariance.reshape(len(white), fit.basis.shape[1], len(white), -1)

@@ -25,7 +25,8 @@ def read_mosaic(path: str | os.PathLike[str], pattern: str, *, white_level: floa
 
     Parameters
     ----------
-    pattern :                  colours of the 2 x 2 tile from pixel (0, 0), row by row, as "GBRG"; "mono" for none
+    pattern :                  colours of the 2 x 2 tile from pixel (0, 0), row by row, as "GBRG";
+                               "mono" for none
     white_level, black_level : DN
     exposure_s, camera :       where the file does not say
 

@@ -51,7 +51,8 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
     light = Spectrum(GRID, 0.8 + 0.3 * np.sin(GRID.nm / 60), Quantity.RELATIVE,
                      "reading of the lamp on a white tile", np.full(GRID.nm.size, 0.01))
     raster.imsave(folder / "overlay.png", rng.uniform(size=(40, 60, 3)))
-    raster.imsave(folder / "preview.png", np.clip(made.measured[..., :3] * 1.6, 0, 1).repeat(4, 0).repeat(4, 1))
+    preview = np.clip(made.measured[..., :3] * 1.6, 0, 1)
+    raster.imsave(folder / "preview.png", preview.repeat(4, 0).repeat(4, 1))
     return SessionResults(
         folder=folder, name=name, operator="A. Operator", notes=notes, bands=bands,
         inputs=[{"role": "object photo", "file": "photos/scene.dng", "sha256": "9f" * 32,

@@ -80,8 +80,10 @@ def test_the_package_links_to_each_folder_and_holds_nothing_else():
 @pytest.mark.parametrize("room", sorted({path.parent for path in modules()}), ids=name_of)
 def test_a_room_can_be_taken_in_at_a_glance(room):
     files = [path for path in room.glob("*.py") if path.name != "__init__.py"]
-    assert len(files) <= 18, f"{name_of(room)} holds {len(files)} files: give those of one job a folder of their own"
-    assert (room / "__init__.py").is_file(), f"{name_of(room)}/ needs an __init__.py that says what it is for"
+    assert len(files) <= 18, (
+        f"{name_of(room)} holds {len(files)} files: give those of one job a folder of their own")
+    assert (room / "__init__.py").is_file(), (
+        f"{name_of(room)}/ needs an __init__.py that says what it is for")
 
 
 @pytest.mark.parametrize("path", modules(), ids=name_of)
@@ -99,7 +101,8 @@ def test_mitsuba_and_colour_are_not_imported_with_a_module(path):
     heavy = {"mitsuba", "drjit", "colour"}
     found = heavy.intersection(module.split(".")[0] for module in imports_of(path,
                                                                              top_level_only=True))
-    assert not found, f"{name_of(path)} imports {found} at its top: import it inside the function that needs it"
+    assert not found, (f"{name_of(path)} imports {found} at its top: import it inside the function "
+                       "that needs it")
 
 
 def test_the_command_line_imports_nothing_heavy_before_a_command_runs():

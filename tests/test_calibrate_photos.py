@@ -135,12 +135,14 @@ def test_two_photos_through_the_command_line_give_what_python_gives(tmp_path):
     np.testing.assert_array_equal(facts["sensitivities"], expected.curves)
     assert facts["photos"] == 2
     result = CliRunner().invoke(app, ["camera", "fit", *words, "--method", "paper"])
-    assert result.exit_code == 3 and "method paper takes one photo; 2 photos need method prior" in result.stderr
+    assert result.exit_code == 3
+    assert "method paper takes one photo; 2 photos need method prior" in result.stderr
     result = CliRunner().invoke(app, ["camera", "fit", *words, "--patches", str(files[0])])
     assert result.exit_code == 2 and "2 times --light for 3 photos" in result.stderr
     write_patches(files[1], np.ones((24, 3)), "B,G,R")
     result = CliRunner().invoke(app, ["camera", "fit", *words])
-    assert result.exit_code == 3 and "day.csv has the bands B, G, R, led.csv has R, G, B" in result.stderr
+    assert result.exit_code == 3
+    assert "day.csv has the bands B, G, R, led.csv has R, G, B" in result.stderr
 
 
 def many_bands(count, seed=1):

@@ -31,7 +31,8 @@ SCENE = """<scene version="3.0.0">
     <sensor type="perspective" id="camera">
         <float name="fov" value="20"/><string name="fov_axis" value="smaller"/>
         <transform name="to_world"><lookat origin="0,0,9" target="0,0,0" up="0,1,0"/></transform>
-        <film type="hdrfilm"><integer name="width" value="$wide"/><integer name="height" value="480"/>
+        <film type="hdrfilm"><integer name="width" value="$wide"/>
+        <integer name="height" value="480"/>
             <rfilter type="box"/></film>
         <sampler type="multijitter"/>
     </sensor>

@@ -188,7 +188,8 @@ def test_irradiance_is_recorded_as_the_instrument_states_it():
 def test_a_spectrum_that_disagrees_with_the_reported_luminance_is_refused():
     transcript = replaced(recording("cr250"), b"RM XYZ\r",
                           b"OK:0:RM XYZ:1.7e+00,9.0e+02,1.8e+00\r\n")
-    with pytest.raises(Exception, match=r"the spectrum integrates to .* the instrument reports 900; they must agree "
+    with pytest.raises(Exception, match=r"the spectrum integrates to .* the instrument reports "
+                                        r"900; they must agree "
                                         "within 3%"):
         measured(transcript)
 

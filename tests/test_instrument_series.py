@@ -110,7 +110,8 @@ def test_one_reading_states_no_spread():
 
 def test_readings_without_a_spectrum_are_not_averaged_in():
     series = series_of([reading(np.ones(NM.size)), reading(None, ReadingOutcome.TOO_DARK)], "light")
-    assert series.readings == 1 and series.mean.max() == 1 and "1 of 2 readings gave no spectrum" in series.flags[0]
+    assert series.readings == 1 and series.mean.max() == 1
+    assert "1 of 2 readings gave no spectrum" in series.flags[0]
     with pytest.raises(CheckError, match="light: No reading: the light is too weak"):
         series_of([reading(None, ReadingOutcome.TOO_DARK)], "light")
     with pytest.raises(CheckError, match="nothing was measured yet"):

@@ -98,7 +98,8 @@ def test_a_missing_transcript_is_named(tmp_path):
 
 def test_a_recording_can_be_recorded_again_and_replayed(tmp_path):
     wanted = MeterSettings(averages=2)
-    with TranscriptPlayer(read_transcript(FOLDER / "cr250.transcript"), time_scale=0.0, strict=False) as player, \
+    transcript = read_transcript(FOLDER / "cr250.transcript")
+    with TranscriptPlayer(transcript, time_scale=0.0, strict=False) as player, \
             record(tmp_path, "cr250", wanted) as log, \
             open_instrument("cr250", player.port, log, Pace(0.01, 2.0)) as meter:
         identity = trusted_identity(meter)

@@ -74,7 +74,8 @@ def stand_in_named_fixtures(folder):
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("fixtures/__init__.py", "class Fixture: pass\n")
         about = "fixtures-4.0.dist-info"
-        archive.writestr(f"{about}/METADATA", "Metadata-Version: 2.1\nName: fixtures\nVersion: 4.0\n")
+        archive.writestr(f"{about}/METADATA",
+                         "Metadata-Version: 2.1\nName: fixtures\nVersion: 4.0\n")
         archive.writestr(f"{about}/WHEEL", "Wheel-Version: 1.0\nGenerator: test\n"
                                            "Root-Is-Purelib: true\nTag: py3-none-any\n")
         archive.writestr(f"{about}/RECORD", "".join(f"{name},,\n" for name in (
@@ -141,6 +142,7 @@ def test_everything_that_is_installed_is_locked_with_its_hashes():
 
 
 def test_one_version_is_stated():
-    version = re.search(r'__version__ = "(.*)"', (ROOT / "spectrabox" / "__init__.py").read_text())[1]
+    package = (ROOT / "spectrabox" / "__init__.py").read_text(encoding="utf-8")
+    version = re.search(r'__version__ = "(.*)"', package)[1]
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\n## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")

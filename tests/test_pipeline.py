@@ -212,7 +212,8 @@ def test_a_bracket_with_dark_frames_gives_the_same_signal(captured):
          'dark = ["photos/short_dark.dng", "photos/long_dark.dng"]')
     config = read_session(captured)
     merged, notes = read_photo(config, config.shots[0].photo)
-    ratio = merged.signal.sum(axis=(0, 1)) / single.signal.sum(axis=(0, 1)) * single.exposure_s / merged.exposure_s
+    ratio = (merged.signal.sum(axis=(0, 1)) / single.signal.sum(axis=(0, 1))
+             * single.exposure_s / merged.exposure_s)
     # Sums over 16 000 pixels of a few per cent of noise each, and the dark frame's own black: well
     # within 0.5 %.
     np.testing.assert_allclose(ratio, 1, atol=5e-3)

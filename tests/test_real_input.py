@@ -110,7 +110,8 @@ def test_a_photo_shifted_against_its_scene_is_said_by_how_much(converted):
     write_exr(converted / "photos" / "box.exr", moved, ("R", "G", "B"))
     assert run(converted).exit_code in (0, 4)
     report = (converted / "report.html").read_text(encoding="utf-8")
-    said = re.search(r"shifted against the scene by ([+-][\d.]+) pixels to the right and ([+-][\d.]+) down, of (\d+)",
+    said = re.search(r"shifted against the scene by ([+-][\d.]+) pixels to the right and "
+                     r"([+-][\d.]+) down, of (\d+)",
                      report)
     assert said is not None
     right, down, across = (float(number) for number in said.groups())

@@ -224,7 +224,8 @@ def test_pixels_far_below_zero_are_refused(box, photo):
 
 def test_a_material_that_is_not_seen_is_refused(box, photo):
     dark = photo_of(photo.signal.astype(float), saturated=np.ones(photo.signal.shape, dtype=bool))
-    with pytest.raises(InputError, match=r"material 'white' fills .* pixels of the rendered view, 0 of them usable"):
+    with pytest.raises(InputError, match=r"material 'white' fills .* pixels of the rendered view, "
+                                         r"0 of them usable"):
         bad(box, dark)
 
 

@@ -278,7 +278,8 @@ def test_the_gain_of_a_light_is_found_and_leaves_the_spectra_alone():
                                 [(0, 1)], smooth_prior(COUNT, 0.1)) for error in (0.0, 0.3))
     # Two hundred and forty regions of 0.3 %, and interreflection to tell light from paint.
     np.testing.assert_allclose(gained.views[0].light_gains, [1.0, 1.3], rtol=0.03)
-    off = [np.abs(fit.coefficients @ OPERATOR.T / (truth @ OPERATOR.T) - 1).max() for fit in (plain, gained)]
+    off = [np.abs(fit.coefficients @ OPERATOR.T / (truth @ OPERATOR.T) - 1).max()
+           for fit in (plain, gained)]
     assert off[1] < 0.3 * off[0]
 
 

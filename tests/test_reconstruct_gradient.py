@@ -31,13 +31,15 @@ BSDFS = {"diffuse": '<bsdf type="diffuse" id="paint"><spectrum name="reflectance
          "principled": '<bsdf type="principled" id="paint"><float name="roughness" '
          'value="0.3"/><float name="metallic" value="0.7"/><spectrum name="base_color" '
          'value="0.5"/></bsdf>'}
-SCENE = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="3"/></integrator>
+SCENE = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="3"/>
+</integrator>
 <sensor type="perspective"><float name="fov" value="40"/><transform name="to_world">
 <lookat origin="0,1,4" target="0,0,0" up="0,1,0"/></transform><film type="hdrfilm"/></sensor>
 <emitter type="constant"><spectrum name="radiance" value="1"/></emitter>
 <bsdf type="diffuse" id="floor"><spectrum name="reflectance" value="0.5"/></bsdf>PAINT
 <shape type="sphere" id="ball"><float name="radius" value="0.9"/><ref id="paint"/></shape>
-<shape type="rectangle" id="ground"><transform name="to_world"><scale value="4"/><rotate x="1" angle="-90"/>
+<shape type="rectangle" id="ground">
+<transform name="to_world"><scale value="4"/><rotate x="1" angle="-90"/>
 <translate y="-0.9"/></transform><ref id="floor"/></shape></scene>"""
 
 

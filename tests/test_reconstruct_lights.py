@@ -184,8 +184,9 @@ def test_a_chart_s_irradiance_knows_the_profile(tmp_path):
     text = """<scene version="3.0.0"><sensor type="perspective" id="camera"/>
     <bsdf type="diffuse" id="white"><spectrum name="reflectance" value="0.5"/></bsdf>
     <shape type="rectangle" id="chart"><ref id="white"/></shape>
-    <shape type="rectangle" id="lamp"><transform name="to_world"><scale value="0.01"/><rotate x="1" angle="180"/>
-    <translate z="2"/></transform><emitter type="area">PROFILE<spectrum name="radiance" value="1"/></emitter></shape>
+    <shape type="rectangle" id="lamp"><transform name="to_world"><scale value="0.01"/>
+    <rotate x="1" angle="180"/><translate z="2"/></transform>
+    <emitter type="area">PROFILE<spectrum name="radiance" value="1"/></emitter></shape>
     </scene>"""
     (tmp_path / "lamp.csv").write_text(PROFILE, encoding="utf-8")
     (tmp_path / "a.xml").write_text(text.replace("PROFILE",
@@ -211,7 +212,8 @@ def test_a_profile_of_one_changes_nothing(tmp_path):
 
 def test_only_the_transport_engine_takes_a_lamp_with_a_profile(tmp_path):
     problem = with_profile(tmp_path)
-    with pytest.raises(InputError, match=r"box\.xml: only the transport engine knows the measured profile of 'lamp'"):
+    with pytest.raises(InputError, match=r"box\.xml: only the transport engine knows the measured "
+                                         r"profile of 'lamp'"):
         problem.scene()
 
 

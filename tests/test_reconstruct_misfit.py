@@ -100,7 +100,8 @@ def test_the_errors_of_a_scene_are_read_off_surfaces_of_one_paint():
     found = scene_errors(agreement, frozenset({"white"}), regions=400 * 20)
     # 400 surfaces: standard deviations good to 3.5 %. The mean of three bands has colour / sqrt(3)
     # in it, 0.4 % of it.
-    assert found.brightness == pytest.approx(0.2, rel=0.12) and found.colour == pytest.approx(0.03, rel=0.12)
+    assert found.brightness == pytest.approx(0.2, rel=0.12)
+    assert found.colour == pytest.approx(0.03, rel=0.12)
     assert found.block == pytest.approx(0.1 * np.sqrt(20 / 5))  # 20 blocks on a surface speak for 5
     unknown = scene_errors(agreement, frozenset(), regions=400)
     assert unknown.brightness == pytest.approx(found.brightness,

@@ -183,7 +183,8 @@ def test_many_products_are_pruned_within_the_stated_bound(problem, monkeypatch):
 
 
 def test_a_transport_that_does_not_fit_into_memory_is_refused_beforehand():
-    with pytest.raises(InputError, match=r"of 100000 regions and 1287 products .* needs 6\.7 GiB, more than the 2"):
+    with pytest.raises(InputError, match=r"of 100000 regions and 1287 products .* needs 6\.7 GiB, "
+                                         r"more than the 2"):
         require_memory(100_000, 1287, 4, 5, 8)
     # as many blocks as there are, 8 materials, 8 bounces, nothing pruned
     require_memory(1024, 12870, 4, 8, 8)

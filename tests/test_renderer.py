@@ -13,7 +13,8 @@ from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from tests.cornell_problem import GRID, TRUTH, camera
 
 CURVES = camera().sensitivity.curves
-SKY = """<scene version="3.0.0"><integrator type="path"/><sensor type="perspective"><float name="fov" value="40"/>
+SKY = """<scene version="3.0.0"><integrator type="path"/>
+<sensor type="perspective"><float name="fov" value="40"/>
 <transform name="to_world"><lookat origin="0,0,3" target="0,0,0" up="0,1,0"/></transform></sensor>
 <emitter type="constant"><spectrum name="radiance" value="1"/></emitter></scene>"""
 

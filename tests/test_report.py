@@ -182,7 +182,8 @@ def test_a_failing_render_leaves_the_old_report(tmp_path):
     results = example_session(tmp_path)
     (tmp_path / "report.html").write_text("old")
     results.chart.overlay.unlink()
-    with pytest.raises(InputError, match=r"picture overlay\.png cannot be read .* run the stage that makes it again"):
+    with pytest.raises(InputError, match=r"picture overlay\.png cannot be read .* run the stage "
+                                         r"that makes it again"):
         write_report(results)
     assert (tmp_path / "report.html").read_text() == "old"
 
@@ -239,9 +240,11 @@ def test_the_pointer_reads_the_curves_in_a_browser(tmp_path):
     if browser is None:
         pytest.skip("no Chromium on this machine to open the report in")
     results = example_session(tmp_path, materials=("white", HOSTILE, "green"))
-    probe = """<script>window.addEventListener("error", (e) => { document.title = "ERROR " + e.message; });</script>"""
+    probe = ("""<script>window.addEventListener("error", """
+             """(e) => { document.title = "ERROR " + e.message; });</script>""")
     move = """<script>
-      const box = document.querySelector("script.readout").parentElement.querySelector("svg").getBoundingClientRect();
+      const plot = document.querySelector("script.readout").parentElement.querySelector("svg");
+      const box = plot.getBoundingClientRect();
       document.querySelector(".plot-box svg").dispatchEvent(new PointerEvent("pointermove",
         {clientX: box.left + box.width / 2, clientY: box.top + box.height / 2}));</script>"""
     page = tmp_path / "probed.html"

@@ -56,7 +56,8 @@ def test_a_reading_narrows_the_band_where_it_was_taken():
 
 def test_contradictory_readings_are_named():
     first, second = Reading.at_wavelength(400, 0.1, 0.01), Reading.at_wavelength(400, 0.5, 0.01)
-    with pytest.raises(InputError, match=r"the reading at 400 nm \(0\.1\) and the reading at 400 nm \(0\.5\) contra"):
+    with pytest.raises(InputError, match=r"the reading at 400 nm \(0\.1\) and the reading at 400 "
+                                         r"nm \(0\.5\) contra"):
         condition(seen(TRUTH), [first, second])
 
 

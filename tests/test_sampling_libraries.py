@@ -61,7 +61,8 @@ def write_across(folder):
 
 
 def write_down(folder):
-    rows = [f"{nm:g}," + ",".join(f"{value:.9f}" for value in column) for nm, column in zip(NM, CURVES.T, strict=True)]
+    rows = [f"{nm:g}," + ",".join(f"{value:.9f}" for value in column)
+            for nm, column in zip(NM, CURVES.T, strict=True)]
     (folder / "a.csv").write_text("\n".join(["# source: test", "wavelength_nm,a,b,c", *rows]))
 
 

@@ -35,7 +35,8 @@ def signal(light=LIGHT, camera=CAMERA, times=1.0, power=1):
 
 
 def run(name, *arguments, code=0):
-    found = CliRunner().invoke(app, [name, "--sensitivity", CAMERA, "--light", LIGHT, "--json", *map(str, arguments)])
+    found = CliRunner().invoke(app, [name, "--sensitivity", CAMERA, "--light", LIGHT, "--json",
+                                     *map(str, arguments)])
     assert found.exit_code == code, found.output
     return json.loads(found.stdout)
 
@@ -155,7 +156,8 @@ def test_a_patch_of_another_material_is_named():
 
 def test_readings_at_one_place_that_differ_are_named():
     text = sample("--reading", "500:0.1:0.01", "--reading", "500:0.5:0.01", code=3)["error"]
-    assert "the reading at 500 nm (0.1) and the reading at 500 nm (0.5) contradict each other" in text
+    assert ("the reading at 500 nm (0.1) and the reading at 500 nm (0.5) contradict each other"
+            in text)
 
 
 def test_what_the_prior_finds_hard_to_believe_is_said():

@@ -118,7 +118,8 @@ def test_the_reading_it_asks_for_narrows_real_draws():
     # One-sided at 1e-4: variances of 2000 draws are good to about 3 %, so a fall of 20 % cannot be
     # chance.
     allowed = 0.8 + stats.norm.isf(1e-4) * 0.03
-    assert GRID.weights_nm @ after.standard_deviation**2 < allowed * (GRID.weights_nm @ summary.standard_deviation**2)
+    before = GRID.weights_nm @ summary.standard_deviation**2
+    assert GRID.weights_nm @ after.standard_deviation**2 < allowed * before
 
 
 def test_the_conditions_are_named(samples):
@@ -144,7 +145,8 @@ def test_a_signal_out_of_reach_is_named():
 @pytest.mark.parametrize("level, needed", [(0.95, 1000), (0.9, 500), (0.5, 100), (0.99, 5000)])
 def test_too_few_draws_for_a_band_are_an_error(samples, level, needed):
     few = replace(samples, effective_samples=needed - 1.0)
-    match = f"a {100 * level:g} % band needs {needed} effective draws and there are {needed - 1}; draw more"
+    match = (f"a {100 * level:g} % band needs {needed} effective draws and there are "
+             f"{needed - 1}; draw more")
     with pytest.raises(ConvergenceError, match=match):
         summarise(few, grey(), GRID, BASIS, level)
     assert summarise(replace(samples, effective_samples=float(needed)), grey(), GRID, BASIS,

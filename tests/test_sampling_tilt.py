@@ -79,7 +79,8 @@ def test_noise_gives_every_signal_a_tilt(coefficients, error):
 
 
 def test_a_signal_out_of_reach_without_noise_is_an_error():
-    match = r"no 7 coefficients between 0 and 1 give the signal \(0\.1, 0\.9, 1\.2\); state the noise"
+    match = (r"no 7 coefficients between 0 and 1 give the signal \(0\.1, 0\.9, 1\.2\); state "
+             r"the noise")
     with pytest.raises(ConvergenceError, match=match):
         max_entropy_tilt(measurement(camera(7), np.array([0.1, 0.9, 1.2])))
 

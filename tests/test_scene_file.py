@@ -109,22 +109,27 @@ BROKEN = {
     "is not well-formed XML": "<scene>",
     "its root is <box>, <scene> is needed": "<box/>",
     "has no <sensor>: the scene must hold the camera's pose": "<scene/>",
-    "has no <emitter>: the scene must hold the light": "<scene><sensor type='perspective'/></scene>",
+    "has no <emitter>: the scene must hold the light":
+        "<scene><sensor type='perspective'/></scene>",
     "emitter type 'sunsky' is not supported; use one of area":
         "<scene><sensor type='perspective'/><emitter type='sunsky'/></scene>",
     "names 'mesh.ply', which is missing":
-        "<scene><sensor type='perspective'/><shape type='ply'><string name='filename' value='mesh.ply'/></shape>"
+        "<scene><sensor type='perspective'/>"
+        "<shape type='ply'><string name='filename' value='mesh.ply'/></shape>"
         "</scene>",
     "names '/etc/hostname', which lies outside the session folder; copy it into scene/":
-        "<scene><sensor type='perspective'/><shape type='ply'><string name='filename' value='/etc/hostname'/></shape>"
+        "<scene><sensor type='perspective'/>"
+        "<shape type='ply'><string name='filename' value='/etc/hostname'/></shape>"
         "</scene>",
     "through a variable; write its path out":
-        "<scene><sensor type='perspective'/><shape type='ply'><string name='filename' value='$mesh'/></shape></scene>",
+        "<scene><sensor type='perspective'/>"
+        "<shape type='ply'><string name='filename' value='$mesh'/></shape></scene>",
     "max_depth is 'deep'; a whole number is needed":
         "<scene><sensor type='perspective'/><emitter type='constant'/>"
         "<integrator type='path'><integer name='max_depth' value='deep'/></integrator></scene>",
     "holds its BSDF inside; move it out":
-        "<scene><sensor type='perspective'/><emitter type='constant'/><shape type='sphere' id='ball'>"
+        "<scene><sensor type='perspective'/><emitter type='constant'/>"
+        "<shape type='sphere' id='ball'>"
         "<bsdf type='diffuse'/></shape></scene>",
 }
 
@@ -145,6 +150,7 @@ def test_materials_and_surfaces_must_match(tmp_path):
     scene = read(tmp_path, cornell_box_xml())
     assert check_materials(scene, {"w": "white", "g": "green", "r": "red"}) == []
     first, second = check_materials(scene, {"w": "white", "g": "green", "blue paint": "blue"})
-    assert first == "material 'blue paint' names the BSDF 'blue', which box.xml lacks; it has white, green, red"
+    assert first == ("material 'blue paint' names the BSDF 'blue', which box.xml lacks; it has "
+                     "white, green, red")
     assert second.startswith("box.xml: the BSDF 'red' of red_wall has no material; add "
                              "[materials.red]")

@@ -50,5 +50,6 @@ def test_a_session_of_bands_finds_what_the_colour_photo_finds(captured, finished
 
 
 def test_photos_of_other_bands_are_named(captured):
-    with pytest.raises(InputError, match=r"photos\.chart and photos\.object must have the same bands.*'blue filter'"):
+    with pytest.raises(InputError, match=r"photos\.chart and photos\.object must have the same "
+                                         r"bands.*'blue filter'"):
         split_into_bands(captured, {"object": "box"})

@@ -52,7 +52,8 @@ def test_a_photo_through_a_distorting_lens_is_undistorted(captured, finished):
     box = box_light(NM, reflectances, radiance(NM), camera_sensitivities(), size=SIZE, spp=4,
                     seed=3,
                     progress=lambda *_: None)
-    pixels = np.stack(np.meshgrid(np.arange(SIZE[1]), np.arange(SIZE[0])), axis=-1).reshape(-1, 1, 2).astype(float)
+    columns_and_rows = np.meshgrid(np.arange(SIZE[1]), np.arange(SIZE[0]))
+    pixels = np.stack(columns_and_rows, axis=-1).reshape(-1, 1, 2).astype(float)
     straight = cv2.undistortPoints(pixels, lens.matrix, lens.distortion,
                                    P=lens.matrix).reshape(*SIZE, 2)
     bent = np.stack([map_coordinates(box[..., k], [straight[..., 1], straight[..., 0]], order=1,

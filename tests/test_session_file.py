@@ -33,7 +33,8 @@ def test_a_plain_session_gets_the_documented_defaults(tmp_path):
     config = read_session(tmp_path)
     assert config.sensitivity.from_chart and config.scale.source == "chart"
     assert config.sampling.level == 0.95 and config.session.seed == 1
-    assert config.light.spectrum.file == "spectra/light.csv" and config.light.spectrum.column is None
+    assert config.light.spectrum.file == "spectra/light.csv"
+    assert config.light.spectrum.column is None
 
 
 def test_a_spectrum_may_name_its_column(tmp_path):

@@ -31,7 +31,8 @@ def test_show_gives_the_keys_that_scripts_rely_on(tmp_path):
 def test_show_says_what_is_not_stated(tmp_path):
     (tmp_path / "loose.csv").write_text("nm,v\n400,0.5\n500,\n600,0.7\n")
     result = run("show", tmp_path / "loose.csv")
-    assert "quantity not stated, unit not stated" in result.stdout and "no number at 1 of 3" in result.stdout
+    assert "quantity not stated, unit not stated" in result.stdout
+    assert "no number at 1 of 3" in result.stdout
     facts = json.loads(run("show", tmp_path / "loose.csv", "--json").stdout)
     assert facts["quantity"] is None and facts["unit"] is None and facts["values"] == [
         0.5, None, 0.7]

@@ -189,10 +189,13 @@ def test_argylls_emission_is_milliwatts(tmp_path):
 
 
 def test_a_foreign_tm27_document_is_read_with_its_holes(tmp_path):
-    text = ('<?xml version="1.0"?><s:IESTM2714 xmlns:s="http://elsewhere/x" version="1.0"><s:Header><s:Description>lamp'
-            "</s:Description></s:Header><s:SpectralDistribution><s:SpectralQuantity>irradiance</s:SpectralQuantity>"
-            + "".join(f'<s:SpectralData wavelength="{nm}">{"Unknown" if nm == 420 else nm / 100}</s:SpectralData>'
-                      for nm in range(400, 500, 10)) + "</s:SpectralDistribution></s:IESTM2714>")
+    values = {nm: "Unknown" if nm == 420 else nm / 100 for nm in range(400, 500, 10)}
+    rows = "".join(f'<s:SpectralData wavelength="{nm}">{value}</s:SpectralData>'
+                   for nm, value in values.items())
+    text = ('<?xml version="1.0"?><s:IESTM2714 xmlns:s="http://elsewhere/x" version="1.0">'
+            "<s:Header><s:Description>lamp</s:Description></s:Header><s:SpectralDistribution>"
+            f"<s:SpectralQuantity>irradiance</s:SpectralQuantity>{rows}"
+            "</s:SpectralDistribution></s:IESTM2714>")
     path = write(tmp_path, text, "lamp.spdx")
     assert any("has no number at 1 of 10 wavelengths (420-420 nm)" in note
                for note in read_table(path).notes)

@@ -4,7 +4,7 @@ measured cameras.
 A chart photo is simulated with measured curves (Nikon 5100, National Physical Laboratory) under
 LED-B3 with 1 % noise per patch: 24 BabelColor reflectances. The published fit has 10 spline
 coefficients a band, zero at 400 and 700 nm (Eqs. 18-20); the prior was learnt on other bodies, see
-docs/explanation/calibration.md. A photo of the chart is reproduced by both: that it is says nothing of the
+docs/explanation/calibration.md. Both reproduce the photo of the chart, which says nothing about the
 curves.
 """
 from __future__ import annotations

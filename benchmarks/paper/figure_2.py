@@ -38,7 +38,8 @@ def picture(sets: dict[str, np.ndarray], table: list[dict[str, Any]], path: Path
         axis.set(title=f"{name}, {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance",
                  ylim=(0, 1))
     axes[0].legend(fontsize=8)
-    for row, colour in zip(table, plt.get_cmap("tab20").colors, strict=False):  # type: ignore[attr-defined]
+    colours = plt.get_cmap("tab20").colors  # type: ignore[attr-defined]
+    for row, colour in zip(table, colours, strict=False):
         axes[3].semilogy(SIZES, [row[f"N={count}"][1] for count in SIZES], marker=".", color=colour,
                          label=row["library"])
     axes[3].set(title="95 % quantile of the RMSE", xlabel="coefficients N", xticks=SIZES)

@@ -111,10 +111,12 @@ def main() -> None:
                 found.setdefault((method, products),
                                  []).append((error, held, float(np.mean(upper - lower))))
                 if number == 0:
-                    shown[f"{method}, {'direct ' if products != 'direct' else ''}{products}"] = spectra
+                    first = "direct " if products != "direct" else ""
+                    shown[f"{method}, {first}{products}"] = spectra
     table = [{"method": method, "products": products, "pairs": len(rows), **dict(zip(
         ("rmse", "coverage_95", "width"), map(float, np.mean(rows, axis=0)), strict=True))}
-        for (method, products), rows in sorted(found.items(), key=lambda one: one[0][0], reverse=True)]
+        for (method, products), rows in sorted(found.items(), key=lambda row: row[0][0],
+                                               reverse=True)]
     picture(dict(sorted(shown.items(), key=lambda one: one[0].startswith("joint"))),
             chart[list(PAIRS[0])], arguments.out)
     if arguments.json:

@@ -93,7 +93,8 @@ def measured_spectra(data: Path | None) -> tuple[np.ndarray, str]:
         chosen += list(curves[np.linspace(0, len(curves) - 1,
                                           -(-SPECTRA // len(folders))).astype(int)])
     fine = np.array([np.interp(GRID.nm, PRIOR_GRID.nm, curve) for curve in chosen[:SPECTRA]])
-    return fine, f"{', '.join(folder.name for folder in folders)} (the learnt prior's own training sets)"
+    names = ", ".join(folder.name for folder in folders)
+    return fine, f"{names} (the learnt prior's own training sets)"
 
 
 def spectra_behind(method: str, readings: bool, measurement: SpectralMeasurement, truth: np.ndarray,
