@@ -160,7 +160,8 @@ def test_an_unknown_sensor_is_refused_and_named(tmp_path, sensor, found):
 
 @pytest.mark.parametrize("changes, message", [
     ({"black": (512, 1024, 512, 512)}, r"states black levels from 512 to 1024 DN, too far apart"),
-    ({"tile": (0, 0, 1, 2)}, r"states the colour filters \[\[0, 0\], \[1, 2\]\].*neither Bayer nor X-Trans"),
+    ({"tile": (0, 0, 1, 2)},
+     r"states the colour filters \[\[0, 0\], \[1, 2\]\].*neither Bayer nor X-Trans"),
 ])
 def test_a_tile_that_only_damage_makes_is_refused(tmp_path, monkeypatch, changes, message):
     if "tile" in changes:

@@ -14,7 +14,8 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     table_text,
 )
 
-CANONICAL = "# quantity: reflectance\n# unit: 1\n# source: lab\nwavelength_nm,value,standard_error\n"
+CANONICAL = ("# quantity: reflectance\n# unit: 1\n# source: lab\n"
+             "wavelength_nm,value,standard_error\n")
 
 
 def write(tmp_path, text, name="s.csv"):
