@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import (
     Calibration,
     JointReconstruction,
@@ -37,7 +38,6 @@ from spectrabox.reconstruct.problem import (
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 
-Progress = Callable[[float, str], None]
 ONE_PHOTO: dict[str, Callable[[InverseProblem, InversionSettings, Progress], EngineAnswer]] = {
     "gradient": invert_by_gradient, "per-wavelength": invert_per_wavelength}
 

@@ -17,7 +17,7 @@ from spectrabox.radiometry.errors import EnvironmentProblem, InputError, Spectra
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import try_read_session
-from spectrabox.session.config.session_schema import SessionConfig, Shot, SpectrumRef
+from spectrabox.session.config.session_schema import SessionConfig, SpectrumRef, ViewInputs
 from spectrabox.session.stages.inputs import (
     GRID,
     chart_corners,
@@ -68,26 +68,26 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
     if not config.sensitivity.from_chart:
         attempt(read_sensitivities, config)
     chart_signals = None
-    if config.chart_shots:
+    if config.views_with_chart:
         attempt(read_chart_scene, config)
         chart_signals = attempt(read_chart_reference, config)
     bsdfs = {name: material.bsdf for name, material in config.materials.items()}
     if config.camera.lens is not None:
         attempt(lambda: read_lens(config.path(config.camera.lens or "")))
-    for shot in config.shots:
-        light, scene = attempt(read_light, config, shot.light), attempt(read_session_scene, config,
-                                                                        shot.scene)
+    for view in config.all_views:
+        light, scene = attempt(read_light, config, view.light), attempt(read_session_scene, config,
+                                                                        view.scene)
         if scene is not None:
             attempt(require_materials, scene, bsdfs)
-        for spectrum in shot.all_lights[1:]:
+        for spectrum in view.all_lights[1:]:
             attempt(read_light, config, spectrum)
-        if (developed := attempt(read_photo, config, shot.photo)) is not None:
-            attempt(require_exposed, developed[0], shot.photo_files[0])
+        if (developed := attempt(read_photo, config, view.photo)) is not None:
+            attempt(require_exposed, developed[0], view.photo_files[0])
             if scene is not None:
-                attempt(check_aspect, developed[0], scene, shot.photo_files[0])
-        if shot.chart and (chart := attempt(read_photo, config, shot.chart)) is not None \
+                attempt(check_aspect, developed[0], scene, view.photo_files[0])
+        if view.chart and (chart := attempt(read_photo, config, view.chart)) is not None \
                 and light is not None and chart_signals is not None:
-            attempt(_check_chart, config, shot, chart[0],
+            attempt(_check_chart, config, view, chart[0],
                     typical_camera_signals(chart_signals, GRID, spectrum_on_grid(light, GRID)))
     return problems
 
@@ -97,7 +97,7 @@ def _reflectances(config: SessionConfig) -> list[SpectrumRef]:
     return [reference for pair in both for reference in pair if reference is not None]
 
 
-def _check_chart(config: SessionConfig, shot: Shot, chart: LinearImage,
+def _check_chart(config: SessionConfig, view: ViewInputs, chart: LinearImage,
                  signals: np.ndarray) -> None:
-    detection = find_chart(chart, signals, chart_corners(config, shot))
-    require_unclipped(sample_patches(chart, detection), PATCH_NAMES, shot.chart_files[0])
+    detection = find_chart(chart, signals, chart_corners(config, view))
+    require_unclipped(sample_patches(chart, detection), PATCH_NAMES, view.chart_files[0])

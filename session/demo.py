@@ -5,7 +5,7 @@ from pathlib import Path
 
 from spectrabox.fixtures.demo_session import write_demo_session
 from spectrabox.session.config.session_schema import FILE_NAME
-from spectrabox.session.stages.progress import progress_display
+from spectrabox.session.progress_display import progress_display
 
 
 def make_demo(folder: Path, seed: int) -> None:
@@ -14,6 +14,6 @@ def make_demo(folder: Path, seed: int) -> None:
         return
     with progress_display() as progress:
         progress("capture", 0.0, "")
-        write_demo_session(folder, seed, lambda message,
-                           fraction: progress("capture", min(fraction, 0.99), message))
+        write_demo_session(folder, seed, lambda done, message: progress("capture", min(done, 0.99),
+                                                                        message))
         progress("capture", 1.0, "synthetic photos, spectra and scenes written")

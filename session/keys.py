@@ -1,6 +1,4 @@
-"""What each stage of a session is made from: files, settings, earlier stages, and the code
-itself.
-"""
+"""What each stage of a session is made from: files, settings, earlier stages, and its code."""
 from __future__ import annotations
 
 import os
@@ -12,12 +10,11 @@ from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.sampling.prior.mixture import SHIPPED
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig
 from spectrabox.session.stages.inputs import read_chart_scene, read_session_scene
-from spectrabox.session.store.provenance import DECISIVE, code_digest, versions
+from spectrabox.session.stages.order import STAGES
+from spectrabox.session.store.provenance import DECISIVE, versions
+from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import fingerprint
 
-CODE_OF = {"chart": ("radiometry", "capture"), "photo": ("radiometry", "capture"),
-           "calibrate": ("radiometry", "calibrate", "reconstruct"),
-           "reconstruct": ("radiometry", "reconstruct"), "sample": ("radiometry", "sampling")}
 Key = dict[str, Any]
 
 
@@ -38,37 +35,35 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
         return {name: hashes[name] for name in names if name is not None}
 
     chart_scene = read_chart_scene(config)
-    scenes = {shot.scene: read_session_scene(config, shot.scene) for shot in config.shots}
+    scenes = {view.scene: read_session_scene(config, view.scene) for view in config.all_views}
     reference = config.chart.reference if Path(config.chart.reference).suffix else None
     curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
     installed = versions(DECISIVE)
-    digests = {package: code_digest(package) for package in {package for some in CODE_OF.values()
-                                                             for package in some}}
+    code = stage_code({stage: function.__module__ for stage, function in STAGES.items()})
 
     def made_by(stage: str) -> Key:
-        return {"versions": installed,
-                "code": {package: digests[package] for package in CODE_OF[stage]}}
+        return {"versions": installed, "code": code[stage]}
 
     keys: dict[str, Key] = {}
-    shots, correcting = config.shots, (*config.photos.flats.values(), *config.photos.dark_files)
-    lights = {shot.name: [_plain(light) for light in shot.all_lights] for shot in shots}
-    light_files = [light.file for shot in shots for light in shot.all_lights]
+    views, correcting = config.all_views, (*config.photos.flats.values(), *config.photos.dark_files)
+    lights = {view.name: [_plain(light) for light in view.all_lights] for view in views}
+    light_files = [light.file for view in views for light in view.all_lights]
     developing = {"not_linear": config.photos.not_linear, "flats": config.photos.flats,
                   "drift": _plain(config.drift)}
-    if config.chart_shots:
-        charts = [name for shot in config.chart_shots for name in shot.chart_files]
+    if config.views_with_chart:
+        charts = [name for view in config.views_with_chart for name in view.chart_files]
         keys["chart"] = {"files": files(*charts, *correcting, reference, *light_files),
                          "settings": {"reference": config.chart.reference,
                                       "corners_px": config.chart.corners_px,
-                                      "photos": {shot.name: shot.chart
-                                                 for shot in config.chart_shots},
+                                      "photos": {view.name: view.chart
+                                                 for view in config.views_with_chart},
                                       "lights": lights} | developing} | made_by("chart")
-    photos = [name for shot in shots for name in shot.photo_files]
-    if config.chart_shots and ONE_PHOTO not in shots[0].photo:
-        photos += config.chart_shots[0].chart_files  # the channel of each band is chosen there
+    photos = [name for view in views for name in view.photo_files]
+    if config.views_with_chart and ONE_PHOTO not in views[0].photo:
+        photos += config.views_with_chart[0].chart_files  # the channel of each band is chosen there
     keys["photo"] = {"files": files(*photos, *correcting, *scenes, config.camera.lens),
                      "settings": {"width": config.reconstruct.width,
-                                  "photos": {shot.name: shot.photo for shot in shots}} | developing
+                                  "photos": {view.name: view.photo for view in views}} | developing
                      } | made_by("photo")
     keys["calibrate"] = {
         "files": files(*light_files, config.chart.scene, curves, reference,
@@ -89,8 +84,8 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
         "settings": {"materials": {name: material.bsdf for name,
                                    material in config.materials.items()},
                      "known": {name: _plain(reference) for name, reference in known.items()},
-                     "scenes": {shot.name: shot.scene for shot in shots},
-                     "lights by id": [list(shot.lights_by_id) for shot in shots],
+                     "scenes": {view.name: view.scene for view in views},
+                     "lights by id": [list(view.lights_by_id) for view in views],
                      "reconstruct": _plain(config.reconstruct), "learnt prior": _learnt(config),
                      "scale": config.scale.source,
                      "seed": config.session.seed},

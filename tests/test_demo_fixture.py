@@ -123,7 +123,7 @@ def test_a_folder_with_a_session_is_left_alone(session):
 
 def test_progress_ends_at_one(tmp_path):
     fractions = []
-    write_demo_session(tmp_path, progress=lambda phrase, fraction: fractions.append(fraction),
+    write_demo_session(tmp_path, progress=lambda fraction, phrase: fractions.append(fraction),
                        size=(52, 78), spp=4)
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1

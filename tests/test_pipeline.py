@@ -13,14 +13,14 @@ from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import (
     STAGES,
-    calibration_of,
-    joint_of,
     load_finished,
     run_stages,
-    samples_of,
     stage_states,
 )
+from spectrabox.session.stages.calibrate_stage import calibrations_of
 from spectrabox.session.stages.error_budget import measurement_of
+from spectrabox.session.stages.reconstruct_stage import joint_of
+from spectrabox.session.stages.sample_stage import samples_of
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -144,7 +144,7 @@ def test_the_recovered_signals_are_those_of_the_truth(finished):
     from spectrabox.session.stages.inputs import read_reflectance
     config = read_session(finished)
     stored = load_finished(config).stored
-    calibration, made = calibration_of(stored), joint_of(stored)
+    calibration, made = calibrations_of(config, stored)[0], joint_of(stored)
     light = spectrum_on_grid(calibration.light, made.grid)
     response = response_matrix(made.grid, calibration.sensitivity.curves, light)
     for index, name in enumerate(made.materials):
@@ -157,8 +157,9 @@ def test_the_recovered_signals_are_those_of_the_truth(finished):
 
 
 def test_draws_reproduce_the_signal_within_its_stated_noise(finished):
-    stored = load_finished(read_session(finished)).stored
-    calibration, made = calibration_of(stored), joint_of(stored)
+    config = read_session(finished)
+    stored = load_finished(config).stored
+    calibration, made = calibrations_of(config, stored)[0], joint_of(stored)
     for index, name in enumerate(made.materials):
         samples, summary = samples_of(stored, name)
         operator = measurement_of([calibration], made, index)
@@ -211,7 +212,7 @@ def test_a_bracket_with_dark_frames_gives_the_same_signal(captured):
     edit(captured, 'object = "photos/box.dng"', 'object = ["photos/short.dng", "photos/long.dng"]\n'
          'dark = ["photos/short_dark.dng", "photos/long_dark.dng"]')
     config = read_session(captured)
-    merged, notes = read_photo(config, config.shots[0].photo)
+    merged, notes = read_photo(config, config.all_views[0].photo)
     ratio = (merged.signal.sum(axis=(0, 1)) / single.signal.sum(axis=(0, 1))
              * single.exposure_s / merged.exposure_s)
     # Sums over 16 000 pixels of a few per cent of noise each, and the dark frame's own black: well

@@ -8,8 +8,9 @@ import pytest
 from spectrabox.capture.develop.developed import open_any, write_developed
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished, reconstruction_of, run_stages
+from spectrabox.session.pipeline import load_finished, run_stages
 from spectrabox.session.stages.inputs import read_photo
+from spectrabox.session.stages.reconstruct_stage import reconstruction_of
 
 BANDS = {"red filter": 0, "green filter": 1, "blue filter": 2}
 EXPOSED = (1.0, 0.5, 2.0)   # of each band, times the photo's own
@@ -35,7 +36,7 @@ def split_into_bands(folder, photos):
 def test_bands_are_stacked_at_one_exposure(captured):
     whole, _ = read_photo(read_session(captured), {"": ("photos/box.dng",)})
     config = split_into_bands(captured, {"object": "box", "chart": "chart", "flat": "flat"})
-    stacked, _ = read_photo(config, config.shots[0].photo)
+    stacked, _ = read_photo(config, config.all_views[0].photo)
     assert stacked.exposure_s == pytest.approx(whole.exposure_s * min(EXPOSED))
     np.testing.assert_allclose(stacked.signal / min(EXPOSED), whole.signal, rtol=1e-3, atol=1e-6)
 

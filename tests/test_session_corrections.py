@@ -19,7 +19,8 @@ from spectrabox.fixtures.paints import NM, paint
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import joint_of, load_finished, reconstruction_of, run_stages
+from spectrabox.session.pipeline import load_finished, run_stages
+from spectrabox.session.stages.reconstruct_stage import joint_of, reconstruction_of
 
 SIZE = (208, 312)
 # of the box's white back wall and, in the chart photo, a patch

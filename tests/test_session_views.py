@@ -14,9 +14,10 @@ from spectrabox.fixtures.paints import NM, chart_truth, paint
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import joint_of, load_finished, run_stages
+from spectrabox.session.pipeline import load_finished, run_stages
 from spectrabox.session.report.page import write_report
 from spectrabox.session.stages.assemble import assemble
+from spectrabox.session.stages.reconstruct_stage import joint_of
 from spectrabox.session.store.outputs import write_outputs
 
 SIZE = (208, 312)

@@ -189,9 +189,9 @@ def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_o
     """Run a session and tell the operator what came of it."""
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import load_finished, run_stages
+    from spectrabox.session.progress_display import progress_display
     from spectrabox.session.report.page import write_report
     from spectrabox.session.stages.assemble import assemble
-    from spectrabox.session.stages.progress import progress_display
     from spectrabox.session.store.outputs import write_outputs
     from spectrabox.session.store.provenance import provenance
     from spectrabox.session.summary_text import run_facts, run_text

@@ -177,9 +177,8 @@ class SamplingSection:
 
 
 @dataclass(frozen=True)
-class Shot:
-    """One photo of the materials and what it was taken in; the session's first has no name, others
-    are its views.
+class ViewInputs:
+    """One photo of the materials and what it was taken in; the first, of [photos], has no name.
     """
 
     name: str
@@ -202,7 +201,7 @@ class Shot:
         return (self.light, *self.lights_by_id.values())
 
     def record(self, kind: str) -> str:
-        """The name under which a stage stores what it makes of this shot."""
+        """The name under which a stage stores what it makes of this view."""
         return f"{kind} {self.name}".rstrip()
 
 
@@ -228,24 +227,29 @@ class SessionConfig:
 
     @property
     def needs_chart(self) -> bool:
-        """Whether the first shot's calibration is to come from its chart photo."""
+        """Whether the first view's calibration is to come from its chart photo."""
         return self.sensitivity.from_chart or self.scale.source == "chart"
 
     @property
-    def shots(self) -> tuple[Shot, ...]:
+    def all_views(self) -> tuple[ViewInputs, ...]:
         """The session's photos of the materials, the main one first."""
-        main = Shot("", by_band(self.photos.object),
+        main = ViewInputs("", by_band(self.photos.object),
                     by_band(self.photos.chart if self.needs_chart else None), self.light.spectrum,
                     self.scene.file, self.light.by_id or {})
-        return (main, *(Shot(name, by_band(view.photo), by_band(view.chart),
+        return (main, *(ViewInputs(name, by_band(view.photo), by_band(view.chart),
                              view.light or main.light,
                              view.scene or main.scene, {} if view.light else main.lights_by_id)
                         for name, view in self.views.items()))
 
     @property
-    def chart_shots(self) -> tuple[Shot, ...]:
-        """Shots that have a chart photo under their light."""
-        return tuple(shot for shot in self.shots if shot.chart)
+    def views_with_chart(self) -> tuple[ViewInputs, ...]:
+        """Views that have a chart photo under their light."""
+        return tuple(view for view in self.all_views if view.chart)
+
+    @property
+    def results_folder(self) -> Path:
+        """Where the stages keep their results."""
+        return self.folder / "results"
 
     def path(self, name: str) -> Path:
         """Where a file of the session lies.

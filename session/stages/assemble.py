@@ -8,20 +8,14 @@ import numpy as np
 from spectrabox.radiometry.records import Calibration, JointReconstruction, Reconstruction
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, spectrum_on_grid
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.pipeline import (
-    FinishedRun,
-    array_of,
-    calibrations_of,
-    chart_of,
-    joint_of,
-    notes_of,
-    photo_of,
-    results_folder,
-    samples_of,
-)
+from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.scores import score
+from spectrabox.session.stages.calibrate_stage import calibrations_of, chart_fit_of
 from spectrabox.session.stages.error_budget import relative_errors, variance_shares
 from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
+from spectrabox.session.stages.photo_stages import chart_of, notes_of, photo_of
+from spectrabox.session.stages.reconstruct_stage import joint_of
+from spectrabox.session.stages.sample_stage import samples_of
 from spectrabox.session.store.results import ChartResult, MaterialResult, SessionResults, ViewResult
 
 CHART_WARNING, SURFACE_WARNING = 0.03, 0.05
@@ -36,10 +30,10 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
     bands = band_names(config, photo.signal.shape[2])
     materials = [_material(config, calibrations, joint, stored, joint.materials.index(name))
                  for name in config.materials if name in joint.materials]
-    previews = results_folder(config) / "photo"
-    views = [ViewResult(shot.name, bands, calibrations[number],
-                        previews / f"{shot.record('preview')}.png", joint.views[number]) for number,
-             shot in enumerate(config.shots) if shot.name]
+    previews = config.results_folder / "photo"
+    views = [ViewResult(view.name, bands, calibrations[number],
+                        previews / f"{view.record('preview')}.png", joint.views[number])
+             for number, view in enumerate(config.all_views) if view.name]
     return SessionResults(
         folder=config.folder, name=config.session.name, operator=config.session.operator,
         notes=config.session.notes, bands=bands, inputs=_inputs(config, run),
@@ -76,11 +70,9 @@ def _chart(config: SessionConfig, run: FinishedRun) -> ChartResult | None:
     chart = chart_of(run.stored)
     if chart is None:
         return None
-    stage = run.stored["calibrate"]
-    predicted, irradiance = array_of(stage, "predicted"), array_of(stage, "irradiance")
-    assert predicted is not None and irradiance is not None
+    predicted, irradiance = chart_fit_of(run.stored)
     return ChartResult(chart[0], chart[1], predicted, irradiance / irradiance.max(),
-                       results_folder(config) / "chart" / "overlay.png")
+                       config.results_folder / "chart" / "overlay.png")
 
 
 def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:
@@ -95,12 +87,12 @@ def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] |
 def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
     """Every input file once, with its role, hash, size and what is known of it."""
     roles: dict[str, str] = {}
-    for shot in config.shots:
-        for role, names in (("object photo", shot.photo_files),
-                            ("light spectrum", [light.file for light in shot.all_lights]),
-                            ("scene", [shot.scene]), ("chart photo", shot.chart_files)):
+    for view in config.all_views:
+        for role, names in (("object photo", view.photo_files),
+                            ("light spectrum", [light.file for light in view.all_lights]),
+                            ("scene", [view.scene]), ("chart photo", view.chart_files)):
             for name in names:
-                roles.setdefault(name, f"{role}, {shot.name}" if shot.name else role)
+                roles.setdefault(name, f"{role}, {view.name}" if view.name else role)
     for role, others in (("dark frame", config.photos.dark_files),
                          ("flat-field photo", config.photos.flats.values()),
                          ("chart scene",
@@ -114,9 +106,9 @@ def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
             roles.setdefault(section.known.file, f"known spectrum of {material}")
     hashes = {name: digest for stage in run.stored.values() for name,
               digest in stage.key.get("files", {}).items()}
-    facts = {shot.photo_files[0]: photo_of(run.stored, shot) for shot in config.shots}
-    facts |= {shot.chart_files[0]: chart[2] for shot in config.chart_shots
-              if (chart := chart_of(run.stored, shot)) is not None}
+    facts = {view.photo_files[0]: photo_of(run.stored, view) for view in config.all_views}
+    facts |= {view.chart_files[0]: chart[2] for view in config.views_with_chart
+              if (chart := chart_of(run.stored, view)) is not None}
     return [{"role": role, "file": name, "sha256": hashes[name],
              "bytes": config.path(name).stat().st_size}
             | ({} if (image := facts.get(name)) is None else

@@ -1,10 +1,8 @@
-"""The stage that makes one camera of all chart photos, and a light with its scale for every
-shot.
-"""
+"""The stage that fits one camera to all chart photos, and a light with its scale to every view."""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +16,8 @@ from spectrabox.calibrate.calibration import (
 from spectrabox.calibrate.prior.camera_prior import load_prior
 from spectrabox.calibrate.sensitivity import scale_of_photo
 from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
-from spectrabox.radiometry.records import LightScale, PatchSamples, Spectrum
+from spectrabox.radiometry.progress import Progress
+from spectrabox.radiometry.records import Calibration, LightScale, PatchSamples, Spectrum
 from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_schema import SessionConfig
@@ -29,22 +28,25 @@ from spectrabox.session.stages.inputs import (
     read_light,
     read_sensitivities,
 )
+from spectrabox.session.stages.photo_stages import chart_of
+from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.store.store import StoredStage
 
-Progress = Callable[[float, str], None]
 FLAT = np.full(24, np.pi)        # irradiance where nobody knows the geometry
 
 
-def calibrate_shots(config: SessionConfig, device: str, charts: Sequence[PatchSamples | None],
-                    progress: Progress) -> dict[str, Any]:
-    """Patch statistics and lights to one camera, and to the light and its scale of every shot.
+def calibrate_views(task: StageTask) -> dict[str, Any]:
+    """Patch statistics and lights to one camera, and to the light and its scale of every view.
 
     With the method ``prior`` the charts under all lights are one fit; other methods fit the camera
     to the first.
     """
-    lights = [read_light(config, shot.light) for shot in config.shots]
-    shown = {number: samples for number, samples in enumerate(charts) if samples is not None}
-    irradiance = _irradiance(config, device, progress) if shown else None
-    progress(0.6, "fitting sensitivities")
+    config = task.config
+    lights = [read_light(config, view.light) for view in config.all_views]
+    charts = [chart_of(task.stored, view) for view in config.all_views]
+    shown = {number: chart[1] for number, chart in enumerate(charts) if chart is not None}
+    irradiance = _irradiance(config, task.device, task.progress) if shown else None
+    task.progress(0.6, "fitting sensitivities")
     curves = None if config.sensitivity.from_chart else read_sensitivities(config)[1]
     first = _first_chart(config, shown, lights, irradiance, curves) if 0 in shown else None
     if first is not None:
@@ -55,15 +57,28 @@ def calibrate_shots(config: SessionConfig, device: str, charts: Sequence[PatchSa
     lit = FLAT if irradiance is None else irradiance
     records = {"calibration": camera, "irradiance": None if first is None else lit,
                "predicted": None if first is None else first.predicted}
-    for number, shot in enumerate(config.shots[1:], start=1):
+    for number, view in enumerate(config.all_views[1:], start=1):
         if number in shown:
             scale = _scale_under(config, number, shown, lights[number], irradiance, first,
                                  camera.sensitivity.curves)
         else:
-            scale = camera.light_scale if shot.light == config.shots[0].light else None
-        records[shot.record("calibration")] = dataclasses.replace(camera, light=lights[number],
+            scale = camera.light_scale if view.light == config.all_views[0].light else None
+        records[view.record("calibration")] = dataclasses.replace(camera, light=lights[number],
                                                                   light_scale=scale)
     return records
+
+
+def calibrations_of(config: SessionConfig,
+                    stored: Mapping[str, StoredStage]) -> list[Calibration]:
+    """The calibration of every view."""
+    return [stored["calibrate"].record(Calibration, view.record("calibration"))
+            for view in config.all_views]
+
+
+def chart_fit_of(stored: Mapping[str, StoredStage]) -> tuple[np.ndarray, np.ndarray]:
+    """Signals (24, K) that the calibration predicts for the first chart, and irradiance (24,)."""
+    stage = stored["calibrate"]
+    return stage.record(np.ndarray, "predicted"), stage.record(np.ndarray, "irradiance")
 
 
 def _irradiance(config: SessionConfig, device: str, progress: Progress) -> np.ndarray | None:
@@ -79,7 +94,7 @@ def _irradiance(config: SessionConfig, device: str, progress: Progress) -> np.nd
 def _first_chart(config: SessionConfig, shown: Mapping[int, PatchSamples],
                  lights: Sequence[Spectrum],
                  irradiance: np.ndarray | None, curves: np.ndarray | None) -> ChartCalibration:
-    """The first shot's chart, together with those under other lights where the method takes
+    """The first view's chart, together with those under other lights where the method takes
     several.
     """
     chosen, reference = config.sensitivity, read_chart_reference(config)
@@ -97,7 +112,7 @@ def _scale_under(config: SessionConfig, number: int, shown: Mapping[int, PatchSa
                  light: Spectrum,
                  irradiance: np.ndarray | None, first: ChartCalibration | None,
                  curves: np.ndarray) -> LightScale | None:
-    """Scale of the light of one shot from its own chart photo; None where the geometry is not
+    """Scale of the light of one view from its own chart photo; None where the geometry is not
     known.
     """
     if irradiance is None:

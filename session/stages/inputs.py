@@ -18,13 +18,17 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     read_spectrum,
     spectrum_on_grid,
 )
-from spectrabox.reconstruct.inverse_rendering import MaterialSpec
 from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials, read_scene
-from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig, Shot, SpectrumRef
+from spectrabox.session.config.session_schema import (
+    ONE_PHOTO,
+    SessionConfig,
+    SpectrumRef,
+    ViewInputs,
+)
 
 GRID = visible_grid()            # 400-700 nm in 1 nm steps, on which everything is integrated
-MOST_CLIPPED = 0.5               # of the object photo
-LARGEST_ASPECT_ERROR = 0.01  # photo against scene film: above, the two do not show the same view
+MAX_CLIPPED = 0.5               # of the object photo
+MAX_ASPECT_ERROR = 0.01  # photo against scene film: above, the two do not show the same view
 
 
 def read_light(config: SessionConfig, reference: SpectrumRef | None = None) -> Spectrum:
@@ -85,12 +89,12 @@ def read_chart_scene(config: SessionConfig) -> SceneFile | None:
                       else config.folder)
 
 
-def chart_corners(config: SessionConfig, shot: Shot) -> np.ndarray | None:
-    """Outer corners (4, 2) of the chart in pixels where the operator gave them, for the first shot
+def chart_corners(config: SessionConfig, view: ViewInputs) -> np.ndarray | None:
+    """Outer corners (4, 2) of the chart in pixels where the operator gave them, for the first view
     alone.
     """
     given = config.chart.corners_px
-    return None if given is None or shot.name else np.array(given)
+    return None if given is None or view.name else np.array(given)
 
 
 def read_photo(config: SessionConfig, photo: dict[str, tuple[str, ...]]) -> tuple[LinearImage,
@@ -125,7 +129,7 @@ def _channels(config: SessionConfig) -> list[int]:
     """Channel of each band, the same in all photos: a scene of other colours may tip the balance
     between two.
     """
-    first = next(iter([shot.chart for shot in config.chart_shots] + [config.shots[0].photo]))
+    first = next(iter([view.chart for view in config.views_with_chart] + [config.all_views[0].photo]))
     return [strongest_channel(open_any(config.path(files[0]), config.photos.not_linear))
             for files in first.values()]
 
@@ -139,7 +143,7 @@ def require_exposed(photo: LinearImage, name: str) -> None:
         With the saturated share.
     """
     clipped = float(photo.saturated.any(axis=2).mean())
-    if clipped > MOST_CLIPPED:
+    if clipped > MAX_CLIPPED:
         raise ClippedPhotoError(f"{name}: {clipped:.0%} of the photo is saturated; halve the "
                                 "exposure until the surfaces are not, the light itself may be")
 
@@ -154,7 +158,7 @@ def check_aspect(photo: LinearImage, scene: SceneFile, name: str) -> None:
     """
     height, width = photo.signal.shape[:2]
     mismatch = (width / height) / (scene.width / scene.height) - 1
-    if abs(mismatch) > LARGEST_ASPECT_ERROR:
+    if abs(mismatch) > MAX_ASPECT_ERROR:
         full = (round(width * photo.sensor_step), round(height * photo.sensor_step))
         raise InputError(f"{name} is {full[0]} x {full[1]} pixels, but {scene.path.name} expects "
                          f"{scene.width} x {scene.height} ({mismatch:+.0%} in shape): give the "
@@ -173,20 +177,6 @@ def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:
         raise InputError("\n".join(problems))
 
 
-def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpec, ...]:
-    """Materials of the session with their known spectra on the working grid.
-
-    Raises
-    ------
-    InputError
-        If scene and session do not name the same materials.
-    """
-    require_materials(scene, {name: material.bsdf for name, material in config.materials.items()})
-    return tuple(MaterialSpec(name, material.bsdf, None if material.known is None else
-                              spectrum_on_grid(read_reflectance(config, material.known), GRID))
-                 for name, material in config.materials.items())
-
-
 def _spectrum(config: SessionConfig, reference: SpectrumRef, role: Quantity) -> Spectrum:
     return read_spectrum(config.path(reference.file), role=role, column=reference.column,
                          wavelength_column=reference.wavelength_column)
@@ -200,7 +190,7 @@ def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
     InputError
         If the photo and the measured curves differ in the number of bands.
     """
-    photographed = tuple(config.shots[0].photo)
+    photographed = tuple(config.all_views[0].photo)
     names = photographed if any(photographed) else ("R", "G", "B") if bands == 3 else \
         tuple(f"band {index + 1}" for index in range(bands))
     if config.sensitivity.from_chart:

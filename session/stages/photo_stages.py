@@ -1,7 +1,7 @@
 """The stages that decode photos: charts to patch statistics, object photos to the render's size."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,9 @@ from spectrabox.capture.photo.binning import bin_image, render_size
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.capture.photo.preview import preview_rgb8
 from spectrabox.radiometry.chart import PATCH_NAMES, typical_camera_signals
+from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.session.config.session_schema import SessionConfig, Shot
+from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
     GRID,
     chart_corners,
@@ -29,60 +30,92 @@ from spectrabox.session.stages.inputs import (
     read_session_scene,
     require_exposed,
 )
+from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.store.store import StoredStage
 
-Progress = Callable[[float, str], None]
 THUMBNAIL_WIDTH = 48     # pixels: a chart photo is kept only for its exposure and source
 
 
-def find_and_sample_charts(config: SessionConfig, folder: Path,
-                           progress: Progress) -> dict[str, Any]:
+def find_and_sample_charts(task: StageTask) -> dict[str, Any]:
     """Chart photos to patch statistics."""
+    config = task.config
     records: dict[str, Any] = {"notes": ()}
-    for index, shot in enumerate(config.chart_shots):
-        progress((index + 0.1) / len(config.chart_shots),
-                 f"finding the chart in {shot.chart_files[0]}")
-        found = _find_and_sample_chart(config, shot, folder)
+    for index, view in enumerate(config.views_with_chart):
+        task.progress((index + 0.1) / len(config.views_with_chart),
+                      f"finding the chart in {view.chart_files[0]}")
+        found = _find_and_sample_chart(config, view, task.folder)
         records["notes"] += found.pop("notes")
-        records |= {shot.record(kind): value for kind, value in found.items()}
+        records |= {view.record(kind): value for kind, value in found.items()}
     return records
 
 
-def _find_and_sample_chart(config: SessionConfig, shot: Shot, folder: Path) -> dict[str, Any]:
-    name = shot.chart_files[0]
-    photo, notes = read_photo(config, shot.chart)
-    light = spectrum_on_grid(read_light(config, shot.light), GRID)
+def _find_and_sample_chart(config: SessionConfig, view: ViewInputs, folder: Path) -> dict[str, Any]:
+    name = view.chart_files[0]
+    photo, notes = read_photo(config, view.chart)
+    light = spectrum_on_grid(read_light(config, view.light), GRID)
     reference = typical_camera_signals(read_chart_reference(config), GRID, light)
-    detection = find_chart(photo, reference, chart_corners(config, shot))
+    detection = find_chart(photo, reference, chart_corners(config, view))
     samples = sample_patches(photo, detection)
     require_unclipped(samples, PATCH_NAMES, name)
     verdict = judge_chart(photo, detection, reference, PATCH_NAMES)
     notes = (*notes, *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))
-    write_png(folder / f"{shot.record('overlay')}.png", chart_overlay(photo, detection))
+    write_png(folder / f"{view.record('overlay')}.png", chart_overlay(photo, detection))
     height, width = photo.signal.shape[:2]
     thumbnail = bin_image(photo, THUMBNAIL_WIDTH, max(round(THUMBNAIL_WIDTH * height / width), 1))
     found = {"detection": detection, "samples": samples, "thumbnail": thumbnail, "notes": notes}
-    if config.drift.chart_px and not shot.name:
+    if config.drift.chart_px and not view.name:
         found["references"] = region_signals(photo, np.array(config.drift.chart_px))
     return found
 
 
-def bin_object_photos(config: SessionConfig, folder: Path, progress: Progress) -> dict[str, Any]:
+def bin_object_photos(task: StageTask) -> dict[str, Any]:
     """Object photos to linear signal at the render's size."""
+    config = task.config
     records: dict[str, Any] = {"notes": ()}
-    for index, shot in enumerate(config.shots):
-        name = shot.photo_files[0]
-        progress((index + 0.1) / len(config.shots), f"decoding {name}")
-        photo, notes = read_photo(config, shot.photo)
+    for index, view in enumerate(config.all_views):
+        name = view.photo_files[0]
+        task.progress((index + 0.1) / len(config.all_views), f"decoding {name}")
+        photo, notes = read_photo(config, view.photo)
         require_exposed(photo, name)
-        if config.drift.object_px and not shot.name:
+        if config.drift.object_px and not view.name:
             records["references"] = region_signals(photo, np.array(config.drift.object_px))
         if config.camera.lens is not None:
             photo = undistorted(photo, read_lens(config.path(config.camera.lens)))
-        check_aspect(photo, read_session_scene(config, shot.scene), name)
-        write_png(folder / f"{shot.record('preview')}.png", preview_rgb8(photo))
+        check_aspect(photo, read_session_scene(config, view.scene), name)
+        write_png(task.folder / f"{view.record('preview')}.png", preview_rgb8(photo))
         height, width = photo.signal.shape[:2]
-        records[shot.record("photo")] = bin_image(photo,
-                                                  *render_size(width, height,
-                                                               config.reconstruct.width))
+        size = render_size(width, height, config.reconstruct.width)
+        records[view.record("photo")] = bin_image(photo, *size)
         records["notes"] += notes
     return records
+
+
+def photo_of(stored: Mapping[str, StoredStage], view: ViewInputs | None = None) -> LinearImage:
+    """The object photo at the render's size; of the first view unless another is named."""
+    photo: LinearImage = stored["photo"].record(LinearImage,
+                                                view.record("photo") if view else "photo")
+    return photo
+
+
+def chart_of(stored: Mapping[str, StoredStage], view: ViewInputs | None = None
+             ) -> tuple[ChartDetection, PatchSamples, LinearImage] | None:
+    """Detection, patch statistics and a thumbnail of the chart photo, where one was used."""
+    detection, samples, thumbnail = (view.record(kind) if view else kind
+                                     for kind in ("detection", "samples", "thumbnail"))
+    stage = stored.get("chart")
+    if stage is None or detection not in stage.facts["records"]:
+        return None
+    return (stage.record(ChartDetection, detection), stage.record(PatchSamples, samples),
+            stage.record(LinearImage, thumbnail))
+
+
+def reference_signals(stage: StoredStage) -> np.ndarray:
+    """Signals (Q, K) of the neutral references in the first view's chart photo or object photo."""
+    signals: np.ndarray = stage.record(np.ndarray, "references")
+    return signals
+
+
+def notes_of(stored: Mapping[str, StoredStage]) -> list[str]:
+    """What the decoding of the photos had worth saying."""
+    return [note for name in ("chart", "photo") if name in stored
+            for note in stored[name].record(tuple[str, ...], "notes")]

@@ -2,8 +2,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -20,60 +20,109 @@ from spectrabox.radiometry.records import (
     LearntSpectra,
     LightScale,
     LinearImage,
+    Reconstruction,
 )
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.inverse_rendering import MaterialSpec, View, reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.sampling.prior.mixture import load_prior, reflectance_moments
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
+from spectrabox.session.stages.calibrate_stage import calibrations_of
 from spectrabox.session.stages.inputs import (
+    GRID,
     band_names,
     read_light,
-    read_materials,
+    read_reflectance,
     read_session_scene,
+    require_materials,
 )
+from spectrabox.session.stages.photo_stages import chart_of, photo_of, reference_signals
+from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.store.store import StoredStage
 
-Progress = Callable[[float, str], None]
 FIRST_VIEW = "photo"
+TRACE = ".trace.npz"      # in the results, while a trace goes on and where it was stopped
 
 
-def invert_photos(config: SessionConfig, device: str, photos: Sequence[LinearImage],
-                  calibrations: Sequence[Calibration], charts: Sequence[LinearImage | None],
-                  drift: LightDrift | None, checkpoint: Path,
-                  progress: Progress) -> JointReconstruction:
-    """Photos, scenes and calibrations to spectra; of every shot its photo, calibration and chart
-    under its light.
+def invert_photos(task: StageTask) -> dict[str, Any]:
+    """Photos, scenes and calibrations to spectra.
 
-    A drift of the light between the first shot's chart and photo corrects its scale and widens its
-    errors. A trace that was stopped goes on from the file ``checkpoint``.
+    A drift of the light between the first view's chart and photo corrects its scale and widens its
+    errors. A trace that was stopped goes on from its checkpoint among the results.
     """
-    start_mitsuba(device)
+    config, stored = task.config, task.stored
+    start_mitsuba(task.device)
+    drift = _drift(config, stored)
+    photos = [photo_of(stored, view) for view in config.all_views]
     bands = band_names(config, photos[0].signal.shape[2])
     views: list[View] = []
     materials: dict[str, MaterialSpec] = {}
-    for shot, photo, calibration, chart in zip(config.shots, photos, calibrations, charts,
-                                               strict=True):
-        scene = read_session_scene(config, shot.scene)
+    for inputs, photo, calibration in zip(config.all_views, photos,
+                                          calibrations_of(config, stored), strict=True):
+        scene = read_session_scene(config, inputs.scene)
         materials |= {material.bsdf: material for material in read_materials(config, scene)}
-        compared = drift is not None and not shot.name
-        scale = _scale_of(config, photo, calibration, chart, compared)
-        if scale is not None and drift is not None and compared:
-            scale = scale_after_drift(scale, drift)
-        views.append(View(shot.name or FIRST_VIEW, scene, photo, calibration, bands, scale,
-                          {light: read_light(config, spectrum) for light,
-                           spectrum in shot.lights_by_id.items()}))
+        drifted = drift if not inputs.name else None
+        scale = _scale_of(config, photo, calibration, _chart_under_light(config, stored, inputs),
+                          drifted)
+        lights = {light: read_light(config, spectrum)
+                  for light, spectrum in inputs.lights_by_id.items()}
+        views.append(View(inputs.name or FIRST_VIEW, scene, photo, calibration, bands, scale,
+                          lights))
     chosen = config.reconstruct
     settings = InversionSettings(**{name: value for name, value in vars(chosen).items()
                                     if name != "width"}, seed=config.session.seed,
                                  learnt=_learnt_spectra(chosen.spectrum_prior))
-    joint = reconstruct_views(views, tuple(materials.values()), settings, progress, checkpoint)
-    return joint if drift is None else _widened(joint, drift)
+    joint = reconstruct_views(views, tuple(materials.values()), settings, task.progress,
+                              config.results_folder / TRACE)
+    return {"drift": drift, "joint": joint if drift is None else _widened(joint, drift)}
 
 
-def drift_of_light(config: SessionConfig, chart: LinearImage, chart_signals: np.ndarray,
-                   photo: LinearImage, object_signals: np.ndarray) -> LightDrift:
-    """Change of the light between chart photo and object photo."""
-    return drift_between(chart, chart_signals, photo, object_signals, config.drift.relative_error)
+def joint_of(stored: Mapping[str, StoredStage]) -> JointReconstruction:
+    """The reconstruction from all photos."""
+    joint: JointReconstruction = stored["reconstruct"].record(JointReconstruction, "joint")
+    return joint
+
+
+def reconstruction_of(stored: Mapping[str, StoredStage]) -> Reconstruction:
+    """What the reconstruction says of the first photo."""
+    return joint_of(stored).views[0]
+
+
+def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpec, ...]:
+    """Materials of the session with their known spectra on the working grid.
+
+    Raises
+    ------
+    InputError
+        If scene and session do not name the same materials.
+    """
+    require_materials(scene, {name: material.bsdf for name, material in config.materials.items()})
+    return tuple(MaterialSpec(name, material.bsdf, None if material.known is None else
+                              spectrum_on_grid(read_reflectance(config, material.known), GRID))
+                 for name, material in config.materials.items())
+
+
+def _drift(config: SessionConfig, stored: Mapping[str, StoredStage]) -> LightDrift | None:
+    """Change of the light between the first chart photo and object photo, where both show
+    references.
+    """
+    if not config.drift.chart_px:
+        return None
+    chart = chart_of(stored)
+    assert chart is not None
+    return drift_between(chart[2], reference_signals(stored["chart"]), photo_of(stored),
+                         reference_signals(stored["photo"]), config.drift.relative_error)
+
+
+def _chart_under_light(config: SessionConfig, stored: Mapping[str, StoredStage],
+                       view: ViewInputs) -> LinearImage | None:
+    """The view's own chart photo, else the first view's where the light is the same."""
+    first = config.all_views[0]
+    chart = chart_of(stored, view) or (chart_of(stored, first) if view.light == first.light
+                                       else None)
+    return None if chart is None else chart[2]
 
 
 def _widened(joint: JointReconstruction, drift: LightDrift) -> JointReconstruction:
@@ -94,11 +143,11 @@ def _learnt_spectra(spectrum_prior: str) -> LearntSpectra | None:
 
 
 def _scale_of(config: SessionConfig, photo: LinearImage, calibration: Calibration,
-              chart: LinearImage | None, compared: bool) -> LightScale | None:
-    """Light scale of a photo from the chart under its light; None leaves it to the materials.
-
-    ``compared``: references in both photos correct it afterwards.
+              chart: LinearImage | None, drift: LightDrift | None) -> LightScale | None:
+    """Light scale of a photo from the chart under its light, corrected by the drift between them;
+    None leaves it to the materials.
     """
     if chart is None or calibration.light_scale is None or config.scale.source != "chart":
         return None
-    return scale_for_photo(calibration.light_scale, chart, photo, compared)
+    scale = scale_for_photo(calibration.light_scale, chart, photo, drift is not None)
+    return scale if drift is None else scale_after_drift(scale, drift)

@@ -2,48 +2,51 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.records import (
-    Calibration,
-    JointReconstruction,
-    SpectrumSummary,
-    WavelengthGrid,
-)
+from spectrabox.radiometry.records import SpectrumSummary, WavelengthGrid
 from spectrabox.sampling.measurement import SpectralMeasurement, SpectralSamples, summarise_spectra
 from spectrabox.sampling.methods import draw_spectra
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.stages.calibrate_stage import calibrations_of
 from spectrabox.session.stages.error_budget import measurement_of
+from spectrabox.session.stages.reconstruct_stage import joint_of
 from spectrabox.session.stages.scene_sampling import draw_through_transport
+from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.store.store import StoredStage
 
-Progress = Callable[[float, str], None]
 
-
-def sample_materials(config: SessionConfig, calibrations: Sequence[Calibration],
-                     joint: JointReconstruction,
-                     progress: Progress) -> dict[str, Any]:
+def sample_materials(task: StageTask) -> dict[str, Any]:
     """Draws from all spectra behind each unknown material's signal, and their summary."""
+    chosen, seed = task.config.sampling, task.config.session.seed
+    calibrations, joint = calibrations_of(task.config, task.stored), joint_of(task.stored)
     records: dict[str, Any] = {}
     jointly: dict[str, SpectralSamples] = {}
-    if config.sampling.through == "transport":
-        progress(0.0, "all materials at once")
-        jointly = draw_through_transport(calibrations[0], joint, config.sampling.draws,
-                                         config.session.seed, config.sampling.coefficients)
+    if chosen.through == "transport":
+        task.progress(0.0, "all materials at once")
+        jointly = draw_through_transport(calibrations[0], joint, chosen.draws, seed,
+                                         chosen.coefficients)
     for index, name in enumerate(joint.materials):
         if joint.known[index]:
             continue
-        progress(index / len(joint.materials), name)
+        task.progress(index / len(joint.materials), name)
         measurement = measurement_of(calibrations, joint, index)
-        draws = jointly.get(name) or draw_spectra(measurement, config.sampling.method,
-                                                  config.sampling.draws, config.session.seed
-                                                  + index, config.sampling.coefficients)
+        draws = jointly.get(name) or draw_spectra(measurement, chosen.method, chosen.draws,
+                                                  seed + index, chosen.coefficients)
         records[f"samples {name}"] = draws
         records[f"summary {name}"] = on_finer_grid(summarise_spectra(
-            draws, measurement, config.sampling.level, conditions(draws, measurement)), joint.grid)
+            draws, measurement, chosen.level, conditions(draws, measurement)), joint.grid)
     return records
+
+
+def samples_of(stored: Mapping[str, StoredStage],
+               material: str) -> tuple[SpectralSamples, SpectrumSummary]:
+    """Draws and summary of one unknown material."""
+    stage = stored["sample"]
+    return (stage.record(SpectralSamples, f"samples {material}"),
+            stage.record(SpectrumSummary, f"summary {material}"))
 
 
 def conditions(draws: SpectralSamples, measurement: SpectralMeasurement) -> str:

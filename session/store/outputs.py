@@ -33,10 +33,10 @@ def write_outputs(results: SessionResults) -> None:
                                    quantity=Quantity.REFLECTANCE,
                                    source=f"{material.name}, {results.name}"))
     write_text_whole(results.folder / "materials.xml", materials_text(results))
-    shots = [("comparison", results.reconstruction, results.calibration, results.bands)]
-    shots += [(f"comparison {view.name}", view.reconstruction, view.calibration,
+    views = [("comparison", results.reconstruction, results.calibration, results.bands)]
+    views += [(f"comparison {view.name}", view.reconstruction, view.calibration,
                view.bands) for view in results.views]
-    for name, made, calibration, bands in shots:
+    for name, made, calibration, bands in views:
         _write_comparison(results.folder / f"{name}.exr", made, bands)
         write_png(results.folder / f"{name}.png", comparison_rgb8(made, calibration.sensitivity))
 

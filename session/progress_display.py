@@ -5,11 +5,11 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterator
 
-Progress = Callable[[str, float, str], None]
+StageProgress = Callable[[str, float, str], None]  # stage, share of it that is done, message
 
 
 @contextlib.contextmanager
-def progress_display(quiet: bool = False) -> Iterator[Progress]:
+def progress_display(quiet: bool = False) -> Iterator[StageProgress]:
     """A function of (stage, fraction, message) that shows how far the work has come."""
     if quiet:
         yield lambda stage, fraction, message: None
@@ -27,7 +27,7 @@ def _print_line(stage: str, fraction: float, message: str) -> None:
 
 
 @contextlib.contextmanager
-def _live_bars() -> Iterator[Progress]:
+def _live_bars() -> Iterator[StageProgress]:
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bars

@@ -1,0 +1,21 @@
+"""What a stage is given to work on."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from spectrabox.radiometry.progress import Progress
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.store.store import StoredStage
+
+
+@dataclass(frozen=True)
+class StageTask:
+    """One run of one stage."""
+
+    config: SessionConfig
+    device: str                       # "auto", "cpu" or "cuda": where Mitsuba renders
+    stored: Mapping[str, StoredStage]  # results of the stages before
+    folder: Path                      # an empty folder that takes the stage's pictures
+    progress: Progress
