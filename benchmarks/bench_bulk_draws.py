@@ -17,14 +17,14 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import MeasurementOperator
-from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.sampling.measurement import MeasurementOperator, spline_operator
 from spectrabox.sampling.polytope.bounds import reflectance_bounds
 from spectrabox.sampling.polytope.circuit_hit_and_run import STARTS, plan_moves, run_chains
 from spectrabox.sampling.polytope.diagnostics import diagnose
 from spectrabox.sampling.polytope.simplex_bounds import exact_bounds, walk
 from spectrabox.sampling.polytope.tilt import max_entropy_tilt
-from spectrabox.sampling.polytope.tilted_rejection import collect, sample_spectra, tilted_proposals
+from spectrabox.sampling.polytope.tilted_rejection import collect, sample_polytope, tilted_proposals
 from spectrabox.sampling.prior.draws import prior_spectra
 from spectrabox.sampling.prior.mixture import GRID, load_prior
 from spectrabox.sampling.prior.tables import build_table, uplift_pixels
@@ -56,7 +56,7 @@ def seconds(work: Callable[[], Any]) -> float:
 
 def bulk_row(coefficients: int, draws: int) -> dict[str, Any]:
     """Circuit hit-and-run and tilted rejection at one size."""
-    operator = measurement().operator(coefficients)
+    operator = spline_operator(measurement(), coefficients)
     basis = basis_matrix(NM, coefficients)
     rng = np.random.default_rng(0)
     started = time.perf_counter()
@@ -71,7 +71,7 @@ def bulk_row(coefficients: int, draws: int) -> dict[str, Any]:
     found = diagnose(starts[np.arange(draws) % STARTS] @ basis.T, ends @ basis.T)
     independent = min(draws, 5000)
     started = time.perf_counter()
-    reference = sample_spectra(operator, independent, 1).coefficients @ basis.T
+    reference = sample_polytope(operator, independent, 1).coefficients @ basis.T
     rejection = (time.perf_counter() - started) / independent * draws
     spread = (ends @ basis.T).std(axis=0) / reference.std(axis=0)
     return {"coefficients": coefficients, "steps": len(order), "plan_ms": 1e3 * planned,
@@ -124,7 +124,7 @@ def effective_sample_size(values: np.ndarray) -> np.ndarray:
 
 def bounds_row(coefficients: int) -> dict[str, float]:
     """122 linear programmes of one pixel: ours, HiGHS through SciPy, and how far apart they are."""
-    operator, basis = measurement().operator(coefficients), basis_matrix(NM, coefficients)
+    operator, basis = spline_operator(measurement(), coefficients), basis_matrix(NM, coefficients)
     start = max_entropy_tilt(operator).c
     ours = seconds(lambda: walk(operator.A, operator.y, start, basis))
     whole = seconds(lambda: exact_bounds(operator, basis))
@@ -141,7 +141,7 @@ def prior_row(draws: int) -> dict[str, float]:
     one, prior = measurement(), load_prior()
     taken = seconds(lambda: prior_spectra(one, draws, 1, prior))
     spectra = prior_spectra(one, draws, 1, prior)[0]
-    misfit = float(np.abs(spectra @ one.response.T - one.signal).max())
+    misfit = float(np.abs(spectra @ one.relative_response.T - one.signal).max())
     return {"draws": draws, "per_second": draws / taken, "misfit": misfit}
 
 
@@ -151,17 +151,17 @@ def map_row(pixels: int, side: int) -> dict[str, float]:
 
     one, prior = measurement(), load_prior()
     started = time.perf_counter()
-    table = build_table(prior, one.response, side=side)
+    table = build_table(prior, one.relative_response, side=side)
     built = time.perf_counter() - started
     rng = np.random.default_rng(0)
     means = 1 / (1 + np.exp(-np.array([rng.multivariate_normal(prior.means[c], prior.covariances[c])
                                        for c in rng.choice(prior.weights.size, 300,
                                                            p=prior.weights)])))
-    signals = np.repeat(means @ one.response.T, pixels // 300 + 1,
+    signals = np.repeat(means @ one.relative_response.T, pixels // 300 + 1,
                         axis=0)[:pixels].astype(np.float32)
     taken = seconds(lambda: uplift_pixels(table, signals))
     return {"pixels": pixels, "side": side, "build_s": built, "s": taken,
-            **table_error(table, prior, means @ one.response.T)}
+            **table_error(table, prior, means @ one.relative_response.T)}
 
 
 def main() -> None:

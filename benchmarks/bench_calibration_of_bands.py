@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.colour_upsampling import upsampled
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.sampling.judge.certificate import Certificate, certify
 from spectrabox.sampling.judge.scores import rmse
-from spectrabox.sampling.measurement import SpectralMeasurement, linear_between
-from spectrabox.sampling.methods import into_reach
-from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
+from spectrabox.sampling.measurement import spline_operator
+from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.prior.libraries import (
     ReflectanceLibrary,
     read_library,
@@ -30,6 +30,7 @@ from spectrabox.sampling.prior.libraries import (
 )
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
 from spectrabox.sampling.prior.training import balanced, calibrated, enriched, fit_mixture, judge
+from spectrabox.sampling.uniform import into_reach
 
 TRAINING = ("cassava", "kremer_pigments", "ntu_watercolour", "rawtoaces190", "usgs_minerals")
 PEERS = ("Otsu 2018", "Smits 1999", "Mallett 2019")
@@ -38,7 +39,7 @@ PEERS = ("Otsu 2018", "Smits 1999", "Mallett 2019")
 def response_of(camera: str, light: str) -> np.ndarray:
     """Response (K, 61)."""
     fine = visible_grid(1)
-    return relative_response(camera, light, fine) @ linear_between(GRID, fine)
+    return relative_response(camera, light, fine) @ interpolation_matrix(GRID.nm, fine.nm)
 
 
 def eight_bands() -> np.ndarray:
@@ -90,9 +91,9 @@ def uniform_row(reflectances: np.ndarray, response: np.ndarray) -> tuple[float, 
     basis = basis_matrix(GRID.nm, 7)
     errors, held = [], []
     for curve in reflectances:
-        operator, _ = into_reach(SpectralMeasurement(GRID, response, response @ curve,
-                                                     np.zeros((3, 3))).operator(7))
-        spectra = sample_spectra(operator, 1000, 0).coefficients @ basis.T
+        measured = SpectralMeasurement(GRID, response, response @ curve, np.zeros((3, 3)))
+        operator, _ = into_reach(spline_operator(measured, 7))
+        spectra = sample_polytope(operator, 1000, 0).coefficients @ basis.T
         lower, upper = np.quantile(spectra, [0.025, 0.975], axis=0)
         errors.append(np.sqrt(np.mean((spectra.mean(axis=0) - curve)**2)))
         held.append(np.mean((curve >= lower) & (curve <= upper)))

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.records import LightTransport
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records import LightTransport, SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
-from spectrabox.sampling.measurement import SpectralMeasurement
 from spectrabox.sampling.prior.draws import sample_prior
 from spectrabox.sampling.prior.libraries import read_library, without_near_duplicates
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
@@ -144,7 +144,7 @@ def each_alone(prior: LogitMixture, response: np.ndarray, truth: np.ndarray,
     own = truth @ response.T
     signal = own * (1 + ALONE * rng.standard_normal(own.shape))
     draws = [sample_prior(SpectralMeasurement(GRID, response, values, np.diag((ALONE * values)**2)),
-                          4000, 1, prior).spectra for values in signal]
+                          4000, 1, prior=prior).spectra for values in signal]
     problem = joint_problem(direct_only(), response, signal, ALONE * own, prior)
     return np.array(draws).transpose(1, 0, 2), information_bits(problem)
 
@@ -170,8 +170,7 @@ def main() -> None:
     arguments = parser.parse_args()
     transport = box_transport()
     fine = relative_response("Nikon 5100 (NPL)", arguments.light)
-    response = fine @ np.array([np.interp(np.arange(400, 701), GRID.nm,
-                                          unit) for unit in np.eye(GRID.nm.size)]).T
+    response = fine @ interpolation_matrix(GRID.nm, np.arange(400, 701))
     prior, paints = (load_prior(),
                      charts()) if arguments.data is None else artists_paints(arguments.data)
     paints = np.clip(paints, 0.005, 0.995)

@@ -17,11 +17,11 @@ from scipy.optimize import linprog
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import MeasurementOperator
 from spectrabox.radiometry.response import relative_operator, response_matrix
+from spectrabox.sampling.measurement import MeasurementOperator
 from spectrabox.sampling.polytope.null_space import null_space
 from spectrabox.sampling.polytope.tilt import max_entropy_tilt
-from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
+from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 
 BOX_BLOCK = 4096  # as large as the other sampler's
 
@@ -61,7 +61,7 @@ def measure(coefficients: int, signals: int, draws: int, most_proposals: int) ->
     for _ in range(signals):
         operator = MeasurementOperator(A, A @ rng.uniform(size=coefficients), np.zeros((3, 3)))
         start = time.perf_counter()
-        samples = sample_spectra(operator, draws, seed=1)
+        samples = sample_polytope(operator, draws, seed=1)
         ours.append((samples.acceptance, time.perf_counter() - start))
         boxes.append(box_rejection(operator, draws, most_proposals, rng))
     acceptance, seconds = np.median(ours, axis=0)

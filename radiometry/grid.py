@@ -33,6 +33,14 @@ def grid_from_nm(nm: np.ndarray) -> WavelengthGrid:
     return WavelengthGrid(nm, trapezoid_weights_nm(nm))
 
 
+def interpolation_matrix(from_nm: np.ndarray, to_nm: np.ndarray) -> np.ndarray:
+    """Matrix (P', P) that interpolates values linearly from wavelengths (P,) to others (P',).
+
+    Beyond the ends the first and the last value hold.
+    """
+    return np.array([np.interp(to_nm, from_nm, unit) for unit in np.eye(from_nm.size)]).T
+
+
 def visible_grid(step_nm: float = 1.0) -> WavelengthGrid:
     """400 to 700 nm in steps of ``step_nm``, which must divide 300."""
     intervals = round((VISIBLE_NM[1] - VISIBLE_NM[0]) / step_nm)

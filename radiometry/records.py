@@ -26,15 +26,38 @@ class Quantity(Enum):
 
 
 class Outcome(Enum):
-    """How a fit or a sampler ended, as a sentence the operator can act on."""
+    """How a fit or a sampler ended; the value is the sentence that a person needs."""
 
     CONVERGED = "Converged."
     STEP_LIMIT = "Stopped at the step limit with the loss still falling: allow more iterations."
     ILL_POSED = ("Solved, but the data leave some directions undetermined: trust the uncertainty, "
                  "not the curve alone.")
+
+    # draws of spectra as intended
     EXACT = "Independent draws from the exact distribution."
+    FAMILIAR = ("Independent draws from the learnt prior; the signal is like those it was "
+                "calibrated on.")
+    THROUGH_TRANSPORT = ("Weighted draws from the learnt prior of all materials at once, through "
+                         "the traced light transport, interreflection included.")
+
+    # draws of spectra with a reservation
     UNREACHABLE = ("No spectrum of this class reproduces the signal exactly; "
                    "the draws fit it within its stated noise only.")
+    MOVED = ("No spectrum of this class gives the signal: it was moved to the nearest that can be "
+             "reached.")
+    AS_PUBLISHED = "As published: a box around one solution, which under-states the spread."
+    RANKED = "Ranked, not conditioned: draws need not agree with what was measured."
+    UNFAMILIAR = ("The signal is unlike those of the measured reflectances that the prior was "
+                  "learnt on: drawn from the wider smoothness prior instead, whose bands are not "
+                  "calibrated.")
+    TOO_ROUGH = ("Only spectra rougher than any that were measured give the signal: the draws are "
+                 "of the smoothness prior and come as near to it as they can; check the "
+                 "calibration.")
+    OUT_OF_REACH = ("No spectrum between 0 and 1 gives the signal; the draws are of the "
+                    "smoothness prior and come as near to it as they can.")
+    DISAGREES = ("The picture agrees with no spectra that the prior knows through this light "
+                 "transport: the draws come as near as they can; check geometry, light and "
+                 "calibration, or state a larger surface error.")
 
 
 class PhotoKind(Enum):
@@ -264,36 +287,33 @@ class JointReconstruction(Record):
 # ---- sampling ------------------------------------------------------------------------------------
 
 @dataclass(frozen=True, eq=False)
-class MeasurementOperator(Record):
-    """What the camera said of one surface: ``y = A c + noise``, relative to white (reflectance 1
-    gives 1).
+class SpectralMeasurement(Record):
+    """What the camera said of one surface: ``signal = relative_response @ reflectance + noise``.
+
+    ``relative_response`` is sensitivity x light x weight in nm, divided by its sum in each band, so
+    that every row sums to 1 and a reflectance of 1 gives a signal of 1.
     """
 
-    A: Annotated[np.ndarray, "K N"]
-    y: Annotated[np.ndarray, "K"]
+    grid: WavelengthGrid
+    relative_response: Annotated[np.ndarray, "K P"]
+    signal: Annotated[np.ndarray, "K"]
     noise_covariance: Annotated[np.ndarray, "K K"]
 
 
 @dataclass(frozen=True, eq=False)
-class NullSpace(Record):
-    """Orthonormal directions in coefficient space that the camera cannot see (Eq. 5)."""
-
-    c0: Annotated[np.ndarray, "N"]
-    directions: Annotated[np.ndarray, "N D"]
-    singular_values: Annotated[np.ndarray, "K"]
-
-
-@dataclass(frozen=True, eq=False)
 class SpectrumSamples(Record):
-    """Draws from all spectra that fit one measurement."""
+    """Draws from all spectra that fit one measurement, all equally likely, and the spline nearest
+    to each.
+    """
 
-    coefficients: Annotated[np.ndarray, "T N"]
-    weights: Annotated[np.ndarray, "T"] | None      # None: equal
+    grid: WavelengthGrid
+    spectra: Annotated[np.ndarray, "T P"]
+    coefficients: Annotated[np.ndarray, "T N"]      # of the splines, in [0, 1]
     method: str
-    acceptance: float
     effective_samples: float
     seed: int
     outcome: Outcome
+    sentence: str                                   # the outcome in words, with its numbers
 
 
 @dataclass(frozen=True, eq=False)

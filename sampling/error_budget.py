@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.sampling.measurement import response_on
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, reflectance
 from spectrabox.sampling.prior.posterior import SIGNAL_FLOOR, posterior
 
@@ -38,12 +39,12 @@ def error_budget(prior: LogitMixture, measurement: SpectralMeasurement,
     if np.abs(total - measurement.noise_covariance).max() > 1e-9 + 1e-6 * np.abs(total).max():
         raise InputError("the covariances by cause do not add up to the noise covariance of the "
                          "measurement")
-    response = measurement.response_on(GRID)
-    found = posterior(prior, response, measurement.signal[None], measurement.noise_covariance)
+    relative_response = response_on(measurement, GRID)
+    found = posterior(prior, relative_response, measurement.signal[None], measurement.noise_covariance)
     index = int(np.argmax(found.weights[0]))
     p = reflectance(found.logits[index, 0])
     slope = p * (1 - p)
-    jacobian = response * slope
+    jacobian = relative_response * slope
     base = prior.covariances[index] @ jacobian.T
     parts = {**causes, FLOOR: SIGNAL_FLOOR**2 * np.eye(len(total))}
     gain = base @ np.linalg.inv(jacobian @ base + total + parts[FLOOR])

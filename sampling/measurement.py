@@ -1,6 +1,4 @@
-"""A measurement on wavelengths instead of spline coefficients, draws of spectra from it, and their
-summary.
-"""
+"""A measurement in spline coefficients, and the draws that polytope samplers make of it."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -9,55 +7,43 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import MeasurementOperator, SpectrumSummary, WavelengthGrid
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records import Outcome, SpectralMeasurement, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
-from spectrabox.sampling.polytope.bounds import reflectance_bounds
-from spectrabox.sampling.summary import TAIL_DRAWS, next_measurement_nm
 
 PROJECTION_STEPS = 300      # of the accelerated projected gradient; 1e-7 of the optimum at N = 31
 
 
 @dataclass(frozen=True, eq=False)
-class SpectralMeasurement(Record):
-    """What the camera said of one surface: ``signal = response @ reflectance + noise``, white
-    giving 1 in each band.
-    """
+class MeasurementOperator(Record):
+    """A measurement of spline coefficients: ``y = A c + noise``, c of 1 giving y of 1."""
 
-    grid: WavelengthGrid
-    response: Annotated[np.ndarray, "K P"]          # every row sums to 1
-    signal: Annotated[np.ndarray, "K"]
+    A: Annotated[np.ndarray, "K N"]
+    y: Annotated[np.ndarray, "K"]
     noise_covariance: Annotated[np.ndarray, "K K"]
-
-    def operator(self, coefficients: int) -> MeasurementOperator:
-        """The same in a B-spline basis of that many functions."""
-        return MeasurementOperator(self.response @ basis_matrix(self.grid.nm, coefficients),
-                                   self.signal, self.noise_covariance)
-
-    def response_on(self, grid: WavelengthGrid) -> np.ndarray:
-        """Response (K, P') to reflectances that are straight lines between the wavelengths of a
-        coarser grid.
-        """
-        return self.response @ linear_between(grid, self.grid)
 
 
 @dataclass(frozen=True, eq=False)
-class SpectralSamples(Record):
-    """Independent draws of spectra that fit one measurement, and the spline nearest to each."""
+class CoefficientDraws(Record):
+    """Draws of spline coefficients in [0, 1], all equally likely, and how the sampler did."""
 
-    grid: WavelengthGrid
-    spectra: Annotated[np.ndarray, "T P"]
-    # in [0, 1]: the bounded least-squares spline of each draw
     coefficients: Annotated[np.ndarray, "T N"]
-    method: str
+    acceptance: float
     effective_samples: float
-    seed: int
-    outcome: str                                    # a sentence
+    outcome: Outcome
 
 
-def linear_between(coarse: WavelengthGrid, fine: WavelengthGrid) -> np.ndarray:
-    """Matrix (P, P') that interpolates values on the coarse grid linearly to the fine one."""
-    return np.array([np.interp(fine.nm, coarse.nm, unit) for unit in np.eye(coarse.nm.size)]).T
+def spline_operator(measurement: SpectralMeasurement, coefficients: int) -> MeasurementOperator:
+    """The measurement in a B-spline basis of N = ``coefficients`` functions."""
+    A = measurement.relative_response @ basis_matrix(measurement.grid.nm, coefficients)
+    return MeasurementOperator(A, measurement.signal, measurement.noise_covariance)
+
+
+def response_on(measurement: SpectralMeasurement, grid: WavelengthGrid) -> np.ndarray:
+    """Relative response (K, P') to reflectances that are straight lines between the P' wavelengths
+    of a coarser grid; rows sum to 1.
+    """
+    return measurement.relative_response @ interpolation_matrix(grid.nm, measurement.grid.nm)
 
 
 def nearest_splines(spectra: np.ndarray, basis: np.ndarray) -> np.ndarray:
@@ -65,6 +51,13 @@ def nearest_splines(spectra: np.ndarray, basis: np.ndarray) -> np.ndarray:
 
     Accelerated projected gradient with restarts (O'Donoghue and Candes 2015) from the clipped
     least-squares fit.
+
+    Parameters
+    ----------
+    spectra : (T, P) array
+        Reflectances.
+    basis : (P, N) array
+        Basis functions at the same wavelengths.
     """
     gram, target = basis.T @ basis, spectra @ basis
     step = 1 / np.linalg.eigvalsh(gram)[-1]
@@ -79,36 +72,3 @@ def nearest_splines(spectra: np.ndarray, basis: np.ndarray) -> np.ndarray:
         ahead = new + (0.0 if restart else (momentum - 1) / following) * (new - c)
         c, momentum = new, following
     return c
-
-
-def summarise_spectra(samples: SpectralSamples, measurement: SpectralMeasurement,
-                      level: float = 0.95,
-                      conditional_on: str | None = None) -> SpectrumSummary:
-    """Mean, standard deviation, central band and exact bounds from draws of spectra.
-
-    The bounds are those of the spline class with as many coefficients as ``samples.coefficients``.
-
-    Raises
-    ------
-    InputError
-        If the level is no probability.
-    ConvergenceError
-        If there are too few draws for the band (1000 at 95 %).
-    """
-    if not 0 < level < 1:
-        raise InputError(f"a level of {level} was asked for; it is a probability between 0 and 1")
-    needed = round(2 * TAIL_DRAWS / (1 - level))
-    if samples.effective_samples < needed:
-        raise ConvergenceError(f"a {100 * level:.4g} % band needs {needed} effective draws and "
-                               f"there are {samples.effective_samples:.0f}; draw more")
-    count = samples.coefficients.shape[1]
-    basis = basis_matrix(samples.grid.nm, count)
-    bound_lower, bound_upper = reflectance_bounds(measurement.operator(count), basis, level)
-    lower, upper = np.quantile(samples.spectra, [(1 - level) / 2, (1 + level) / 2], axis=0)
-    covariance = np.cov(samples.spectra, rowvar=False, ddof=0)
-    return SpectrumSummary(
-        grid=samples.grid, mean=samples.spectra.mean(axis=0),
-        standard_deviation=samples.spectra.std(axis=0), lower=lower, upper=upper,
-        bound_lower=bound_lower, bound_upper=bound_upper, level=level, conditional_on=conditional_on
-        or f"Conditional on the prior and sampler {samples.method}. {samples.outcome}",
-        next_measurement_nm=next_measurement_nm(samples.grid, covariance))

@@ -4,13 +4,12 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry.appearance import delta_e00
-from spectrabox.radiometry.records import SpectrumSummary
-from spectrabox.sampling.measurement import SpectralSamples
+from spectrabox.radiometry.records import SpectrumSamples, SpectrumSummary
 from spectrabox.session.store.results import Scores
 
 
 def score(truth: np.ndarray, inverse_rendering: np.ndarray, summary: SpectrumSummary,
-          samples: SpectralSamples) -> Scores:
+          samples: SpectrumSamples) -> Scores:
     """Scores of one material over the summary's grid.
 
     Parameters

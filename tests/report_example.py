@@ -22,10 +22,10 @@ from spectrabox.radiometry.records import (
     Reconstruction,
     SensitivityFit,
     Spectrum,
+    SpectrumSamples,
     SpectrumSummary,
     SurfaceAgreement,
 )
-from spectrabox.sampling.measurement import SpectralSamples
 from spectrabox.session.store.results import ChartResult, MaterialResult, Scores, SessionResults
 
 GRID = visible_grid(5.0)
@@ -161,8 +161,8 @@ def _material(rng: np.random.Generator, made: Reconstruction, m: int,
                               np.clip(lower - 0.12, 0, 1), np.clip(upper + 0.12, 0, 1), 0.95,
                               "12 cubic B-splines between 0 and 1, the stated noise, uniform prior",
                               423.0)
-    samples = SpectralSamples(GRID, draws, coefficients, "hit-and-run", 180.0, 7,
-                              Outcome.EXACT.value)
+    samples = SpectrumSamples(GRID, draws, coefficients, "hit-and-run", 180.0, 7,
+                              Outcome.EXACT, Outcome.EXACT.value)
     bands = made.signal.shape[1]
     budget = {cause: rng.uniform(0.2, 1) * size * rng.uniform(0.7, 1.3, bands)
               for cause, size in {"photo noise": 2e-3, "Monte Carlo noise": 3e-3,

@@ -3,9 +3,9 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import MeasurementOperator
+from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.response import relative_operator, response_matrix
-from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.measurement import MeasurementOperator
 
 
 def curves(nm, bands=3):

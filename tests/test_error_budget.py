@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import (
     Calibration,
     JointReconstruction,
@@ -157,8 +157,7 @@ def test_the_error_of_a_lights_readings_is_that_of_signals_under_perturbed_readi
     signals = []
     for light, standard_error in zip(readings, error, strict=True):
         drawn = light + standard_error * rng.standard_normal((DRAWS, coarse.nm.size))
-        fine = drawn @ np.array([np.interp(GRID.nm, coarse.nm,
-                                           unit) for unit in np.eye(coarse.nm.size)])
+        fine = drawn @ interpolation_matrix(coarse.nm, GRID.nm).T
         signals.append((fine * REFLECTANCE) @ curves.T / (fine @ curves.T))
     scatter = np.cov(np.hstack(signals), rowvar=False)
     # 20 000 draws tell a root variance to 0.5 %; the lights in the reconstruction are on the fine

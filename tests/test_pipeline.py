@@ -10,6 +10,7 @@ import pytest
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
+from spectrabox.sampling.measurement import response_on
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import (
     STAGES,
@@ -164,7 +165,7 @@ def test_draws_reproduce_the_signal_within_its_stated_noise(finished):
         samples, summary = samples_of(stored, name)
         operator = measurement_of([calibration], made, index)
         assert samples.spectra.min() >= 0 and samples.spectra.max() <= 1
-        residual = samples.spectra @ operator.response_on(samples.grid).T - operator.signal
+        residual = samples.spectra @ response_on(operator, samples.grid).T - operator.signal
         chi_square = np.einsum("tk,kl,tl->t", residual, np.linalg.inv(operator.noise_covariance),
                                residual)
         # The prior only narrows the noise: its mean chi-square stays near 3 bands; 6 would be a

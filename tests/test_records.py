@@ -22,7 +22,8 @@ def test_a_wrong_shape_names_record_field_and_need(shape):
 
 def test_a_letter_is_the_same_size_wherever_it_stands():
     with pytest.raises(ValueError, match="with T = 3"):
-        SpectrumSamples(np.ones((3, 5)), np.ones(4), "m", 1.0, 3.0, 1, Outcome.EXACT)
+        SpectrumSamples(visible_grid(5), np.ones((3, 61)), np.ones((4, 7)), "m", 3.0, 1,
+                        Outcome.EXACT, Outcome.EXACT.value)
 
 
 def test_grid_weights_integrate_a_line_exactly():

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.polytope.bounds import reflectance_bounds, widening
-from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
+from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 
 NM = np.linspace(400, 700, 13)
 # HiGHS keeps every constraint to 1e-7; small pivots of these cameras enlarge that less than ten
@@ -39,7 +39,7 @@ def test_a_coefficient_seen_alone_is_bounded_by_its_noise():
 @pytest.mark.parametrize("coefficients", [5, 9, 21])
 def test_every_draw_lies_within_the_bounds(coefficients):
     operator, basis = grey(coefficients), basis_matrix(NM, coefficients)
-    spectra = sample_spectra(operator, 2_000, seed=1).coefficients @ basis.T
+    spectra = sample_polytope(operator, 2_000, seed=1).coefficients @ basis.T
     lower, upper = reflectance_bounds(operator, basis)
     assert np.all(spectra > lower - SOLVER)
     assert np.all(spectra < upper + SOLVER)
@@ -47,7 +47,7 @@ def test_every_draw_lies_within_the_bounds(coefficients):
 
 def test_draws_come_close_to_the_bounds():
     operator, basis = grey(5), basis_matrix(NM, 5)
-    spectra = sample_spectra(operator, 20_000, seed=1).coefficients @ basis.T
+    spectra = sample_polytope(operator, 20_000, seed=1).coefficients @ basis.T
     lower, upper = reflectance_bounds(operator, basis)
     # With two free directions the corner of a polygon is missed by a few 1/sqrt(draws) of the
     # width: 5 %.
@@ -56,7 +56,7 @@ def test_draws_come_close_to_the_bounds():
 
 def test_draws_whose_noise_lies_in_the_ellipsoid_lie_within_the_bounds():
     operator, basis = grey(9, error=0.02), basis_matrix(NM, 9)
-    c = sample_spectra(operator, 2_000, seed=1).coefficients
+    c = sample_polytope(operator, 2_000, seed=1).coefficients
     chi_square = (((c @ operator.A.T - operator.y) / 0.02)**2).sum(axis=1)
     spectra = c[chi_square < chi2.ppf(0.95, 3)] @ basis.T
     lower, upper = reflectance_bounds(operator, basis)

@@ -8,13 +8,14 @@ from scipy import stats
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.radiometry.records import Outcome
 from spectrabox.sampling.polytope.bounds import reflectance_bounds
-from spectrabox.sampling.polytope.circuit_hit_and_run import METHOD, sample_in_bulk
+from spectrabox.sampling.polytope.circuit_hit_and_run import sample_in_bulk
 from spectrabox.sampling.polytope.circuits import design, find_circuits, schedule
 from spectrabox.sampling.polytope.diagnostics import diagnose, refuse_poor
 from spectrabox.sampling.polytope.simplex_bounds import DONE, exact_bounds, walk
 from spectrabox.sampling.polytope.tilt import max_entropy_tilt
-from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
+from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 
 SIGNIFICANCE = 1e-4
 NM = np.linspace(400, 700, 61)
@@ -45,12 +46,12 @@ def test_a_schedule_moves_every_coefficient(coefficients):
 def test_bulk_draws_follow_the_law_of_independent_ones(bands, coefficients):
     operator, basis = grey(coefficients, bands=bands), basis_matrix(NM[::6], coefficients)
     bulk = sample_in_bulk(operator, DRAWS, seed=1)
-    reference = sample_spectra(operator, DRAWS if bands == 3 else 4000, seed=2)
+    reference = sample_polytope(operator, DRAWS if bands == 3 else 4000, seed=2)
     p = [stats.ks_2samp(a, b).pvalue for a, b in zip((bulk.coefficients @ basis.T).T,
                                                      (reference.coefficients @ basis.T).T,
                                                      strict=True)]
     assert min(p) > SIGNIFICANCE / len(p)
-    assert bulk.method == METHOD
+    assert bulk.outcome is Outcome.EXACT
 
 
 @pytest.mark.parametrize("coefficients", [5, 13, 31])

@@ -7,6 +7,7 @@ from sampling_cameras import camera, grey, measurement, response, seen, surface
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.radiometry.records import Outcome
 from spectrabox.sampling.error_budget import METAMERISM, error_budget, sensitivity_covariance
 from spectrabox.sampling.further.conditioning import Reading, condition, same_material
 from spectrabox.sampling.further.planner import (
@@ -23,7 +24,7 @@ from spectrabox.sampling.judge.scores import (
     spectral_angle,
     winkler_score,
 )
-from spectrabox.sampling.methods import draw_spectra, into_reach
+from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.polytope.refinement import (
     choose_coefficients,
     lifting,
@@ -34,6 +35,7 @@ from spectrabox.sampling.polytope.refinement import (
 from spectrabox.sampling.prior.mixture import GRID, load_prior
 from spectrabox.sampling.prior.posterior import posterior, with_floor
 from spectrabox.sampling.published.ranking import best_by_readings, best_by_signals
+from spectrabox.sampling.uniform import into_reach
 
 TRUTH = surface(GRID.nm, 7)
 
@@ -85,7 +87,7 @@ def test_patches_that_are_not_one_material_are_an_error():
 
 def test_another_camera_adds_bands():
     joined = same_material([seen(TRUTH, 0.01), seen(TRUTH, 0.01, bands=4)])
-    assert joined.response.shape == (7, 61)
+    assert joined.relative_response.shape == (7, 61)
     assert joined.noise_covariance[:3, 3:].max() == 0
 
 
@@ -134,10 +136,10 @@ def test_the_budget_adds_up_to_the_posterior_variance():
     prior = load_prior()
     causes = {"photo noise": 1e-4 * np.eye(3), "light": 4e-4 * np.ones((3, 3))}
     measured = seen(TRUTH)
-    measured = type(measured)(measured.grid, measured.response, measured.signal,
+    measured = type(measured)(measured.grid, measured.relative_response, measured.signal,
                               sum(causes.values()))
     budget = error_budget(prior, measured, causes)
-    found = posterior(prior, measured.response, measured.signal[None], measured.noise_covariance)
+    found = posterior(prior, measured.relative_response, measured.signal[None], measured.noise_covariance)
     index = int(np.argmax(found.weights[0]))
     p = 1 / (1 + np.exp(-found.logits[index, 0]))
     # Joseph's form is exact; the filter stops when a logit moves by less than 1e-6.
@@ -214,7 +216,8 @@ def test_residual_directions_are_unseen_and_new():
 def test_refined_draws_keep_the_signal_and_the_box():
     grid, matrix = response(3)
     operator = measurement(matrix @ basis_matrix(grid.nm, 7), matrix @ surface(grid.nm, 2))
-    samples = sample_refined(matrix, grid.nm, operator, 15, 300, seed=1)
+    measured = seen(surface(grid.nm, 2))
+    samples = sample_refined(measured, operator, 15, 300, seed=1)
     np.testing.assert_allclose(samples.coefficients @ (matrix @ basis_matrix(grid.nm, 15)).T,
                                # lifting to 1e-12, twenty moves
                                np.tile(operator.y, (300, 1)), atol=1e-9)
@@ -245,7 +248,7 @@ def test_an_unreachable_signal_is_moved_by_what_is_said():
     assert into_reach(grey(7))[1] == 0
     samples = draw_spectra(type(seen(TRUTH))(GRID, response(3)[1], np.array([0.05, 0.95, 0.05]),
                                              np.zeros((3, 3))), "uniform", 100, 0, 7)
-    assert "it was moved by up to" in samples.outcome
+    assert samples.outcome is Outcome.MOVED and "it was moved by up to" in samples.sentence
 
 
 def test_an_unknown_method_is_an_error():

@@ -9,7 +9,7 @@ from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import LightTransport, Outcome
 from spectrabox.sampling.polytope.diagnostics import tail_shape
 from spectrabox.sampling.prior.mixture import GRID, load_prior, reflectance
-from spectrabox.sampling.scene.draws import DISAGREES, THROUGH_TRANSPORT, draw_scene, shared_errors
+from spectrabox.sampling.scene.draws import draw_scene, shared_errors
 from spectrabox.sampling.scene.labels import find_modes, near_labels
 from spectrabox.sampling.scene.posterior import (
     climb,
@@ -217,12 +217,12 @@ def test_a_scene_is_drawn_with_its_shared_errors_or_said_to_disagree(prior):
     common = shared_errors(signal * wrong, 2.5e-3 * np.eye(3), 0, np.arange(40) // 20, 0.05)
     samples = draw_scene(transport, signal * wrong, noise, matrix, 1000, 1, prior, common=common)
     assert set(samples) == {"a", "b"}
-    assert samples["a"].outcome == THROUGH_TRANSPORT and samples["a"].effective_samples >= 1000
+    assert samples["a"].outcome is Outcome.THROUGH_TRANSPORT and samples["a"].effective_samples >= 1000
     assert samples["a"].coefficients.shape == (1000, 13)
     lower, upper = np.quantile([samples[name].spectra for name in "ab"], [0.005, 0.995], axis=1)
     assert np.mean((truth >= lower) & (truth <= upper)) > 0.9
     unstated = draw_scene(transport, signal * wrong, noise, matrix, 1000, 1, prior)
-    assert unstated["a"].outcome == DISAGREES
+    assert unstated["a"].outcome is Outcome.DISAGREES
 
 
 def test_one_gaussian_has_the_moments_of_the_mixture(prior):

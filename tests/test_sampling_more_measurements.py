@@ -9,11 +9,12 @@ from sampling_cameras import surface
 from typer.testing import CliRunner
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.further.more_measurements import joined
 from spectrabox.sampling.further.self_reflection import given_reflected_twice
-from spectrabox.sampling.measurement import SpectralMeasurement, SpectralSamples
+from spectrabox.sampling.measurement import spline_operator
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.sampling.published.options import refined_as_published
 from spectrabox.session.cli import app
@@ -225,7 +226,7 @@ def test_weighting_by_light_reflected_twice_is_bayes_rule():
     ones = np.ones((1, 61)) / 61
     levels = np.array([0.5, 0.6])
     spectra = levels[:, None] * np.ones((2, 61))
-    samples = SpectralSamples(GRID, spectra, np.zeros((2, 5)), "m", 2.0, 0, "o")
+    samples = SpectrumSamples(GRID, spectra, np.zeros((2, 5)), "m", 2.0, 0, "o")
     away = 0.36 - 0.25
     variance = away**2 / (2 * np.log(4))    # the second draw is then 4 times less likely
     twice = SpectralMeasurement(GRID, ones, np.array([0.25]), np.array([[variance - 1e-6]]))
@@ -262,8 +263,7 @@ def test_ranking_by_light_reflected_twice_is_the_papers_eq_10():
     options = ("--method", "paper", "--coefficients", 7, "--samples", 4000, "--signal", signal())
     ranked, every = (run("sample", *options, *more)
                      for more in (("--twice", signal(power=2), "--keep", 1000), ()))
-    response5 = relative_response(CAMERA, LIGHT, FINE) @ np.array([np.interp(FINE.nm, GRID.nm, unit)
-                                                                   for unit in np.eye(61)]).T
+    response5 = relative_response(CAMERA, LIGHT, FINE) @ interpolation_matrix(GRID.nm, FINE.nm)
     wanted = np.array([float(part) for part in signal(power=2).split(",")])
     # The mean of the kept draws need not be nearest, but their spread must have fallen.
     assert width(ranked) < width(every)
@@ -273,7 +273,7 @@ def test_ranking_by_light_reflected_twice_is_the_papers_eq_10():
 def test_refining_as_published_keeps_the_signal_and_is_narrower():
     measurement = measurement_of_signal(response(), response() @ TRUTH, None, None)
     literal = refined_as_published(measurement, 7, 15, 500, 1)
-    fitted = measurement.operator(15)
+    fitted = spline_operator(measurement, 15)
     # Knot insertion is exact and the residual directions are unseen: what the start misses is
     # bounded least squares'.
     np.testing.assert_allclose(literal.coefficients @ fitted.A.T - fitted.y, 0, atol=1e-6)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.errors import CalibrationError
-from spectrabox.radiometry.records import MeasurementOperator
+from spectrabox.sampling.measurement import MeasurementOperator
 from spectrabox.sampling.polytope.null_space import null_space
 
 EPS = np.finfo(float).eps

@@ -11,13 +11,10 @@ from sampling_cameras import seen, surface
 from scipy import stats
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.measurement import (
-    SpectralMeasurement,
-    linear_between,
-    nearest_splines,
-    summarise_spectra,
-)
-from spectrabox.sampling.prior.draws import FAMILIAR, OUT_OF_REACH, UNFAMILIAR, sample_prior
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records import Outcome, SpectralMeasurement
+from spectrabox.sampling.measurement import nearest_splines, response_on
+from spectrabox.sampling.prior.draws import sample_prior
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import (
     GRID,
@@ -37,6 +34,7 @@ from spectrabox.sampling.prior.posterior import (
 )
 from spectrabox.sampling.prior.smoothness import smoothness_prior
 from spectrabox.sampling.prior.training import enriched, fit_mixture, judge, train
+from spectrabox.sampling.summary import summarise
 
 SIGNIFICANCE = 1e-4
 
@@ -107,8 +105,8 @@ def test_a_component_far_from_zero_and_one_gives_the_linear_answer():
                           np.array([0.5, 0.99]), np.ones(2), 1.0, np.inf, "test")
     measured = seen(np.full(61, 0.5), 0.002)
     signal = measured.signal + np.array([1e-5, -2e-5, 1e-5])
-    found = posterior(narrow, measured.response, signal[None], measured.noise_covariance)
-    slope = measured.response / 4
+    found = posterior(narrow, measured.relative_response, signal[None], measured.noise_covariance)
+    slope = measured.relative_response / 4
     Q = slope @ covariance @ slope.T + (0.002**2 + 0.001**2) * np.eye(3)
     expected = covariance @ slope.T @ np.linalg.solve(Q, signal - 0.5)
     # The curvature of the logit enters with the square of a spread of 1e-4.
@@ -117,7 +115,7 @@ def test_a_component_far_from_zero_and_one_gives_the_linear_answer():
 
 def test_quantiles_of_the_mixture_have_their_probability(prior):
     measured = seen(surface(GRID.nm, 3))
-    found = posterior(prior, measured.response, measured.signal[None], measured.noise_covariance)
+    found = posterior(prior, measured.relative_response, measured.signal[None], measured.noise_covariance)
     at = mixture_quantile(found, 0.9)
     below = np.einsum("tc,ctp->tp", found.weights,
                       stats.norm.cdf((at - found.logits) / np.sqrt(found.variances)))
@@ -127,20 +125,20 @@ def test_quantiles_of_the_mixture_have_their_probability(prior):
 def test_draws_reproduce_the_signal_and_stay_between_zero_and_one(prior):
     for seed in range(5):
         measured = seen(surface(GRID.nm, seed))
-        samples = sample_prior(measured, 500, seed, prior)
+        samples = sample_prior(measured, 500, seed, prior=prior)
         # Newton stops at 1e-10 of white.
-        np.testing.assert_allclose(samples.spectra @ measured.response.T,
+        np.testing.assert_allclose(samples.spectra @ measured.relative_response.T,
                                    np.tile(measured.signal, (500, 1)), atol=1e-9)
         assert samples.spectra.min() > 0
         assert samples.spectra.max() < 1
-        assert samples.outcome == FAMILIAR
+        assert samples.outcome is Outcome.FAMILIAR
 
 
 def test_noisy_signals_are_met_within_their_noise(prior):
     error = 0.01
     measured = seen(surface(GRID.nm, 4), error)
-    samples = sample_prior(measured, 4000, 1, prior)
-    z = (samples.spectra @ measured.response.T - measured.signal) / error
+    samples = sample_prior(measured, 4000, 1, prior=prior)
+    z = (samples.spectra @ measured.relative_response.T - measured.signal) / error
     # The posterior of the noise is narrower than the noise itself, and it does not vanish.
     assert np.all(z.std(axis=0) < 1.1)
     assert np.all(z.std(axis=0) > 0.05)
@@ -148,15 +146,15 @@ def test_noisy_signals_are_met_within_their_noise(prior):
 
 def test_a_seed_gives_the_same_draws_and_another_gives_others(prior):
     measured = seen(surface(GRID.nm, 1))
-    first, same, other = (sample_prior(measured, 3000, seed, prior).spectra for seed in (5, 5, 6))
+    first, same, other = (sample_prior(measured, 3000, seed, prior=prior).spectra for seed in (5, 5, 6))
     np.testing.assert_array_equal(first, same)
     assert not np.any(np.all(first == other, axis=1))
 
 
 def test_draws_are_as_wide_as_the_calibrated_band(prior):
     measured = seen(surface(GRID.nm, 2))
-    spectra = sample_prior(measured, 20_000, 1, prior).spectra
-    found = posterior(prior, measured.response, measured.signal[None], measured.noise_covariance)
+    spectra = sample_prior(measured, 20_000, 1, prior=prior).spectra
+    found = posterior(prior, measured.relative_response, measured.signal[None], measured.noise_covariance)
     mean, _ = mean_and_spread(found)
     lower, upper = central_band(found, 0.95)
     width = np.diff(np.quantile(spectra, [0.025, 0.975], axis=0), axis=0)[0]
@@ -173,7 +171,7 @@ def test_bands_hold_truths_drawn_from_the_prior_itself(prior):
     component = rng.choice(prior.weights.size, 400, p=prior.weights)
     truth = reflectance(np.array([rng.multivariate_normal(prior.means[c], prior.covariances[c])
                                   for c in component]))
-    held = np.mean(judge(plain, "own", seen(truth[0]).response, truth).scores[3] <= 1, axis=1)
+    held = np.mean(judge(plain, "own", seen(truth[0]).relative_response, truth).scores[3] <= 1, axis=1)
     error = held.std() / np.sqrt(held.size)
     # Two-sided at 1e-4, curves being independent, plus 0.02 for Laplace's approximation, measured
     # on 4000 curves.
@@ -183,19 +181,19 @@ def test_bands_hold_truths_drawn_from_the_prior_itself(prior):
 def test_strange_signals_are_said_to_be_strange(prior):
     stripes = np.where(np.arange(61) // 8 % 2, 0.95, 0.03)
     comb = seen(stripes)
-    odd = SpectralMeasurement(comb.grid, comb.response, np.array([0.6, 0.13, 0.6]),
+    odd = SpectralMeasurement(comb.grid, comb.relative_response, np.array([0.6, 0.13, 0.6]),
                               comb.noise_covariance)
-    samples = sample_prior(odd, 200, 0, prior)
-    assert samples.outcome == UNFAMILIAR
+    samples = sample_prior(odd, 200, 0, prior=prior)
+    assert samples.outcome is Outcome.UNFAMILIAR
     assert samples.method == "smoothness prior"
-    beyond = SpectralMeasurement(comb.grid, comb.response, np.array([0.1, 1.3, 0.1]),
+    beyond = SpectralMeasurement(comb.grid, comb.relative_response, np.array([0.1, 1.3, 0.1]),
                                  comb.noise_covariance)
-    assert sample_prior(beyond, 200, 0, prior).outcome == OUT_OF_REACH
+    assert sample_prior(beyond, 200, 0, prior=prior).outcome is Outcome.OUT_OF_REACH
 
 
 def test_the_smoothness_prior_is_wider_than_the_learnt_one(prior):
     measured = seen(surface(GRID.nm, 5))
-    learnt, smooth = (sample_prior(measured, 2000, 0, one).spectra
+    learnt, smooth = (sample_prior(measured, 2000, 0, prior=one).spectra
                       for one in (prior, smoothness_prior()))
     assert np.ptp(smooth, axis=0).mean() > np.ptp(learnt, axis=0).mean()
 
@@ -205,12 +203,12 @@ def test_the_smoothness_prior_is_wider_than_the_learnt_one(prior):
                               "signal of the measurement holds numbers that are not finite"),
                              ({"noise_covariance": -np.eye(3)},
                               "not symmetric positive semi-definite"),
-                             ({"response": np.vstack([seen(np.ones(61)).response[[0, 1, 1]]])},
+                             ({"relative_response": np.vstack([seen(np.ones(61)).relative_response[[0, 1, 1]]])},
                               "two bands respond alike"),
                              ])
 def test_bad_measurements_are_errors(prior, change, message):
     with pytest.raises(InputError, match=message):
-        sample_prior(replace(seen(np.full(61, 0.4)), **change), 10, 0, prior)
+        sample_prior(replace(seen(np.full(61, 0.4)), **change), 10, 0, prior=prior)
 
 
 def test_no_draws_are_an_error(prior):
@@ -234,14 +232,14 @@ def test_splines_fitted_to_draws_are_optimal():
 def test_integration_at_1_nm_of_lines_at_5_nm_is_kept():
     measured = seen(np.ones(301), step_nm=1)
     coarse = surface(GRID.nm, 1)
-    fine = linear_between(GRID, measured.grid) @ coarse
-    np.testing.assert_allclose(measured.response_on(GRID) @ coarse, measured.response @ fine,
+    fine = interpolation_matrix(GRID.nm, measured.grid.nm) @ coarse
+    np.testing.assert_allclose(response_on(measured, GRID) @ coarse, measured.relative_response @ fine,
                                atol=1e-14)
 
 
 def test_a_summary_says_what_it_is_conditional_on(prior):
     measured = seen(surface(GRID.nm, 1))
-    summary = summarise_spectra(sample_prior(measured, 1000, 0, prior), measured)
+    summary = summarise(sample_prior(measured, 1000, 0, prior=prior), measured)
     assert "learnt prior" in summary.conditional_on
     assert np.all(summary.lower <= summary.mean) and np.all(summary.mean <= summary.upper)
 
@@ -250,7 +248,7 @@ def test_a_summary_says_what_it_is_conditional_on(prior):
 
 def test_training_calibrates_on_what_was_left_out():
     libraries = [library("one", 1), library("two", 2), library("three", 3)]
-    response = seen(np.ones(61)).response
+    response = seen(np.ones(61)).relative_response
     prior, judged = train(libraries, response, components=2)
     assert [one.name for one in judged] == ["one", "two", "three"]
     place = list(prior.levels).index(0.95)
@@ -275,7 +273,7 @@ def test_enriched_spectra_stay_reflectances():
 
 def test_too_little_to_learn_from_is_an_error():
     with pytest.raises(InputError, match="give at least two folders"):
-        train([library("one", 1)], seen(np.ones(61)).response)
+        train([library("one", 1)], seen(np.ones(61)).relative_response)
     with pytest.raises(InputError, match="20 reflectances are too few"):
         fit_mixture(library("one", 1, 20).reflectances)
     with pytest.raises(InputError, match=r"\(n, 61\) is needed"):

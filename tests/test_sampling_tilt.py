@@ -7,7 +7,7 @@ from sampling_cameras import camera, measurement
 from scipy.integrate import quad
 
 from spectrabox.radiometry.errors import CalibrationError, ConvergenceError, InputError
-from spectrabox.radiometry.records import MeasurementOperator
+from spectrabox.sampling.measurement import MeasurementOperator
 from spectrabox.sampling.polytope.tilt import (
     GRADIENT_ATOL,
     SERIES_BELOW,

@@ -8,7 +8,7 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.colour_upsampling import METHODS, observer_response, upsampled
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as shipped_reflectances
-from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
+from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.prior.mixture import GRID, load_prior
 from spectrabox.sampling.prior.tables import (
     build_table,
@@ -31,7 +31,7 @@ def table():
 def test_the_table_is_exact_at_its_points(table):
     signals = lattice(7)[[3, 4, 2], [3, 3, 2], [2, 3, 3]]
     mean, spread = uplift_pixels(table, signals)
-    direct_mean, direct_spread = uplift_directly(load_prior(), table.response, signals)
+    direct_mean, direct_spread = uplift_directly(load_prior(), table.relative_response, signals)
     # Single precision of the table and of the place in it, times slopes of the table of order 6.
     np.testing.assert_allclose(mean, direct_mean, atol=1e-4)
     np.testing.assert_allclose(spread, direct_spread, atol=1e-4)
@@ -44,7 +44,7 @@ def test_greys_are_on_the_lattice_but_for_their_level():
 
 
 def test_between_its_points_the_table_says_how_far_off_it_is(table):
-    signals = np.array([table.response @ surface(GRID.nm, seed) for seed in range(10)])
+    signals = np.array([table.relative_response @ surface(GRID.nm, seed) for seed in range(10)])
     errors = table_error(table, load_prior(), signals)
     assert 0 < errors["mean"] < 0.1
 
@@ -93,7 +93,7 @@ def test_greedy_draws_keep_the_signal_and_are_not_uniform():
     np.testing.assert_allclose(draws @ operator.A.T, np.tile(operator.y, (len(draws), 1)),
                                atol=1e-9)
     assert 0 < share < 1
-    exact = sample_spectra(operator, 5000, 2).coefficients @ basis.T
+    exact = sample_polytope(operator, 5000, 2).coefficients @ basis.T
     p = [stats.ks_2samp(a, b).pvalue for a, b in zip((draws @ basis.T).T, exact.T, strict=True)]
     assert min(p) < 1e-10  # a difference that no chance explains
 

@@ -17,13 +17,18 @@ import numpy as np
 
 from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.records import LightScale, LinearImage, Reconstruction
+from spectrabox.radiometry.records import (
+    LightScale,
+    LinearImage,
+    Reconstruction,
+    SpectralMeasurement,
+)
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.problem import MaterialSpec, View
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.shape.shape import wearing
-from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.measurement import spline_operator
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.published.per_axis_box import sample_per_axis
 from spectrabox.sampling.published.ranking import best_by_readings
@@ -54,8 +59,8 @@ def main() -> None:
     as_published, ours = (SpectralMeasurement(GRID, camera_response(), answer.signal[0],
                                               np.zeros((3, 3)))
                           for answer in found)
-    box = sample_per_axis(as_published.operator(COEFFICIENTS), np.clip(found[0].coefficients[0], 0,
-                                                                       1), DRAWS, 0)
+    box = sample_per_axis(spline_operator(as_published, COEFFICIENTS),
+                          np.clip(found[0].coefficients[0], 0, 1), DRAWS, 0)
     spectra = box.coefficients @ basis_matrix(PRIOR_GRID.nm, COEFFICIENTS).T
     best = best_by_readings(spectra, np.array([0, 60]), np.interp((400.0, 700.0), GRID.nm, truth),
                             KEPT)

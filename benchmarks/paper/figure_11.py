@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra.spectrum_files import (
     SpectralTable,
     on_grid,
@@ -30,7 +30,6 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     read_table,
     spectrum_on_grid,
 )
-from spectrabox.sampling.measurement import SpectralMeasurement
 from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.mixture import GRID
 

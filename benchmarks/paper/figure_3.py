@@ -14,10 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import LightTransport
+from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.records import LightTransport, SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
-from spectrabox.sampling.measurement import SpectralMeasurement, linear_between
 from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.mixture import GRID, load_prior
 from spectrabox.sampling.published.ranking import best_by_signals
@@ -94,7 +93,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     response = relative_response("CIE 1931 2 Degree Standard Observer", "D65",
-                                 FINE) @ linear_between(GRID, FINE)
+                                 FINE) @ interpolation_matrix(GRID.nm, FINE.nm)
     chart = np.clip(test_reflectances(GRID)["BabelColor Average"], 0.002, 0.998)
     found: dict[tuple[str, str], list[tuple[float, ...]]] = {}
     shown: dict[str, np.ndarray] = {}

@@ -21,13 +21,12 @@ import numpy as np
 
 from spectrabox.fixtures.object_views import cameras, view_xml
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import LightScale
+from spectrabox.radiometry.records import LightScale, SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.problem import MaterialSpec
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.sampling.further.conditioning import Reading, condition
-from spectrabox.sampling.measurement import SpectralMeasurement
 from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID

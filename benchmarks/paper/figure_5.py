@@ -13,13 +13,13 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import MeasurementOperator
+from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
-from spectrabox.sampling.measurement import SpectralMeasurement
-from spectrabox.sampling.methods import into_reach
+from spectrabox.sampling.measurement import spline_operator
 from spectrabox.sampling.polytope.refinement import sample_refined
-from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
+from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.published.options import refined_as_published
+from spectrabox.sampling.uniform import into_reach
 
 FINE = visible_grid(1)
 NM = FINE.nm[::5]
@@ -64,18 +64,15 @@ def main() -> None:
                                                               "refined": [],
                                                               "fine": []}
         for index, truth in enumerate(truths):
-            measured = {count: into_reach(MeasurementOperator(response @ basis_matrix(FINE.nm,
-                                                                                      count),
-                                                              response @ truth,
-                                                              np.zeros((3, 3))))[0]
-                        for count in (coarse, fine)}
             exact = SpectralMeasurement(FINE, response, response @ truth, np.zeros((3, 3)))
-            draws = {"coarse": sample_spectra(measured[coarse], arguments.draws, 0).coefficients,
+            measured = {count: into_reach(spline_operator(exact, count))[0]
+                        for count in (coarse, fine)}
+            draws = {"coarse": sample_polytope(measured[coarse], arguments.draws, 0).coefficients,
                      "as published": refined_as_published(exact, coarse, fine, arguments.draws,
                                                           0).coefficients,
-                     "refined": sample_refined(response, FINE.nm, measured[coarse], fine,
-                                               arguments.draws, 0).coefficients,
-                     "fine": sample_spectra(measured[fine], arguments.draws, 0).coefficients}
+                     "refined": sample_refined(exact, measured[coarse], fine, arguments.draws,
+                                               0).coefficients,
+                     "fine": sample_polytope(measured[fine], arguments.draws, 0).coefficients}
             for name, c in draws.items():
                 spectra = c @ basis_matrix(NM, c.shape[1]).T
                 if index == SHOWN:

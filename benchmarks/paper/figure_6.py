@@ -19,7 +19,7 @@ import numpy as np
 
 from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
-from spectrabox.radiometry.records import LightScale
+from spectrabox.radiometry.records import LightScale, SpectralMeasurement
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.problem import MaterialSpec, View, inverse_problems
 from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
@@ -31,7 +31,6 @@ from spectrabox.reconstruct.shape.shape import (
     silhouette,
     wearing,
 )
-from spectrabox.sampling.measurement import SpectralMeasurement
 from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import load_prior

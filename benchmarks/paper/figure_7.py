@@ -17,13 +17,11 @@ import numpy as np
 
 from spectrabox.fixtures.cornell_box import cornell_box_xml
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
-from spectrabox.radiometry.records import LightScale, LinearImage
+from spectrabox.radiometry.records import LightScale, LinearImage, Outcome, SpectralMeasurement
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.problem import MaterialSpec
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.sampling.measurement import SpectralMeasurement
 from spectrabox.sampling.methods import draw_spectra
-from spectrabox.sampling.prior.draws import FAMILIAR
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import load_prior
 
@@ -107,8 +105,8 @@ def sampled(response: np.ndarray, signals: np.ndarray,
         measurement = SpectralMeasurement(GRID, response, signal, np.zeros((3, 3)))
         draws = draw_spectra(measurement, method, DRAWS, 0, COEFFICIENTS, load_prior())
         means.append(np.interp(GRID.nm, PRIOR_GRID.nm, draws.spectra.mean(axis=0)))
-        if method == "prior" and draws.outcome != FAMILIAR:
-            warnings[wall] = draws.outcome
+        if method == "prior" and draws.outcome is not Outcome.FAMILIAR:
+            warnings[wall] = draws.sentence
     return np.array(means), warnings
 
 

@@ -20,14 +20,13 @@ import numpy as np
 
 from spectrabox.fixtures.cornell_box import cornell_box_xml
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
-from spectrabox.radiometry.records import LightScale
+from spectrabox.radiometry.records import LightScale, SpectralMeasurement
 from spectrabox.reconstruct.engines.gradient import LEARNING_RATE, START, cosine_rate
 from spectrabox.reconstruct.engines.per_wavelength import VARIANT, monochrome_xml
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.problem import MaterialSpec, inverse_problem
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.sampling.measurement import SpectralMeasurement
 from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import load_prior

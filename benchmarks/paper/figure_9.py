@@ -22,12 +22,12 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.judge.cube_files import open_cube
 from spectrabox.sampling.judge.cube_regions import Region, read_regions
-from spectrabox.sampling.measurement import SpectralMeasurement, linear_between
 from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import GRID, load_prior
@@ -48,7 +48,7 @@ def fine_response() -> np.ndarray:
 
 def response() -> np.ndarray:
     """Response (3, 61)."""
-    return fine_response() @ linear_between(GRID, visible_grid(1))
+    return fine_response() @ interpolation_matrix(GRID.nm, visible_grid(1).nm)
 
 
 def signal_noise() -> np.ndarray:

@@ -14,8 +14,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import WavelengthGrid
-from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.radiometry.records import SpectralMeasurement, WavelengthGrid
 
 # chance of a disagreement as large as found, below which two readings contradict each other
 CONTRADICTION = 1e-6
@@ -100,11 +99,11 @@ def same_material(measurements: list[SpectralMeasurement]) -> SpectralMeasuremen
             "the measurements are on different wavelengths; put them on one grid first")
     joined = measurements[0]
     for one in measurements[1:]:
-        if one.response.shape == joined.response.shape and np.allclose(one.response,
-                                                                       joined.response, atol=1e-9):
+        if one.relative_response.shape == joined.relative_response.shape and np.allclose(one.relative_response,
+                                                                       joined.relative_response, atol=1e-9):
             joined = _averaged(joined, one)
         else:
-            joined = _stacked(joined, one.response, one.signal, one.noise_covariance)
+            joined = _stacked(joined, one.relative_response, one.signal, one.noise_covariance)
     return joined
 
 
@@ -144,7 +143,7 @@ def _averaged(first: SpectralMeasurement, second: SpectralMeasurement) -> Spectr
         raise InputError("two patches said to be the same material differ by "
                          f"{np.abs(difference).max():.3g} of white, far beyond their noise; they "
                          "are different materials, or the light on them differs")
-    return SpectralMeasurement(first.grid, first.response, first.signal + gain @ difference,
+    return SpectralMeasurement(first.grid, first.relative_response, first.signal + gain @ difference,
                                first.noise_covariance - gain @ first.noise_covariance)
 
 
@@ -153,5 +152,5 @@ def _stacked(measurement: SpectralMeasurement, rows: np.ndarray, values: np.ndar
     bands, more = len(measurement.signal), len(values)
     noise = np.zeros((bands + more, bands + more))
     noise[:bands, :bands], noise[bands:, bands:] = measurement.noise_covariance, covariance
-    return SpectralMeasurement(measurement.grid, np.vstack([measurement.response, rows]),
+    return SpectralMeasurement(measurement.grid, np.vstack([measurement.relative_response, rows]),
                                np.r_[measurement.signal, values], noise)

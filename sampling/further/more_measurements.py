@@ -14,13 +14,14 @@ from scipy.optimize import lsq_linear
 from scipy.stats import chi2
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.sampling.further.conditioning import (
     CONTRADICTION,
     Reading,
     condition,
     same_material,
 )
-from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.measurement import response_on
 from spectrabox.sampling.prior.draws import prior_spectra
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture
 from spectrabox.sampling.prior.posterior import with_floor
@@ -107,12 +108,12 @@ def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: Logi
 
 
 def _alike(first: SpectralMeasurement, second: SpectralMeasurement) -> bool:
-    return first.response.shape == second.response.shape and np.allclose(first.response,
-                                                                         second.response, atol=1e-9)
+    return first.relative_response.shape == second.relative_response.shape and np.allclose(first.relative_response,
+                                                                         second.relative_response, atol=1e-9)
 
 
 def _possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> bool:
-    parts = [(base.response_on(GRID), base.signal, base.noise_covariance),
+    parts = [(response_on(base, GRID), base.signal, base.noise_covariance),
              *(measured_rows(base, one) for one in more)]
     rows, misfit = [], []
     for part, values, covariance in parts:
@@ -124,15 +125,14 @@ def _possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> bool:
                                                                               y.size))
 
 
-def measured_rows(base: SpectralMeasurement, one: MoreMeasurement) -> tuple[np.ndarray, np.ndarray,
-                                                                            np.ndarray]:
+def measured_rows(base: SpectralMeasurement,
+                  more: MoreMeasurement) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows (J, 61) on the prior's wavelengths, values (J,) and covariance (J, J) of one more
     measurement.
     """
-    if one.measurement is not None:
-        return one.measurement.response_on(
-            GRID), one.measurement.signal, one.measurement.noise_covariance
-    only = condition(base, list(one.readings))
-    bands = len(base.signal)
-    return only.response_on(GRID)[bands:], only.signal[bands:], only.noise_covariance[bands:,
-                                                                                      bands:]
+    if more.measurement is not None:
+        photo = more.measurement
+        return response_on(photo, GRID), photo.signal, photo.noise_covariance
+    both, bands = condition(base, list(more.readings)), len(base.signal)
+    return (response_on(both, GRID)[bands:], both.signal[bands:],
+            both.noise_covariance[bands:, bands:])

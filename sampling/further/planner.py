@@ -55,10 +55,10 @@ def wavelength_candidates(grid: WavelengthGrid, step_nm: float = 10.0,
                       minutes) for nm in wanted]
 
 
-def photo_candidate(name: str, response: np.ndarray, minutes: float = PHOTO_MINUTES,
+def photo_candidate(name: str, relative_response: np.ndarray, minutes: float = PHOTO_MINUTES,
                     standard_error: float = PHOTO_ERROR) -> Candidate:
-    """Another photo, of response (K, P) with rows summing to 1, such as one under another light."""
-    return Candidate(name, response, standard_error, minutes)
+    """Another photo, of relative response (K, P), rows summing to 1, such as one under another light."""
+    return Candidate(name, relative_response, standard_error, minutes)
 
 
 def plan(spectra: np.ndarray, candidates: list[Candidate], steps: int = 3) -> list[PlannedStep]:

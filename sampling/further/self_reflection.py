@@ -11,7 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.sampling.measurement import SpectralMeasurement, SpectralSamples
+from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
+from spectrabox.sampling.measurement import response_on
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.sampling.prior.posterior import with_floor
 
@@ -23,13 +24,13 @@ def proposals_for(draws: int) -> int:
     return min(PROPOSALS_PER_DRAW * draws, max(MOST_PROPOSALS, draws))
 
 
-def given_reflected_twice(samples: SpectralSamples, twice: SpectralMeasurement,
-                          draws: int) -> SpectralSamples:
+def given_reflected_twice(samples: SpectrumSamples, twice: SpectralMeasurement,
+                          draws: int) -> SpectrumSamples:
     """Draws (T, 61) conditioned on the signal (K,) of light reflected twice, relative to white.
 
     Parameters
     ----------
-    samples : SpectralSamples
+    samples : SpectrumSamples
         Many, not conditioned on it.
     twice : SpectralMeasurement
         Its response, and the signal with its covariance; 0.1 % of white is always added.
@@ -37,10 +38,10 @@ def given_reflected_twice(samples: SpectralSamples, twice: SpectralMeasurement,
 
     Returns
     -------
-    SpectralSamples
+    SpectrumSamples
         ``effective_samples`` is that of the weights, at most ``draws``.
     """
-    away = samples.spectra**2 @ twice.response_on(GRID).T - twice.signal
+    away = samples.spectra**2 @ response_on(twice, GRID).T - twice.signal
     weights = np.einsum("tk,kl,tl->t", away, np.linalg.inv(with_floor(twice.noise_covariance)),
                         away)
     weights = np.exp(-0.5 * (weights - weights.min()))

@@ -66,14 +66,14 @@ class Certificate:
                 "for spectra like these; train a prior that includes some of them.")
 
 
-def certify(prior: LogitMixture, library: ReflectanceLibrary, response: np.ndarray,
+def certify(prior: LogitMixture, library: ReflectanceLibrary, relative_response: np.ndarray,
             noise: float = 0.0,
             seed: int = 0, lights: tuple[str, ...] = LIGHTS) -> Certificate:
     """Bands for the signals of every curve of a library, against the curve.
 
     Parameters
     ----------
-    response : (K, 61)
+    relative_response : (K, 61)
         Rows summing to 1.
     noise : float
         Relative standard error of the signals, also drawn into them.
@@ -96,9 +96,9 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, response: np.ndarr
     surprise = np.empty(len(truth))
     for start in range(0, len(truth), BATCH):
         rows = slice(start, start + BATCH)
-        clean = truth[rows] @ response.T
-        covariance = np.einsum("tk,kl->tkl", (noise * clean)**2, np.eye(len(response)))
-        found = posterior(prior, response, clean * (1 + noise * rng.standard_normal(clean.shape)),
+        clean = truth[rows] @ relative_response.T
+        covariance = np.einsum("tk,kl->tkl", (noise * clean)**2, np.eye(len(relative_response)))
+        found = posterior(prior, relative_response, clean * (1 + noise * rng.standard_normal(clean.shape)),
                           covariance)
         mean[rows], surprise[rows] = mean_and_spread(found)[0], found.surprise
         for level in LEVELS:

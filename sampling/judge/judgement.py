@@ -8,6 +8,7 @@ import numpy as np
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.sampling.judge.scores import (
     best_scale,
     coverage,
@@ -18,7 +19,7 @@ from spectrabox.sampling.judge.scores import (
     spectral_angle,
     winkler_score,
 )
-from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.measurement import spline_operator
 from spectrabox.sampling.methods import METHODS, draw_spectra
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture
 from spectrabox.sampling.published.baselines import baseline_spectra, greedy_draws
@@ -95,7 +96,7 @@ def baselines(measurement: SpectralMeasurement, draws: int, seed: int,
     """
     found: dict[str, tuple[np.ndarray, np.ndarray | None] | None] = {
         name: (spectrum, None) for name, spectrum in baseline_spectra(measurement).items()}
-    c, _ = greedy_draws(measurement.operator(coefficients), draws, seed)
+    c, _ = greedy_draws(spline_operator(measurement, coefficients), draws, seed)
     spectra = c @ basis_matrix(GRID.nm, coefficients).T
     return found | {GREEDY: (spectra.mean(axis=0), spectra) if len(spectra) else None}
 
@@ -106,7 +107,7 @@ def beside(measurement: SpectralMeasurement, nm: np.ndarray, truth: np.ndarray,
     """Our methods, and other authors', on one signal, judged against the truth (P,) at ``nm`` (P,)
     of the 61.
     """
-    found: dict[str, Any] = estimates(measurement, METHODS[::-1], draws, seed, coefficients, prior)
+    found: dict[str, Any] = estimates(measurement, tuple(METHODS)[::-1], draws, seed, coefficients, prior)
     if with_baselines:
         found |= baselines(measurement, draws, seed, coefficients)
     places = np.searchsorted(GRID.nm, nm)

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from spectrabox.radiometry.colour_science import colour_science
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import WavelengthGrid
-from spectrabox.radiometry.spectra.named_spectra import relative_response
-from spectrabox.sampling.measurement import linear_between
+from spectrabox.radiometry.spectra import named_spectra
 
 LIGHTS = ("D65", "A", "FL11")       # of colour differences: daylight, incandescent, narrow bands
 # chromaticity of X = Y = Z = 1: signals are relative to white in each band
@@ -98,9 +97,9 @@ def delta_e00_under(lights: Sequence[str], grid: WavelengthGrid, estimate: np.nd
     fine = visible_grid(1)
     found = {}
     for name in lights:
-        response = relative_response("CIE 1931 2 Degree Standard Observer", name,
-                                     fine) @ linear_between(grid, fine)
-        lab = [colour.XYZ_to_Lab(np.maximum(spectra @ response.T, 0),
+        relative_response = named_spectra.relative_response("CIE 1931 2 Degree Standard Observer", name,
+                                     fine) @ interpolation_matrix(grid.nm, fine.nm)
+        lab = [colour.XYZ_to_Lab(np.maximum(spectra @ relative_response.T, 0),
                                  EQUAL_WHITE) for spectra in (estimate, truth)]
         found[name] = np.asarray(colour.delta_E(*lab, method="CIE 2000"), dtype=float)
     return found

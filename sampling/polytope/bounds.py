@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 from scipy.stats import chi2
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import MeasurementOperator
+from spectrabox.sampling.measurement import MeasurementOperator
 from spectrabox.sampling.polytope.tilt import check_operator
 
 LP_ATOL = 1e-7  # the solver's tolerance on every constraint

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import MeasurementOperator, Outcome, SpectrumSamples
+from spectrabox.radiometry.records import Outcome
+from spectrabox.sampling.measurement import CoefficientDraws, MeasurementOperator
 from spectrabox.sampling.polytope.circuits import (
     Circuits,
     design,
@@ -29,7 +30,7 @@ SEED_LIMIT = 2**32 - 1
 
 
 def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int, steps: int | None = None,
-                   parallel: bool = True) -> SpectrumSamples:
+                   parallel: bool = True) -> CoefficientDraws:
     """Draw from {A c = y, 0 <= c <= 1} uniformly, many at a time.
 
     Parameters
@@ -46,7 +47,7 @@ def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int, steps: 
     Raises
     ------
     InputError
-        For a signal with noise: use `sample_spectra`.
+        For a signal with noise: use `sample_polytope`.
     ConvergenceError
         If the signal is out of reach, or the draws have not mixed.
     """
@@ -62,8 +63,7 @@ def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int, steps: 
     diagnosis = diagnose(begun, coefficients)
     if draws >= STARTS:
         refuse_poor(diagnosis, draws)
-    return SpectrumSamples(coefficients, None, METHOD, 1.0, diagnosis.effective_samples, seed,
-                           Outcome.EXACT)
+    return CoefficientDraws(coefficients, 1.0, diagnosis.effective_samples, Outcome.EXACT)
 
 
 def plan_moves(operator: MeasurementOperator, tilt: Tilt, rng: np.random.Generator,

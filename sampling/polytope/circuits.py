@@ -17,11 +17,11 @@ import numpy as np
 from spectrabox.sampling.polytope.tilt import tilt_moments
 from spectrabox.sampling.polytope.tilted_rejection import draw_tilted
 
-MOST_CIRCUITS = 500         # candidates; all 5985 of N = 21 mix no better
+MAX_CIRCUITS = 500         # candidates; all 5985 of N = 21 mix no better
 PSEUDO_SAMPLES = 50         # tilted points at which the lengths of moves are measured
 ITERATIONS = 20  # of the multiplicative algorithm; more does not make the draws mix better
 TINY = 1e-6  # a component of a circuit below this is set to it, or the division by it overflows
-FEWEST_VISITS = 3           # of every coefficient: a schedule by chance alone once left one unmoved
+MIN_VISITS = 3           # of every coefficient: a schedule by chance alone once left one unmoved
 
 # Steps after which the start is forgotten to a canonical correlation of about 0.05 (three bands),
 # by N.
@@ -39,10 +39,10 @@ class Circuits:
 def find_circuits(A: np.ndarray, rng: np.random.Generator) -> Circuits:
     """All circuits of A (K, N), or 500 chosen at random where there are more."""
     bands, coefficients = A.shape
-    if comb(coefficients, bands + 1) <= MOST_CIRCUITS:
+    if comb(coefficients, bands + 1) <= MAX_CIRCUITS:
         members = np.array(list(itertools.combinations(range(coefficients), bands + 1)))
     else:
-        order = np.argsort(rng.random((MOST_CIRCUITS, coefficients)), axis=1)[:, :bands + 1]
+        order = np.argsort(rng.random((MAX_CIRCUITS, coefficients)), axis=1)[:, :bands + 1]
         members = np.sort(order, axis=1)
     whitened = np.linalg.svd(A, full_matrices=False)[2]
     # By Cramer's rule the null vector of K x (K + 1) is made of its signed minors: cheaper than a
@@ -103,10 +103,10 @@ def schedule(circuits: Circuits, probabilities: np.ndarray, steps: int, coeffici
     large = np.abs(circuits.components) > 0.3
     np.add.at(visits, circuits.members[chosen][large[chosen]], 1)
     extra = []
-    for coefficient in np.flatnonzero(visits < FEWEST_VISITS):
+    for coefficient in np.flatnonzero(visits < MIN_VISITS):
         touching = np.flatnonzero(np.any((circuits.members == coefficient) & large, axis=1))
         if touching.size:
-            extra.append(rng.choice(touching, FEWEST_VISITS - visits[coefficient]))
+            extra.append(rng.choice(touching, MIN_VISITS - visits[coefficient]))
     return rng.permutation(np.concatenate([chosen, *extra]))
 
 

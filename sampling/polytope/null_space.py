@@ -4,13 +4,26 @@ Bounds on the coefficients are not handled here; see tilted_rejection.py.
 """
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
 import numpy as np
 
 from spectrabox.radiometry.errors import CalibrationError
-from spectrabox.radiometry.records import MeasurementOperator, NullSpace
+from spectrabox.radiometry.shaped import Record
+from spectrabox.sampling.measurement import MeasurementOperator
 
 # about sqrt(float64 eps): smaller singular values are round-off in A, not information
 RANK_RTOL = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class NullSpace(Record):
+    """Orthonormal directions in coefficient space that the camera cannot see (Eq. 5)."""
+
+    c0: Annotated[np.ndarray, "N"]
+    directions: Annotated[np.ndarray, "N D"]
+    singular_values: Annotated[np.ndarray, "K"]
 
 
 def null_space(operator: MeasurementOperator, c0: np.ndarray) -> NullSpace:

@@ -17,12 +17,14 @@ from scipy.linalg import null_space as scipy_null_space
 from spectrabox.radiometry.bspline import DEGREE, basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import MeasurementOperator, Outcome, SpectrumSamples
+from spectrabox.radiometry.records import Outcome, SpectralMeasurement
+from spectrabox.sampling.measurement import CoefficientDraws, MeasurementOperator, spline_operator
 from spectrabox.sampling.polytope.tilt import max_entropy_tilt, tilt_moments
-from spectrabox.sampling.polytope.tilted_rejection import sample_spectra
+from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 
 SWEEPS = 20         # of hit-and-run along the residual directions, per draw
 FINE = visible_grid(1)
+CANDIDATES = (5, 6, 7, 8, 9, 10, 11, 13, 15)    # numbers of coefficients
 
 
 def lifting(coarse: int, fine: int) -> np.ndarray:
@@ -52,20 +54,28 @@ def residual_directions(A_fine: np.ndarray, T: np.ndarray) -> np.ndarray:
     return complement @ scipy_null_space(seen)
 
 
-def sample_refined(response: np.ndarray, grid_nm: np.ndarray, operator: MeasurementOperator,
-                   fine: int, draws: int, seed: int) -> SpectrumSamples:
+def sample_refined(measurement: SpectralMeasurement, operator: MeasurementOperator, fine: int,
+                   draws: int, seed: int) -> CoefficientDraws:
     """Coarse draws of ``operator``, each refined to ``fine`` coefficients by its own residual draw.
 
     Parameters
     ----------
-    response : (K, P) and grid_nm : (P,)
-        Rows summing to 1, from which A of the fine basis is made.
+    measurement : SpectralMeasurement
+        From whose response A of the fine basis is made.
     operator : MeasurementOperator
-        In the coarse basis.
+        The same in the coarse basis, its signal moved into reach where need be.
+    fine : int
+        Coefficients of the fine basis, whose knots must nest the coarse ones.
+    draws, seed : int
+
+    Raises
+    ------
+    InputError
+        If the knots do not nest.
     """
     T = lifting(operator.A.shape[1], fine)
-    directions = residual_directions(response @ basis_matrix(grid_nm, fine), T)
-    coarse = sample_spectra(operator, draws, seed)
+    directions = residual_directions(spline_operator(measurement, fine).A, T)
+    coarse = sample_polytope(operator, draws, seed)
     c = np.clip(coarse.coefficients @ T.T, 0, 1)
     rng = np.random.default_rng(seed + 1)
     for _ in range(SWEEPS if directions.shape[1] else 0):
@@ -74,8 +84,7 @@ def sample_refined(response: np.ndarray, grid_nm: np.ndarray, operator: Measurem
         at_zero, at_one = -c / moves, (1 - c) / moves
         low, high = np.minimum(at_zero, at_one).max(axis=1), np.maximum(at_zero, at_one).min(axis=1)
         c = np.clip(c + (low + (high - low) * rng.random(draws))[:, None] * moves, 0, 1)
-    return SpectrumSamples(c, None, f"uniform, refined from {len(T[0])} to {fine} coefficients",
-                           coarse.acceptance, float(draws), seed, Outcome.CONVERGED)
+    return CoefficientDraws(c, coarse.acceptance, float(draws), Outcome.CONVERGED)
 
 
 def log_evidence(operator: MeasurementOperator) -> float:
@@ -93,11 +102,9 @@ def log_evidence(operator: MeasurementOperator) -> float:
                  - np.linalg.slogdet(2 * np.pi * spread)[1] / 2)
 
 
-def choose_coefficients(response: np.ndarray, grid_nm: np.ndarray, signals: np.ndarray,
-                        noise_covariance: np.ndarray, candidates: tuple[int, ...] = (5, 6, 7, 8, 9,
-                                                                                     10, 11, 13,
-                                                                                     15)) -> tuple[
-    int, dict[int, float]]:
+def choose_coefficients(relative_response: np.ndarray, grid_nm: np.ndarray, signals: np.ndarray,
+                        noise_covariance: np.ndarray,
+                        candidates: tuple[int, ...] = CANDIDATES) -> tuple[int, dict[int, float]]:
     """The N with the highest summed evidence over an image's signals (n, K), and the evidence of
     each.
 
@@ -108,7 +115,7 @@ def choose_coefficients(response: np.ndarray, grid_nm: np.ndarray, signals: np.n
     """
     scores = {}
     for count in candidates:
-        A = response @ basis_matrix(grid_nm, count)
+        A = relative_response @ basis_matrix(grid_nm, count)
         scores[count] = float(sum(log_evidence(MeasurementOperator(A, y, noise_covariance))
                                   for y in signals))
     best = max(scores, key=lambda count: scores[count])

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from spectrabox.radiometry.errors import ConvergenceError
-from spectrabox.radiometry.records import MeasurementOperator
+from spectrabox.sampling.measurement import MeasurementOperator
 from spectrabox.sampling.polytope.bounds import reflectance_bounds, signal_box
 from spectrabox.sampling.polytope.tilt import max_entropy_tilt
 

@@ -20,8 +20,9 @@ import numpy as np
 from scipy.optimize import linprog
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import MeasurementOperator
 from spectrabox.radiometry.shaped import Record
+from spectrabox.sampling.checks import check_noise
+from spectrabox.sampling.measurement import MeasurementOperator
 from spectrabox.sampling.polytope.null_space import null_space
 
 # |h| under which the closed forms lose digits and three terms of the series do not
@@ -120,13 +121,7 @@ def check_operator(operator: MeasurementOperator) -> None:
     if coefficients < bands:
         raise InputError(f"{bands} bands over-determine {coefficients} coefficients: nothing is "
                          f"left to sample; use at least {bands} coefficients")
-    covariance = operator.noise_covariance
-    # Round-off of a covariance that was computed as a product is a few eps of its largest entry.
-    atol = 1e-10 * np.abs(covariance).max()
-    if np.abs(covariance - covariance.T).max() > atol or np.linalg.eigvalsh(covariance)[0] < -atol:
-        raise InputError("the noise covariance is not symmetric positive semi-definite; state "
-                         "variances on the diagonal, or a covariance estimated from repeated "
-                         "readings")
+    check_noise(operator.noise_covariance)
     null_space(operator, np.full(coefficients, 0.5))
 
 

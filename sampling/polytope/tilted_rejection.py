@@ -35,15 +35,15 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.linalg import qr
-from scipy.optimize import lsq_linear
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import MeasurementOperator, Outcome, SpectrumSamples
+from spectrabox.radiometry.records import Outcome
+from spectrabox.sampling.measurement import CoefficientDraws, MeasurementOperator
 from spectrabox.sampling.polytope.tilt import Tilt, max_entropy_tilt, tilt_moments
 
 METHOD = "uniform (tilted rejection)"
 # proposals at once: larger arrays leave the cache and take twice as long
-SMALLEST_BLOCK, LARGEST_BLOCK = 1024, 4096
+MIN_BLOCK, MAX_BLOCK = 1024, 4096
 PATIENCE = 2_000_000    # proposals before a low acceptance is called hopeless
 HOPELESS = 1e-5         # acceptance: 1000 draws would take half a minute
 
@@ -51,9 +51,8 @@ HOPELESS = 1e-5         # acceptance: 1000 draws would take half a minute
 Propose = Callable[[int], np.ndarray]
 
 
-def sample_spectra(operator: MeasurementOperator, draws: int, seed: int,
-                   method: str = "uniform") -> SpectrumSamples:
-    """Draw coefficients from the posterior of one measurement, independently and exactly.
+def sample_polytope(operator: MeasurementOperator, draws: int, seed: int) -> CoefficientDraws:
+    """Coefficients drawn from the posterior of one measurement, independently and exactly.
 
     Parameters
     ----------
@@ -61,18 +60,15 @@ def sample_spectra(operator: MeasurementOperator, draws: int, seed: int,
         ``A`` (K, N), signal ``y`` (K,) relative to white, and its noise covariance; zeros for a
         hard equality.
     draws : int
-        T, number of spectra wanted.
+        T, number of draws wanted.
     seed : int
         Of the random generator; the same seed gives the same draws bit for bit.
-    method : str
-        "uniform", or "paper" for the published sampler from bounded least squares, for comparison.
-        The learnt prior needs spectra, not coefficients: `sampling.prior_draws.sample_prior`.
 
     Returns
     -------
-    SpectrumSamples
-        With coefficients (T, N) in [0, 1]. The outcome is ``Outcome.UNREACHABLE`` where no spectrum
-        of the class gives the signal without noise.
+    CoefficientDraws
+        The outcome is ``Outcome.UNREACHABLE`` where no spectrum of the class gives the signal
+        without noise.
 
     Raises
     ------
@@ -85,25 +81,11 @@ def sample_spectra(operator: MeasurementOperator, draws: int, seed: int,
         If the signal is out of reach and R does not cover it, or if the acceptance is below about
         1e-5.
     """
-    if method != "uniform":
-        return _published(operator, draws, seed, method)
     tilt = max_entropy_tilt(operator)
     rng = np.random.default_rng(seed)
     coefficients, acceptance = collect(tilted_proposals(operator, tilt, rng), draws)
-    return SpectrumSamples(coefficients, None, METHOD, acceptance, float(draws), seed,
-                           Outcome.EXACT if tilt.reachable else Outcome.UNREACHABLE)
-
-
-def _published(operator: MeasurementOperator, draws: int, seed: int,
-               method: str) -> SpectrumSamples:
-    # which uses this file's `collect`
-    from spectrabox.sampling.published.per_axis_box import sample_per_axis
-
-    if method != "paper":
-        raise InputError(f"the method {method!r} is not known here; known are uniform and paper, "
-                         "and sample_prior for the learnt prior")
-    start = lsq_linear(operator.A, operator.y, bounds=(0, 1), tol=1e-12).x
-    return sample_per_axis(operator, start, draws, seed)
+    return CoefficientDraws(coefficients, acceptance, float(draws),
+                            Outcome.EXACT if tilt.reachable else Outcome.UNREACHABLE)
 
 
 def tilted_proposals(operator: MeasurementOperator, tilt: Tilt,
@@ -195,7 +177,7 @@ def collect(propose: Propose, draws: int) -> tuple[np.ndarray, float]:
     if draws < 1:
         raise InputError(f"{draws} draws were asked for; ask for at least 1")
     kept: list[np.ndarray] = []
-    accepted, proposals, block = 0, 0, SMALLEST_BLOCK
+    accepted, proposals, block = 0, 0, MIN_BLOCK
     while accepted < draws:
         kept.append(propose(block))
         accepted += len(kept[-1])
@@ -205,5 +187,5 @@ def collect(propose: Propose, draws: int) -> tuple[np.ndarray, float]:
                 f"only {accepted} of {proposals} proposals were accepted; use fewer coefficients, "
                 "fewer bands, or state a larger noise of the signal")
         missing = (draws - accepted) * proposals / max(accepted, 1)
-        block = int(np.clip(1.1 * missing, SMALLEST_BLOCK, LARGEST_BLOCK))
+        block = int(np.clip(1.1 * missing, MIN_BLOCK, MAX_BLOCK))
     return np.concatenate(kept)[:draws], accepted / proposals

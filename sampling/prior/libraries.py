@@ -1,5 +1,4 @@
-"""Folders of measured reflectances, as training and test sets: curves on the prior's grid, and what
-was left out.
+"""Folders of measured reflectances as curves on the prior's grid, and how many were left out.
 
 Formats, known by their names: ENVI spectral libraries (.sli with .hdr), rawtoaces patches (.json),
 the USGS library (.mat), data frames of R (.rda), zipped CSV (.zip), and CSV with wavelengths across
@@ -19,10 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.sampling.prior.r_data import read_r_columns
 
-GRID = visible_grid(5)
 # a curve may end this far inside 400-700 nm; it is then continued by its end value
 END_GAP_NM = 6.0
 # of most curves, over a tenth of their wavelengths: no reflectance, whatever the file says
@@ -59,16 +57,16 @@ def read_library(folder: Path) -> ReflectanceLibrary:
     """
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give folders that hold measured reflectances")
-    found: list[np.ndarray] = []
+    usable_curves: list[np.ndarray] = []
     left_out: dict[str, int] = {}
     for path in sorted(folder.iterdir()):
         reader = READERS.get(path.suffix.lower())
         for nm, curves in reader(path) if reader else []:
             kept, why = usable(nm, curves)
-            found.append(kept)
-            left_out.update({reason: left_out.get(reason, 0) + count for reason,
-                             count in why.items() if count})
-    reflectances = np.concatenate(found) if found else np.empty((0, GRID.nm.size))
+            usable_curves.append(kept)
+            left_out.update({reason: left_out.get(reason, 0) + count
+                             for reason, count in why.items() if count})
+    reflectances = np.concatenate([np.empty((0, GRID.nm.size)), *usable_curves])
     if not len(reflectances):
         raise InputError(f"{folder.name} holds no usable reflectance "
                          f"({left_out or 'no file of a known format'}); known are "
@@ -77,21 +75,34 @@ def read_library(folder: Path) -> ReflectanceLibrary:
 
 
 def usable(nm: np.ndarray, curves: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
-    """Curves (n, Q) that can be trained on, at the 61 wavelengths, and how many could not by
-    reason.
+    """Reflectances (n, 61) of the curves (m, Q) that can be trained on, and counts of the others.
+
+    Parameters
+    ----------
+    nm : (Q,) array
+        In any order.
+    curves : (m, Q) array
+        Reflectances; a value that is not finite is a gap.
+
+    Returns
+    -------
+    reflectances : (n, 61) array
+    left_out : dict
+        Number of curves by the reason that they cannot be used.
     """
     order = np.argsort(nm)
     nm, curves = nm[order], curves[:, order]
     if nm.size < 2 or nm[0] > GRID.nm[0] + END_GAP_NM or nm[-1] < GRID.nm[-1] - END_GAP_NM:
         return np.empty((0, GRID.nm.size)), {"400-700 nm not covered": len(curves)}
-    high = np.nanpercentile(np.where(np.isfinite(curves), curves,
-                                     np.nan)[np.isfinite(curves).any(axis=1)], 90, axis=1)
+    finite = np.where(np.isfinite(curves), curves, np.nan)
+    high = np.nanpercentile(finite[np.isfinite(curves).any(axis=1)], 90, axis=1)
     if high.size and np.median(high) > FAR_ABOVE_ONE:
         return np.empty((0, GRID.nm.size)), {"far above 1: absorbance, or per cent": len(curves)}
     seen = (nm > GRID.nm[0] - 20) & (nm < GRID.nm[-1] + 20)
     nm, curves = nm[seen], curves[:, seen]
     whole = np.all(np.isfinite(curves), axis=1)
-    at_grid = np.array([np.interp(GRID.nm, nm, curve) for curve in curves[whole]]).reshape(-1, GRID.nm.size)
+    at_grid = np.reshape([np.interp(GRID.nm, nm, curve) for curve in curves[whole]],
+                         (-1, GRID.nm.size))
     inside = np.all((at_grid >= 0) & (at_grid <= 1), axis=1)
     return at_grid[inside], {"gaps": int(np.sum(~whole)), "outside 0 to 1": int(np.sum(~inside))}
 
@@ -206,5 +217,4 @@ def _number(cell: str) -> float:
 
 READERS: dict[str, Callable[[Path], list[Curves]]] = {
     ".sli": _read_envi, ".json": _read_patches, ".mat": _read_usgs, ".rda": _read_r,
-    ".zip": _read_zip,
-    ".csv": _read_csv}
+    ".zip": _read_zip, ".csv": _read_csv}

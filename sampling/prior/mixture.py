@@ -14,6 +14,7 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.radiometry.covariance import is_covariance
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.shaped import Record
@@ -22,6 +23,7 @@ GRID = visible_grid(5)
 SHIPPED = Path(__file__).parent / "models" / "measured_reflectances.npz"
 EDGE = 0.004            # training reflectances are clipped to 0.004-0.996 before the logit
 MOMENT_DRAWS = 20000
+SINGLE = 1e-6           # round-off of covariances kept in single precision, with room for products
 FORMAT = "spectrabox prior 1"
 ARRAYS = ("nm", "weights", "means", "covariances", "levels", "band_factors", "curve_factor",
           "familiar_surprise")
@@ -29,9 +31,7 @@ ARRAYS = ("nm", "weights", "means", "covariances", "levels", "band_factors", "cu
 
 @dataclass(frozen=True, eq=False)
 class LogitMixture(Record):
-    """A prior of logit reflectances with C components on P wavelengths, and its conformal
-    calibration.
-    """
+    """A prior of logit reflectances, C components on P wavelengths, and its calibration."""
 
     nm: Annotated[np.ndarray, "P"]
     weights: Annotated[np.ndarray, "C"]
@@ -61,11 +61,9 @@ def reflectance(logits: np.ndarray) -> np.ndarray:
     return 0.5 * (1 + np.tanh(0.5 * logits))
 
 
-def reflectance_moments(prior: LogitMixture, draws: int = MOMENT_DRAWS) -> tuple[np.ndarray,
-                                                                                 np.ndarray]:
-    """Mean (P,) and covariance (P, P) of the reflectances of a prior, from as many draws; always
-    the same.
-    """
+def reflectance_moments(prior: LogitMixture,
+                        draws: int = MOMENT_DRAWS) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (P,) and covariance (P, P) of a prior's reflectances, from draws at a fixed seed."""
     rng = np.random.default_rng(0)
     counts = rng.multinomial(draws, prior.weights / prior.weights.sum())
     logits = [rng.multivariate_normal(mean, covariance.astype(float), count)
@@ -102,8 +100,8 @@ def load_prior(path: Path | None = None) -> LogitMixture:
             numbers = {name: np.asarray(stored[name], dtype=float) for name in ARRAYS}
             source = str(stored["source"])
     except FileNotFoundError:
-        raise InputError(f"the prior {path} is missing; give another file or train one with 'spectrabox prior train'") \
-            from None
+        raise InputError(f"the prior {path} is missing; give another file or train one with "
+                         "'spectrabox prior train'") from None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"the prior {path.name} is damaged ({error}); train it again") from None
     scalars = {name: float(numbers.pop(name)) for name in ("curve_factor", "familiar_surprise")}
@@ -134,6 +132,6 @@ def check_prior(prior: LogitMixture, name: str) -> None:
         raise InputError(f"the weights of the prior {name} are not positive with sum 1; train it "
                          "again")
     for covariance in prior.covariances:
-        if np.abs(covariance - covariance.T).max() > 1e-5 or np.linalg.eigvalsh(covariance)[0] <= 0:
+        if not is_covariance(covariance, SINGLE) or np.linalg.eigvalsh(covariance)[0] <= 0:
             raise InputError(f"a covariance of the prior {name} is not symmetric and positive; "
                              "train it again")

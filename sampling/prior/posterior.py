@@ -1,5 +1,4 @@
-"""What a signal says under the learnt prior: posterior of every mixture component, mean, spread and
-calibrated bands.
+"""What a signal says under the learnt prior: posterior of each component, mean, calibrated bands.
 
 Per component an iterated extended Kalman filter in the logit: with p = reflectance(x) and J = M
 diag(p (1 - p)),
@@ -23,7 +22,7 @@ from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 
 # of the filter; the largest change of a logit that counts as standing still
 STEPS, STILL = 25, 1e-6
-LONGEST_STEP = 2.0          # logits per step: keeps the linearisation where it is of use
+MAX_STEP = 2.0              # logits per step: keeps the linearisation where it is of use
 SIGNAL_FLOOR = 1e-3  # of white: the least standard error of a signal taken into the likelihood
 # a component that misses the signal by more than 0.5 % of white is given up
 MISFIT, PENALTY = 5e-3, 1e5
@@ -33,9 +32,7 @@ BISECTIONS = 30
 
 @dataclass(frozen=True, eq=False)
 class MixturePosterior(Record):
-    """Posterior of T signals: per component C the logit mean (T, P), its variance, and the
-    weight.
-    """
+    """Posterior of T signals under C components: weights, and mean and variance of the logits."""
 
     weights: Annotated[np.ndarray, "T C"]
     logits: Annotated[np.ndarray, "C T P"]
@@ -45,16 +42,25 @@ class MixturePosterior(Record):
     surprise: Annotated[np.ndarray, "T"]
 
 
-def posterior(prior: LogitMixture, response: np.ndarray, signals: np.ndarray,
+def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
               covariance: np.ndarray) -> MixturePosterior:
-    """Posterior of signals (T, K), given response (K, P), rows summing to 1, and covariance (T, K,
-    K) or (K, K).
+    """Posterior of T signals, all at once.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    relative_response : (K, P) array
+        On the prior's wavelengths, rows summing to 1.
+    signals : (T, K) array
+        Relative to white.
+    covariance : (T, K, K) or (K, K) array
+        Of the signals' noise; 0.1 % of white is added.
     """
     noise = np.broadcast_to(with_floor(covariance), (len(signals), *covariance.shape[-2:]))
-    found = [component_posterior(response, signals, noise, mean, spread)
+    parts = [component_posterior(relative_response, signals, noise, mean, spread)
              for mean, spread in zip(prior.means, prior.covariances, strict=True)]
-    logits, variances, evidence, misfit, surprise = (np.array(part) for part in zip(*found,
-                                                                                    strict=True))
+    logits, variances, evidence, misfit, surprise = (np.array(part)
+                                                     for part in zip(*parts, strict=True))
     score = np.log(prior.weights)[:, None] + evidence - PENALTY * np.maximum(misfit - MISFIT, 0)
     weights = np.exp(score - score.max(axis=0))
     weights /= weights.sum(axis=0)
@@ -67,73 +73,76 @@ def with_floor(covariance: np.ndarray) -> np.ndarray:
     return covariance + SIGNAL_FLOOR**2 * np.eye(covariance.shape[-1])
 
 
-def component_posterior(response: np.ndarray, signals: np.ndarray, noise: np.ndarray,
-                        mean: np.ndarray,
-                        covariance: np.ndarray) -> tuple[np.ndarray, ...]:
+def component_posterior(relative_response: np.ndarray, signals: np.ndarray, noise: np.ndarray,
+                        mean: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, ...]:
     """Logits (T, P), variances (T, P), log evidence (T,), largest misfit (T,) and r' Q^-1 r (T,) of
     one component.
     """
     x = np.tile(mean, (len(signals), 1))
     active = np.arange(len(signals))
     for _ in range(STEPS):
-        gain_base, Q, residual = _linearised(response, signals[active], noise[active], mean,
-                                             covariance, x[active])
+        gain_base, Q, residual = _linearised(relative_response, signals[active], noise[active],
+                                             mean, covariance, x[active])
         target = mean + np.einsum("tkp,tk->tp", gain_base,
                                   np.linalg.solve(Q, residual[..., None])[..., 0])
         step = target - x[active]
         length = np.abs(step).max(axis=1)
-        x[active] += step * np.minimum(1, LONGEST_STEP / np.maximum(length, STILL))[:, None]
+        x[active] += step * np.minimum(1, MAX_STEP / np.maximum(length, STILL))[:, None]
         active = active[length > STILL]
         if not active.size:
             break
-    gain_base, Q, residual = _linearised(response, signals, noise, mean, covariance, x)
+    gain_base, Q, residual = _linearised(relative_response, signals, noise, mean, covariance, x)
     solved = np.linalg.solve(Q, np.concatenate([gain_base, residual[..., None]], axis=2))
     variance = np.diag(covariance) - np.einsum("tkp,tkp->tp", gain_base, solved[..., :-1])
     surprise = np.einsum("tk,tk->t", residual, solved[..., -1])
     evidence = -surprise / 2 - np.linalg.slogdet(Q)[1] / 2
-    misfit = np.abs(signals - reflectance(x) @ response.T).max(axis=1)
+    misfit = np.abs(signals - reflectance(x) @ relative_response.T).max(axis=1)
     return x, np.maximum(variance, 1e-8), evidence, misfit, surprise
 
 
-def _linearised(response: np.ndarray, signals: np.ndarray, noise: np.ndarray, mean: np.ndarray,
-                covariance: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _linearised(relative_response: np.ndarray, signals: np.ndarray, noise: np.ndarray,
+                mean: np.ndarray, covariance: np.ndarray,
+                x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     p = reflectance(x)
     slope = p * (1 - p)
-    jacobian = response * slope[:, None, :]
+    jacobian = relative_response * slope[:, None, :]
     gain_base = (jacobian.reshape(-1, x.shape[1]) @ covariance).reshape(jacobian.shape)
     Q = gain_base @ jacobian.transpose(0, 2, 1) + noise
-    return gain_base, Q, signals - p @ response.T + (slope * (x - mean)) @ response.T
+    residual = signals - p @ relative_response.T + (slope * (x - mean)) @ relative_response.T
+    return gain_base, Q, residual
 
 
-def mean_and_spread(found: MixturePosterior) -> tuple[np.ndarray, np.ndarray]:
+def mean_and_spread(mixture: MixturePosterior) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation (T, P) of the reflectance, by nine-point Gauss-Hermite
     quadrature.
     """
-    deviations = np.sqrt(found.variances)
-    first, second = np.zeros(found.logits.shape[1:]), np.zeros(found.logits.shape[1:])
+    deviations = np.sqrt(mixture.variances)
+    first, second = np.zeros(mixture.logits.shape[1:]), np.zeros(mixture.logits.shape[1:])
     for node, node_weight in zip(HERMITE_NODES, HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum(),
                                  strict=True):
-        values = reflectance(found.logits + node * deviations)
-        first += node_weight * np.einsum("tc,ctp->tp", found.weights, values)
-        second += node_weight * np.einsum("tc,ctp->tp", found.weights, values**2)
+        values = reflectance(mixture.logits + node * deviations)
+        first += node_weight * np.einsum("tc,ctp->tp", mixture.weights, values)
+        second += node_weight * np.einsum("tc,ctp->tp", mixture.weights, values**2)
     return first, np.sqrt(np.maximum(second - first**2, 1e-12))
 
 
-def central_band(found: MixturePosterior, level: float) -> tuple[np.ndarray, np.ndarray]:
+def central_band(mixture: MixturePosterior, level: float) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper reflectance (T, P) of the mixture's central band, not yet calibrated."""
-    return tuple(reflectance(mixture_quantile(found, (1 + sign * level) / 2)) for sign in (-1, 1))  # type: ignore[return-value]
+    lower, upper = (1 - level) / 2, (1 + level) / 2
+    return (reflectance(mixture_quantile(mixture, lower)),
+            reflectance(mixture_quantile(mixture, upper)))
 
 
-def mixture_quantile(found: MixturePosterior, probability: float) -> np.ndarray:
+def mixture_quantile(mixture: MixturePosterior, probability: float) -> np.ndarray:
     """Quantile (T, P) of the Gaussian mixture in the logit, by bisection to 1e-8 of its width."""
-    deviations = np.sqrt(found.variances)
-    at = found.logits + ndtri(probability) * deviations
+    deviations = np.sqrt(mixture.variances)
+    at = mixture.logits + ndtri(probability) * deviations
     # the mixture's quantile lies between its components' quantiles
     low, high = at.min(axis=0), at.max(axis=0)
-    weights = found.weights.T[..., None]
+    weights = mixture.weights.T[..., None]
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        below = (weights * ndtr((middle - found.logits) / deviations)).sum(axis=0) < probability
+        below = (weights * ndtr((middle - mixture.logits) / deviations)).sum(axis=0) < probability
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return (low + high) / 2
 
@@ -141,8 +150,8 @@ def mixture_quantile(found: MixturePosterior, probability: float) -> np.ndarray:
 def calibrated_band(prior: LogitMixture, mean: np.ndarray, lower: np.ndarray, upper: np.ndarray,
                     factor: float) -> tuple[np.ndarray, np.ndarray]:
     """The band widened about the mean by ``factor``, within 0 and 1."""
-    return np.clip(mean - factor * (mean - lower), 0, 1), np.clip(mean + factor * (upper - mean), 0,
-                                                                  1)
+    return (np.clip(mean - factor * (mean - lower), 0, 1),
+            np.clip(mean + factor * (upper - mean), 0, 1))
 
 
 def conformal_scores(mean: np.ndarray, lower: np.ndarray, upper: np.ndarray,

@@ -1,7 +1,6 @@
-"""Numeric columns of a data frame saved by R (.rda): the XDR serialisation, versions 2 and 3, read
-and never executed.
+"""Numeric columns of a data frame saved by R (.rda), read and never executed.
 
-Layout: "R Internals", section 1.8. Every item starts with a 32-bit word: its type in the low byte,
+The XDR serialisation, versions 2 and 3. Layout: "R Internals", section 1.8. Every item starts with a 32-bit word: its type in the low byte,
 bit 9 for attributes, bit 10 for a tag.
 """
 from __future__ import annotations
@@ -60,22 +59,22 @@ def _unpacked(raw: bytes) -> bytes:
 
 
 class _Reader:
-    """A place in the bytes and the symbols met so far, to which later items refer by number."""
+    """A position in the bytes, and the symbols so far, to which later items refer by number."""
 
     def __init__(self, content: bytes) -> None:
-        self.content, self.place = content, 0
+        self.content, self.position = content, 0
         self.symbols: list[Any] = []
 
     def integer(self) -> int:
-        self.place += 4
-        return int(struct.unpack(">i", self.content[self.place - 4:self.place])[0])
+        self.position += 4
+        return int(struct.unpack(">i", self.content[self.position - 4:self.position])[0])
 
     def array(self, dtype: str) -> np.ndarray:
         length, width = self.integer(), np.dtype(dtype).itemsize
-        if length < 0 or self.place + length * width > len(self.content):
+        if length < 0 or self.position + length * width > len(self.content):
             raise ValueError("it is cut short")
-        self.place += length * width
-        return np.frombuffer(self.content, dtype, length, self.place - length * width).astype(float)
+        self.position += length * width
+        return np.frombuffer(self.content, dtype, length, self.position - length * width).astype(float)
 
     def item(self) -> Any:
         flags = self.integer()
@@ -97,9 +96,9 @@ class _Reader:
             return self.symbols[-1]
         if kind == CHARACTERS:
             length = self.integer()
-            self.place += max(length, 0)
-            return self.content[self.place - max(length, 0):self.place].decode("utf-8",
-                                                                               errors="replace")
+            self.position += max(length, 0)
+            text = self.content[self.position - max(length, 0):self.position]
+            return text.decode("utf-8", errors="replace")
         if kind in (LOGICAL, INTEGER):
             return self.array(">i4")
         if kind == REAL:
@@ -109,11 +108,11 @@ class _Reader:
         raise ValueError(f"it holds an item of type {kind}")
 
     def pairs(self, flags: int) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        tagged: dict[str, Any] = {}
         while flags & 255 == PAIRLIST:
             if flags & HAS_ATTRIBUTES:
                 self.item()
-            name = self.item() if flags & HAS_TAG else str(len(found))
-            found[name] = self.item()
+            name = self.item() if flags & HAS_TAG else str(len(tagged))
+            tagged[name] = self.item()
             flags = self.integer()
-        return found
+        return tagged

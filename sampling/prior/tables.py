@@ -1,5 +1,4 @@
-"""Mean and spread of the spectrum behind every pixel of an image: a table in signal space, looked
-up linearly.
+"""Mean and spread of the spectrum behind every pixel of an image, by a table in signal space.
 
 The posterior of three-band signals is computed once on a lattice and interpolated trilinearly for
 every pixel. One axis is the middle band, evenly in its cube root, as dark colours change fastest;
@@ -18,10 +17,10 @@ from spectrabox.sampling.prior.mixture import GRID, LogitMixture
 from spectrabox.sampling.prior.posterior import mean_and_spread, posterior
 
 SIDE = 25                   # odd, so that grey is on the lattice
-DARKEST = 0.12  # cube root of the darkest middle band; darker signals are taken for as dark
-BEND, STEEPEST = 0.3, 2.6   # log ratio at which the lattice widens, and the largest one
+MIN_ROOT = 0.12  # cube root of the darkest middle band; darker signals are taken for as dark
+BEND, MAX_LOG_RATIO = 0.3, 2.6   # log ratio at which the lattice widens, and the largest one
 BATCH = 500
-LARGEST_SIGNAL = 1.0
+MAX_SIGNAL = 1.0
 
 
 @dataclass(frozen=True)
@@ -30,66 +29,84 @@ class UpliftTable:
 
     mean: np.ndarray
     standard_deviation: np.ndarray
-    response: np.ndarray
+    relative_response: np.ndarray
 
 
-def build_table(prior: LogitMixture, response: np.ndarray, noise: float = 0.01,
+def build_table(prior: LogitMixture, relative_response: np.ndarray, noise: float = 0.01,
                 side: int = SIDE) -> UpliftTable:
-    """Tabulate the posterior of three-band signals; takes seconds.
+    """The posterior of three-band signals on a lattice; takes seconds.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    relative_response : (3, 61) array
+        Rows summing to 1.
+    noise : float
+        Relative standard error of the signals.
+    side : int
+        Points of the lattice along each axis, odd.
 
     Raises
     ------
     InputError
         For other than three bands.
     """
-    if len(response) != 3:
-        raise InputError(f"a table is made for three bands; there are {len(response)}: use "
-                         "`uplift_directly`")
-    mean, spread = uplift_directly(prior, response, lattice(side).reshape(-1, 3), noise)
+    if len(relative_response) != 3:
+        raise InputError("a table is made for three bands; there are "
+                         f"{len(relative_response)}: use `uplift_directly`")
+    mean, spread = uplift_directly(prior, relative_response, lattice(side).reshape(-1, 3), noise)
     shape = (side, side, side, GRID.nm.size)
     return UpliftTable(mean.reshape(shape).astype(np.float32),
-                       spread.reshape(shape).astype(np.float32), response)
+                       spread.reshape(shape).astype(np.float32), relative_response)
 
 
 def lattice(side: int) -> np.ndarray:
     """Signals (side, side, side, 3) of the table; bands brighter than white are those of white."""
-    middle = np.linspace(DARKEST, 1, side)**3
-    ratio = np.exp(BEND * np.sinh(np.linspace(-1, 1, side) * np.arcsinh(STEEPEST / BEND)))
+    middle = np.linspace(MIN_ROOT, 1, side)**3
+    ratio = np.exp(BEND * np.sinh(np.linspace(-1, 1, side) * np.arcsinh(MAX_LOG_RATIO / BEND)))
     level, first, third = np.meshgrid(middle, ratio, ratio, indexing="ij")
-    return np.minimum(np.stack([level * first, level, level * third], axis=-1), LARGEST_SIGNAL)
+    return np.minimum(np.stack([level * first, level, level * third], axis=-1), MAX_SIGNAL)
 
 
-def uplift_directly(prior: LogitMixture, response: np.ndarray, signals: np.ndarray,
+def uplift_directly(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
                     noise: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation (n, 61) of signals (n, K), pixel by pixel; about 2000 a
-    second.
+    """Mean and standard deviation (n, 61) of signals (n, K), each by itself; about 2000 a second.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    relative_response : (K, 61) array
+        Rows summing to 1.
+    signals : (n, K) array
+        Relative to white.
+    noise : float
+        Relative standard error of the signals.
     """
     means, spreads = np.empty((len(signals), GRID.nm.size)), np.empty((len(signals), GRID.nm.size))
     for start in range(0, len(signals), BATCH):
         part = signals[start:start + BATCH]
-        covariance = np.einsum("tk,kl->tkl", (noise * part)**2, np.eye(len(response)))
+        covariance = np.einsum("tk,kl->tkl", (noise * part)**2, np.eye(len(relative_response)))
         means[start:start + BATCH], spreads[start:start + BATCH] = mean_and_spread(
-            posterior(prior, response, part, covariance))
+            posterior(prior, relative_response, part, covariance))
     return means, spreads
 
 
 def uplift_pixels(table: UpliftTable, signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation (n, 61), single precision, of signals (n, 3) by trilinear
-    interpolation.
+    """Mean and standard deviation (n, 61), single precision, of signals (n, 3) from the table.
 
     Signals outside [0, 1] are taken at its edge; see `outside` for which they were.
     """
     from spectrabox.sampling.prior.table_kernel import look_up  # numba
 
     stacked = np.concatenate([table.mean, table.standard_deviation], axis=3)
-    found = look_up(stacked, np.ascontiguousarray(signals, dtype=np.float32), DARKEST, BEND,
-                    STEEPEST)
-    return found[:, :GRID.nm.size], found[:, GRID.nm.size:]
+    both = look_up(stacked, np.ascontiguousarray(signals, dtype=np.float32), MIN_ROOT, BEND,
+                   MAX_LOG_RATIO)
+    return both[:, :GRID.nm.size], both[:, GRID.nm.size:]
 
 
 def outside(signals: np.ndarray) -> np.ndarray:
     """Which signals (n, K) leave [0, 1] in some band and so cannot be those of a reflectance."""
-    return np.any((signals < 0) | (signals > LARGEST_SIGNAL), axis=1)
+    return np.any((signals < 0) | (signals > MAX_SIGNAL), axis=1)
 
 
 def table_error(table: UpliftTable, prior: LogitMixture, signals: np.ndarray,
@@ -97,7 +114,7 @@ def table_error(table: UpliftTable, prior: LogitMixture, signals: np.ndarray,
     """Root-mean-square error of mean, and of the standard deviation relative to its mean, against
     the direct way.
     """
-    mean, spread = uplift_directly(prior, table.response, signals, noise)
+    mean, spread = uplift_directly(prior, table.relative_response, signals, noise)
     quick_mean, quick_spread = uplift_pixels(table, signals)
     return {"mean": float(np.sqrt(np.mean((quick_mean - mean)**2))),
             "standard_deviation": float(np.sqrt(np.mean((quick_spread - spread)**2))

@@ -1,5 +1,4 @@
-"""Training of the learnt prior on measured reflectances, and its conformal calibration on libraries
-left out in turn.
+"""Training of the learnt prior, and its conformal calibration on libraries left out in turn.
 
 Collections are small next to the colours that occur, so the mixture is fitted to them and to eight
 times as many spectra made from them: geometric means of two (mixtures of two dyes), powers from 1/2
@@ -29,8 +28,8 @@ DIRECTIONS, COMPONENTS = 10, 8
 RIDGE, FLOOR = 3e-3, 1e-3
 SMOOTH = 0.03  # share of the smoothness prior's covariance that is added to every component
 MADE = 8                        # spectra made of the measured ones, per measured one
-FEWEST = 200
-MOST_OF_ONE = 500               # curves of one library, so that no collection outvotes the others
+MIN_CURVES = 200
+MAX_OF_LIBRARY = 500               # curves of one library, so that no collection outvotes the others
 LEVELS = np.array([0.5, 0.8, 0.9, 0.95, 0.99])
 SHIFT_NM = 12.5
 JUDGED = 400                    # curves of a left-out library that are judged
@@ -49,15 +48,15 @@ class LeftOut:
     surprise: np.ndarray        # (curves,)
 
 
-def train(libraries: list[ReflectanceLibrary], response: np.ndarray, components: int = COMPONENTS,
-          seed: int = 0) -> tuple[LogitMixture, list[LeftOut]]:
+def train(libraries: list[ReflectanceLibrary], relative_response: np.ndarray,
+          components: int = COMPONENTS, seed: int = 0) -> tuple[LogitMixture, list[LeftOut]]:
     """Fit the prior to all libraries and calibrate it on each of them left out in turn.
 
     Parameters
     ----------
     libraries : list of ReflectanceLibrary
         At least two, so that one can be left out.
-    response : (K, 61) array
+    relative_response : (K, 61) array
         Of the camera that the calibration is made with, rows summing to 1.
 
     Raises
@@ -74,8 +73,8 @@ def train(libraries: list[ReflectanceLibrary], response: np.ndarray, components:
     for index, library in enumerate(libraries):
         others = np.concatenate([share for number, share in enumerate(shares) if number != index])
         mixture = fit_mixture(enriched(others, seed), components, seed)
-        judged.append(judge(mixture, library.name, response, _some(library.reflectances, JUDGED,
-                                                                   rng)))
+        judged.append(judge(mixture, library.name, relative_response,
+                            _some(library.reflectances, JUDGED, rng)))
     source = "; ".join(f"{library.name} ({len(library.reflectances)})" for library in libraries)
     final = fit_mixture(enriched(np.concatenate(shares), seed), components, seed, source)
     return calibrated(final, judged), judged
@@ -83,9 +82,9 @@ def train(libraries: list[ReflectanceLibrary], response: np.ndarray, components:
 
 def balanced(reflectances: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """At most 500 curves of a library; one with fewer than 250 counts up to three times."""
-    if len(reflectances) > MOST_OF_ONE:
-        return _some(reflectances, MOST_OF_ONE, rng)
-    times = min(3, MOST_OF_ONE // 2 // len(reflectances) + 1)
+    if len(reflectances) > MAX_OF_LIBRARY:
+        return _some(reflectances, MAX_OF_LIBRARY, rng)
+    times = min(3, MAX_OF_LIBRARY // 2 // len(reflectances) + 1)
     return np.concatenate([reflectances] * times)
 
 
@@ -114,10 +113,19 @@ def enriched(reflectances: np.ndarray, seed: int = 0) -> np.ndarray:
 
 def fit_mixture(reflectances: np.ndarray, components: int = COMPONENTS, seed: int = 0,
                 source: str = "") -> LogitMixture:
-    """Fit the mixture to reflectances (n, 61): ten principal directions of the logit, full
-    covariances, rest as noise.
+    """The mixture of reflectances, not yet calibrated: all band factors are 1.
 
-    The band factors are 1 until `calibrated`.
+    Ten principal directions of the logit with full covariances; the rest is taken for noise.
+
+    Parameters
+    ----------
+    reflectances : (n, 61) array
+    components : int
+        C.
+    seed : int
+        Of the mixture's start.
+    source : str
+        What the reflectances are, for the record.
 
     Raises
     ------
@@ -129,9 +137,9 @@ def fit_mixture(reflectances: np.ndarray, components: int = COMPONENTS, seed: in
     if reflectances.ndim != 2 or reflectances.shape[1] != GRID.nm.size:
         raise InputError(f"training reflectances have shape {reflectances.shape}; (n, "
                          f"{GRID.nm.size}) is needed")
-    if len(reflectances) < FEWEST:
+    if len(reflectances) < MIN_CURVES:
         raise InputError(f"{len(reflectances)} reflectances are too few to learn from; give at "
-                         f"least {FEWEST}")
+                         f"least {MIN_CURVES}")
     x = logit(reflectances)
     centre = x.mean(axis=0)
     directions = np.linalg.svd(x - centre, full_matrices=False)[2][:DIRECTIONS].T
@@ -144,21 +152,22 @@ def fit_mixture(reflectances: np.ndarray, components: int = COMPONENTS, seed: in
     return LogitMixture(GRID.nm, mixture.weights_ / mixture.weights_.sum(),
                         centre + mixture.means_ @ directions.T,
                         (covariances + covariances.transpose(0, 2, 1)) / 2, LEVELS,
-                        np.ones(LEVELS.size), 1.0,
-                        np.inf, source)
+                        np.ones(LEVELS.size), 1.0, np.inf, source)
 
 
-def judge(prior: LogitMixture, name: str, response: np.ndarray,
+def judge(prior: LogitMixture, name: str, relative_response: np.ndarray,
           reflectances: np.ndarray) -> LeftOut:
     """Bands of every level for noise-free signals of reflectances (n, 61), against the truth."""
-    found = posterior(prior, response, reflectances @ response.T, np.zeros((len(response),) * 2))
-    mean, _ = mean_and_spread(found)
-    bands = [central_band(found, level) for level in LEVELS]
-    scores = np.array([conformal_scores(mean, lower, upper, reflectances) for lower,
-                       upper in bands])
-    widths = np.array([np.mean(upper - lower) for lower, upper in bands])
+    bands = len(relative_response)
+    mixture = posterior(prior, relative_response, reflectances @ relative_response.T,
+                        np.zeros((bands, bands)))
+    mean, _ = mean_and_spread(mixture)
+    intervals = [central_band(mixture, level) for level in LEVELS]
+    scores = np.array([conformal_scores(mean, lower, upper, reflectances)
+                       for lower, upper in intervals])
+    widths = np.array([np.mean(upper - lower) for lower, upper in intervals])
     rmse = float(np.sqrt(np.mean((mean - reflectances)**2, axis=1)).mean())
-    return LeftOut(name, len(reflectances), rmse, scores, widths, np.asarray(found.surprise))
+    return LeftOut(name, len(reflectances), rmse, scores, widths, np.asarray(mixture.surprise))
 
 
 def calibrated(prior: LogitMixture, judged: list[LeftOut]) -> LogitMixture:
@@ -168,11 +177,12 @@ def calibrated(prior: LogitMixture, judged: list[LeftOut]) -> LogitMixture:
     its wavelengths; the curve factor is the least at which 95 % of all left-out curves lie wholly
     within their band.
     """
-    factors = np.max([[np.quantile(scores, level) for scores, level in zip(one.scores, LEVELS,
-                                                                           strict=True)]
-                      for one in judged], axis=0)
-    per_curve = np.concatenate([one.scores[list(LEVELS).index(0.95)].max(axis=1) for one in judged])
-    surprise = np.concatenate([one.surprise for one in judged])
+    factors = np.max([[np.quantile(scores, level)
+                       for scores, level in zip(library.scores, LEVELS, strict=True)]
+                      for library in judged], axis=0)
+    at_95 = list(LEVELS).index(0.95)
+    per_curve = np.concatenate([library.scores[at_95].max(axis=1) for library in judged])
+    surprise = np.concatenate([library.surprise for library in judged])
     return replace(prior, band_factors=factors, curve_factor=float(np.quantile(per_curve, 0.95)),
                    familiar_surprise=float(np.quantile(surprise, FAMILIAR)))
 

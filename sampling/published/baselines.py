@@ -11,9 +11,9 @@ import numpy as np
 
 from spectrabox.radiometry.colour_upsampling import METHODS, observer_response, upsampled
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import MeasurementOperator
+from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.sampling.measurement import SpectralMeasurement
+from spectrabox.sampling.measurement import MeasurementOperator, response_on
 from spectrabox.sampling.prior.mixture import GRID
 
 ATTEMPTS = 20_000
@@ -28,11 +28,11 @@ def baseline_spectra(measurement: SpectralMeasurement,
     InputError
         If the signal has fewer than three bands.
     """
-    xyz = to_tristimulus(measurement.response_on(GRID), measurement.signal[None])[0]
+    xyz = to_tristimulus(response_on(measurement, GRID), measurement.signal[None])[0]
     return {method: upsampled(xyz, GRID, method) for method in methods}
 
 
-def to_tristimulus(response: np.ndarray, signals: np.ndarray) -> np.ndarray:
+def to_tristimulus(relative_response: np.ndarray, signals: np.ndarray) -> np.ndarray:
     """Tristimulus values (n, 3), white being 1, from signals (n, K) by a matrix that keeps white
     white.
 
@@ -41,10 +41,10 @@ def to_tristimulus(response: np.ndarray, signals: np.ndarray) -> np.ndarray:
     InputError
         If there are fewer than three bands.
     """
-    if len(response) < 3:
-        raise InputError(f"{len(response)} bands give no colour; the baselines need three or more")
+    if len(relative_response) < 3:
+        raise InputError(f"{len(relative_response)} bands give no colour; the baselines need three or more")
     known = np.concatenate([*test_reflectances(GRID).values(), np.ones((1000, GRID.nm.size))])
-    matrix = np.linalg.lstsq(known @ response.T, known @ observer_response(GRID).T, rcond=None)[0]
+    matrix = np.linalg.lstsq(known @ relative_response.T, known @ observer_response(GRID).T, rcond=None)[0]
     return np.clip(signals @ matrix, 0, None)
 
 

@@ -10,17 +10,17 @@ from scipy.optimize import lsq_linear
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Outcome, SpectrumSamples
+from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, measured_rows
-from spectrabox.sampling.measurement import SpectralMeasurement, SpectralSamples
+from spectrabox.sampling.measurement import CoefficientDraws, response_on, spline_operator
 from spectrabox.sampling.polytope.refinement import lifting, residual_directions
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.sampling.published.per_axis_box import draw_in_box
 from spectrabox.sampling.published.ranking import best_by_signals
 
 
-def ranked(samples: SpectralSamples, base: SpectralMeasurement, more: list[MoreMeasurement],
-           twice: np.ndarray | None, keep: int) -> SpectralSamples:
+def ranked(samples: SpectrumSamples, base: SpectralMeasurement, more: list[MoreMeasurement],
+           twice: np.ndarray | None, keep: int) -> SpectrumSamples:
     """The ``keep`` draws nearest to all further measurements (Eq. 9) and to light reflected twice
     (Eq. 10).
 
@@ -30,12 +30,12 @@ def ranked(samples: SpectralSamples, base: SpectralMeasurement, more: list[MoreM
         If there is nothing to rank by, or fewer draws than are to be kept.
     """
     seen, measured = [], []
-    for one in more:
-        rows, values, _ = measured_rows(base, one)
+    for further in more:
+        rows, values, _ = measured_rows(base, further)
         seen.append(samples.spectra @ rows.T)
         measured.append(values)
     if twice is not None:
-        seen.append(samples.spectra**2 @ base.response_on(GRID).T)
+        seen.append(samples.spectra**2 @ response_on(base, GRID).T)
         measured.append(twice)
     if not seen:
         raise InputError("--keep ranks draws by further measurements; give some, or leave it out")
@@ -43,12 +43,12 @@ def ranked(samples: SpectralSamples, base: SpectralMeasurement, more: list[MoreM
     return replace(samples, spectra=samples.spectra[kept], coefficients=samples.coefficients[kept],
                    effective_samples=float(keep),
                    method=f"{samples.method}, best {keep} of {len(samples.spectra)}",
-                   outcome=f"{samples.outcome} Ranked, not conditioned: draws need not agree with "
-                   "what was measured.")
+                   outcome=Outcome.RANKED,
+                   sentence=f"{samples.sentence} {Outcome.RANKED.value}")
 
 
 def refined_as_published(measurement: SpectralMeasurement, coarse: int, fine: int, draws: int,
-                         seed: int) -> SpectrumSamples:
+                         seed: int) -> CoefficientDraws:
     """Draws around one lifted solution in the box of the residual directions (Eqs. 11-16 read
     literally).
 
@@ -57,16 +57,14 @@ def refined_as_published(measurement: SpectralMeasurement, coarse: int, fine: in
     InputError
         If the knots do not nest, or nothing is left to draw along.
     """
-    operator = measurement.operator(coarse)
+    operator = spline_operator(measurement, coarse)
     solution = lsq_linear(operator.A, operator.y, bounds=(0, 1), tol=1e-12).x
     T = lifting(coarse, fine)
     start = np.clip(T @ solution, 0, 1)
-    directions = residual_directions(measurement.response @ basis_matrix(measurement.grid.nm, fine),
-                                     T)
+    fine_basis = basis_matrix(measurement.grid.nm, fine)
+    directions = residual_directions(measurement.relative_response @ fine_basis, T)
     if not directions.shape[1]:
         raise InputError(f"refining {coarse} coefficients to {fine} leaves no direction that the "
                          "camera does not see; refine to more")
     coefficients, acceptance = draw_in_box(start, directions, draws, seed)
-    method = f"one solution of {coarse} coefficients refined to {fine} as published (far too narrow)"
-    return SpectrumSamples(coefficients, None, method, acceptance, float(draws), seed,
-                           Outcome.CONVERGED)
+    return CoefficientDraws(coefficients, acceptance, float(draws), Outcome.CONVERGED)

@@ -21,7 +21,8 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import MeasurementOperator, Outcome, SpectrumSamples
+from spectrabox.radiometry.records import Outcome
+from spectrabox.sampling.measurement import CoefficientDraws, MeasurementOperator
 from spectrabox.sampling.polytope.null_space import null_space
 from spectrabox.sampling.polytope.tilt import check_operator
 from spectrabox.sampling.polytope.tilted_rejection import collect
@@ -31,7 +32,7 @@ BOX_ATOL = 1e-9  # bounded least squares returns coefficients this far outside [
 
 
 def sample_per_axis(operator: MeasurementOperator, c0: np.ndarray, draws: int,
-                    seed: int) -> SpectrumSamples:
+                    seed: int) -> CoefficientDraws:
     """Draw coefficients as published, around ``c0`` (N,), until ``draws`` are kept.
 
     The draws reproduce ``A c0``; the noise of the signal is not used. The outcome is
@@ -59,8 +60,8 @@ def sample_per_axis(operator: MeasurementOperator, c0: np.ndarray, draws: int,
     # 1e-6 of white: the accuracy to which a least-squares start reproduces a signal that is within
     # reach.
     fits = np.allclose(operator.A @ start, operator.y, rtol=0, atol=1e-6)
-    return SpectrumSamples(coefficients, None, METHOD, acceptance, float(draws), seed,
-                           Outcome.CONVERGED if fits else Outcome.UNREACHABLE)
+    return CoefficientDraws(coefficients, acceptance, float(draws),
+                            Outcome.CONVERGED if fits else Outcome.UNREACHABLE)
 
 
 def axis_intervals(c0: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -84,5 +85,4 @@ def draw_in_box(start: np.ndarray, directions: np.ndarray, draws: int,
         c = start + (low + (high - low) * rng.random((proposals, low.size))) @ directions.T
         return c[np.all((c >= 0) & (c <= 1), axis=1)]
 
-    coefficients, acceptance = collect(propose, draws)
-    return coefficients, acceptance
+    return collect(propose, draws)

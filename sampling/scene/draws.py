@@ -13,9 +13,10 @@ from scipy.stats import chi2
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.covariance import is_covariance
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LightTransport
-from spectrabox.sampling.measurement import SpectralSamples, nearest_splines
+from spectrabox.radiometry.records import LightTransport, Outcome, SpectrumSamples
+from spectrabox.sampling.measurement import nearest_splines
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
 from spectrabox.sampling.scene.labels import SAMPLED, find_modes
 from spectrabox.sampling.scene.posterior import (
@@ -30,11 +31,6 @@ from spectrabox.sampling.scene.sampling import sample_joint
 METHOD = "learnt prior through the light transport"
 # chance of a picture as unlike the model as this one, below which the outcome says so
 SURPRISING = 1e-3
-THROUGH_TRANSPORT = ("Weighted draws from the learnt prior of all materials at once, through the "
-                     "traced light transport, interreflection included.")
-DISAGREES = ("The picture agrees with no spectra that the prior knows through this light "
-             "transport: the draws come as near as they can; check geometry, light and "
-             "calibration, or state a larger surface error.")
 
 
 def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np.ndarray,
@@ -42,7 +38,7 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
                draws: int, seed: int, prior: LogitMixture | None = None, *,
                common: np.ndarray | None = None,
                known: Mapping[str, np.ndarray] | None = None, coefficients: int = 13,
-               effective_wanted: float = 1000.0) -> dict[str, SpectralSamples]:
+               effective_wanted: float = 1000.0) -> dict[str, SpectrumSamples]:
     """Draws of every unknown material of a scene, by name; row t of all of them belongs to the same
     scene.
 
@@ -86,12 +82,16 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     # the matrices are small: several threads take up to ten times as long as one
     with threadpool_limits(1, "blas"):
         modes = find_modes(problem, SAMPLED)
-        found = sample_joint(problem, seed, modes, draws, effective_wanted)
-    outcome = DISAGREES if surprise(problem, modes) < SURPRISING else THROUGH_TRANSPORT
+        draws_of_all = sample_joint(problem, seed, modes, draws, effective_wanted)
+    likely = surprise(problem, modes) >= SURPRISING
+    outcome = Outcome.THROUGH_TRANSPORT if likely else Outcome.DISAGREES
     basis = basis_matrix(GRID.nm, coefficients)
-    return {name: SpectralSamples(GRID, found.spectra[:, m], nearest_splines(found.spectra[:, m],
-                                                                             basis), METHOD,
-                                  found.effective_samples, seed, outcome)
+
+    def samples_of(spectra: np.ndarray) -> SpectrumSamples:
+        return SpectrumSamples(GRID, spectra, nearest_splines(spectra, basis), METHOD,
+                               draws_of_all.effective_samples, seed, outcome, outcome.value)
+
+    return {name: samples_of(draws_of_all.spectra[:, m])
             for m, name in enumerate(problem.materials)}
 
 
@@ -118,11 +118,11 @@ def shared_errors(signal: np.ndarray, relative_covariance: np.ndarray, scale_err
     InputError
         For a covariance that is none, or errors that are negative.
     """
-    values, vectors = np.linalg.eigh(relative_covariance)
-    if values[0] < -1e-10 * max(values[-1], 1e-12) or min(scale_error, colour_error,
-                                                          brightness_error) < 0:
+    if not is_covariance(relative_covariance) \
+            or min(scale_error, colour_error, brightness_error) < 0:
         raise InputError("the calibration's relative covariance must be positive semi-definite and "
                          "the errors of scale and surfaces not negative; fit the calibration again")
+    values, vectors = np.linalg.eigh(relative_covariance)
     alike, apart = np.ones(signal.shape[1]), np.eye(signal.shape[1])
     patterns = list((vectors * np.sqrt(np.maximum(values, 0))).T[values > 0])
     patterns += [scale_error * alike]

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from spectrabox.radiometry.records import SurfaceAgreement
+from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
 from spectrabox.session.report.verdict import Criterion, Verdict, chart_residuals
 from spectrabox.session.store.results import ChartResult, MaterialResult, SessionResults
 
@@ -57,10 +57,18 @@ def _material(material: MaterialResult, results: SessionResults) -> dict[str, An
         "summary": _fields(material.summary, "mean", "standard_deviation", "lower", "upper",
                            "bound_lower", "bound_upper", "level", "conditional_on",
                            "next_measurement_nm"),
-        "samples": _fields(material.samples, "method", "effective_samples", "seed", "outcome"),
+        "samples": _samples(material.samples),
         "truth": _fields(material.truth, "values", "standard_error", "source"),
         "scores": None if material.scores is None else vars(material.scores),
         }
+
+
+def _samples(samples: SpectrumSamples | None) -> dict[str, Any] | None:
+    if samples is None:
+        return None
+    return {"nm": samples.grid.nm, "method": samples.method,
+            "effective_samples": samples.effective_samples, "seed": samples.seed,
+            "outcome": samples.sentence}
 
 
 def _fields(record: Any, *names: str) -> dict[str, Any] | None:

@@ -8,8 +8,13 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
-from spectrabox.radiometry.records import Quantity, Reconstruction, SensitivityFit, Spectrum
-from spectrabox.sampling.measurement import SpectralSamples
+from spectrabox.radiometry.records import (
+    Quantity,
+    Reconstruction,
+    SensitivityFit,
+    Spectrum,
+    SpectrumSamples,
+)
 from spectrabox.session.report.svg import (
     INK,
     QUIET,
@@ -102,7 +107,7 @@ def _draw_uncertainty(axes: Axes, material: MaterialResult, made: Reconstruction
     axes.axvline(summary.next_measurement_nm, color=INK, lw=0.6, ls=":", label="measure here next")
 
 
-def drawn_spectra(samples: SpectralSamples) -> tuple[np.ndarray, np.ndarray]:
+def drawn_spectra(samples: SpectrumSamples) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (P,) and up to 30 draws (30, P), chosen at a fixed seed."""
     count = len(samples.spectra)
     chosen = np.random.default_rng(0).choice(count, min(DRAWS_SHOWN, count), replace=False)

@@ -9,8 +9,6 @@ from enum import Enum
 import numpy as np
 
 from spectrabox.radiometry.records import Outcome, SurfaceAgreement
-from spectrabox.sampling.prior.draws import FAMILIAR
-from spectrabox.sampling.scene.draws import THROUGH_TRANSPORT
 from spectrabox.session.report.words import deviation_words, percent
 from spectrabox.session.store.results import SessionResults
 
@@ -18,7 +16,6 @@ from spectrabox.session.store.results import SessionResults
 MEDIAN_LIMITS = (0.02, 0.05)
 WORST_LIMITS = (0.05, 0.15)
 CHART_LIMITS = (0.03, 0.10)           # rms of (photo - predicted) / photo
-GOOD_DRAWS = (Outcome.EXACT.value, FAMILIAR, THROUGH_TRANSPORT)
 # clipped pixels are left out, so they cost coverage, not correctness
 CLIPPED_LIMITS = (0.05, float("inf"))
 
@@ -30,6 +27,12 @@ class Status(Enum):
     PASS = 1
     WARN = 2
     FAIL = 3
+
+
+# how serious an outcome is: ill-posed is information, as the bands already carry what the data
+# left open; what is not named here is a warning
+GRADES = {Outcome.CONVERGED: Status.PASS, Outcome.EXACT: Status.PASS, Outcome.FAMILIAR: Status.PASS,
+          Outcome.THROUGH_TRANSPORT: Status.PASS, Outcome.ILL_POSED: Status.INFO}
 
 
 @dataclass(frozen=True)
@@ -143,28 +146,25 @@ def _clipped(results: SessionResults) -> Criterion:
 def _outcomes(results: SessionResults) -> list[Criterion]:
     named = [("Sensitivity fit", results.calibration.sensitivity.outcome),
              ("Inverse rendering", results.reconstruction.outcome)]
-    drawn = [(m.name, m.samples.outcome) for m in results.materials if m.samples is not None]
     rows = [Criterion(name, None, outcome.name.replace("_", " ").lower(), "converged",
-                      outcome_status(outcome), f"{name}: {outcome.value}") for name,
-            outcome in named]
+                      outcome_status(outcome), f"{name}: {outcome.value}")
+            for name, outcome in named]
+    drawn = [(m.name, m.samples) for m in results.materials if m.samples is not None]
     if not drawn:
         return rows
-    doubtful = [(name, sentence) for name, sentence in drawn if sentence not in GOOD_DRAWS]
+    doubtful = [(name, samples.sentence) for name, samples in drawn
+                if outcome_status(samples.outcome) is not Status.PASS]
     if not doubtful:
         return [*rows, Criterion("Samplers", None, "as intended", "as intended", Status.PASS,
-                                 f"Sampler of every estimated material: {drawn[0][1]}")]
+                                 f"Sampler of every estimated material: {drawn[0][1].sentence}")]
     says = "; ".join(f"“{name}”: {sentence}" for name, sentence in doubtful)
     return [*rows, Criterion("Samplers", None, "see words", "as intended", Status.WARN,
                              f"Sampler of {says}")]
 
 
 def outcome_status(outcome: Outcome) -> Status:
-    """How serious an outcome is. Ill-posed is information: the bands already carry what the data
-    left open.
-    """
-    return {Outcome.CONVERGED: Status.PASS, Outcome.EXACT: Status.PASS,
-            Outcome.ILL_POSED: Status.INFO, Outcome.STEP_LIMIT: Status.WARN,
-            Outcome.UNREACHABLE: Status.WARN}[outcome]
+    """How serious an outcome of a fit or a sampler is."""
+    return GRADES.get(outcome, Status.WARN)
 
 
 def _coverage(results: SessionResults) -> Criterion:

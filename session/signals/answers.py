@@ -10,8 +10,13 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import Quantity, SpectrumSummary
-from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.radiometry.records import (
+    Quantity,
+    SpectralMeasurement,
+    SpectrumSamples,
+    SpectrumSummary,
+)
+from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.spectrum_files import (
     column_index,
     read_table,
@@ -20,8 +25,8 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 )
 from spectrabox.sampling.error_budget import error_budget
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful
-from spectrabox.sampling.measurement import SpectralMeasurement, SpectralSamples, summarise_spectra
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
+from spectrabox.sampling.summary import summarise
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.request_draws import DrawOptions, check_options, draws_of
 from spectrabox.session.signals.signal_options import (
@@ -82,21 +87,21 @@ def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], str, dict[str
                                         or request.twice):
         raise InputError("a truth and further measurements belong to one surface; give its "
                          "--signal, not --signals")
-    response = relative_response(request.sensitivity, request.light, visible_grid(GRID_NM))
-    bands = len(response)
+    relative_response = named_spectra.relative_response(request.sensitivity, request.light, visible_grid(GRID_NM))
+    bands = len(relative_response)
     more = further_measurements(request.readings, request.photos, request.same, request.more,
-                                request.sensitivity, response, request.white)
+                                request.sensitivity, relative_response, request.white)
     prior = load_prior(
         request.prior) if request.options.method == "prior" or request.prior or more else None
     if request.signal is not None:
-        facts, draws = _one(request, response, numbers(request.signal, bands, "signal"), prior,
+        facts, draws = _one(request, relative_response, numbers(request.signal, bands, "signal"), prior,
                             more)
         return facts, _text(facts, request), {"spectra": draws.spectra,
                                               "coefficients": draws.coefficients,
                                               "wavelengths_nm": draws.grid.nm}
     assert request.signals is not None
     rows = read_signals(request.signals, bands)
-    found = [_one(request, response, row, prior, more) for row in rows]
+    found = [_one(request, relative_response, row, prior, more) for row in rows]
     text = "\n\n".join(f"signal {index + 1}\n{_text(facts, request)}" for index,
                        (facts, _) in enumerate(found))
     arrays = {"spectra": np.array([draws.spectra for _, draws in found]),
@@ -105,24 +110,24 @@ def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], str, dict[str
     return {"results": [facts for facts, _ in found]}, text, arrays
 
 
-def _one(request: SampleRequest, response: np.ndarray, signal: np.ndarray,
+def _one(request: SampleRequest, relative_response: np.ndarray, signal: np.ndarray,
          prior: LogitMixture | None,
-         more: list[MoreMeasurement]) -> tuple[dict[str, Any], SpectralSamples]:
+         more: list[MoreMeasurement]) -> tuple[dict[str, Any], SpectrumSamples]:
     started = time.perf_counter()
-    base = measurement_of_signal(response, signal, request.white, request.noise)
+    base = measurement_of_signal(relative_response, signal, request.white, request.noise)
     causes = causes_of_error(base.signal, base.noise_covariance, request.light_error,
                              request.sensitivity_error)
     base = replace(base, noise_covariance=sum(causes.values(), np.zeros((len(signal),) * 2)))
     twice = None
     if request.twice is not None:
-        values, noise = signal_and_noise(request.twice, len(response), "twice")
-        twice = measurement_of_signal(response, numbers(values, len(response), "twice"),
+        values, noise = signal_and_noise(request.twice, len(relative_response), "twice")
+        twice = measurement_of_signal(relative_response, numbers(values, len(relative_response), "twice"),
                                       request.white, noise)
     draws, measurement = draws_of(request.options, base, more, twice, prior)
     over_determined = len(measurement.signal) >= draws.coefficients.shape[1]
     # More measurements than coefficients leave no spline to bound: the signal alone then does, as
     # wide as it may be.
-    facts = _facts(draws, summarise_spectra(draws, base if over_determined else measurement,
+    facts = _facts(draws, summarise(draws, base if over_determined else measurement,
                                             request.level))
     facts["bounds_from"] = "the signal alone" if over_determined or request.options.keep else "all measurements"
     if more and prior is not None:
@@ -139,7 +144,7 @@ def _one(request: SampleRequest, response: np.ndarray, signal: np.ndarray,
 
 
 def _compared(request: SampleRequest, base: SpectralMeasurement,
-              draws: SpectralSamples) -> dict[str, Any]:
+              draws: SpectrumSamples) -> dict[str, Any]:
     # colour-science's recovery takes seconds
     from spectrabox.sampling.judge.judgement import baselines, judged
 
@@ -164,7 +169,7 @@ def _compared(request: SampleRequest, base: SpectralMeasurement,
     return facts
 
 
-def _facts(draws: SpectralSamples, summary: SpectrumSummary) -> dict[str, Any]:
+def _facts(draws: SpectrumSamples, summary: SpectrumSummary) -> dict[str, Any]:
     arrays = {"wavelengths_nm": summary.grid.nm, "mean": summary.mean,
               "standard_deviation": summary.standard_deviation, "lower": summary.lower,
               "upper": summary.upper, "bound_lower": summary.bound_lower,
@@ -172,7 +177,7 @@ def _facts(draws: SpectralSamples, summary: SpectrumSummary) -> dict[str, Any]:
     return {**{name: values.tolist() for name, values in arrays.items()},
             "effective_samples": draws.effective_samples, "samples": len(draws.spectra),
             "level": summary.level, "method": draws.method, "seed": draws.seed,
-            "outcome": draws.outcome,
+            "outcome": draws.sentence,
             "conditional_on": summary.conditional_on,
             "next_measurement_nm": summary.next_measurement_nm}
 

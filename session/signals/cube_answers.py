@@ -12,8 +12,8 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm, visible_grid
-from spectrabox.radiometry.records import Quantity
-from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.radiometry.records import Quantity, SpectralMeasurement
+from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.spectrum_files import (
     SpectralTable,
     column_index,
@@ -24,7 +24,6 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 from spectrabox.sampling.judge.cube_regions import Region, RegionSpectra, region_spectra
 from spectrabox.sampling.judge.cubes import Cube
 from spectrabox.sampling.judge.judgement import beside, judged, judgement_text, means
-from spectrabox.sampling.measurement import SpectralMeasurement
 from spectrabox.sampling.prior.mixture import GRID, load_prior
 from spectrabox.session.signals.signal_options import measurement_of_signal
 
@@ -96,8 +95,8 @@ def judge_regions(cube: Cube, found: list[RegionSpectra], truths: SpectralTable,
     signal.
     """
     fine = visible_grid(1)
-    response = relative_response(request.sensitivity, request.light, fine)
-    prior, bands = load_prior(request.prior), len(response)
+    relative_response = named_spectra.relative_response(request.sensitivity, request.light, fine)
+    prior, bands = load_prior(request.prior), len(relative_response)
     if request.signals is not None and len(request.signals) != len(found):
         raise InputError(f"{len(request.signals)} signals were given for {len(found)} regions; "
                          "give one row a region, in their order")
@@ -109,10 +108,10 @@ def judge_regions(cube: Cube, found: list[RegionSpectra], truths: SpectralTable,
         mine = on_grid(cube.nm, np.vstack([one.mean[None], one.spectra]), grid, cube.file)
         expected = on_grid(truth_nm, truth, grid, truths.file)
         if request.signals is None:
-            own = response @ held(truth_nm, truth, fine.nm)
-            measurement = SpectralMeasurement(fine, response, own, np.zeros((bands, bands)))
+            own = relative_response @ held(truth_nm, truth, fine.nm)
+            measurement = SpectralMeasurement(fine, relative_response, own, np.zeros((bands, bands)))
         else:
-            measurement = measurement_of_signal(response, request.signals[index], request.white,
+            measurement = measurement_of_signal(relative_response, request.signals[index], request.white,
                                                 request.noise)
         judgements = {IMPORTED: judged(nm, expected, mine[0], request.lights, mine[1:])}
         judgements |= beside(measurement, nm, expected, request.lights, request.draws, request.seed,

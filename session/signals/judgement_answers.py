@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.sampling.further.more_measurements import joined
 from spectrabox.sampling.further.planner import (
     READING_ERROR,
@@ -19,7 +19,6 @@ from spectrabox.sampling.further.planner import (
     wavelength_candidates,
 )
 from spectrabox.sampling.judge.certificate import LEVELS, certificate_page, certify
-from spectrabox.sampling.measurement import linear_between
 from spectrabox.sampling.prior.draws import sample_prior
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
@@ -34,7 +33,7 @@ PLAN_DRAWS = 2000
 def response_of(sensitivity: str, light: str) -> np.ndarray:
     """Response (K, 61), integrated at 1 nm."""
     fine = visible_grid(1)
-    return relative_response(sensitivity, light, fine) @ linear_between(GRID, fine)
+    return named_spectra.relative_response(sensitivity, light, fine) @ interpolation_matrix(GRID.nm, fine.nm)
 
 
 @dataclass(frozen=True)
@@ -69,20 +68,20 @@ def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
     minutes = (request.reading_minutes, request.photo_minutes, request.spot_minutes or 1.0)
     if min(minutes) <= 0:
         raise InputError("the minutes of a measurement must be positive")
-    response = relative_response(request.sensitivity, request.light, visible_grid(1))
-    measurement = measurement_of_signal(response, numbers(request.signal, len(response), "signal"),
+    relative_response = named_spectra.relative_response(request.sensitivity, request.light, visible_grid(1))
+    measurement = measurement_of_signal(relative_response, numbers(request.signal, len(relative_response), "signal"),
                                         request.white, request.noise)
     taken = further_measurements(request.readings, request.photos, request.same, request.more,
-                                 request.sensitivity, response, request.white)
+                                 request.sensitivity, relative_response, request.white)
     draws = sample_prior(joined(measurement, taken), PLAN_DRAWS, request.seed)
     chosen = plan(draws.spectra, candidates_of(request), request.steps)
     facts = {"steps": [{"measurement": step.name, "width_before": step.width_before,
                         "width_after": step.width_after, "minutes": step.minutes,
                         "fall_per_minute": step.fall_per_minute} for step in chosen],
-             "taken": [one.name for one in taken], "outcome": draws.outcome}
+             "taken": [one.name for one in taken], "outcome": draws.sentence}
     lines = [f"{step.name}: mean width of the 95 % band {step.width_before:.3f} -> "
              f"{step.width_after:.3f} in {step.minutes:g} min" for step in chosen]
-    return facts, "\n".join([*lines, draws.outcome])
+    return facts, "\n".join([*lines, draws.sentence])
 
 
 def candidates_of(request: PlanRequest) -> list[Candidate]:
@@ -106,8 +105,8 @@ def certify_answer(folders: list[Path], sensitivity: str, light: str, noise: flo
     """JSON object and page of ``spectrabox certify``."""
     if not 0 <= noise < 0.5:
         raise InputError(f"a relative noise of {noise:g} was given; 0 to 0.5 is needed")
-    prior, response = load_prior(prior_file), response_of(sensitivity, light)
-    found = [certify(prior, read_library(folder), response, noise, lights=lights)
+    prior, relative_response = load_prior(prior_file), response_of(sensitivity, light)
+    found = [certify(prior, read_library(folder), relative_response, noise, lights=lights)
              for folder in folders]
     facts = [{"name": one.name, "curves": one.curves, "left_out": one.left_out, "rmse": one.rmse,
               "spectral_angle": one.spectral_angle,
@@ -157,14 +156,14 @@ def uplift_answer(signals: np.ndarray, sensitivity: str, light: str, noise: floa
     """Mean and standard deviation (H, W, 61) of an image's signals (H, W, K) and the share outside
     0 to 1.
     """
-    response = response_of(sensitivity, light)
-    if signals.shape[2] != len(response):
+    relative_response = response_of(sensitivity, light)
+    if signals.shape[2] != len(relative_response):
         raise InputError(f"the image has {signals.shape[2]} bands and the sensitivities "
-                         f"{len(response)}")
-    flat = np.nan_to_num(signals.reshape(-1, len(response)).astype(float))
+                         f"{len(relative_response)}")
+    flat = np.nan_to_num(signals.reshape(-1, len(relative_response)).astype(float))
     prior = load_prior()
-    small = len(flat) < side**3 or len(response) != 3
-    mean, spread = (uplift_directly(prior, response, np.clip(flat, 0, 1), noise) if small
-                    else uplift_pixels(build_table(prior, response, noise, side), flat))
+    small = len(flat) < side**3 or len(relative_response) != 3
+    mean, spread = (uplift_directly(prior, relative_response, np.clip(flat, 0, 1), noise) if small
+                    else uplift_pixels(build_table(prior, relative_response, noise, side), flat))
     shape = (*signals.shape[:2], GRID.nm.size)
     return mean.reshape(shape), spread.reshape(shape), float(outside(flat).mean())

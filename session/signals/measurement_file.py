@@ -12,7 +12,7 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Quantity
-from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.spectrum_files import (
     column_index,
     on_grid,
@@ -43,7 +43,7 @@ TEXTS, LISTS = ("curve", "column", "file", "light", "sensitivity"), ("signal", "
 
 
 def further_measurements(readings: tuple[str, ...], photos: tuple[str, ...], same: tuple[str, ...],
-                         more: Path | None, sensitivity: str, response: np.ndarray,
+                         more: Path | None, sensitivity: str, relative_response: np.ndarray,
                          white: str | None) -> list[MoreMeasurement]:
     """All that the options --reading, --photo, --same and --more say of one surface.
 
@@ -52,9 +52,9 @@ def further_measurements(readings: tuple[str, ...], photos: tuple[str, ...], sam
     InputError
     """
     found = [MoreMeasurement(reading.name, (reading,)) for reading in map(parse_reading, readings)]
-    found += [of_photo(text, sensitivity, len(response)) for text in photos]
-    found += [of_patch(text, response, white, number) for number, text in enumerate(same, 1)]
-    return found + (read_more(more, sensitivity, response) if more is not None else [])
+    found += [of_photo(text, sensitivity, len(relative_response)) for text in photos]
+    found += [of_patch(text, relative_response, white, number) for number, text in enumerate(same, 1)]
+    return found + (read_more(more, sensitivity, relative_response) if more is not None else [])
 
 
 def of_photo(text: str, sensitivity: str, bands: int) -> MoreMeasurement:
@@ -72,20 +72,20 @@ def of_photo(text: str, sensitivity: str, bands: int) -> MoreMeasurement:
                   *signal_and_noise(rest, bands, "photo"), None)
 
 
-def of_patch(text: str, response: np.ndarray, white: str | None, number: int) -> MoreMeasurement:
+def of_patch(text: str, relative_response: np.ndarray, white: str | None, number: int) -> MoreMeasurement:
     """Another patch of the same material in the same photo, written v1,v2,v3[:e1,e2,e3].
 
     Raises
     ------
     InputError
     """
-    signal, noise = signal_and_noise(text, len(response), "same")
+    signal, noise = signal_and_noise(text, len(relative_response), "same")
     return MoreMeasurement(f"patch {number} said to be the same material",
                            measurement=measurement_of_signal(
-                               response, numbers(signal, len(response), "same"), white, noise))
+                               relative_response, numbers(signal, len(relative_response), "same"), white, noise))
 
 
-def read_more(path: Path, sensitivity: str, response: np.ndarray) -> list[MoreMeasurement]:
+def read_more(path: Path, sensitivity: str, relative_response: np.ndarray) -> list[MoreMeasurement]:
     """All measurements of a TOML file of [[reading]], [[band]], [[spot]], [[photo]] and [[same]]
     tables.
 
@@ -113,12 +113,12 @@ def read_more(path: Path, sensitivity: str, response: np.ndarray) -> list[MoreMe
                              "measurement")
         for number, entry in enumerate(entries, 1):
             found.append(_of_table(kind, _checked(kind, number, entry, path), path.parent,
-                                   sensitivity, response, number))
+                                   sensitivity, relative_response, number))
     return found
 
 
 def _of_table(kind: str, entry: dict[str, Any], folder: Path, sensitivity: str,
-              response: np.ndarray,
+              relative_response: np.ndarray,
               number: int) -> MoreMeasurement:
     if kind == "reading":
         one = reading_at(float(entry["nm"]), float(entry["reflectance"]),
@@ -137,9 +137,9 @@ def _of_table(kind: str, entry: dict[str, Any], folder: Path, sensitivity: str,
     if kind == "spot":
         return _spot(entry, folder)
     if kind == "same":
-        values = numbers(_comma(entry["signal"]) or "", len(response), "same")
+        values = numbers(_comma(entry["signal"]) or "", len(relative_response), "same")
         return MoreMeasurement(f"patch {number} said to be the same material",
-                               measurement=measurement_of_signal(response, values,
+                               measurement=measurement_of_signal(relative_response, values,
                                                                  _comma(entry.get("white")),
                                                                  _comma(entry.get("noise"))))
     camera = str(entry.get("sensitivity", sensitivity))
@@ -168,9 +168,9 @@ def _spot(entry: dict[str, Any], folder: Path) -> MoreMeasurement:
 
 def _photo(name: str, sensitivity: str, light: str, signal: str | None, noise: str | None,
            white: str | None) -> MoreMeasurement:
-    response = relative_response(sensitivity, light, visible_grid(GRID_NM))
+    relative_response = named_spectra.relative_response(sensitivity, light, visible_grid(GRID_NM))
     return MoreMeasurement(name, measurement=measurement_of_signal(
-        response, numbers(signal or "", len(response), "photo"), white, noise))
+        relative_response, numbers(signal or "", len(relative_response), "photo"), white, noise))
 
 
 def _checked(kind: str, number: int, entry: Any, path: Path) -> dict[str, Any]:

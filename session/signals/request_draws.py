@@ -5,16 +5,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import SpectrumSamples
+from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, joined
 from spectrabox.sampling.further.self_reflection import given_reflected_twice, proposals_for
-from spectrabox.sampling.measurement import SpectralMeasurement, SpectralSamples
-from spectrabox.sampling.methods import METHODS, draw_spectra, into_reach
+from spectrabox.sampling.measurement import spline_operator
+from spectrabox.sampling.methods import METHODS, draw_spectra
 from spectrabox.sampling.polytope.refinement import sample_refined
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture
+from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.published.options import ranked, refined_as_published
+from spectrabox.sampling.published.sampler import sample_published
+from spectrabox.sampling.uniform import as_spectra, into_reach
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def check_options(options: DrawOptions) -> None:
 
 def draws_of(options: DrawOptions, base: SpectralMeasurement, more: list[MoreMeasurement],
              twice: SpectralMeasurement | None,
-             prior: LogitMixture | None) -> tuple[SpectralSamples, SpectralMeasurement]:
+             prior: LogitMixture | None) -> tuple[SpectrumSamples, SpectralMeasurement]:
     """Draws, and the measurement that they obey.
 
     Raises
@@ -73,19 +74,24 @@ def draws_of(options: DrawOptions, base: SpectralMeasurement, more: list[MoreMea
 
 
 def _drawn(options: DrawOptions, measurement: SpectralMeasurement, draws: int,
-           prior: LogitMixture | None) -> SpectralSamples:
-    if options.refine is None:
-        return draw_spectra(measurement, options.method, draws, options.seed, options.coefficients,
-                            prior, options.start == "unbounded")
+           prior: LogitMixture | None) -> SpectrumSamples:
+    seed, count = options.seed, options.coefficients
+    if options.refine is not None:
+        return _refined(options, options.refine, measurement, draws)
+    if options.method == "paper" and options.start == "unbounded":
+        return sample_published(measurement, draws, seed, count, unbounded_start=True)
+    return draw_spectra(measurement, options.method, draws, seed, count, prior)
+
+
+def _refined(options: DrawOptions, fine: int, measurement: SpectralMeasurement,
+             draws: int) -> SpectrumSamples:
+    coarse, seed = options.coefficients, options.seed
     if options.method == "paper":
-        return _as_spectra(refined_as_published(measurement, options.coefficients, options.refine,
-                                                draws, options.seed))
-    operator, _ = into_reach(measurement.operator(options.coefficients))
-    return _as_spectra(sample_refined(measurement.response, measurement.grid.nm, operator,
-                                      options.refine, draws, options.seed))
-
-
-def _as_spectra(samples: SpectrumSamples) -> SpectralSamples:
-    spectra = samples.coefficients @ basis_matrix(GRID.nm, samples.coefficients.shape[1]).T
-    return SpectralSamples(GRID, spectra, samples.coefficients, samples.method,
-                           samples.effective_samples, samples.seed, samples.outcome.value)
+        refined = refined_as_published(measurement, coarse, fine, draws, seed)
+        method = (f"one solution of {coarse} coefficients refined to {fine} as published (far too "
+                  "narrow)")
+    else:
+        operator, _ = into_reach(spline_operator(measurement, coarse))
+        refined = sample_refined(measurement, operator, fine, draws, seed)
+        method = f"uniform, refined from {coarse} to {fine} coefficients"
+    return as_spectra(refined, method, seed, refined.outcome, refined.outcome.value)

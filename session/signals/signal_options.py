@@ -8,8 +8,8 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.sampling.further.conditioning import Reading
-from spectrabox.sampling.measurement import SpectralMeasurement
 
 GRID_NM = 1.0           # of the integration; draws and bands are at every 5 nm
 READING_ERROR = 0.005   # standard error of a reading that states none
@@ -33,7 +33,7 @@ def causes_of_error(signal: np.ndarray, noise_covariance: np.ndarray, light_erro
             "sensitivities": sensitivity_error**2 * np.diag(signal**2)}
 
 
-def measurement_of_signal(response: np.ndarray, signal: np.ndarray, white: str | None,
+def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray, white: str | None,
                           noise: str | None) -> SpectralMeasurement:
     """The measurement relative to white, from a signal (K,) and the options --white and --noise.
 
@@ -42,7 +42,7 @@ def measurement_of_signal(response: np.ndarray, signal: np.ndarray, white: str |
     InputError
         If white is not positive, the noise is negative, or the signal lies beyond twice white.
     """
-    bands = len(response)
+    bands = len(relative_response)
     whites = np.ones(bands) if white is None else numbers(white, bands, "white")
     if np.any(whites <= 0):
         raise InputError(f"the white {white} is not positive in every band; give what a perfect "
@@ -54,7 +54,7 @@ def measurement_of_signal(response: np.ndarray, signal: np.ndarray, white: str |
     if np.any(np.abs(relative) > 2):
         raise InputError(f"the signal is {np.abs(relative).max():.3g} times white; give what white "
                          "reads with --white")
-    return SpectralMeasurement(visible_grid(GRID_NM), response, relative,
+    return SpectralMeasurement(visible_grid(GRID_NM), relative_response, relative,
                                np.diag((errors / whites)**2))
 
 

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import block_diag
 
-from spectrabox.radiometry.records import Calibration, JointReconstruction
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records import Calibration, JointReconstruction, SpectralMeasurement
 from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.error_budget import error_budget
-from spectrabox.sampling.measurement import SpectralMeasurement, linear_between
 from spectrabox.sampling.prior.mixture import load_prior
 
 DARK = 1e-12             # of the light's strongest wavelength
@@ -81,8 +81,8 @@ def light_covariance(calibrations: Sequence[Calibration], joint: JointReconstruc
             continue
         power = spectrum_on_grid(light, joint.grid)
         by_nm = (joint.spectra[index] - signal[mine, None]) * joint.response[mine]
-        by_reading = by_nm / np.maximum(power, DARK * power.max()) @ linear_between(light.grid,
-                                                                                    joint.grid)
+        by_reading = by_nm / np.maximum(power, DARK * power.max()) \
+            @ interpolation_matrix(light.grid.nm, joint.grid.nm)
         rows.append(by_reading * light.standard_error)
     return block_diag(*(row @ row.T for row in rows))
 

@@ -7,9 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.records import SpectrumSummary, WavelengthGrid
-from spectrabox.sampling.measurement import SpectralMeasurement, SpectralSamples, summarise_spectra
+from spectrabox.radiometry.records import (
+    SpectralMeasurement,
+    SpectrumSamples,
+    SpectrumSummary,
+    WavelengthGrid,
+)
 from spectrabox.sampling.methods import draw_spectra
+from spectrabox.sampling.summary import summarise
 from spectrabox.session.stages.calibrate_stage import calibrations_of
 from spectrabox.session.stages.error_budget import measurement_of
 from spectrabox.session.stages.reconstruct_stage import joint_of
@@ -23,7 +28,7 @@ def sample_materials(task: StageTask) -> dict[str, Any]:
     chosen, seed = task.config.sampling, task.config.session.seed
     calibrations, joint = calibrations_of(task.config, task.stored), joint_of(task.stored)
     records: dict[str, Any] = {}
-    jointly: dict[str, SpectralSamples] = {}
+    jointly: dict[str, SpectrumSamples] = {}
     if chosen.through == "transport":
         task.progress(0.0, "all materials at once")
         jointly = draw_through_transport(calibrations[0], joint, chosen.draws, seed,
@@ -36,26 +41,26 @@ def sample_materials(task: StageTask) -> dict[str, Any]:
         draws = jointly.get(name) or draw_spectra(measurement, chosen.method, chosen.draws,
                                                   seed + index, chosen.coefficients)
         records[f"samples {name}"] = draws
-        records[f"summary {name}"] = on_finer_grid(summarise_spectra(
+        records[f"summary {name}"] = on_finer_grid(summarise(
             draws, measurement, chosen.level, conditions(draws, measurement)), joint.grid)
     return records
 
 
 def samples_of(stored: Mapping[str, StoredStage],
-               material: str) -> tuple[SpectralSamples, SpectrumSummary]:
+               material: str) -> tuple[SpectrumSamples, SpectrumSummary]:
     """Draws and summary of one unknown material."""
     stage = stored["sample"]
-    return (stage.record(SpectralSamples, f"samples {material}"),
+    return (stage.record(SpectrumSamples, f"samples {material}"),
             stage.record(SpectrumSummary, f"summary {material}"))
 
 
-def conditions(draws: SpectralSamples, measurement: SpectralMeasurement) -> str:
+def conditions(draws: SpectrumSamples, measurement: SpectralMeasurement) -> str:
     """What the band rests on, in words."""
     errors = ", ".join(f"{100 * error:.2g}"
                        for error in np.sqrt(np.diag(measurement.noise_covariance)))
     return (f"Conditional on Gaussian errors of the signal of {errors} % of white, on the sampler "
             f"and its prior ({draws.method}), and, for the exact bounds, on splines of "
-            f"{draws.coefficients.shape[1]} coefficients between 0 and 1. {draws.outcome}")
+            f"{draws.coefficients.shape[1]} coefficients between 0 and 1. {draws.sentence}")
 
 
 def on_finer_grid(summary: SpectrumSummary, grid: WavelengthGrid) -> SpectrumSummary:

@@ -6,10 +6,15 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Calibration, JointReconstruction, RegionTransport
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records import (
+    Calibration,
+    JointReconstruction,
+    RegionTransport,
+    SpectrumSamples,
+)
 from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.sampling.measurement import SpectralSamples, linear_between
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.scene.draws import draw_scene, shared_errors
 from spectrabox.session.stages.error_budget import scale_covariance
@@ -19,7 +24,7 @@ KEPT = 1e-4              # of the largest variance of a direction of the sensiti
 
 def draw_through_transport(calibration: Calibration, joint: JointReconstruction, draws: int,
                            seed: int,
-                           coefficients: int) -> dict[str, SpectralSamples]:
+                           coefficients: int) -> dict[str, SpectrumSamples]:
     """Draws of every unknown material, interreflection, noise, calibration and model errors
     included.
 
@@ -39,7 +44,7 @@ def draw_through_transport(calibration: Calibration, joint: JointReconstruction,
                          "through = \"surface\"")
     regions, view = joint.regions[0], joint.views[0]
     fine = joint.response * view.white_signal[:, None] * view.light_scale.value
-    response = fine @ linear_between(PRIOR_GRID, joint.grid)
+    response = fine @ interpolation_matrix(PRIOR_GRID.nm, joint.grid.nm)
     known = {name: np.interp(PRIOR_GRID.nm, joint.grid.nm, joint.spectra[place])
              for place, name in enumerate(joint.materials) if joint.known[place]}
     return draw_scene(regions.transport, regions.signal, regions.standard_error, response, draws,

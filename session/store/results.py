@@ -15,9 +15,9 @@ from spectrabox.radiometry.records import (
     PatchSamples,
     Reconstruction,
     Spectrum,
+    SpectrumSamples,
     SpectrumSummary,
 )
-from spectrabox.sampling.measurement import SpectralSamples
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class MaterialResult:
     signal_covariance: np.ndarray     # (J, J) noise
     model_covariance: np.ndarray      # (J, J) relative: photo and model disagree
     summary: SpectrumSummary | None   # None where the spectrum was given
-    samples: SpectralSamples | None
+    samples: SpectrumSamples | None
     # cause -> (K,) relative standard error of this material's signal
     error_budget: dict[str, np.ndarray]
     truth: Spectrum | None

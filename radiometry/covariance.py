@@ -1,0 +1,22 @@
+"""What makes a matrix a covariance."""
+from __future__ import annotations
+
+import numpy as np
+
+ROUND_OFF = 1e-10   # of the largest entry: a few eps, as of a covariance computed as a product
+
+
+def is_covariance(matrix: np.ndarray, rtol: float = ROUND_OFF) -> bool:
+    """Whether a matrix (K, K) is symmetric and positive semi-definite, up to round-off.
+
+    Parameters
+    ----------
+    matrix : (K, K) array
+    rtol : float
+        Relative to the largest entry: of the asymmetry, and of eigenvalues below 0.
+    """
+    if not np.all(np.isfinite(matrix)):
+        return False
+    atol = rtol * np.abs(matrix).max(initial=0)
+    return bool(np.abs(matrix - matrix.T).max(initial=0) <= atol
+                and np.linalg.eigvalsh(matrix).min(initial=0) >= -atol)

@@ -1,0 +1,57 @@
+"""What a measurement must be before anything is drawn from it."""
+from __future__ import annotations
+
+import numpy as np
+
+from spectrabox.radiometry.covariance import is_covariance
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import SpectralMeasurement
+
+ALIKE = 1e-6    # smallest singular value of the bands' directions: below, two bands respond alike
+
+
+def check_measurement(measurement: SpectralMeasurement, draws: int) -> None:
+    """Raise unless a measurement and a number of draws can be sampled.
+
+    Raises
+    ------
+    InputError
+        With what is wrong.
+    """
+    if draws < 1:
+        raise InputError(f"{draws} draws were asked for; ask for at least 1")
+    for name, values in (("response", measurement.relative_response),
+                         ("signal", measurement.signal),
+                         ("noise", measurement.noise_covariance)):
+        if not np.all(np.isfinite(values)):
+            raise InputError(f"the {name} of the measurement holds numbers that are not finite; "
+                             "measure it again")
+    check_noise(measurement.noise_covariance)
+    check_bands(measurement.relative_response)
+
+
+def check_noise(covariance: np.ndarray) -> None:
+    """Raise unless a matrix (K, K) is a covariance.
+
+    Raises
+    ------
+    InputError
+    """
+    if not is_covariance(covariance):
+        raise InputError("the noise covariance is not symmetric positive semi-definite; state "
+                         "variances on the diagonal, or a covariance estimated from repeated "
+                         "readings")
+
+
+def check_bands(relative_response: np.ndarray) -> None:
+    """Raise if two bands of a response (K, P) are alike or one sees nothing.
+
+    Raises
+    ------
+    InputError
+    """
+    length = np.linalg.norm(relative_response, axis=1, keepdims=True)
+    if np.any(length == 0) \
+            or np.linalg.svd(relative_response / length, compute_uv=False)[-1] < ALIKE:
+        raise InputError("two bands respond alike, or one sees nothing of 400-700 nm under this "
+                         "light; leave one out or measure the sensitivities again")

@@ -1,0 +1,85 @@
+"""Exact uniform draws of every spline that gives one signal, one of the METHODS.
+
+An unreachable signal is moved into reach first, and the outcome says by how much.
+"""
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.errors import ConvergenceError
+from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
+from spectrabox.sampling.checks import check_measurement
+from spectrabox.sampling.measurement import CoefficientDraws, MeasurementOperator, spline_operator
+from spectrabox.sampling.polytope.tilt import check_operator, max_entropy_tilt
+from spectrabox.sampling.polytope.tilted_rejection import METHOD, sample_polytope
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture
+
+# how far an unreachable signal is moved into what can be reached
+TOWARDS_GREY = (0.002, 0.01, 0.03, 0.1)
+BULK = 20_000       # draws from which compiled hit-and-run is the faster
+MAX_BANDS = 5       # beyond which hit-and-run is the faster for any number of draws
+
+
+def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coefficients: int,
+                   prior: LogitMixture | None = None) -> SpectrumSamples:
+    """Splines drawn uniformly from all that give the signal; see `sampling.methods.draw_spectra`.
+
+    ``prior`` is not used: the coefficients are uniform in [0, 1].
+    """
+    check_measurement(measurement, draws)
+    operator, moved = into_reach(spline_operator(measurement, coefficients))
+    coefficient_draws, method = _draw(operator, draws, seed)
+    outcome, sentence = coefficient_draws.outcome, coefficient_draws.outcome.value
+    if moved:
+        outcome = Outcome.MOVED
+        sentence = (f"No spectrum of {coefficients} coefficients between 0 and 1 gives the signal: "
+                    f"it was moved by up to {100 * moved:.2g} % of white to the nearest that can "
+                    "be reached.")
+    return as_spectra(coefficient_draws, method, seed, outcome, sentence)
+
+
+def as_spectra(draws: CoefficientDraws, method: str, seed: int, outcome: Outcome,
+               sentence: str) -> SpectrumSamples:
+    """The draws as spectra at 400, 405 ... 700 nm."""
+    spectra = draws.coefficients @ basis_matrix(GRID.nm, draws.coefficients.shape[1]).T
+    return SpectrumSamples(GRID, spectra, draws.coefficients, method, draws.effective_samples,
+                           seed, outcome, sentence)
+
+
+def into_reach(operator: MeasurementOperator) -> tuple[MeasurementOperator, float]:
+    """The operator with its signal moved into reach where need be, and the largest move of a band.
+
+    The nearest signal in the least-squares sense is on the edge of the reachable set, where one
+    spectrum fits; it is moved 0.2 % (then 1, 3, 10 %) of the way to middle grey.
+
+    Raises
+    ------
+    ConvergenceError
+        If the signal lies too far away.
+    """
+    check_operator(operator)
+    try:
+        max_entropy_tilt(operator)
+        return operator, 0.0
+    except ConvergenceError:
+        nearest = lsq_linear(operator.A, operator.y, bounds=(0, 1), tol=1e-12).x
+    for share in TOWARDS_GREY:
+        y = operator.A @ ((1 - share) * np.clip(nearest, 0, 1) + share / 2)
+        moved = MeasurementOperator(operator.A, y, operator.noise_covariance)
+        try:
+            max_entropy_tilt(moved)
+            return moved, float(np.abs(y - operator.y).max())
+        except ConvergenceError:
+            continue
+    raise ConvergenceError("the signal lies too far from what reflectances between 0 and 1 can "
+                           "give; check the white it is relative to")
+
+
+def _draw(operator: MeasurementOperator, draws: int, seed: int) -> tuple[CoefficientDraws, str]:
+    if (draws < BULK and len(operator.y) <= MAX_BANDS) or operator.noise_covariance.any():
+        return sample_polytope(operator, draws, seed), METHOD
+    from spectrabox.sampling.polytope import circuit_hit_and_run as bulk  # numba: 0.3 s to import
+
+    return bulk.sample_in_bulk(operator, draws, seed), bulk.METHOD
