@@ -1,0 +1,1 @@
+"""Reflectances made by physics, one kind of surface a file, where none may be shipped."""

@@ -1,0 +1,94 @@
+"""Dyed textile, paper and plastic: absorption bands of dyes in a body that scatters.
+
+A dye absorbs in a few electronic bands, each a Gaussian in photon energy with a vibronic shoulder
+0.14 to 0.19 eV above it, the stretching vibration of a conjugated chain (Suppan, 'Chemistry and
+Light', 1994, ch. 2). Dyes in use have a standard deviation of 0.06 to 0.22 eV (spectra in
+Christie, 'Colour Chemistry', 2nd ed. 2015). K / S of one to three dyes and of the ground add (two
+constants in one; Kubelka-Munk, kubelka_munk.py). Grounds:
+
+- textile: undyed fibre, white 0.6 to 0.9, yellowed towards the blue by exp(-(nm - 400) / 60);
+  titanium dioxide in man-made fibres absorbs below 385 nm (anatase) with a tail;
+- paper: brighter; dyes lie in the upper layer, so the ground's share shows as a mixture;
+- plastic: pigmented with rutile, whose edge at 3.0 eV begins at 415 nm, under a glossy surface that
+  a meter may include (Saunderson's k1 up to 0.04).
+
+Optical brighteners are left out: what they emit depends on the light, and is no reflectance. Nor
+are there fluorescent dyes, metal threads and interference colours.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from spectrabox.sampling.prior.families.kubelka_munk import (
+    ENERGY,
+    EV_NM,
+    absorption_of,
+    band,
+    behind_surface,
+    chance,
+    log_uniform,
+    reflectance_of,
+    uniform,
+)
+from spectrabox.sampling.prior.mixture import GRID
+
+DYES = (0.45, 0.35, 0.2)        # chance of one, two and three
+
+
+def textile(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Reflectances (count, 61) of dyed cloth, leather and yarn."""
+    white = uniform(rng, 0.55, 0.92, count)
+    yellowed = 1 - uniform(rng, 0, 0.35, count) * np.exp(-(GRID.nm - 400) / uniform(rng, 40, 90,
+                                                                                      count))
+    ground = white * yellowed * ultraviolet_edge(rng, 370, 400, count)
+    body = reflectance_of(absorption_of(ground) + dyes(rng, count, 15))
+    return (1 - uniform(rng, 0, 0.03, count)) * body + uniform(rng, 0, 0.04, count)
+
+
+def paper(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Reflectances (count, 61) of dyed and printed paper: a share of the ground shows."""
+    white = uniform(rng, 0.7, 0.94, count)
+    ground = white * ultraviolet_edge(rng, 365, 405, count)
+    transmission = np.exp(-dyes(rng, count, 2.5))
+    bare = chance(rng, 0.5, count) * rng.beta(0.6, 1.5, (count, 1))
+    printed = bare + (1 - bare) * transmission**2
+    return ground * printed * (1 - uniform(rng, 0, 0.03, count)) + uniform(rng, 0, 0.04, count)
+
+
+def plastic(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Reflectances (count, 61) of coloured plastic, lacquer and painted metal."""
+    rutile = rutile_absorption(rng, count) * log_uniform(rng, 0.02, 1, count)
+    black = chance(rng, 0.4, count) * log_uniform(rng, 0.01, 2, count) * (GRID.nm / 550)**-0.3
+    body = reflectance_of(rutile + black + dyes(rng, count, 20) + uniform(rng, 0.001, 0.02, count))
+    entering = uniform(rng, 0, 0.045, count)
+    return behind_surface(body, entering, uniform(rng, 0.3, 0.6, count))
+
+
+def dyes(rng: np.random.Generator, count: int, strongest: float) -> np.ndarray:
+    """K / S (count, 61) of one to three dyes."""
+    number = rng.choice(len(DYES), (count, 1), p=DYES)
+    total = np.zeros((count, GRID.nm.size))
+    for index in range(len(DYES)):
+        peak = EV_NM / uniform(rng, 355, 700, count)
+        width = uniform(rng, 0.06, 0.22, count)
+        shoulder = uniform(rng, 0, 0.7, count) * band(peak + uniform(rng, 0.14, 0.19, count),
+                                                      1.1 * width)
+        second = chance(rng, 0.5, count) * uniform(rng, 0, 0.6, count) * band(
+            peak + uniform(rng, 0.5, 1.3, count), 1.5 * width)
+        shape = band(peak, width, uniform(rng, 0, 0.9, count)) + shoulder + second
+        total += (index <= number) * log_uniform(rng, 0.03, strongest, count) * shape
+    return total
+
+
+def ultraviolet_edge(rng: np.random.Generator, low_nm: float, high_nm: float,
+                     count: int) -> np.ndarray:
+    """Factor (count, 61) by which six in ten grounds fall off towards the ultraviolet."""
+    edge = 1 / (1 + np.exp(-(GRID.nm - uniform(rng, low_nm, high_nm, count))
+                           / uniform(rng, 4, 14, count)))
+    return 1 - chance(rng, 0.6, count) * uniform(rng, 0.4, 0.9, count) * (1 - edge)
+
+
+def rutile_absorption(rng: np.random.Generator, count: int) -> np.ndarray:
+    """K / S (count, 61) of rutile: Urbach's exponential tail below its gap of 3.0 eV, at most 3."""
+    gap, tail = uniform(rng, 2.98, 3.08, count), uniform(rng, 0.025, 0.06, count)
+    return 3 * np.exp(np.minimum((ENERGY - gap) / tail, 0))

@@ -1,0 +1,89 @@
+"""Human skin: an epidermis that absorbs over a dermis that scatters.
+
+Light crosses the epidermis twice, then diffuses in a dermis that is semi-infinite:
+
+    R = gloss + (1 - gloss) g exp(-2 d mu_epi) exp(-A / sqrt(3 (1 + mu_s' / mu_a)))
+
+with mu_epi = f_mel mu_mel + (1 - f_mel) mu_base and mu_a = f_blood C mu_blood + (1 - f_blood)
+mu_base + mu_yellow, all per cm.
+
+- mu_mel = 6.6e11 nm^-3.33, the melanosome (S. L. Jacques, Oregon Medical Laser Center News 1998 and
+  Phys. Med. Biol. 58 (2013) R37); its power falls between 3 and 3.8 with the mixture of eumelanin
+  and pheomelanin (Jacques 2013), here normalised at 550 nm.
+- mu_base = 0.244 + 85.3 exp(-(nm - 154) / 66.2), skin without blood (Saidi, in Jacques 1998).
+- mu_blood from haemoglobin.csv, 150 g/l at 64 500 g/mol, ln 10 per decade of extinction; S is the
+  oxygenation. Blood is packed in vessels of radius r, of which light sees the outside first:
+  C = (1 - exp(-2 mu_blood r)) / (2 mu_blood r) (Verkruysse, Phys. Med. Biol. 42 (1997) 51).
+- mu_yellow: bilirubin, one band at 460 nm, and beta-carotene, at 455 and 485 nm (Alaluf, J. Nutr.
+  132 (2002) 399, found the latter in all skins).
+- mu_s' = a (f (nm / 500)^-4 + (1 - f) (nm / 500)^-b), a 25 to 60 per cm, b 0.9 to 1.7, f 0.1 to 0.6
+  (table 1 of Jacques 2013).
+- A 5 to 9: of diffusion from a plane surface with mismatched indices (Jacques 1999, 'Diffuse
+  reflectance from a semi-infinite medium', OMLC News); g: shape and shading.
+
+Not in it: hair, make-up, tattoos, wounds, and the fluorescence of porphyrins.
+"""
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.sampling.prior.families.kubelka_munk import (
+    log_uniform,
+    reflectance_of,
+    uniform,
+)
+from spectrabox.sampling.prior.mixture import GRID
+
+MOLAR_BLOOD = np.log(10) * 150 / 64500      # per cm for an extinction of 1 / (cm M)
+
+
+def skin(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Reflectances (count, 61) of skin, by diffusion in the dermis."""
+    epidermis, dermis, scattering = _layers(rng, count)
+    A = uniform(rng, 5, 9, count)
+    return _seen(rng, epidermis, np.exp(-A / np.sqrt(3 * (1 + scattering / dermis))))
+
+
+def skin_in_two_fluxes(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Reflectances (count, 61) of skin whose dermis is a layer of Kubelka and Munk.
+
+    K = 2 mu_a and S = 3/4 mu_s' (Mudgett and Richards, Appl. Opt. 10 (1971) 1485). The dermis is
+    the same and the theory another: what the two differ by is what either does not know.
+    """
+    epidermis, dermis, scattering = _layers(rng, count)
+    inside = reflectance_of(8 / 3 * dermis / scattering)
+    leaving = uniform(rng, 0.35, 0.6, count)
+    return _seen(rng, epidermis, (1 - leaving) * inside / (1 - leaving * inside))
+
+
+def _layers(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Optical density of the epidermis there and back; absorption and scattering of the dermis."""
+    nm = GRID.nm
+    base = 0.244 + 85.3 * np.exp(-(nm - 154) / 66.2)
+    melanosome = 6.6e11 * 550**-3.33 * (nm / 550)**-uniform(rng, 3.0, 3.8, count)
+    melanin = log_uniform(rng, 0.008, 0.35, count)
+    depth = uniform(rng, 0.004, 0.009, count)
+    epidermis = 2 * depth * (melanin * melanosome + (1 - melanin) * base)
+    _, oxygenated, deoxygenated = np.loadtxt(Path(__file__).with_name("haemoglobin.csv"),
+                                             delimiter=",", skiprows=4).T
+    saturation = uniform(rng, 0.4, 0.98, count)
+    blood = MOLAR_BLOOD * (saturation * oxygenated + (1 - saturation) * deoxygenated)
+    double_radius = 2 * blood * log_uniform(rng, 5e-4, 4e-3, count)
+    packed = (1 - np.exp(-double_radius)) / double_radius
+    share = log_uniform(rng, 0.003, 0.07, count)
+    yellow = (log_uniform(rng, 0.02, 0.6, count) * np.exp(-0.5 * ((nm - 460) / 32)**2)
+              + log_uniform(rng, 0.02, 0.8, count) * (np.exp(-0.5 * ((nm - 455) / 22)**2)
+                                                      + 0.8 * np.exp(-0.5 * ((nm - 485) / 14)**2)))
+    dermis = share * packed * blood + (1 - share) * uniform(rng, 0.4, 1.0, count) * base + yellow
+    small = uniform(rng, 0.1, 0.6, count)
+    scattering = uniform(rng, 25, 60, count) * (
+        small * (nm / 500)**-4.0 + (1 - small) * (nm / 500)**-uniform(rng, 0.9, 1.7, count))
+    return epidermis, dermis, scattering
+
+
+def _seen(rng: np.random.Generator, epidermis: np.ndarray, dermis: np.ndarray) -> np.ndarray:
+    count = len(dermis)
+    gloss = uniform(rng, 0, 0.04, count)
+    return (1 - gloss) * uniform(rng, 0.85, 1.1, count) * np.exp(-epidermis) * dermis + gloss

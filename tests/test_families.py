@@ -1,0 +1,105 @@
+"""Families of reflectances made by physics: laws of their models, and values published with them."""
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spectrabox.sampling.prior.families import animals, dyes, earth, leaves, paint, skin, whites
+from spectrabox.sampling.prior.families.kubelka_munk import (
+    absorption_of,
+    behind_surface,
+    reflectance_of,
+)
+from spectrabox.sampling.prior.mixture import GRID
+
+FAMILIES = {made.__name__: made for made in (
+    skin.skin, skin.skin_in_two_fluxes, leaves.leaves, leaves.petals, dyes.textile, dyes.paper,
+    dyes.plastic, whites.whites, whites.tiles, earth.soils, earth.woods, animals.animals)}
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_family_gives_reflectances_and_the_same_ones_for_the_same_seed(name):
+    made = FAMILIES[name](np.random.default_rng(3), 400)
+    assert made.shape == (400, GRID.nm.size)
+    assert np.all((made > 0) & (made < 1))
+    np.testing.assert_array_equal(made, FAMILIES[name](np.random.default_rng(3), 400))
+
+
+def test_a_layer_of_kubelka_and_munk_is_its_own_inverse():
+    inside = np.linspace(0.01, 0.99, 50)
+    # the square root of K / S near R = 1 loses half the digits: sqrt(eps) would be the bound, 1e-10
+    # holds from R = 0.99 down
+    np.testing.assert_allclose(reflectance_of(absorption_of(inside)), inside, rtol=1e-10)
+
+
+def test_a_white_body_behind_a_surface_stays_white():
+    one = np.ones(3)
+    np.testing.assert_allclose(behind_surface(one, 0.04 * one, 0.6 * one), 1, rtol=1e-15)
+
+
+def test_the_surface_transmits_what_fresnel_says_head_on():
+    index = np.array([1.3, 1.5])
+    # a cone of 0.1 degrees differs from none by its square in radians, 3e-6
+    np.testing.assert_allclose(leaves.surface_transmission(index, 0.1), 4 * index / (index + 1)**2,
+                               rtol=3e-6)
+
+
+def test_a_leaf_without_pigment_reflects_or_transmits_all_light():
+    index = np.full(GRID.nm.size, 1.45)
+    r, t = leaves.leaf(np.array([[1.0], [1.7], [3.0]]), np.zeros((3, GRID.nm.size)), index)
+    # absorption is floored at 1e-6 a plate, met a few times over by light that is caught inside
+    np.testing.assert_allclose(r + t, 1, atol=5e-5)
+
+
+def test_a_leaf_is_that_of_prospect_d():
+    # prosail 2.0.5, run_prospect(1.8, 40, 8, 0, 0, 0.008, ant=3) at 400, 450 ... 700 nm; without
+    # water, as here.
+    expected = [0.04320755, 0.04159364, 0.05258007, 0.12861554, 0.08946332, 0.05217754, 0.15214131]
+    _, index, green, yellow, red, dry = np.loadtxt(leaves.COEFFICIENTS, delimiter=",", skiprows=5).T
+    r, t = leaves.leaf(np.array([[1.8]]), (40 * green + 8 * yellow + 3 * red + 0.008 * dry)[None],
+                       index)
+    # eight decimals were printed
+    np.testing.assert_allclose(r[0, ::10], expected, atol=1e-8)
+    assert np.all(r + t < 1)
+
+
+def test_skin_shows_the_two_bands_of_oxygenated_blood():
+    made = np.log(skin.skin(np.random.default_rng(1), 2000))
+    at = {nm: made[:, np.flatnonzero(GRID.nm == nm)[0]] for nm in (510, 540, 560, 575, 590, 600, 650)}
+    oxygenated = at[560] - (at[540] + at[575]) / 2      # the hump between the bands
+    assert np.mean(oxygenated > 0) > 0.8
+    assert np.all(at[600] > at[575])
+
+
+def test_dyes_add_as_absorption_does():
+    few, many = (dyes.dyes(np.random.default_rng(5), 500, strongest) for strongest in (1, 10))
+    assert np.all(few >= 0)
+    # the same random numbers with a larger range are at least as strong
+    assert np.all(many >= few - 1e-12)
+
+
+def test_rutile_absorbs_violet_and_nothing_else():
+    edge = dyes.rutile_absorption(np.random.default_rng(2), 200)
+    assert np.all(np.diff(edge, axis=1) <= 0)
+    assert edge[:, 0].min() > 0.5
+    # 0.2 eV below the gap at most exp(-0.2 / 0.06) = 4 % of 3 are left at 440 nm
+    assert edge[:, GRID.nm >= 450].max() < 0.12
+
+
+def test_mixtures_of_grey_pigments_are_smooth_and_of_a_red_one_red():
+    red = np.where(GRID.nm < 590, 0.05, 0.8)
+    made = paint.pigment_mixtures(np.random.default_rng(4), 300, red[None])
+    assert np.all(made[:, -1] > made[:, 20])
+    grey = paint.pigment_mixtures(np.random.default_rng(4), 300, np.full((2, GRID.nm.size), 0.3))
+    # rutile is gone above 450 nm, and black changes by a sixth from there to 700 nm
+    assert np.abs(np.diff(grey[:, GRID.nm > 450], axis=1)).max() < 0.01
+
+
+def test_yellowing_makes_whites_fall_towards_the_blue():
+    made = whites.whites(np.random.default_rng(6), 2000)
+    assert np.mean(made[:, 5] <= made[:, 30]) > 0.8
+
+
+def test_iron_makes_soils_rise_to_the_red():
+    made = earth.soils(np.random.default_rng(7), 2000)
+    assert np.mean(made[:, -1] > made[:, 0]) > 0.99
