@@ -10,7 +10,15 @@ from scipy.stats import chi2
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.polytope.bounds import reflectance_bounds, widening
+from spectrabox.sampling.measurement import MeasurementOperator
+from spectrabox.sampling.polytope import bounds
+from spectrabox.sampling.polytope.bounds import (
+    linear_programmes,
+    reflectance_bounds,
+    widened_box,
+    widening,
+)
+from spectrabox.sampling.polytope.simplex import TIGHT
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 
 NM = np.linspace(400, 700, 13)
@@ -72,13 +80,54 @@ def test_more_noise_or_a_higher_level_never_narrows_the_bounds():
         assert np.all(wider_upper >= upper - SOLVER)
 
 
+@pytest.mark.parametrize("coefficients", [7, 13])
 @pytest.mark.parametrize("reflectance", [0.0, 1.0])
-def test_perfect_black_and_white_have_one_spectrum(reflectance):
-    A = camera(7)
-    operator = measurement(A, A @ np.full(7, reflectance))
+def test_perfect_black_and_white_have_one_spectrum(reflectance, coefficients):
+    operator = measurement(camera(coefficients), np.full(3, reflectance))
     # A bound is off by the solver's 1e-7 over the smallest weight of a coefficient in A, 1e-3.
-    for bound in reflectance_bounds(operator, basis_matrix(NM, 7)):
+    for bound in reflectance_bounds(operator, basis_matrix(NM, coefficients)):
         np.testing.assert_allclose(bound, reflectance, atol=1e-4)
+
+
+def reference(operator, basis):
+    return linear_programmes(widened_box(operator, 0.95), basis, TIGHT)
+
+
+def random_problem(kind, noise, seed):
+    """A camera of random weights, a signal, and its noise; five functions to bound."""
+    rng = np.random.default_rng(seed)
+    bands = int(rng.integers(1, 6))
+    coefficients = int(rng.integers(bands + 2, 22))
+    A = rng.dirichlet(np.ones(coefficients), bands)
+    c = rng.uniform(0.05, 0.95, coefficients)
+    if kind == "degenerate":            # a corner of the box, or a point on an edge of it
+        c = np.round(c)
+        c[:bands - 1] = 0.5
+    y = A @ c + (0.8 * rng.uniform(0.5, 1, bands) if kind == "unreachable" else 0.0)
+    root = {"none": np.zeros((bands, 1)), "one direction": 0.01 * rng.standard_normal((bands, 1)),
+            "every band": 0.01 * rng.standard_normal((bands, bands))}[noise]
+    return MeasurementOperator(A, y, root @ root.T), rng.uniform(size=(5, coefficients))
+
+
+@pytest.mark.parametrize("noise", ["none", "one direction", "every band"])
+@pytest.mark.parametrize("kind", ["inside", "degenerate", "unreachable"])
+def test_bounds_of_random_problems_equal_those_of_a_general_solver(kind, noise):
+    for seed in range(12):
+        operator, functions = random_problem(kind, noise, seed)
+        for ours, theirs in zip(reflectance_bounds(operator, functions),
+                                reference(operator, functions), strict=True):
+            # HiGHS keeps its constraints to 1e-10, the largest dual prices here are below ten.
+            np.testing.assert_allclose(ours, theirs, atol=1e-9)
+
+
+@pytest.mark.parametrize("coefficients, bands", [(5, 3), (13, 3), (40, 3), (13, 1), (13, 8)])
+@pytest.mark.parametrize("error", [0.0, 0.01])
+def test_bounds_of_cameras_need_no_general_solver(coefficients, bands, error, monkeypatch):
+    operator, basis = grey(coefficients, error, bands), basis_matrix(NM, coefficients)
+    theirs = reference(operator, basis)
+    monkeypatch.setattr(bounds, "linear_programmes", None)
+    # HiGHS keeps its constraints to 1e-10; eight narrow bands have dual prices up to a hundred.
+    np.testing.assert_allclose(reflectance_bounds(operator, basis), theirs, atol=1e-8)
 
 
 @pytest.mark.parametrize("error", [0.0, 0.01])

@@ -1,6 +1,4 @@
-"""Circuit hit-and-run, its diagnostics, and the compiled bounds: against independent draws, closed
-forms and HiGHS.
-"""
+"""Circuit hit-and-run and its diagnostics: against independent draws and closed forms."""
 import numpy as np
 import pytest
 from sampling_cameras import camera, grey, measurement
@@ -9,12 +7,9 @@ from scipy import stats
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import Outcome
-from spectrabox.sampling.polytope.bounds import reflectance_bounds
 from spectrabox.sampling.polytope.circuit_hit_and_run import sample_in_bulk
 from spectrabox.sampling.polytope.circuits import design, find_circuits, schedule
 from spectrabox.sampling.polytope.diagnostics import diagnose, refuse_poor
-from spectrabox.sampling.polytope.simplex_bounds import DONE, exact_bounds, walk
-from spectrabox.sampling.polytope.tilt import max_entropy_tilt
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 
 SIGNIFICANCE = 1e-4
@@ -102,41 +97,3 @@ def test_independent_draws_are_as_many_as_there_are():
     # sigma.
     assert found.effective_samples > 0.9 * len(starts)
     assert found.r_hat < 1.001
-
-
-# ---- bounds --------------------------------------------------------------------------------------
-
-@pytest.mark.parametrize("coefficients", [5, 7, 13, 21, 31])
-@pytest.mark.parametrize("error", [0.0, 0.01])
-def test_compiled_bounds_equal_those_of_a_general_solver(coefficients, error):
-    operator, basis = grey(coefficients, error), basis_matrix(NM, coefficients)
-    for ours, theirs in zip(exact_bounds(operator, basis), reflectance_bounds(operator, basis),
-                            strict=True):
-        # the tolerance of HiGHS on its constraints
-        np.testing.assert_allclose(ours, theirs, atol=1e-7)
-
-
-@pytest.mark.parametrize("bands", [1, 2, 5, 8])
-def test_compiled_bounds_for_any_number_of_bands(bands):
-    operator, basis = grey(13, bands=bands), basis_matrix(NM, 13)
-    for ours, theirs in zip(exact_bounds(operator, basis), reflectance_bounds(operator, basis),
-                            strict=True):
-        # eight narrow bands: a condition number of some ten
-        np.testing.assert_allclose(ours, theirs, atol=1e-6)
-
-
-@pytest.mark.parametrize("coefficients, bands", [(13, 8), (21, 8), (31, 3), (40, 3), (40, 8)])
-def test_fine_splines_need_no_general_solver(coefficients, bands):
-    operator, basis = grey(coefficients, bands=bands), basis_matrix(NM, coefficients)
-    lower, upper, pivots, status = walk(operator.A, operator.y, max_entropy_tilt(operator).c, basis)
-    assert status == DONE and pivots > 0
-    # A vertex obeys every constraint: no optimum may lie beyond a feasible point, here the tilt's
-    # own.
-    inside = basis @ max_entropy_tilt(operator).c
-    assert np.all(lower < inside) and np.all(inside < upper)
-
-
-def test_signals_out_of_reach_are_left_to_the_general_solver():
-    operator, basis = measurement(camera(7), np.array([0.1, 1.1, 0.1]), 0.01), basis_matrix(NM, 7)
-    np.testing.assert_array_equal(exact_bounds(operator, basis),
-                                  reflectance_bounds(operator, basis))

@@ -9,12 +9,15 @@ than those of the ellipsoid, at most sqrt(K) times as far from y in signal.
 """
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.optimize import linprog
 from scipy.stats import chi2
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.sampling.measurement import MeasurementOperator
+from spectrabox.sampling.polytope.simplex import Polytope, extremes
 from spectrabox.sampling.polytope.tilt import check_operator
 
 LP_ATOL = 1e-7  # the solver's tolerance on every constraint
@@ -22,14 +25,14 @@ LP_ATOL = 1e-7  # the solver's tolerance on every constraint
 
 def reflectance_bounds(operator: MeasurementOperator, basis: np.ndarray,
                        level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest B c over the coefficients that fit, one linear programme each.
+    """Smallest and largest B c over the coefficients that fit.
 
     Parameters
     ----------
     operator : MeasurementOperator
         ``A`` (K, N), signal ``y`` (K,) and its noise covariance; zeros for a hard equality.
     basis : (P, N) array
-        Rows of B at the wavelengths wanted; each costs two linear programmes, so pass few (61).
+        Rows of B at the wavelengths wanted.
     level : float
         Probability that the noise stays within the confidence set; not used where R = 0.
 
@@ -42,7 +45,7 @@ def reflectance_bounds(operator: MeasurementOperator, basis: np.ndarray,
     Raises
     ------
     InputError, CalibrationError
-        See `sampling.tilt.check_operator`; also for a level outside 0 to 1 or a basis of another
+        See `polytope.tilt.check_operator`; also for a level outside 0 to 1 or a basis of another
         size.
     ConvergenceError
         If the solver fails.
@@ -50,14 +53,45 @@ def reflectance_bounds(operator: MeasurementOperator, basis: np.ndarray,
     if basis.ndim != 2 or basis.shape[1] != operator.A.shape[1]:
         raise InputError(f"the basis has shape {basis.shape}; (P, {operator.A.shape[1]}) is "
                          "needed, as A has that many coefficients")
-    directions, centre, half_width = signal_box(operator, level)
-    slack = widening(operator, level)
-    if slack > 0:
-        # the solver's tolerance again, or the set could come out empty
-        half_width = half_width + slack + LP_ATOL
-    constraints = _half_planes(directions, centre, half_width)
-    lower = np.array([_minimum(row, constraints) for row in basis])
-    upper = np.array([-_minimum(-row, constraints) for row in basis])
+    box = widened_box(operator, level)
+    directions, centre, half_width = box
+    # One more variable for each side of the box that has a width: the distance from its lower end.
+    loose = half_width > 0
+    columns = np.hstack([directions, -np.eye(len(centre))[:, loose]])
+    upper = np.concatenate([np.ones(basis.shape[1]), 2 * half_width[loose]])
+    functions = np.hstack([basis, np.zeros((len(basis), int(loose.sum())))])
+    bounds = extremes(Polytope(columns, centre - half_width, upper), functions)
+    if bounds is not None:
+        return bounds
+    try:
+        return linear_programmes(box, basis)
+    except ConvergenceError:
+        # Within reach by `widening`, and empty by round-off, as of perfect white.
+        return linear_programmes((directions, centre, half_width + LP_ATOL), basis)
+
+
+def linear_programmes(box: tuple[np.ndarray, np.ndarray, np.ndarray], basis: np.ndarray,
+                      options: dict[str, float] | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest B c over a signal box by a general solver, one programme each.
+
+    For sets that are too thin for `simplex.extremes`, and for its tests.
+
+    Parameters
+    ----------
+    box : (K, N), (K,) and (K,) arrays
+        From `signal_box` or `widened_box`.
+    basis : (P, N) array
+    options : dict, optional
+        Of HiGHS.
+
+    Raises
+    ------
+    ConvergenceError
+        If the solver fails.
+    """
+    constraints = _half_planes(*box)
+    lower = np.array([_minimum(row, constraints, options) for row in basis])
+    upper = np.array([-_minimum(-row, constraints, options) for row in basis])
     return lower, upper
 
 
@@ -70,15 +104,24 @@ def widening(operator: MeasurementOperator, level: float = 0.95) -> float:
     limits = np.r_[centre + half_width, half_width - centre]
     coefficients = operator.A.shape[1]
     cost = np.r_[np.zeros(coefficients), 1.0]
-    found = linprog(cost, A_ub=np.c_[matrix, -np.ones(len(matrix))], b_ub=limits,
-                    bounds=[(0, 1)] * coefficients + [(0, None)])
-    if found.status != 0:
-        raise ConvergenceError(_failure(found.message))
-    return float(found.fun) if found.fun > LP_ATOL else 0.0
+    solution = linprog(cost, A_ub=np.c_[matrix, -np.ones(len(matrix))], b_ub=limits,
+                       bounds=[(0, 1)] * coefficients + [(0, None)])
+    if solution.status != 0:
+        raise ConvergenceError(_failure(solution.message))
+    return float(solution.fun) if solution.fun > LP_ATOL else 0.0
 
 
-def signal_box(operator: MeasurementOperator, level: float) -> tuple[np.ndarray, np.ndarray,
-                                                                     np.ndarray]:
+def widened_box(operator: MeasurementOperator,
+                level: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The `signal_box`, moved apart by `widening` where no coefficients fit."""
+    directions, centre, half_width = signal_box(operator, level)
+    slack = widening(operator, level)
+    # The solver's tolerance again, or the set could come out empty.
+    return directions, centre, half_width + (slack + LP_ATOL if slack > 0 else 0.0)
+
+
+def signal_box(operator: MeasurementOperator,
+               level: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows D A (K, N), their centres D y (K,) and half-widths (K,), D the eigen-directions of the
     noise covariance.
     """
@@ -87,11 +130,12 @@ def signal_box(operator: MeasurementOperator, level: float) -> tuple[np.ndarray,
         raise InputError(f"a level of {level} was asked for; it is a probability between 0 and 1")
     variances, directions = np.linalg.eigh(operator.noise_covariance)
     radius = np.sqrt(chi2.ppf(level, variances.size))
-    return directions.T @ operator.A, directions.T @ operator.y, radius * np.sqrt(
-        np.maximum(variances, 0))
+    return (directions.T @ operator.A, directions.T @ operator.y,
+            radius * np.sqrt(np.maximum(variances, 0)))
 
 
-def _half_planes(directions: np.ndarray, centre: np.ndarray, half_width: np.ndarray) -> dict[str, np.ndarray | None]:
+def _half_planes(directions: np.ndarray, centre: np.ndarray,
+                 half_width: np.ndarray) -> dict[str, np.ndarray]:
     # Exact directions go in as equalities: as pairs of half-planes at zero distance the solver's
     # tolerance opens them.
     exact = half_width == 0
@@ -102,12 +146,14 @@ def _half_planes(directions: np.ndarray, centre: np.ndarray, half_width: np.ndar
     return (ranges if loose.any() else {}) | (equalities if exact.any() else {})
 
 
-def _minimum(row: np.ndarray, constraints: dict[str, np.ndarray | None]) -> float:
-    found = linprog(row, bounds=(0, 1), method="highs-ds", **constraints)
-    if found.status != 0:
-        raise ConvergenceError(_failure(found.message))
-    return float(found.fun)
+def _minimum(row: np.ndarray, constraints: dict[str, Any],
+             options: dict[str, float] | None) -> float:
+    solution = linprog(row, bounds=(0, 1), method="highs-ds", options=options, **constraints)
+    if solution.status != 0:
+        raise ConvergenceError(_failure(solution.message))
+    return float(solution.fun)
 
 
 def _failure(message: str) -> str:
-    return f"the linear programme of the bounds was not solved ({message.strip()}); state a larger noise of the signal"
+    return (f"the linear programme of the bounds was not solved ({message.strip()}); state a "
+            "larger noise of the signal")
