@@ -2,12 +2,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 from spectrabox.radiometry.records import LearntSpectra
 
 # auto: transport, or gradient for glossy materials
-ENGINES = ("transport", "gradient", "per-wavelength", "single-bounce", "auto")
-SPECTRUM_PRIORS = ("smooth", "learnt", "none")
+Engine = Literal["auto", "transport", "gradient", "per-wavelength", "single-bounce"]
+SpectrumPrior = Literal["learnt", "smooth", "none"]
+ENGINES: tuple[str, ...] = get_args(Engine)
+SPECTRUM_PRIORS: tuple[str, ...] = get_args(SpectrumPrior)
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class InversionSettings:
     surface_error: float = 0.01
     # weight of the prior "smooth" (reconstruct/fit/transport_fit.py)
     smoothness: float = 0.1
-    engine: str = "auto"            # one of ENGINES
+    engine: Engine = "auto"
     # What follows is for the transport engines alone.
     brightness_error: float = 0.0   # of each surface, in all bands alike: light profile, geometry
     light_error: float = 0.0        # of each light of the scene, traced separately for it
@@ -37,5 +40,5 @@ class InversionSettings:
     block_error: float = 0.0        # of each block of pixels, beside its noise
     # raise these errors to what surfaces of one paint, or of a known one, show
     errors_from_scene: bool = True
-    spectrum_prior: str = "learnt"  # one of SPECTRUM_PRIORS; "learnt" needs ``learnt``
+    spectrum_prior: SpectrumPrior = "learnt"    # which needs ``learnt``
     learnt: LearntSpectra | None = None

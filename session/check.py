@@ -17,7 +17,7 @@ from spectrabox.radiometry.errors import EnvironmentProblem, InputError, Spectra
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import try_read_session
-from spectrabox.session.config.session_schema import SessionConfig, SpectrumRef, ViewInputs
+from spectrabox.session.config.session_schema import SessionConfig, SpectrumTable, ViewInputs
 from spectrabox.session.stages.inputs import (
     GRID,
     chart_corners,
@@ -92,7 +92,7 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
     return problems
 
 
-def _reflectances(config: SessionConfig) -> list[SpectrumRef]:
+def _reflectances(config: SessionConfig) -> list[SpectrumTable]:
     both = [(material.known, material.truth) for material in config.materials.values()]
     return [reference for pair in both for reference in pair if reference is not None]
 

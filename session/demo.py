@@ -5,6 +5,7 @@ from pathlib import Path
 
 from spectrabox.fixtures.demo_session import write_demo_session
 from spectrabox.session.config.session_schema import FILE_NAME
+from spectrabox.session.config.template import write_schema
 from spectrabox.session.progress_display import progress_display
 
 
@@ -16,4 +17,5 @@ def make_demo(folder: Path, seed: int) -> None:
         progress("capture", 0.0, "")
         write_demo_session(folder, seed, lambda done, message: progress("capture", min(done, 0.99),
                                                                         message))
+        write_schema(folder)
         progress("capture", 1.0, "synthetic photos, spectra and scenes written")

@@ -7,7 +7,7 @@ import pytest
 from spectrabox.fixtures.spectral_files import NM, REFLECTANCE, write_examples
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
-from spectrabox.session.config.session_schema import SpectrumRef
+from spectrabox.session.config.session_schema import SpectrumTable
 from spectrabox.session.stages.inputs import read_light, read_reflectance
 
 
@@ -17,7 +17,7 @@ from spectrabox.session.stages.inputs import read_light, read_reflectance
 def test_a_known_material_may_be_in_any_format(tmp_path, name):
     path = write_examples(tmp_path)[name]
     config = SimpleNamespace(path=lambda file: tmp_path / file)
-    spectrum = read_reflectance(config, SpectrumRef(path.name))
+    spectrum = read_reflectance(config, SpectrumTable(file=path.name))
     # the least exact format has eight digits
     np.testing.assert_allclose(spectrum.values, REFLECTANCE, rtol=1e-7)
 
@@ -26,5 +26,5 @@ def test_a_light_may_be_a_tm27_document(tmp_path):
     text = spdx_text(NM, {"value": REFLECTANCE}, quantity=Quantity.IRRADIANCE, source="lamp")
     (tmp_path / "light.spdx").write_text(text)
     config = SimpleNamespace(path=lambda file: tmp_path / file,
-                             light=SimpleNamespace(spectrum=SpectrumRef("light.spdx")))
+                             light=SimpleNamespace(spectrum=SpectrumTable(file="light.spdx")))
     assert read_light(config).quantity is Quantity.IRRADIANCE

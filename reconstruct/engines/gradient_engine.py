@@ -14,12 +14,12 @@ from spectrabox.reconstruct.engines.gradient import GradientFit, fit_by_gradient
 from spectrabox.reconstruct.problem import EngineAnswer, InverseProblem
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_file import SceneFile, not_plain_products
-from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.settings import Engine, InversionSettings
 
 FINAL_SPP, FINAL_PASSES = 256, 4
 
 
-def engine_for(scene_files: Sequence[SceneFile]) -> tuple[str, tuple[str, ...]]:
+def engine_for(scene_files: Sequence[SceneFile]) -> tuple[Engine, tuple[str, ...]]:
     """Name of the engine that treats every material of the scenes, and a sentence if it is not the
     default.
     """

@@ -44,18 +44,18 @@ def demo(folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where to 
 def new(folder: Folder, as_json: Json = False, debug: Debug = False) -> None:
     """Start a session folder with a commented session.toml."""
     with command(as_json, debug):
-        from spectrabox.radiometry.files import writable, write_text_whole
+        from spectrabox.radiometry.files import writable
         from spectrabox.session.config.session_schema import FILE_NAME
-        from spectrabox.session.config.template import SESSION_TEMPLATE
+        from spectrabox.session.config.template import write_template
         if (folder / FILE_NAME).exists():
             raise InputError(f"{folder / FILE_NAME} exists already; edit it, or choose another "
                              "folder")
         with writable(folder):
             for name in ("photos", "spectra", "scene"):
                 (folder / name).mkdir(parents=True, exist_ok=True)
-        write_text_whole(folder / FILE_NAME, SESSION_TEMPLATE)
-        answer(as_json, {"session": str(folder / FILE_NAME)}, f"wrote {folder / FILE_NAME}: fill "
-               f"it in, then run 'spectrabox check {folder}'")
+        written = write_template(folder)
+        answer(as_json, {"session": str(written)},
+               f"wrote {written}: fill it in, then run 'spectrabox check {folder}'")
 
 
 def check(folder: Folder, allow_outside: Outside = False, as_json: Json = False,

@@ -4,10 +4,8 @@ from __future__ import annotations
 import re
 
 from spectrabox.session.config.session_schema import (
-    CHOICES,
     FILE_NAME,
     ONE_PHOTO,
-    WRITTEN_AS,
     SessionConfig,
     by_band,
 )
@@ -16,11 +14,6 @@ from spectrabox.session.config.session_schema import (
 def inconsistencies(config: SessionConfig) -> list[str]:
     """A sentence for every pair of keys that do not go together."""
     problems = []
-    for (table, key), options in CHOICES.items():
-        chosen = getattr(getattr(config, table), key)
-        if chosen is not None and chosen not in options:
-            problems.append(f"{FILE_NAME}: {table}.{WRITTEN_AS.get(key, key)} is {chosen!r}; "
-                            f"{', '.join(options)} are possible")
     if config.sampling.through == "transport" and config.sampling.method != "prior":
         problems.append(f"{FILE_NAME}: sampling.through = \"transport\" draws from the learnt "
                         "prior alone; set sampling.method = \"prior\" in place of "

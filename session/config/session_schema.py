@@ -1,192 +1,269 @@
-"""What session.toml may say: one frozen class per table, and the limits of its numbers."""
+"""What session.toml may say: a model for each table, with defaults, limits and meanings.
+
+The meanings are what editors show; ``docs/reference/session.md`` says more. Defaults of
+[reconstruct] are those of ``reconstruct.settings``.
+"""
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
+from pydantic import BeforeValidator, Field
+
+from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumPrior
 
 FILE_NAME = "session.toml"
+ONE_PHOTO = ""                          # the name under which a photo that is no table is kept
+INVERSION = InversionSettings()
+
+Files = str | ListOf[str]               # one file, or several of an exposure bracket
+Photo = Files | dict[str, Files]        # or a photo for each filter, by the name of its band
+RelativeError = Annotated[float, Field(ge=0, le=1)]
+SplineCoefficients = Annotated[int, Field(ge=5, le=40)]
+Quadrilaterals = ListOf[ListOf[ListOf[float]]]
 
 
-Files = str | tuple[str, ...]           # one file, or several of an exposure bracket
-# or a table of these: a photo for each filter, by the name of its band
-Photo = Files | dict[str, Files]
-ONE_PHOTO = ""                          # the name under which a photo that is no such table is kept
-
-
-def by_band(written: Photo | None) -> dict[str, tuple[str, ...]]:
+def by_band(written: str | tuple[str, ...] | Mapping[str, Files] | None) -> dict[str, tuple[str, ...]]:
     """Files of a photo by band; of a colour camera's photo under one name."""
-    bands = written if isinstance(written,
-                                  dict) else {} if written is None else {ONE_PHOTO: written}
+    bands = {} if written is None else written if isinstance(written, Mapping) else {
+        ONE_PHOTO: written}
     return {band: (files,) if isinstance(files, str) else files for band, files in bands.items()}
 
 
-def all_files(photo: dict[str, tuple[str, ...]]) -> tuple[str, ...]:
+def all_files(photo: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
     """Every file of a photo."""
     return tuple(name for files in photo.values() for name in files)
 
 
-@dataclass(frozen=True)
-class SpectrumRef:
-    """A spectrum in a text file; written as a string, or as a table where the file holds several
-    columns.
-    """
+class SpectrumTable(Table):
+    """A spectrum in a text file."""
 
-    file: str
-    column: str | int | None = None
-    wavelength_column: int = 1
+    file: str = Field(description="name of the file")
+    column: str | int | None = Field(None, description="name or number, where it holds several")
+    wavelength_column: int = Field(1, description="number of the column of wavelengths")
 
 
-@dataclass(frozen=True)
-class CurvesRef:
+class CurvesTable(Table):
     """Several curves in a text file, such as camera sensitivities."""
 
-    file: str
-    columns: tuple[str | int, ...] | None = None
-    wavelength_column: int = 1
+    file: str = Field(description="name of the file")
+    columns: ListOf[str | int] | None = Field(None, description="names or numbers of the curves")
+    wavelength_column: int = Field(1, description="number of the column of wavelengths")
 
 
-@dataclass(frozen=True)
-class SessionSection:
-    name: str = "untitled session"
-    operator: str = ""
-    notes: str = ""
-    seed: int = 1
+def _as_table(written: Any) -> Any:
+    return {"file": written} if isinstance(written, str) else written
 
 
-@dataclass(frozen=True)
-class PhotosSection:
+SpectrumRef = Annotated[SpectrumTable, BeforeValidator(
+    _as_table, json_schema_input_type=str | SpectrumTable)]
+CurvesRef = Annotated[CurvesTable, BeforeValidator(
+    _as_table, json_schema_input_type=str | CurvesTable)]
+
+
+class SessionSection(Table):
+    """What the report says of the session."""
+
+    name: str = Field("untitled session", description="shown in the report")
+    operator: str = Field("", description="shown in the report")
+    notes: str = Field("", description="shown in the report")
+    seed: int = Field(1, ge=0, le=2**31 - 1, description="same seed, same results")
+
+
+class PhotosSection(Table):
     """Files of each photo."""
 
-    object: Photo
-    chart: Photo | None = None
-    flat: str | dict[str, str] | None = None
-    dark: Files | None = None
-    not_linear: bool = False
+    object: Photo = Field(description="the scene: camera raw, or linear EXR or TIFF; a list is an "
+                          "exposure bracket, a table has one photo for each filter or lamp")
+    chart: Photo | None = Field(None, description="a ColorChecker Classic under the same light, "
+                                "same camera")
+    flat: str | dict[str, str] | None = Field(None, description="evenly lit white card: corrects "
+                                              "vignetting")
+    dark: Files | None = Field(None, description="dark frames, one or several at each exposure")
+    not_linear: bool = Field(False, description="take JPEG or PNG photos, decoded as sRGB")
 
     @property
     def flats(self) -> dict[str, str]:
         """The flat-field photo of each band."""
-        return self.flat if isinstance(self.flat,
-                                       dict) else {} if self.flat is None else {
-            ONE_PHOTO: self.flat}
+        return {band: files[0] for band, files in by_band(self.flat).items()}
 
     @property
     def dark_files(self) -> tuple[str, ...]:
         return all_files(by_band(self.dark))
 
 
-@dataclass(frozen=True)
-class ChartSection:
-    reference: str = "BabelColor Average"
-    scene: str | None = None
-    corners_px: tuple[tuple[float, ...], ...] | None = None
+class ChartSection(Table):
+    """The ColorChecker and where it lies."""
+
+    reference: str = Field("BabelColor Average", description="published reflectances by name, or "
+                           "a CSV with 24 measured columns")
+    scene: str | None = Field(None, description="Mitsuba XML with the light and a rectangle of id "
+                              "\"chart\"")
+    corners_px: ListOf[ListOf[float]] | None = Field(
+        None, description="outer corners at dark skin, bluish green, black and white, in pixels "
+        "of the photo")
 
 
-@dataclass(frozen=True)
-class CameraSection:
-    lens: str | None = None
+class CameraSection(Table):
+    """The camera's optics."""
+
+    lens: str | None = Field(None, description="from 'spectrabox geometry lens': object photos "
+                             "are undistorted")
 
 
-@dataclass(frozen=True)
-class DriftSection:
+class DriftSection(Table):
     """Neutral references that chart photo and object photo both show: four corners each, in pixels
     of the photo.
     """
 
-    chart_px: tuple[tuple[tuple[float, ...], ...], ...] = ()
-    object_px: tuple[tuple[tuple[float, ...], ...], ...] = ()
-    relative_error: float = 0.005
+    chart_px: Quadrilaterals = Field((), description="corners in the chart photo")
+    object_px: Quadrilaterals = Field((), description="corners in the object photo")
+    relative_error: float = Field(0.005, ge=1e-5, le=1, description="how well a reference returns "
+                                  "to its place and angle")
 
 
-@dataclass(frozen=True)
-class LightSection:
-    spectrum: SpectrumRef
-    by_id: dict[str, SpectrumRef] | None = None     # lights of the scene that have another spectrum
+class LightSection(Table):
+    """Spectra of the lights."""
+
+    spectrum: SpectrumRef = Field(description="spectrum of the light, any unit")
+    by_id: dict[str, SpectrumRef] | None = Field(None, description="lights of the scene that have "
+                                                 "another spectrum")
 
 
-@dataclass(frozen=True)
-class SensitivitySection:
-    source: CurvesRef = CurvesRef("chart")
-    method: str | None = None
-    prior: str | None = None
-    coefficients: int = 10
-    relative_error: float = 0.02
-    truth: CurvesRef | None = None
+class SensitivitySection(Table):
+    """Where the camera's sensitivities come from."""
+
+    source: CurvesRef = Field(CurvesTable(file="chart"), validation_alias="from",
+                              description="\"chart\", or a file of measured curves")
+    method: Literal["prior", "smooth", "nonnegative", "paper"] | None = Field(
+        None, description="prior: learnt from measured cameras; the others: splines")
+    prior: str | None = Field(None, description="a prior made by 'spectrabox camera prior'")
+    coefficients: int = Field(10, ge=5, le=24, description="spline coefficients of each band")
+    relative_error: float = Field(0.02, ge=1e-4, le=1, description="of signals predicted from "
+                                  "measured curves")
+    truth: CurvesRef | None = Field(None, description="curves to compare with in the report")
 
     @property
     def from_chart(self) -> bool:
         return self.source.file == "chart"
 
 
-@dataclass(frozen=True)
-class ScaleSection:
-    source: str = "chart"
+class ScaleSection(Table):
+    """What sets the brightness of the light."""
+
+    source: Literal["chart", "material"] = Field(
+        "chart", validation_alias="from", description="the chart photo, or materials with a known "
+        "spectrum")
 
 
-@dataclass(frozen=True)
-class SceneSection:
-    file: str
+class SceneSection(Table):
+    """The scene of the object photo."""
+
+    file: str = Field(description="Mitsuba XML: geometry, camera pose, light in their places")
 
 
-@dataclass(frozen=True)
-class MaterialSection:
-    bsdf: str
-    known: SpectrumRef | None = None
-    truth: SpectrumRef | None = None
+class MaterialSection(Table):
+    """A material of the scene."""
+
+    bsdf: str = Field(description="id of the BSDF in the scene")
+    known: SpectrumRef | None = Field(None, description="measured reflectance, taken as given")
+    truth: SpectrumRef | None = Field(None, description="measured reflectance, only compared with")
 
 
-@dataclass(frozen=True)
-class ViewSection:
-    """A further photo of the same materials: another light, exposure or viewpoint. None: as in the
-    first photo.
-    """
+class ViewSection(Table):
+    """A further photo of the same materials: another light, exposure or viewpoint."""
 
-    photo: Photo
-    light: SpectrumRef | None = None
-    scene: str | None = None
-    chart: Photo | None = None
-
-
-@dataclass(frozen=True)
-class ReconstructSection:
-    engine: str = "auto"
-    surface_error: float = 0.01
-    brightness_error: float = 0.0
-    light_error: float = 0.0
-    mixing_error: float = 0.0
-    block_error: float = 0.0
-    errors_from_scene: bool = True
-    spectrum_prior: str = "learnt"
-    smoothness: float = 0.1
-    coefficients: int = 11
-    width: int = 96
-    steps: int = 160
-    spp: int = 16
+    photo: Photo = Field(description="files as of photos.object")
+    light: SpectrumRef | None = Field(None, description="spectrum of its light; light.spectrum "
+                                      "where left out")
+    scene: str | None = Field(None, description="its scene; scene.file where left out")
+    chart: Photo | None = Field(None, description="the chart under its light; without it, "
+                                "materials in common with other photos tell its strength")
 
 
-@dataclass(frozen=True)
-class SamplingSection:
-    method: str = "prior"
-    through: str = "surface"
-    coefficients: int = 11
-    draws: int = 4000
-    level: float = 0.95
+class ReconstructSection(Table):
+    """How spectra are fitted to the photos."""
+
+    engine: Engine = Field(INVERSION.engine, description="transport: light traced once, then "
+                           "algebra; gradient: descent through the renderer; auto: by the "
+                           "materials")
+    surface_error: RelativeError = Field(
+        INVERSION.surface_error, description="relative error of each surface's brightness in each "
+        "band")
+    brightness_error: RelativeError = Field(
+        INVERSION.brightness_error, description="relative error of each surface's brightness in "
+        "all bands alike")
+    light_error: RelativeError = Field(INVERSION.light_error, description="relative error of each "
+                                       "light's strength in a scene of several")
+    mixing_error: RelativeError = Field(INVERSION.mixing_error, description="error of each entry "
+                                        "of a band-mixing matrix")
+    block_error: RelativeError = Field(INVERSION.block_error, description="relative error of each "
+                                       "block of pixels beside its noise")
+    errors_from_scene: bool = Field(INVERSION.errors_from_scene, description="raise these errors "
+                                    "to what surfaces of one paint show")
+    spectrum_prior: SpectrumPrior = Field(INVERSION.spectrum_prior, description="prior on spectra "
+                                          "inside the fit")
+    smoothness: float = Field(INVERSION.smoothness, ge=0, le=1e9, description="of the prior "
+                              "\"smooth\"; 0 for none")
+    coefficients: SplineCoefficients = Field(INVERSION.coefficients, description="spline "
+                                             "coefficients of each reflectance")
+    width: int = Field(96, ge=16, le=1024, description="width of the rendered view in pixels")
+    steps: int = Field(INVERSION.steps, ge=20, le=5000, description="of the gradient engine")
+    spp: int = Field(INVERSION.spp, ge=1, le=4096, description="paths per pixel and step of the "
+                     "gradient engine")
+
+    def settings(self) -> dict[str, Any]:
+        """What ``reconstruct`` takes: all but the size of its photos."""
+        return {name: value for name, value in vars(self).items() if name != "width"}
+
+
+class SamplingSection(Table):
+    """How spectra are drawn behind the fitted signals."""
+
+    method: Literal["prior", "uniform", "paper"] = Field(
+        "prior", description="prior: learnt from measured reflectances; uniform: all splines "
+        "alike; paper: as published")
+    through: Literal["surface", "transport"] = Field(
+        "surface", description="surface: each material from its own signal; transport: all at "
+        "once through the traced light")
+    coefficients: SplineCoefficients = Field(11, description="of the splines of uniform, paper "
+                                             "and of the exact bounds")
+    draws: int = Field(4000, ge=1000, le=1_000_000, description="spectra for each material")
+    level: float = Field(0.95, ge=0.5, le=0.999, description="of the printed band")
+
+
+class SessionTables(Table):
+    """The tables of session.toml."""
+
+    session: SessionSection = SessionSection()
+    photos: PhotosSection
+    chart: ChartSection = ChartSection()
+    camera: CameraSection = CameraSection()
+    drift: DriftSection = DriftSection()
+    light: LightSection
+    sensitivity: SensitivitySection = SensitivitySection()
+    scale: ScaleSection = ScaleSection()
+    scene: SceneSection
+    views: dict[str, ViewSection] = Field(default_factory=dict)
+    materials: dict[str, MaterialSection]
+    reconstruct: ReconstructSection = ReconstructSection()
+    sampling: SamplingSection = SamplingSection()
 
 
 @dataclass(frozen=True)
 class ViewInputs:
-    """One photo of the materials and what it was taken in; the first, of [photos], has no name.
-    """
+    """One photo of the materials and what it was taken in; the first, of [photos], has no name."""
 
     name: str
     photo: dict[str, tuple[str, ...]]   # files by band
     chart: dict[str, tuple[str, ...]]   # under the same light; empty where no chart is needed
-    light: SpectrumRef
+    light: SpectrumTable
     scene: str
-    lights_by_id: dict[str, SpectrumRef]
+    lights_by_id: dict[str, SpectrumTable]
 
     @property
     def photo_files(self) -> tuple[str, ...]:
@@ -197,7 +274,7 @@ class ViewInputs:
         return all_files(self.chart)
 
     @property
-    def all_lights(self) -> tuple[SpectrumRef, ...]:
+    def all_lights(self) -> tuple[SpectrumTable, ...]:
         return (self.light, *self.lights_by_id.values())
 
     def record(self, kind: str) -> str:
@@ -205,25 +282,11 @@ class ViewInputs:
         return f"{kind} {self.name}".rstrip()
 
 
-@dataclass(frozen=True)
-class SessionConfig:
+class SessionConfig(SessionTables):
     """One session as its operator described it; file names are relative to ``folder``."""
 
     folder: Path
     allow_outside: bool
-    photos: PhotosSection
-    light: LightSection
-    scene: SceneSection
-    materials: dict[str, MaterialSection]
-    views: dict[str, ViewSection] = field(default_factory=dict)
-    session: SessionSection = field(default_factory=SessionSection)
-    chart: ChartSection = field(default_factory=ChartSection)
-    camera: CameraSection = field(default_factory=CameraSection)
-    drift: DriftSection = field(default_factory=DriftSection)
-    sensitivity: SensitivitySection = field(default_factory=SensitivitySection)
-    scale: ScaleSection = field(default_factory=ScaleSection)
-    reconstruct: ReconstructSection = field(default_factory=ReconstructSection)
-    sampling: SamplingSection = field(default_factory=SamplingSection)
 
     @property
     def needs_chart(self) -> bool:
@@ -232,14 +295,14 @@ class SessionConfig:
 
     @property
     def all_views(self) -> tuple[ViewInputs, ...]:
-        """The session's photos of the materials, the main one first."""
-        main = ViewInputs("", by_band(self.photos.object),
-                    by_band(self.photos.chart if self.needs_chart else None), self.light.spectrum,
-                    self.scene.file, self.light.by_id or {})
-        return (main, *(ViewInputs(name, by_band(view.photo), by_band(view.chart),
-                             view.light or main.light,
-                             view.scene or main.scene, {} if view.light else main.lights_by_id)
-                        for name, view in self.views.items()))
+        """The photos of the materials, that of [photos] first."""
+        first = ViewInputs("", by_band(self.photos.object),
+                           by_band(self.photos.chart if self.needs_chart else None),
+                           self.light.spectrum, self.scene.file, self.light.by_id or {})
+        return (first, *(ViewInputs(name, by_band(view.photo), by_band(view.chart),
+                                    view.light or first.light, view.scene or first.scene,
+                                    {} if view.light else first.lights_by_id)
+                         for name, view in self.views.items()))
 
     @property
     def views_with_chart(self) -> tuple[ViewInputs, ...]:
@@ -264,26 +327,3 @@ class SessionConfig:
             raise InputError(f"{name!r} lies outside the session folder; copy it in, "
                              "or allow it with --allow-outside")
         return path
-
-
-WRITTEN_AS = {"source": "from"}  # "from" is a word of Python
-CHOICES = {
-    ("scale", "source"): ("chart", "material"), ("sensitivity", "method"): ("prior", "smooth",
-                                                                            "nonnegative", "paper"),
-    ("reconstruct", "engine"): ("auto", "transport", "gradient", "per-wavelength", "single-bounce"),
-    ("reconstruct", "spectrum_prior"): ("learnt", "smooth", "none"),
-    ("sampling", "method"): ("prior", "uniform", "paper"), ("sampling", "through"): ("surface",
-                                                                                     "transport")}
-NAMED_TABLES = {"materials": MaterialSection, "views": ViewSection}
-SECTIONS = {f.name: f for f in dataclasses.fields(SessionConfig) if f.name not in ("folder",
-                                                                                   "allow_outside")}
-LIMITS: dict[tuple[str, str], tuple[float, float]] = {
-    ("session", "seed"): (0, 2**31 - 1), ("sensitivity", "coefficients"): (5, 24),
-    ("sensitivity", "relative_error"): (1e-4, 1.0), ("drift", "relative_error"): (1e-5, 1.0),
-    ("reconstruct", "coefficients"): (5, 40),
-    ("reconstruct", "surface_error"): (0, 1), ("reconstruct", "smoothness"): (0, 1e9),
-    ("reconstruct", "brightness_error"): (0, 1), ("reconstruct", "light_error"): (0, 1),
-    ("reconstruct", "mixing_error"): (0, 1), ("reconstruct", "block_error"): (0, 1),
-    ("reconstruct", "width"): (16, 1024), ("reconstruct", "steps"): (20, 5000),
-    ("reconstruct", "spp"): (1, 4096), ("sampling", "coefficients"): (5, 40),
-    ("sampling", "draws"): (1000, 1000000), ("sampling", "level"): (0.5, 0.999)}

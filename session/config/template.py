@@ -1,66 +1,126 @@
-"""The session.toml that ``spectrabox new`` writes."""
+"""What ``spectrabox new`` writes: a commented session.toml, and the schema that editors read."""
+from __future__ import annotations
 
-SESSION_TEMPLATE = '''# A spectrabox session. Every file name is relative to this folder. Lines with # are comments.
+import json
+from pathlib import Path
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema
+
+from spectrabox.radiometry.files import write_text_whole
+from spectrabox.session.config.session_schema import (
+    FILE_NAME,
+    ChartSection,
+    ReconstructSection,
+    SamplingSection,
+    SessionSection,
+    SessionTables,
+)
+
+SCHEMA_NAME = "session.schema.json"
+SESSION, CHART = SessionSection(), ChartSection()
+RECONSTRUCT, SAMPLING = ReconstructSection(), SamplingSection()
+SESSION_TEMPLATE = f'''#:schema ./{SCHEMA_NAME}
+# A spectrabox session. Every file name is relative to this folder. Lines with # are comments.
 # Put photos into photos/, spectra into spectra/, Mitsuba scenes into scene/.
 # Then: spectrabox check . and spectrabox run .
 
 [session]
-name = "untitled session"
+name = "{SESSION.name}"
 operator = ""
 notes = ""
-seed = 1                            # same seed, same results
+seed = {SESSION.seed}                            # same seed, same results
 
 [photos]
 object = "photos/object.dng"        # the scene: camera raw, or linear EXR / TIFF
 chart = "photos/chart.dng"          # a ColorChecker Classic under the same light, same camera
 # flat = "photos/flat.dng"          # evenly lit white card: corrects vignetting
-# dark = ["photos/dark.dng"]        # lens covered, same exposures; a list in place of one photo is a bracket
+# dark = ["photos/dark.dng"]        # lens covered, same exposures
+# A list of files in place of one photo is an exposure bracket.
 
 [chart]
-reference = "BabelColor Average"    # or "ISO 17321-1", "ColorChecker N Ohta", or a CSV of 24 measured columns
-scene = "scene/chart.xml"           # light and chart in their places; the chart is a rectangle with id "chart"
-# corners_px = [[x, y], [x, y], [x, y], [x, y]]   # only if it is not found: dark skin, bluish green, black, white
+reference = "{CHART.reference}"    # or "ISO 17321-1", "ColorChecker N Ohta", or a CSV of 24 columns
+scene = "scene/chart.xml"           # light and chart in place; the chart is a rectangle, id "chart"
+# Only if the chart is not found: its corners at dark skin, bluish green, black and white.
+# corners_px = [[x, y], [x, y], [x, y], [x, y]]
 
 # [camera]
 # lens = "lens.json"                # from 'spectrabox geometry lens': object photos are undistorted
 
-# [drift]                           # neutral references seen in both photos: did the light change in between?
+# [drift]                           # did the light change between the photos? Neutral references
 # chart_px = [[[x, y], [x, y], [x, y], [x, y]]]
 # object_px = [[[x, y], [x, y], [x, y], [x, y]]]
 
 [light]
-spectrum = "spectra/light.csv"      # { file = "spectra/light.csv", column = 2 } where the file holds several columns
+spectrum = "spectra/light.csv"      # {{ file = "spectra/all.csv", column = 2 }} for one of several
 
 [sensitivity]
 from = "chart"                      # or a file of measured curves: "spectra/camera.csv"
-# method = "prior"                  # learnt from measured cameras; or "smooth", "nonnegative", "paper"
+# method = "prior"                  # from measured cameras; or "smooth", "nonnegative", "paper"
 # truth = "spectra/camera.csv"      # measured curves to compare with
 
 [scale]
-from = "chart"                      # or "material": a material with a known spectrum sets the scale
+from = "chart"                      # or "material": a material with a known spectrum sets it
 
 [scene]
 file = "scene/scene.xml"            # geometry, camera pose and light in their places
 
-# [views.warm]                      # a further photo of the same materials under another light, or from elsewhere
+# [views.warm]                      # the same materials under another light, or from elsewhere
 # photo = "photos/warm.dng"
 # light = "spectra/warm.csv"        # without it: the light above
 # chart = "photos/chart_warm.dng"   # without it: materials in common tell its strength
 
-[materials.wall]                    # one table for every BSDF that a surface wears
+[materials.wall]                    # one table for every BSDF of the scene's surfaces
 bsdf = "wall"                       # its id in the scene
 # known = "spectra/wall.csv"        # measured, taken as given
 # truth = "spectra/wall.csv"        # measured, only compared with
 
 [reconstruct]
-engine = "auto"                     # light traced once; by gradient where a material is coated or glossy
-coefficients = 11                   # B-spline coefficients of each spectrum
-width = 96                          # pixels of the rendered view
-steps = 160                         # of the gradient engine, with spp samples per pixel each
-spp = 16
+engine = "{RECONSTRUCT.engine}"                     # by gradient where a material is coated or glossy
+coefficients = {RECONSTRUCT.coefficients}                   # B-spline coefficients of each spectrum
+width = {RECONSTRUCT.width}                          # pixels of the rendered view
+steps = {RECONSTRUCT.steps}                         # of the gradient engine, with spp paths per pixel each
+spp = {RECONSTRUCT.spp}
 
 [sampling]
-method = "prior"                    # learnt from measured reflectances; or "uniform", "paper"
-draws = 4000
-level = 0.95
+method = "{SAMPLING.method}"                    # from measured reflectances; or "uniform", "paper"
+draws = {SAMPLING.draws}
+level = {SAMPLING.level}
 '''
+
+
+class TomlSchema(GenerateJsonSchema):
+    """A schema without null, which TOML does not have: a key is left out instead."""
+
+    def nullable_schema(self, schema: Any) -> dict[str, Any]:
+        """Of what may be null: of what it is otherwise."""
+        return self.generate_inner(schema["schema"])
+
+    def default_schema(self, schema: Any) -> dict[str, Any]:
+        """Of what has a default, said unless it is null."""
+        written = super().default_schema(schema)
+        return {name: value for name, value in written.items()
+                if name != "default" or value is not None}
+
+
+def session_schema() -> str:
+    """The JSON Schema of session.toml, by which editors complete and check it."""
+    return json.dumps(SessionTables.model_json_schema(schema_generator=TomlSchema), indent=1) + "\n"
+
+
+def write_schema(folder: Path) -> None:
+    """Write the schema beside session.toml, whose first line names it."""
+    write_text_whole(folder / SCHEMA_NAME, session_schema())
+
+
+def write_template(folder: Path) -> Path:
+    """Write session.toml and its schema.
+
+    Returns
+    -------
+    Path
+        Of session.toml.
+    """
+    write_text_whole(folder / FILE_NAME, SESSION_TEMPLATE)
+    write_schema(folder)
+    return folder / FILE_NAME

@@ -22,7 +22,7 @@ from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials, 
 from spectrabox.session.config.session_schema import (
     ONE_PHOTO,
     SessionConfig,
-    SpectrumRef,
+    SpectrumTable,
     ViewInputs,
 )
 
@@ -31,7 +31,7 @@ MAX_CLIPPED = 0.5               # of the object photo
 MAX_ASPECT_ERROR = 0.01  # photo against scene film: above, the two do not show the same view
 
 
-def read_light(config: SessionConfig, reference: SpectrumRef | None = None) -> Spectrum:
+def read_light(config: SessionConfig, reference: SpectrumTable | None = None) -> Spectrum:
     """Light spectrum as its file gives it, the session's own unless another is named; covers
     400-700 nm, nowhere negative.
     """
@@ -44,7 +44,7 @@ def read_light(config: SessionConfig, reference: SpectrumRef | None = None) -> S
     return light
 
 
-def read_reflectance(config: SessionConfig, reference: SpectrumRef) -> Spectrum:
+def read_reflectance(config: SessionConfig, reference: SpectrumTable) -> Spectrum:
     """Reflectance that covers 400-700 nm."""
     spectrum = _spectrum(config, reference, Quantity.REFLECTANCE)
     spectrum_on_grid(spectrum, GRID)
@@ -177,7 +177,7 @@ def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:
         raise InputError("\n".join(problems))
 
 
-def _spectrum(config: SessionConfig, reference: SpectrumRef, role: Quantity) -> Spectrum:
+def _spectrum(config: SessionConfig, reference: SpectrumTable, role: Quantity) -> Spectrum:
     return read_spectrum(config.path(reference.file), role=role, column=reference.column,
                          wavelength_column=reference.wavelength_column)
 

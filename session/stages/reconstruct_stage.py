@@ -71,8 +71,7 @@ def invert_photos(task: StageTask) -> dict[str, Any]:
         views.append(View(inputs.name or FIRST_VIEW, scene, photo, calibration, bands, scale,
                           lights))
     chosen = config.reconstruct
-    settings = InversionSettings(**{name: value for name, value in vars(chosen).items()
-                                    if name != "width"}, seed=config.session.seed,
+    settings = InversionSettings(**chosen.settings(), seed=config.session.seed,
                                  learnt=_learnt_spectra(chosen.spectrum_prior))
     joint = reconstruct_views(views, tuple(materials.values()), settings, task.progress,
                               config.results_folder / TRACE)

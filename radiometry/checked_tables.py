@@ -1,0 +1,168 @@
+"""Tables of TOML and JSON files that people write, checked by pydantic models.
+
+A model states keys, types, limits and defaults once. Its faults become sentences that name the file
+and the place in it, all at once; an unknown key is answered with the nearest known one.
+"""
+from __future__ import annotations
+
+import difflib
+import tomllib
+import types
+import typing
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, TypeVar
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+)
+from pydantic.fields import FieldInfo
+
+from spectrabox.radiometry.errors import InputError
+
+
+class Table(BaseModel):
+    """A table: frozen, no unknown keys, and no number taken for a word or the other way round."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
+
+
+Item = TypeVar("Item")
+SomeTable = TypeVar("SomeTable", bound=Table)
+ListOf = Annotated[tuple[Item, ...], Field(strict=False)]  # TOML and JSON know lists alone
+TYPE_NAMES = {"string_type": "str", "int_type": "int", "float_type": "float", "bool_type": "bool",
+              "tuple_type": "list", "dict_type": "table"}
+Fault = Mapping[str, Any]   # as pydantic describes one
+
+
+def read_toml(path: Path, advice: str) -> dict[str, Any]:
+    """What a TOML file holds.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not TOML; ``advice`` says what to give instead.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); {advice}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path.name} is not valid TOML: {error}; {advice}") from None
+
+
+def checked(model: type[SomeTable], written: Any, file: str) -> SomeTable:
+    """The table that a file holds.
+
+    Raises
+    ------
+    InputError
+        With a sentence for every fault, one a line.
+    """
+    try:
+        return model.model_validate(written)
+    except ValidationError as error:
+        raise InputError("\n".join(fault_sentences(error, model, file))) from None
+
+
+def fault_sentences(error: ValidationError, model: type[Table], file: str) -> list[str]:
+    """Every fault of a file in a sentence, place by place."""
+    by_place: dict[str, list[tuple[_Place, Fault]]] = {}
+    for fault in error.errors(include_url=False):
+        place = _place_of(fault["loc"], model)
+        by_place.setdefault(place.name, []).append((place, fault))
+    sentences = []
+    for faults in by_place.values():
+        # Of the kinds that a value may be, the one that was followed furthest was meant.
+        deepest = max(len(fault["loc"]) for _, fault in faults)
+        sentences.append(_sentence([one for one in faults if len(one[1]["loc"]) == deepest]))
+    return [f"{file}: {sentence}" for sentence in sentences]
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The known word that is most like another."""
+    return difflib.get_close_matches(word, list(known), n=1, cutoff=0.0)[0]
+
+
+class _Place(NamedTuple):
+    """Where a fault is: dotted name, its parts, the model around it, the key's field and kinds."""
+
+    name: str
+    names: tuple[str, ...]
+    model: type[BaseModel]
+    field: FieldInfo | None
+    options: list[Any]
+
+
+def _place_of(loc: tuple[int | str, ...], model: type[BaseModel]) -> _Place:
+    names: tuple[str, ...] = ()
+    field: FieldInfo | None = None
+    options: list[Any] = [model]
+    for index, step in enumerate(loc):
+        if len(options) > 1:    # the step says which kind was tried; only some have parts
+            with_parts = tuple if loc[index + 1:] and isinstance(loc[index + 1], int) else dict
+            options = [kind for kind in options if typing.get_origin(kind) is with_parts]
+            continue
+        kind = options[0] if options else None
+        if isinstance(step, str):
+            names = (*names, step)
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            model, field = kind, _fields(kind).get(str(step))
+            options = _options(field.annotation) if field else []
+        else:
+            arguments = typing.get_args(kind)
+            options = _options(arguments[typing.get_origin(kind) is dict]) if arguments else []
+    return _Place(".".join(names), names, model, field, options)
+
+
+def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """The fields of a model by the names that a file uses."""
+    return {str(field.validation_alias or name): field
+            for name, field in model.model_fields.items()}
+
+
+def _options(kind: Any) -> list[Any]:
+    """The kinds that a type allows, None left out."""
+    if typing.get_origin(kind) is Annotated:
+        return _options(typing.get_args(kind)[0])
+    if typing.get_origin(kind) in (typing.Union, types.UnionType):
+        return [option for part in typing.get_args(kind) for option in _options(part)]
+    return [] if kind is types.NoneType else [kind]
+
+
+def _sentence(faults: list[tuple[_Place, Fault]]) -> str:
+    place, fault = faults[0]
+    kind, value, table = fault["type"], fault["input"], ".".join(place.names[:-1])
+    if kind == "extra_forbidden":
+        near = nearest(place.names[-1], _fields(place.model))
+        return (f"unknown key {place.names[-1]!r}{f' in [{table}]' if table else ''}; "
+                f"did you mean {near!r}?")
+    if kind == "missing":
+        of_names = place.field is not None and typing.get_origin(place.field.annotation) is dict
+        return f"{place.name} is missing" if table else \
+            f"the table [{place.name}]{'.NAME' if of_names else ''} is missing"
+    if kind == "model_type" or (kind == "dict_type" and len(faults) == 1):
+        return f"[{place.name}] must be a table" if table else \
+            f"{place.name} must be a table [{place.name}]"
+    if kind == "literal_error":
+        choices = ", ".join(typing.get_args(place.options[0]))
+        return f"{place.name} is {value!r}; {choices} are possible"
+    if kind in ("greater_than_equal", "less_than_equal", "finite_number"):
+        return f"{place.name} is {value:g}; {_limits(place.field)}"
+    if all(one["type"] in TYPE_NAMES for _, one in faults):
+        wanted = " or ".join(dict.fromkeys(TYPE_NAMES[one["type"]] for _, one in faults))
+        return f"{place.name} is {value!r}; {wanted} is needed"
+    # Of a validator of ours, which says it all; else what pydantic says.
+    return str(fault["ctx"]["error"]) if kind == "value_error" else \
+        f"{place.name} is {value!r}; {fault['msg']}"
+
+
+def _limits(field: FieldInfo | None) -> str:
+    limits = {name: getattr(limit, name) for limit in (field.metadata if field else [])
+              for name in ("ge", "le") if hasattr(limit, name)}
+    if limits.keys() == {"ge", "le"}:
+        return f"{limits['ge']:g} to {limits['le']:g} is possible"
+    return f"{limits['ge']:g} or more is needed" if limits else "a finite number is needed"
