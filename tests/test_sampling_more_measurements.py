@@ -124,11 +124,11 @@ def test_a_spectrometers_spot_is_obeyed_within_its_error(more):
 
 
 def test_the_same_material_twice_halves_the_variance_of_the_signal():
-    base = measurement_of_signal(response(), response() @ TRUTH, None, "0.01,0.01,0.01")
+    base = measurement_of_signal(response(), response() @ TRUTH, None, np.full(3, 0.01))
     again = sample("--same", signal() + ":0.002,0.002,0.002")
     assert again["outcome"]
-    from spectrabox.session.signals.measurement_file import of_patch
-    both = joined(base, [of_patch(f"{signal()}:0.01,0.01,0.01", response(), None, 1)])
+    from spectrabox.session.signals.measurement_file import patch_of_text
+    both = joined(base, [patch_of_text(f"{signal()}:0.01,0.01,0.01", response(), None, 1)])
     np.testing.assert_allclose(both.noise_covariance, base.noise_covariance / 2, rtol=1e-12)
 
 

@@ -1,5 +1,7 @@
 """Commands on signals and spectra without a session: sample, uplift, plan, certify, judge, prior
 train.
+
+A command's parameters are its options, so some have many.
 """
 from __future__ import annotations
 
@@ -10,33 +12,107 @@ import typer
 
 from spectrabox.session.command_line import Debug, Json, answer, command
 
-Sensitivity = Annotated[str, typer.Option(help="CSV of sensitivities, or a camera or observer by "
-                                          "its name.")]
-Light = Annotated[str,
-                  typer.Option(help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")]
-White = Annotated[str | None, typer.Option(help="What a perfect white reads in each band; 1 by "
-                                           "default.")]
-Noise = Annotated[str | None, typer.Option(help="Standard error of the signal in each band, in its "
-                                           "unit.")]
-Coefficients = Annotated[int, typer.Option(help="N of the B-spline class: bounds, and the methods "
-                                           "uniform and paper.")]
-PriorFile = Annotated[Path | None, typer.Option("--prior", help="A prior of your own; the shipped one by default.")]
+Sensitivity = Annotated[str, typer.Option(
+    help="CSV of sensitivities, or a camera or observer by its name.")]
+Light = Annotated[str, typer.Option(
+    help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")]
+White = Annotated[str | None, typer.Option(
+    help="What a perfect white reads in each band; 1 by default.")]
+Noise = Annotated[str | None, typer.Option(
+    help="Standard error of the signal in each band, in its unit.")]
+Coefficients = Annotated[int, typer.Option(
+    help="N of the B-spline class: bounds, and the methods uniform and paper.")]
+PriorFile = Annotated[Path | None, typer.Option(
+    "--prior", help="A prior of your own; the shipped one by default.")]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same draws.")]
-Readings = Annotated[list[str] | None, typer.Option(
-                         "--reading", help="One more reading, NM:REFLECTANCE[:ERROR], NM/FWHM for "
-                         "a band; may be repeated.")]
-Photos = Annotated[list[str] | None, typer.Option(
-                       "--photo", help="A photo by this camera under another light, "
-                       "LIGHT=v1,v2,v3[:e1,e2,e3]; may be repeated.")]
-Same = Annotated[list[str] | None, typer.Option(
-    "--same", help="Another patch of the same material, v1,v2,v3[:e1,e2,e3]; may be repeated.")]
-More = Annotated[Path | None, typer.Option(help="TOML of further measurements: reading, band, "
-                                           "spot, photo, same.")]
+Level = Annotated[float, typer.Option(help="Of the bands.")]
+Column = Annotated[str | None, typer.Option(help="Column of the truth.")]
+Baseline = Annotated[bool, typer.Option("--baseline", help="Also other authors' single spectra.")]
+OBSERVER = "CIE 1931 2 Degree Standard Observer"
 DELTA_LIGHTS = ("D65", "A", "FL11")     # daylight, incandescent, narrow bands
 DeltaLight = Annotated[list[str] | None, typer.Option(
-                           "--delta-light", help="Light of colour differences; may be repeated. "
-                           "D65, A and FL11 by default.")]
-Level = Annotated[float, typer.Option(help="Of the bands.")]
+    "--delta-light",
+    help="Light of colour differences; may be repeated. D65, A and FL11 by default.")]
+
+# further measurements of the same surface
+Readings = Annotated[list[str] | None, typer.Option(
+    "--reading",
+    help="One more reading, NM:REFLECTANCE[:ERROR], NM/FWHM for a band; may be repeated.")]
+Photos = Annotated[list[str] | None, typer.Option(
+    "--photo", help="A photo by this camera under another light, LIGHT=v1,v2,v3[:e1,e2,e3]; may be "
+    "repeated.")]
+Same = Annotated[list[str] | None, typer.Option(
+    "--same", help="Another patch of the same material, v1,v2,v3[:e1,e2,e3]; may be repeated.")]
+More = Annotated[Path | None, typer.Option(
+    help="TOML of further measurements: reading, band, spot, photo, same.")]
+Twice = Annotated[str | None, typer.Option(
+    help="Signal of light reflected twice off the surface, v1,v2,v3:e1,e2,e3.")]
+
+# of sample alone
+Signal = Annotated[str | None, typer.Option(help="One signal: v1,v2,v3.")]
+Signals = Annotated[Path | None, typer.Option(
+    help="CSV: a header of bands, one signal per row.")]
+Method = Annotated[str, typer.Option(help="prior, uniform or paper.")]
+Samples = Annotated[int, typer.Option(
+    help="T, draws per signal; 1000 at least for a 95 % band.")]
+Draws = Annotated[Path | None, typer.Option(help=".npz of the draws.")]
+Start = Annotated[str, typer.Option(help="bounded or unbounded: c0 of the method paper.")]
+Keep = Annotated[int | None, typer.Option(
+    help="Method paper: rank by the further measurements and keep so many (Eqs. 9, 10).")]
+Refine = Annotated[int | None, typer.Option(
+    help="Coefficients of a finer basis with nested knots; uniform, or paper (Eqs. 11-16).")]
+LightError = Annotated[float, typer.Option(help="Relative standard error of the light scale.")]
+SensitivityError = Annotated[float, typer.Option(help="Relative standard error of each curve.")]
+Truth = Annotated[Path | None, typer.Option(help="File of the measured spectrum, to judge by.")]
+
+# of uplift alone
+Image = Annotated[Path, typer.Argument(
+    metavar="IMAGE", help="Linear EXR or TIFF, or a camera raw.")]
+OutFolder = Annotated[Path, typer.Option(
+    "-o", "--out", metavar="DIR", help="Folder of the results.")]
+PixelNoise = Annotated[float, typer.Option(help="Relative standard error of a pixel.")]
+Side = Annotated[int, typer.Option(
+    help="Points per side of the table; 33 is finer and slower.")]
+
+# of plan alone
+Steps = Annotated[int, typer.Option(help="Readings to plan.")]
+OtherLights = Annotated[list[str] | None, typer.Option(
+    "--second-light", help="A light for another photo.")]
+OtherCameras = Annotated[list[str] | None, typer.Option(
+    "--second-camera", help="Another camera's curves.")]
+ReadingMinutes = Annotated[float, typer.Option(help="Of one spot reading.")]
+PhotoMinutes = Annotated[float, typer.Option(help="Of one more photo.")]
+SpotMinutes = Annotated[float | None, typer.Option(
+    help="Of a whole spectrum by a spectrometer.")]
+
+# of certify and prior train
+Folders = Annotated[list[Path], typer.Argument(
+    metavar="FOLDER...", help="Measured reflectances, one folder per library.")]
+SignalNoise = Annotated[float, typer.Option(help="Relative standard error of the signals.")]
+Page = Annotated[Path | None, typer.Option(help="Write the page there (.md).")]
+Trained = Annotated[Path, typer.Option(help="The prior, .npz.")]
+Components = Annotated[int, typer.Option(help="Of the mixture.")]
+
+# of judge alone
+Cube = Annotated[Path, typer.Argument(
+    metavar="CUBE", help="ENVI, .npy, .npz, .mat or spectral EXR.")]
+Truths = Annotated[Path | None, typer.Option(
+    help="File of measured spectra; without it nothing is judged.")]
+TruthColumn = Annotated[str | None, typer.Option(help="Column of the truth for all regions.")]
+Regions = Annotated[Path | None, typer.Option(
+    help="TOML: [regions.NAME], rectangle, point or mask.")]
+Points = Annotated[list[str] | None, typer.Option(
+    help="One pixel, x,y or NAME=x,y; may be repeated.")]
+Wavelengths = Annotated[str | None, typer.Option(
+    help="400:700:10, a list, or a text file, in nm.")]
+Variable = Annotated[str | None, typer.Option(help="Name of the array in a .npz or .mat.")]
+FullScale = Annotated[float, typer.Option(help="What reflectance 1 reads in the picture.")]
+WhiteRegion = Annotated[str | None, typer.Option(
+    help="Region of known reflectance to divide by.")]
+SeenSignals = Annotated[Path | None, typer.Option(
+    help="CSV of what our methods see, one row a region; the truths' own signals otherwise.")]
+OwnDraws = Annotated[int, typer.Option(help="Draws of our methods.")]
+RegionTable = Annotated[Path | None, typer.Option(help="CSV of the regions' spectra.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -50,39 +126,26 @@ def register(app: typer.Typer) -> None:
     app.add_typer(prior, name="prior")
 
 
-def sample(sensitivity: Sensitivity, light: Light,
-           signal: Annotated[str | None, typer.Option(help="One signal: v1,v2,v3.")] = None,
-           signals: Annotated[Path | None, typer.Option(help="CSV: a header of bands, one signal per row.")] = None,
+def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signals: Signals = None,
            white: White = None, noise: Noise = None, coefficients: Coefficients = 13,
-           method: Annotated[str, typer.Option(help="prior, uniform or paper.")] = "prior",
-           samples: Annotated[int, typer.Option(help="T, draws per signal; 1000 at least for a 95 % band.")] = 2000,
-           seed: Seed = 0, out: Annotated[Path | None, typer.Option(help=".npz of the draws.")] = None,
-           prior: PriorFile = None, level: Level = 0.95,
-           reading: Readings = None, photo: Photos = None, same: Same = None, more: More = None,
-           twice: Annotated[str | None, typer.Option(
-               help="Signal of light reflected twice off the surface, v1,v2,v3:e1,e2,e3.")] = None,
-           start: Annotated[str, typer.Option(help="bounded or unbounded: c0 of the method paper.")] = "bounded",
-           keep: Annotated[int | None, typer.Option(
-               help="Method paper: rank by the further measurements and keep so many (Eqs. 9, 10).")] = None,
-           refine: Annotated[int | None, typer.Option(
-               help="Coefficients of a finer basis with nested knots; uniform, or paper (Eqs. 11-16).")] = None,
-           light_error: Annotated[float, typer.Option(help="Relative standard error of the light scale.")] = 0.0,
-           sensitivity_error: Annotated[float, typer.Option(help="Relative standard error of each curve.")] = 0.0,
-           baseline: Annotated[bool, typer.Option("--baseline", help="Also other authors' single spectra.")] = False,
-           truth: Annotated[Path | None, typer.Option(help="File of the measured spectrum, to judge by.")] = None,
-           column: Annotated[str | None, typer.Option(help="Column of the truth.")] = None,
+           method: Method = "prior", samples: Samples = 2000, seed: Seed = 0, out: Draws = None,
+           prior: PriorFile = None, level: Level = 0.95, reading: Readings = None,
+           photo: Photos = None, same: Same = None, more: More = None, twice: Twice = None,
+           start: Start = "bounded", keep: Keep = None, refine: Refine = None,
+           light_error: LightError = 0.0, sensitivity_error: SensitivityError = 0.0,
+           baseline: Baseline = False, truth: Truth = None, column: Column = None,
            delta_light: DeltaLight = None, as_json: Json = False, debug: Debug = False) -> None:
     """Every spectrum behind one signal: mean, band, exact bounds and draws."""
     with command(as_json, debug):
         from spectrabox.session.signals.answers import SampleRequest, sample_answer
         from spectrabox.session.signals.request_draws import DrawOptions
         options = DrawOptions(coefficients, method, samples, seed, start, keep, refine)
-        lights = tuple(delta_light or DELTA_LIGHTS)
-        request = SampleRequest(sensitivity, light, signal, signals, white, noise, options, prior,
-                                level,
-                                tuple(reading or ()), tuple(photo or ()), tuple(same or ()), more,
-                                twice, baseline, truth, column, lights, light_error,
-                                sensitivity_error)
+        request = SampleRequest(
+            sensitivity, light, signal, signals, white, noise, options, prior, level,
+            readings=tuple(reading or ()), photos=tuple(photo or ()), same=tuple(same or ()),
+            more=more, twice=twice, baseline=baseline, truth=truth, column=column,
+            lights=tuple(delta_light or DELTA_LIGHTS), light_error=light_error,
+            sensitivity_error=sensitivity_error)
         facts, text, arrays = sample_answer(request)
         if out is not None:
             write_arrays(out, arrays)
@@ -90,14 +153,8 @@ def sample(sensitivity: Sensitivity, light: Light,
         answer(as_json, facts, text)
 
 
-def uplift(image: Annotated[Path, typer.Argument(metavar="IMAGE",
-                                                 help="Linear EXR or TIFF, or a camera raw.")],
-           out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR",
-                                             help="Folder of the results.")],
-           sensitivity: Sensitivity, light: Light, white: White = None,
-           noise: Annotated[float, typer.Option(help="Relative standard error of a pixel.")] = 0.01,
-           side: Annotated[int, typer.Option(help="Points per side of the table; 33 is finer and "
-                                             "slower.")] = 25, as_json: Json = False,
+def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
+           white: White = None, noise: PixelNoise = 0.01, side: Side = 25, as_json: Json = False,
            debug: Debug = False) -> None:
     """Mean and spread of the spectrum behind every pixel, as spectral EXR."""
     with command(as_json, debug):
@@ -125,40 +182,28 @@ def uplift(image: Annotated[Path, typer.Argument(metavar="IMAGE",
 
 
 def plan(sensitivity: Sensitivity, light: Light,
-         signal: Annotated[str, typer.Option(help="v1,v2,v3.")],
-         white: White = None, noise: Noise = None,
-         reading: Readings = None, photo: Photos = None, same: Same = None, more: More = None,
-         steps: Annotated[int, typer.Option(help="Readings to plan.")] = 3,
-         other: Annotated[list[str] | None, typer.Option("--second-light",
-                                                         help="A light for another photo.")] = None,
-         camera: Annotated[list[str] | None, typer.Option("--second-camera",
-                                                          help="Another camera's curves.")] = None,
-         reading_minutes: Annotated[float, typer.Option(help="Of one spot reading.")] = 2.0,
-         photo_minutes: Annotated[float, typer.Option(help="Of one more photo.")] = 5.0,
-         spot_minutes: Annotated[float | None, typer.Option(help="Of a whole spectrum by a "
-                                                            "spectrometer.")] = None,
-         seed: Seed = 0, as_json: Json = False, debug: Debug = False) -> None:
+         signal: Annotated[str, typer.Option(help="v1,v2,v3.")], white: White = None,
+         noise: Noise = None, reading: Readings = None, photo: Photos = None, same: Same = None,
+         more: More = None, steps: Steps = 3, other: OtherLights = None,
+         camera: OtherCameras = None, reading_minutes: ReadingMinutes = 2.0,
+         photo_minutes: PhotoMinutes = 5.0, spot_minutes: SpotMinutes = None, seed: Seed = 0,
+         as_json: Json = False, debug: Debug = False) -> None:
     """Which reading or photo to take next, given those taken: fall of the band's width per
     minute.
     """
     with command(as_json, debug):
         from spectrabox.session.signals.judgement_answers import PlanRequest, plan_answer
-        answer(as_json, *plan_answer(PlanRequest(
-                                         sensitivity, light, signal, white, noise, steps,
-                                         tuple(other or ()), tuple(camera or ()),
-                                         tuple(reading or ()), tuple(photo or ()),
-                                         tuple(same or ()), more, reading_minutes, photo_minutes,
-                                         spot_minutes, seed)))
+        request = PlanRequest(
+            sensitivity, light, signal, white, noise, steps, lights=tuple(other or ()),
+            cameras=tuple(camera or ()), readings=tuple(reading or ()), photos=tuple(photo or ()),
+            same=tuple(same or ()), more=more, reading_minutes=reading_minutes,
+            photo_minutes=photo_minutes, spot_minutes=spot_minutes, seed=seed)
+        answer(as_json, *plan_answer(request))
 
 
-def certify(folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...",
-                                                          help="Measured reflectances.")],
-            sensitivity: Sensitivity = "CIE 1931 2 Degree Standard Observer", light: Light = "D65",
-            noise: Annotated[float,
-                             typer.Option(help="Relative standard error of the signals.")] = 0.0,
-            prior: PriorFile = None, delta_light: DeltaLight = None,
-            out: Annotated[Path | None, typer.Option(help="Write the page there (.md).")] = None,
-            as_json: Json = False, debug: Debug = False) -> None:
+def certify(folders: Folders, sensitivity: Sensitivity = OBSERVER, light: Light = "D65",
+            noise: SignalNoise = 0.0, prior: PriorFile = None, delta_light: DeltaLight = None,
+            out: Page = None, as_json: Json = False, debug: Debug = False) -> None:
     """Do the bands hold the truth on your own spectra? A certificate page."""
     with command(as_json, debug):
         from spectrabox.radiometry.files import write_text_whole
@@ -171,23 +216,13 @@ def certify(folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...",
         answer(as_json, facts, page)
 
 
-def judge(cube: Annotated[Path, typer.Argument(metavar="CUBE", help="ENVI, .npy, .npz, .mat or spectral EXR.")],
-          truth: Annotated[Path | None, typer.Option(help="File of measured spectra; without it nothing is judged.")]
-          = None, column: Annotated[str | None, typer.Option(help="Column of the truth for all regions.")] = None,
-          regions: Annotated[Path | None, typer.Option(help="TOML: [regions.NAME], rectangle, point or mask.")] = None,
-          point: Annotated[list[str] | None, typer.Option(help="One pixel, x,y or NAME=x,y; may be repeated.")] = None,
-          wavelengths: Annotated[str | None, typer.Option(help="400:700:10, a list, or a text file, in nm.")] = None,
-          variable: Annotated[str | None, typer.Option(help="Name of the array in a .npz or .mat.")] = None,
-          full_scale: Annotated[float, typer.Option(help="What reflectance 1 reads in the picture.")] = 1.0,
-          white_region: Annotated[str | None, typer.Option(help="Region of known reflectance to divide by.")] = None,
-          sensitivity: Sensitivity = "CIE 1931 2 Degree Standard Observer", light: Light = "D65",
-          signals: Annotated[Path | None, typer.Option(
-              help="CSV of what our methods see, one row a region; the truths' own signals otherwise.")] = None,
-          white: White = None, noise: Noise = None, delta_light: DeltaLight = None, coefficients: Coefficients = 13,
-          samples: Annotated[int, typer.Option(help="Draws of our methods.")] = 2000, seed: Seed = 0,
-          prior: PriorFile = None,
-          baseline: Annotated[bool, typer.Option("--baseline", help="Also other authors' single spectra.")] = False,
-          out: Annotated[Path | None, typer.Option(help="CSV of the regions' spectra.")] = None,
+def judge(cube: Cube, truth: Truths = None, column: TruthColumn = None, regions: Regions = None,
+          point: Points = None, wavelengths: Wavelengths = None, variable: Variable = None,
+          full_scale: FullScale = 1.0, white_region: WhiteRegion = None,
+          sensitivity: Sensitivity = OBSERVER, light: Light = "D65", signals: SeenSignals = None,
+          white: White = None, noise: Noise = None, delta_light: DeltaLight = None,
+          coefficients: Coefficients = 13, samples: OwnDraws = 2000, seed: Seed = 0,
+          prior: PriorFile = None, baseline: Baseline = False, out: RegionTable = None,
           as_json: Json = False, debug: Debug = False) -> None:
     """Spectra recovered elsewhere, as a hyperspectral picture, judged by the same measures beside
     our methods.
@@ -203,22 +238,22 @@ def judge(cube: Annotated[Path, typer.Argument(metavar="CUBE", help="ENVI, .npy,
         from spectrabox.sampling.judge.cubes import parse_wavelengths
         from spectrabox.session.signals.cube_answers import JudgeRequest, judge_answer
         from spectrabox.session.signals.signal_options import read_signals
-        picture = open_picture(cube, None if wavelengths is None
-                               else parse_wavelengths(wavelengths), variable)
+        nm = None if wavelengths is None else parse_wavelengths(wavelengths)
+        picture = open_picture(cube, nm, variable)
         chosen = [point_region(text, picture.width, picture.height) for text in point or ()]
         if regions is not None:
             chosen += read_regions(regions, picture.width, picture.height,
                                    lambda path: read_plane(path)[0])
         if not chosen:
             raise InputError("no region was given; give --regions FILE.toml or --point x,y")
-        seen = None if signals is None else read_signals(signals,
-                                                         len(sensitivities(sensitivity,
-                                                                           visible_grid(1))))
+        seen = None
+        if signals is not None:
+            seen = read_signals(signals, len(sensitivities(sensitivity, visible_grid(1))))
         request = JudgeRequest(column, full_scale, white_region, sensitivity, light,
                                tuple(delta_light or DELTA_LIGHTS), samples, seed, coefficients,
                                baseline, prior, seen, white, noise)
-        facts, text, table = judge_answer(picture, chosen, None if truth is None
-                                          else read_table(truth), request)
+        truths = None if truth is None else read_table(truth)
+        facts, text, table = judge_answer(picture, chosen, truths, request)
         if out is not None:
             write_text_whole(out, table)
             facts["file"] = str(out)
@@ -238,13 +273,8 @@ def open_picture(path: Path, wavelengths: Any, variable: str | None) -> Any:
     return open_cube(path, wavelengths, variable)
 
 
-def prior_train(folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...",
-                                                              help="One folder per library.")],
-                out: Annotated[Path, typer.Option(help="The prior, .npz.")],
-                sensitivity: Sensitivity = "CIE 1931 2 Degree Standard Observer",
-                light: Light = "D65",
-                components: Annotated[int, typer.Option(help="Of the mixture.")] = 8,
-                seed: Seed = 0,
+def prior_train(folders: Folders, out: Trained, sensitivity: Sensitivity = OBSERVER,
+                light: Light = "D65", components: Components = 8, seed: Seed = 0,
                 as_json: Json = False, debug: Debug = False) -> None:
     """Learn a prior from folders of measured reflectances; calibrate it on each left out in
     turn.

@@ -34,12 +34,13 @@ from spectrabox.session.signals.signal_options import (
     causes_of_error,
     measurement_of_signal,
     numbers,
+    optional_numbers,
     read_signals,
     signal_and_noise,
 )
 
 SHOWN_NM, BASELINE_NM = 25, 50
-MOST_SAMPLES = 5_000_000
+MAX_SAMPLES = 5_000_000
 
 
 @dataclass(frozen=True)
@@ -77,66 +78,84 @@ def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], str, dict[str
         With what to change.
     """
     check_options(request.options)
-    if not 1 <= request.options.samples <= MOST_SAMPLES:
+    if not 1 <= request.options.samples <= MAX_SAMPLES:
         raise InputError(f"{request.options.samples} samples were asked for; ask for 1 to "
-                         f"{MOST_SAMPLES}")
+                         f"{MAX_SAMPLES}")
     if (request.signal is None) == (request.signals is None):
         raise InputError("give either --signal v1,v2,v3 or --signals FILE.csv")
     if request.signals is not None and (request.truth or request.photos or request.same
-                                        or request.more
-                                        or request.twice):
+                                        or request.more or request.twice):
         raise InputError("a truth and further measurements belong to one surface; give its "
                          "--signal, not --signals")
-    relative_response = named_spectra.relative_response(request.sensitivity, request.light, visible_grid(GRID_NM))
-    bands = len(relative_response)
-    more = further_measurements(request.readings, request.photos, request.same, request.more,
-                                request.sensitivity, relative_response, request.white)
-    prior = load_prior(
-        request.prior) if request.options.method == "prior" or request.prior or more else None
+    parsed = _parsed(request)
     if request.signal is not None:
-        facts, draws = _one(request, relative_response, numbers(request.signal, bands, "signal"), prior,
-                            more)
+        signal = numbers(request.signal, len(parsed.relative_response), "signal")
+        facts, draws = _answer(request, parsed, signal)
         return facts, _text(facts, request), {"spectra": draws.spectra,
                                               "coefficients": draws.coefficients,
                                               "wavelengths_nm": draws.grid.nm}
     assert request.signals is not None
-    rows = read_signals(request.signals, bands)
-    found = [_one(request, relative_response, row, prior, more) for row in rows]
-    text = "\n\n".join(f"signal {index + 1}\n{_text(facts, request)}" for index,
-                       (facts, _) in enumerate(found))
-    arrays = {"spectra": np.array([draws.spectra for _, draws in found]),
-              "wavelengths_nm": found[0][1].grid.nm,
-              "coefficients": np.array([draws.coefficients for _, draws in found])}
-    return {"results": [facts for facts, _ in found]}, text, arrays
+    answers = [_answer(request, parsed, signal)
+               for signal in read_signals(request.signals, len(parsed.relative_response))]
+    text = "\n\n".join(f"signal {number}\n{_text(facts, request)}"
+                       for number, (facts, _) in enumerate(answers, 1))
+    arrays = {"spectra": np.array([draws.spectra for _, draws in answers]),
+              "wavelengths_nm": answers[0][1].grid.nm,
+              "coefficients": np.array([draws.coefficients for _, draws in answers])}
+    return {"results": [facts for facts, _ in answers]}, text, arrays
 
 
-def _one(request: SampleRequest, relative_response: np.ndarray, signal: np.ndarray,
-         prior: LogitMixture | None,
-         more: list[MoreMeasurement]) -> tuple[dict[str, Any], SpectrumSamples]:
-    started = time.perf_counter()
-    base = measurement_of_signal(relative_response, signal, request.white, request.noise)
-    causes = causes_of_error(base.signal, base.noise_covariance, request.light_error,
-                             request.sensitivity_error)
-    base = replace(base, noise_covariance=sum(causes.values(), np.zeros((len(signal),) * 2)))
+@dataclass(frozen=True)
+class _Parsed:
+    """What the options say, as numbers."""
+
+    relative_response: np.ndarray       # (K, 301)
+    white: np.ndarray | None            # (K,)
+    noise: np.ndarray | None            # (K,)
+    twice: SpectralMeasurement | None
+    more: list[MoreMeasurement]
+    prior: LogitMixture | None
+
+
+def _parsed(request: SampleRequest) -> _Parsed:
+    relative_response = named_spectra.relative_response(request.sensitivity, request.light,
+                                                        visible_grid(GRID_NM))
+    bands = len(relative_response)
+    white = optional_numbers(request.white, bands, "white")
+    more = further_measurements(request.readings, request.photos, request.same, request.more,
+                                request.sensitivity, relative_response, white)
     twice = None
     if request.twice is not None:
-        values, noise = signal_and_noise(request.twice, len(relative_response), "twice")
-        twice = measurement_of_signal(relative_response, numbers(values, len(relative_response), "twice"),
-                                      request.white, noise)
-    draws, measurement = draws_of(request.options, base, more, twice, prior)
-    over_determined = len(measurement.signal) >= draws.coefficients.shape[1]
+        signal, noise = signal_and_noise(request.twice, bands, "twice")
+        twice = measurement_of_signal(relative_response, signal, white, noise)
+    needs_prior = request.options.method == "prior" or request.prior or more
+    return _Parsed(relative_response, white, optional_numbers(request.noise, bands, "noise"), twice,
+                   more, load_prior(request.prior) if needs_prior else None)
+
+
+def _answer(request: SampleRequest, parsed: _Parsed,
+            signal: np.ndarray) -> tuple[dict[str, Any], SpectrumSamples]:
+    started = time.perf_counter()
+    options, prior, more = request.options, parsed.prior, parsed.more
+    base = measurement_of_signal(parsed.relative_response, signal, parsed.white, parsed.noise)
+    causes = causes_of_error(base.signal, base.noise_covariance, request.light_error,
+                             request.sensitivity_error)
+    base = replace(base, noise_covariance=sum(causes.values(), np.zeros((signal.size,) * 2)))
+    draws, measurement = draws_of(options, base, more, parsed.twice, prior)
     # More measurements than coefficients leave no spline to bound: the signal alone then does, as
     # wide as it may be.
-    facts = _facts(draws, summarise(draws, base if over_determined else measurement,
-                                            request.level))
-    facts["bounds_from"] = "the signal alone" if over_determined or request.options.keep else "all measurements"
+    over_determined = len(measurement.signal) >= draws.coefficients.shape[1]
+    bounded = base if over_determined else measurement
+    facts = _facts(draws, summarise(draws, bounded, request.level))
+    facts["bounds_from"] = ("the signal alone" if over_determined or options.keep
+                            else "all measurements")
     if more and prior is not None:
-        facts["doubtful"] = doubtful(base, more, prior, request.options.seed)
-    if prior is not None and request.options.method == "prior" and not more and twice is None:
+        facts["doubtful"] = doubtful(base, more, prior, options.seed)
+    if prior is not None and options.method == "prior" and not more and parsed.twice is None:
         budget = error_budget(prior, base, causes)
         total = float(np.mean(sum(budget.values(), np.zeros(1))))
-        facts["error_budget"] = {name: float(np.mean(variance)) / total for name,
-                                 variance in budget.items()}
+        facts["error_budget"] = {name: float(np.mean(variance)) / total
+                                 for name, variance in budget.items()}
     if request.baseline or request.truth is not None:
         facts |= _compared(request, base, draws)
     facts["seconds"] = time.perf_counter() - started
@@ -149,23 +168,21 @@ def _compared(request: SampleRequest, base: SpectralMeasurement,
     from spectrabox.sampling.judge.judgement import baselines, judged
 
     options = request.options
-    others = baselines(base, options.samples, options.seed,
-                       options.coefficients) if request.baseline else {}
+    others = {}
+    if request.baseline:
+        others = baselines(base, options.samples, options.seed, options.coefficients)
     facts: dict[str, Any] = {}
     if request.baseline:
-        # None where the greedy sampler finds nothing, as it does for some signals that can be
-        # reached.
-        facts["baselines"] = {name: None if one is None else one[0].tolist() for name,
-                              one in others.items()}
+        # None where the greedy sampler has no draws, as for some signals that can be reached.
+        facts["baselines"] = {name: None if other is None else other[0].tolist()
+                              for name, other in others.items()}
     if request.truth is not None:
         table = read_table(request.truth)
-        truth = spectrum_on_grid(spectrum_of(table, role=Quantity.REFLECTANCE,
-                                             column=table.names[column_index(table,
-                                                                             request.column)]),
-                                 GRID)
+        column = table.names[column_index(table, request.column)]
+        truth = spectrum_on_grid(spectrum_of(table, role=Quantity.REFLECTANCE, column=column), GRID)
         mine = {options.method: (draws.spectra.mean(axis=0), draws.spectra)}
-        facts["judged"] = {name: judged(GRID.nm, truth, one[0], request.lights, one[1])
-                           for name, one in (mine | others).items() if one is not None}
+        facts["judged"] = {name: judged(GRID.nm, truth, other[0], request.lights, other[1])
+                           for name, other in (mine | others).items() if other is not None}
     return facts
 
 
@@ -177,8 +194,7 @@ def _facts(draws: SpectrumSamples, summary: SpectrumSummary) -> dict[str, Any]:
     return {**{name: values.tolist() for name, values in arrays.items()},
             "effective_samples": draws.effective_samples, "samples": len(draws.spectra),
             "level": summary.level, "method": draws.method, "seed": draws.seed,
-            "outcome": draws.sentence,
-            "conditional_on": summary.conditional_on,
+            "outcome": draws.sentence, "conditional_on": summary.conditional_on,
             "next_measurement_nm": summary.next_measurement_nm}
 
 

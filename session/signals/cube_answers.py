@@ -4,7 +4,7 @@ and a table out.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm, visible_grid
-from spectrabox.radiometry.records import Quantity, SpectralMeasurement
+from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.spectrum_files import (
     SpectralTable,
@@ -25,12 +25,12 @@ from spectrabox.sampling.judge.cube_regions import Region, RegionSpectra, region
 from spectrabox.sampling.judge.cubes import Cube
 from spectrabox.sampling.judge.judgement import beside, judged, judgement_text, means
 from spectrabox.sampling.prior.mixture import GRID, load_prior
-from spectrabox.session.signals.signal_options import measurement_of_signal
+from spectrabox.session.signals.signal_options import measurement_of_signal, optional_numbers
 
 IMPORTED = "imported picture"
 # a truth or picture may end this far inside 400-700 nm; it is judged where it is known
 END_GAP_NM = 20.0
-LARGEST_MEAN = 2.0          # of a reflectance; more is counts or radiance
+MAX_MEAN = 2.0          # of a reflectance; more is counts or radiance
 
 
 @dataclass(frozen=True)
@@ -69,67 +69,77 @@ def judge_answer(cube: Cube, regions: list[Region], truths: SpectralTable | None
     if not request.full_scale > 0:
         raise InputError(f"--full-scale {request.full_scale:g} cannot be; give what reflectance 1 "
                          "reads in the picture")
-    found = region_spectra(cube, regions, request.full_scale, request.seed)
-    found = relative_to_white(cube, found, truths, request)
-    largest = max(float(one.mean.max()) for one in found)
-    if largest > LARGEST_MEAN:
+    regions_read = region_spectra(cube, regions, request.full_scale, request.seed)
+    regions_read = relative_to_white(cube, regions_read, truths, request)
+    largest = max(float(region.mean.max()) for region in regions_read)
+    if largest > MAX_MEAN:
         raise InputError(f"the mean of a region of {cube.file} is {largest:.3g}, no reflectance; "
                          "give what reflectance 1 reads with --full-scale, or a region of known "
                          "reflectance with --white-region")
-    rows = [] if truths is None else judge_regions(cube, found, truths, request)
-    facts = [{"name": one.region.name, "pixels": one.pixels, "left_out": one.left_out,
-              "mean": one.mean.tolist(), "standard_deviation": one.standard_deviation.tolist(),
-              "judged": {row["method"]: {key: value for key, value in row.items()
-                                         if key not in ("region", "method")} for row in rows
-                         if row["region"] == one.region.name}} for one in found]
+    rows = [] if truths is None else judge_regions(cube, regions_read, truths, request)
     overall = means(rows, request.lights)
-    return {"cube": cube.file, "wavelengths_nm": cube.nm.tolist(), "regions": facts, "lights": list(request.lights),
-            "means": {row["method"]: {key: row[key] for key in row if key not in ("region", "method")}
-                      for row in overall}}, \
-        _text(cube, found, rows + (overall if len(found) > 1 else []), request), spectra_csv(cube, found)
+    facts = {"cube": cube.file, "wavelengths_nm": cube.nm.tolist(),
+             "regions": [_region_facts(region, rows) for region in regions_read],
+             "lights": list(request.lights),
+             "means": {row["method"]: _measures(row) for row in overall}}
+    shown = rows + (overall if len(regions_read) > 1 else [])
+    return facts, _text(cube, regions_read, shown, request), spectra_csv(cube, regions_read)
 
 
-def judge_regions(cube: Cube, found: list[RegionSpectra], truths: SpectralTable,
+def judge_regions(cube: Cube, regions: list[RegionSpectra], truths: SpectralTable,
                   request: JudgeRequest) -> list[dict[str, Any]]:
     """Rows of measures: every region's spectrum in the picture, then our methods on the truth's own
     signal.
+
+    Raises
+    ------
+    InputError
+        If signals are given, and not one a region.
     """
     fine = visible_grid(1)
     relative_response = named_spectra.relative_response(request.sensitivity, request.light, fine)
     prior, bands = load_prior(request.prior), len(relative_response)
-    if request.signals is not None and len(request.signals) != len(found):
-        raise InputError(f"{len(request.signals)} signals were given for {len(found)} regions; "
+    if request.signals is not None and len(request.signals) != len(regions):
+        raise InputError(f"{len(request.signals)} signals were given for {len(regions)} regions; "
                          "give one row a region, in their order")
+    white = optional_numbers(request.white, bands, "white")
+    noise = optional_numbers(request.noise, bands, "noise")
     rows = []
-    for index, one in enumerate(found):
-        truth_nm, truth = truth_of(truths, one.region, request.column)
+    for index, region in enumerate(regions):
+        truth_nm, truth = truth_of(truths, region.region, request.column)
         nm = common_wavelengths(cube, truth_nm, truths.file)
         grid = grid_from_nm(nm)
-        mine = on_grid(cube.nm, np.vstack([one.mean[None], one.spectra]), grid, cube.file)
+        mine = on_grid(cube.nm, np.vstack([region.mean[None], region.spectra]), grid, cube.file)
         expected = on_grid(truth_nm, truth, grid, truths.file)
         if request.signals is None:
             own = relative_response @ held(truth_nm, truth, fine.nm)
-            measurement = SpectralMeasurement(fine, relative_response, own, np.zeros((bands, bands)))
+            measurement = measurement_of_signal(relative_response, own)
         else:
-            measurement = measurement_of_signal(relative_response, request.signals[index], request.white,
-                                                request.noise)
+            measurement = measurement_of_signal(relative_response, request.signals[index], white,
+                                                noise)
         judgements = {IMPORTED: judged(nm, expected, mine[0], request.lights, mine[1:])}
         judgements |= beside(measurement, nm, expected, request.lights, request.draws, request.seed,
                              request.coefficients, prior, request.baseline)
-        rows += [{"region": one.region.name, "method": method, **measures} for method,
-                 measures in judgements.items()]
+        rows += [{"region": region.region.name, "method": method, **measures}
+                 for method, measures in judgements.items()]
     return rows
 
 
-def relative_to_white(cube: Cube, found: list[RegionSpectra], truths: SpectralTable | None,
+def relative_to_white(cube: Cube, regions: list[RegionSpectra], truths: SpectralTable | None,
                       request: JudgeRequest) -> list[RegionSpectra]:
-    """The spectra divided by those of the white region times its truth (1 where there is none)."""
+    """The spectra divided by those of the white region times its truth (1 where there is none).
+
+    Raises
+    ------
+    InputError
+        If the white region is none of the regions, or not above 0 everywhere.
+    """
     if request.white_region is None:
-        return found
-    white = next((one for one in found if one.region.name == request.white_region), None)
+        return regions
+    white = next((one for one in regions if one.region.name == request.white_region), None)
     if white is None:
         raise InputError(f"--white-region {request.white_region!r} is no region; there are "
-                         f"{', '.join(one.region.name for one in found)}")
+                         f"{', '.join(region.region.name for region in regions)}")
     if white.mean.min() <= 0:
         raise InputError(f"region {request.white_region!r} reads {white.mean.min():.3g} at one "
                          "wavelength; white must be above 0 everywhere")
@@ -137,12 +147,12 @@ def relative_to_white(cube: Cube, found: list[RegionSpectra], truths: SpectralTa
     if truths is not None:
         known = held(*truth_of(truths, white.region, None), cube.nm)
     factor = known / white.mean
-    return [RegionSpectra(one.region, one.pixels, one.left_out, one.mean * factor,
-                          one.standard_deviation * factor, one.spectra * factor) for one in found]
+    return [replace(region, mean=region.mean * factor, spectra=region.spectra * factor,
+                    standard_deviation=region.standard_deviation * factor) for region in regions]
 
 
-def truth_of(truths: SpectralTable, region: Region, column: str | None) -> tuple[np.ndarray,
-                                                                                 np.ndarray]:
+def truth_of(truths: SpectralTable, region: Region,
+             column: str | None) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths and values of a region's truth: the column it names, the one of its name, else
     the only one.
     """
@@ -176,32 +186,40 @@ def held(nm: np.ndarray, values: np.ndarray, wanted_nm: np.ndarray) -> np.ndarra
     return np.interp(wanted_nm, nm, values)
 
 
-def spectra_csv(cube: Cube, found: list[RegionSpectra]) -> str:
+def spectra_csv(cube: Cube, regions: list[RegionSpectra]) -> str:
     """Mean and standard deviation of every region as a table of spectra."""
     columns: dict[str, np.ndarray] = {}
-    for one in found:
-        columns |= {one.region.name: one.mean,
-                    f"{one.region.name} standard deviation": one.standard_deviation}
+    for region in regions:
+        name = region.region.name
+        columns |= {name: region.mean, f"{name} standard deviation": region.standard_deviation}
     return table_text(cube.nm, columns, quantity=Quantity.REFLECTANCE,
                       source=f"regions of {cube.file}")
 
 
-def _text(cube: Cube, found: list[RegionSpectra], rows: list[dict[str, Any]],
+def _measures(row: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in row.items() if key not in ("region", "method")}
+
+
+def _region_facts(region: RegionSpectra, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    name = region.region.name
+    return {"name": name, "pixels": region.pixels, "left_out": region.left_out,
+            "mean": region.mean.tolist(), "standard_deviation": region.standard_deviation.tolist(),
+            "judged": {row["method"]: _measures(row) for row in rows if row["region"] == name}}
+
+
+def _text(cube: Cube, regions: list[RegionSpectra], rows: list[dict[str, Any]],
           request: JudgeRequest) -> str:
     lines = [f"{cube.file}: {cube.width} x {cube.height} pixels, {cube.nm.size} wavelengths "
              f"{cube.nm[0]:g}-{cube.nm[-1]:g} nm"]
-    lines += [f"{one.region.name}: {one.pixels} pixels, mean {one.mean.mean():.3f}, spread over "
-              f"pixels {one.standard_deviation.mean():.3f}"
-              + (f", {one.left_out} left out" if one.left_out else "")
-              for one in found]
+    lines += [f"{region.region.name}: {region.pixels} pixels, mean {region.mean.mean():.3f}, "
+              f"spread over pixels {region.standard_deviation.mean():.3f}"
+              + (f", {region.left_out} left out" if region.left_out else "")
+              for region in regions]
     if rows:
+        seen = ("the signals that were given" if request.signals is not None else
+                f"the signal that the truth gives {request.sensitivity} under {request.light}, "
+                "without noise")
         lines += ["", judgement_text(rows, request.lights), "",
-                  f"prior, uniform and paper saw {_seen(request)}. The band of the picture is the "
-                  "scatter of its pixels (1000 at least). scaled: RMSE after the one best factor."]
+                  f"prior, uniform and paper saw {seen}. The band of the picture is the scatter of "
+                  "its pixels (1000 at least). scaled: RMSE after the one best factor."]
     return "\n".join(lines)
-
-
-def _seen(request: JudgeRequest) -> str:
-    if request.signals is not None:
-        return "the signals that were given"
-    return f"the signal that the truth gives {request.sensitivity} under {request.light}, without noise"

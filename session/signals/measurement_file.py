@@ -11,7 +11,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.spectrum_files import (
     column_index,
@@ -25,8 +25,8 @@ from spectrabox.session.signals.signal_options import (
     GRID_NM,
     READING_ERROR,
     measurement_of_signal,
-    numbers,
     parse_reading,
+    per_band,
     reading_at,
     signal_and_noise,
 )
@@ -39,25 +39,43 @@ KEYS = {"reading": ("nm", "reflectance", "error", "fwhm_nm"),
         "same": ("signal", "noise", "white")}
 NEEDED = {"reading": ("nm", "reflectance"), "band": ("curve", "reflectance"), "spot": ("file",),
           "photo": ("light", "signal"), "same": ("signal",)}
-TEXTS, LISTS = ("curve", "column", "file", "light", "sensitivity"), ("signal", "noise", "white")
+TEXTS = ("curve", "column", "file", "light", "sensitivity")
+LISTS = ("signal", "noise", "white")
 
 
 def further_measurements(readings: tuple[str, ...], photos: tuple[str, ...], same: tuple[str, ...],
                          more: Path | None, sensitivity: str, relative_response: np.ndarray,
-                         white: str | None) -> list[MoreMeasurement]:
+                         white: np.ndarray | None) -> list[MoreMeasurement]:
     """All that the options --reading, --photo, --same and --more say of one surface.
+
+    Parameters
+    ----------
+    readings, photos, same : tuple of str
+        As `signal_options.parse_reading`, `photo_of_text` and `patch_of_text` read them.
+    more : Path or None
+        A file for `read_more`.
+    sensitivity : str
+        Curves of the camera that took the first photo, by name or file.
+    relative_response : (K, 301) array
+        Of that photo.
+    white : (K,) array or None
+        What a perfect white reads in it.
 
     Raises
     ------
     InputError
     """
-    found = [MoreMeasurement(reading.name, (reading,)) for reading in map(parse_reading, readings)]
-    found += [of_photo(text, sensitivity, len(relative_response)) for text in photos]
-    found += [of_patch(text, relative_response, white, number) for number, text in enumerate(same, 1)]
-    return found + (read_more(more, sensitivity, relative_response) if more is not None else [])
+    measurements = [MoreMeasurement(reading.name, (reading,))
+                    for reading in map(parse_reading, readings)]
+    measurements += [photo_of_text(text, sensitivity, len(relative_response)) for text in photos]
+    measurements += [patch_of_text(text, relative_response, white, number)
+                     for number, text in enumerate(same, 1)]
+    if more is not None:
+        measurements += read_more(more, sensitivity, relative_response)
+    return measurements
 
 
-def of_photo(text: str, sensitivity: str, bands: int) -> MoreMeasurement:
+def photo_of_text(text: str, sensitivity: str, bands: int) -> MoreMeasurement:
     """Another photo by the same camera, written LIGHT=v1,v2,v3[:e1,e2,e3].
 
     Raises
@@ -68,11 +86,15 @@ def of_photo(text: str, sensitivity: str, bands: int) -> MoreMeasurement:
     if not equals or not light:
         raise InputError(f"--photo {text!r} cannot be read; write LIGHT=v1,v2,v3 or "
                          "LIGHT=v1,v2,v3:e1,e2,e3")
-    return _photo(f"the photo under {light}", sensitivity, light,
-                  *signal_and_noise(rest, bands, "photo"), None)
+    signal, noise = signal_and_noise(rest, bands, "photo")
+    relative_response = named_spectra.relative_response(sensitivity, light, visible_grid(GRID_NM))
+    return MoreMeasurement(f"the photo under {light}",
+                           measurement=measurement_of_signal(relative_response, signal, None,
+                                                             noise))
 
 
-def of_patch(text: str, relative_response: np.ndarray, white: str | None, number: int) -> MoreMeasurement:
+def patch_of_text(text: str, relative_response: np.ndarray, white: np.ndarray | None,
+                  number: int) -> MoreMeasurement:
     """Another patch of the same material in the same photo, written v1,v2,v3[:e1,e2,e3].
 
     Raises
@@ -80,9 +102,7 @@ def of_patch(text: str, relative_response: np.ndarray, white: str | None, number
     InputError
     """
     signal, noise = signal_and_noise(text, len(relative_response), "same")
-    return MoreMeasurement(f"patch {number} said to be the same material",
-                           measurement=measurement_of_signal(
-                               relative_response, numbers(signal, len(relative_response), "same"), white, noise))
+    return _patch(number, measurement_of_signal(relative_response, signal, white, noise))
 
 
 def read_more(path: Path, sensitivity: str, relative_response: np.ndarray) -> list[MoreMeasurement]:
@@ -101,9 +121,8 @@ def read_more(path: Path, sensitivity: str, relative_response: np.ndarray) -> li
                          "measurements") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path.name} is no TOML file ({error}); write [[reading]], nm = 700, "
-                         "reflectance = 0.35"
-                         ) from None
-    found = []
+                         "reflectance = 0.35") from None
+    measurements = []
     for kind, entries in tables.items():
         if kind not in KEYS:
             raise InputError(f"{path.name} holds [[{kind}]]; the nearest that is known is "
@@ -112,41 +131,56 @@ def read_more(path: Path, sensitivity: str, relative_response: np.ndarray) -> li
             raise InputError(f"{path.name}: write [[{kind}]] with two brackets, once for every "
                              "measurement")
         for number, entry in enumerate(entries, 1):
-            found.append(_of_table(kind, _checked(kind, number, entry, path), path.parent,
-                                   sensitivity, relative_response, number))
-    return found
+            checked = _checked(kind, number, entry, path)
+            if kind == "reading":
+                measurements.append(_reading(checked))
+            elif kind == "band":
+                measurements.append(_band(checked, path.parent))
+            elif kind == "spot":
+                measurements.append(_spot(checked, path.parent))
+            elif kind == "same":
+                measured = _measurement(checked, relative_response, "same")
+                measurements.append(_patch(number, measured))
+            else:
+                measurements.append(_photo(checked, sensitivity, path.parent))
+    return measurements
 
 
-def _of_table(kind: str, entry: dict[str, Any], folder: Path, sensitivity: str,
-              relative_response: np.ndarray,
-              number: int) -> MoreMeasurement:
-    if kind == "reading":
-        one = reading_at(float(entry["nm"]), float(entry["reflectance"]),
+def _reading(entry: dict[str, Any]) -> MoreMeasurement:
+    reading = reading_at(float(entry["nm"]), float(entry["reflectance"]),
                          float(entry.get("error", READING_ERROR)), float(entry.get("fwhm_nm", 0)))
-        return MoreMeasurement(one.name, (one,))
-    if kind == "band":
-        table = read_table(folder / entry["curve"])
-        column = column_index(table, entry.get("column"))
-        curve = on_grid(table.nm, np.maximum(table.values[column], 0), visible_grid(GRID_NM),
-                        table.file)
-        name = f"the band {table.names[column]} of {table.file}"
-        return MoreMeasurement(name,
-                               (Reading(name, visible_grid(GRID_NM).nm, curve,
-                                        float(entry["reflectance"]),
-                                        float(entry.get("error", READING_ERROR))),))
-    if kind == "spot":
-        return _spot(entry, folder)
-    if kind == "same":
-        values = numbers(_comma(entry["signal"]) or "", len(relative_response), "same")
-        return MoreMeasurement(f"patch {number} said to be the same material",
-                               measurement=measurement_of_signal(relative_response, values,
-                                                                 _comma(entry.get("white")),
-                                                                 _comma(entry.get("noise"))))
-    camera = str(entry.get("sensitivity", sensitivity))
-    return _photo(f"the photo under {entry['light']}" + (f" by {camera}" if "sensitivity" in entry
-                                                         else ""), _beside(camera, folder),
-                  _beside(str(entry["light"]), folder), _comma(entry["signal"]),
-                  _comma(entry.get("noise")), _comma(entry.get("white")))
+    return MoreMeasurement(reading.name, (reading,))
+
+
+def _band(entry: dict[str, Any], folder: Path) -> MoreMeasurement:
+    table, grid = read_table(folder / entry["curve"]), visible_grid(GRID_NM)
+    column = column_index(table, entry.get("column"))
+    curve = on_grid(table.nm, np.maximum(table.values[column], 0), grid, table.file)
+    name = f"the band {table.names[column]} of {table.file}"
+    return MoreMeasurement(name, (Reading(name, grid.nm, curve, float(entry["reflectance"]),
+                                          float(entry.get("error", READING_ERROR))),))
+
+
+def _photo(entry: dict[str, Any], sensitivity: str, folder: Path) -> MoreMeasurement:
+    camera, light = str(entry.get("sensitivity", sensitivity)), str(entry["light"])
+    name = f"the photo under {light}" + (f" by {camera}" if "sensitivity" in entry else "")
+    relative_response = named_spectra.relative_response(
+        _beside(camera, folder), _beside(light, folder), visible_grid(GRID_NM))
+    return MoreMeasurement(name, measurement=_measurement(entry, relative_response, "photo"))
+
+
+def _patch(number: int, measurement: SpectralMeasurement) -> MoreMeasurement:
+    return MoreMeasurement(f"patch {number} said to be the same material", measurement=measurement)
+
+
+def _measurement(entry: dict[str, Any], relative_response: np.ndarray,
+                 name: str) -> SpectralMeasurement:
+    signal, white, noise = (
+        per_band(np.array(entry[key], dtype=float), len(relative_response), option)
+        if key in entry else None
+        for key, option in (("signal", name), ("white", "white"), ("noise", "noise")))
+    assert signal is not None       # checked with the other keys of the table
+    return measurement_of_signal(relative_response, signal, white, noise)
 
 
 def _spot(entry: dict[str, Any], folder: Path) -> MoreMeasurement:
@@ -161,16 +195,9 @@ def _spot(entry: dict[str, Any], folder: Path) -> MoreMeasurement:
     errors = np.full(nm.size, float(entry.get("error", READING_ERROR)))
     if spectrum.standard_error is not None and "error" not in entry:
         errors = np.interp(nm, spectrum.grid.nm, spectrum.standard_error)
-    readings = [reading_at(float(place), float(value), float(error))
-                for place, value, error in zip(nm, values, errors, strict=True)]
+    readings = [reading_at(float(at_nm), float(value), float(error))
+                for at_nm, value, error in zip(nm, values, errors, strict=True)]
     return MoreMeasurement(f"the spot of {entry['file']}", tuple(readings))
-
-
-def _photo(name: str, sensitivity: str, light: str, signal: str | None, noise: str | None,
-           white: str | None) -> MoreMeasurement:
-    relative_response = named_spectra.relative_response(sensitivity, light, visible_grid(GRID_NM))
-    return MoreMeasurement(name, measurement=measurement_of_signal(
-        relative_response, numbers(signal or "", len(relative_response), "photo"), white, noise))
 
 
 def _checked(kind: str, number: int, entry: Any, path: Path) -> dict[str, Any]:
@@ -197,12 +224,8 @@ def _fits(key: str, value: Any) -> bool:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value,
-                                                             bool) and bool(np.isfinite(value))
-
-
-def _comma(values: list[float] | None) -> str | None:
-    return None if values is None else ",".join(repr(float(value)) for value in values)
+    return (isinstance(value, int | float) and not isinstance(value, bool)
+            and bool(np.isfinite(value)))
 
 
 def _beside(name: str, folder: Path) -> str:

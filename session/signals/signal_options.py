@@ -33,46 +33,90 @@ def causes_of_error(signal: np.ndarray, noise_covariance: np.ndarray, light_erro
             "sensitivities": sensitivity_error**2 * np.diag(signal**2)}
 
 
-def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray, white: str | None,
-                          noise: str | None) -> SpectralMeasurement:
-    """The measurement relative to white, from a signal (K,) and the options --white and --noise.
+def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray,
+                          white: np.ndarray | None = None,
+                          noise: np.ndarray | None = None) -> SpectralMeasurement:
+    """The measurement relative to white, from a signal as the camera gives it.
+
+    Parameters
+    ----------
+    relative_response : (K, 301) array
+        At every nm, rows summing to 1.
+    signal : (K,) array
+    white : (K,) array, optional
+        What a perfect white reads, in the signal's unit; 1 by default.
+    noise : (K,) array, optional
+        Standard errors in the signal's unit; 0 by default.
 
     Raises
     ------
     InputError
         If white is not positive, the noise is negative, or the signal lies beyond twice white.
     """
-    bands = len(relative_response)
-    whites = np.ones(bands) if white is None else numbers(white, bands, "white")
-    if np.any(whites <= 0):
-        raise InputError(f"the white {white} is not positive in every band; give what a perfect "
-                         "white reads")
-    errors = np.zeros(bands) if noise is None else numbers(noise, bands, "noise")
-    if np.any(errors < 0):
-        raise InputError(f"the noise {noise} is negative; give standard errors")
-    relative = signal / whites
+    white = np.ones_like(signal) if white is None else white
+    noise = np.zeros_like(signal) if noise is None else noise
+    if np.any(white <= 0):
+        raise InputError(f"the white {_listed(white)} is not positive in every band; give what a "
+                         "perfect white reads")
+    if np.any(noise < 0):
+        raise InputError(f"the noise {_listed(noise)} is negative; give standard errors")
+    relative = signal / white
     if np.any(np.abs(relative) > 2):
         raise InputError(f"the signal is {np.abs(relative).max():.3g} times white; give what white "
                          "reads with --white")
     return SpectralMeasurement(visible_grid(GRID_NM), relative_response, relative,
-                               np.diag((errors / whites)**2))
+                               np.diag((noise / white)**2))
 
 
 def numbers(text: str, bands: int, name: str) -> np.ndarray:
-    """Numbers (K,) of an option such as 0.2,0.3,0.1."""
+    """Numbers (K,) of an option such as 0.2,0.3,0.1.
+
+    Raises
+    ------
+    InputError
+        Naming the option ``--name``.
+    """
     try:
         values = np.array([float(part) for part in text.replace(";", ",").split(",")])
     except ValueError:
         raise InputError(f"--{name} {text!r} is not a list of numbers; write v1,v2,v3") from None
+    return per_band(values, bands, name)
+
+
+def optional_numbers(text: str | None, bands: int, name: str) -> np.ndarray | None:
+    """Numbers (K,) of an option, None where it was not given."""
+    return None if text is None else numbers(text, bands, name)
+
+
+def per_band(values: np.ndarray, bands: int, name: str) -> np.ndarray:
+    """The values (K,), which must be finite and one for each band.
+
+    Raises
+    ------
+    InputError
+        Naming the option ``--name``.
+    """
     if values.size != bands:
         raise InputError(f"--{name} has {values.size} values; the sensitivities have {bands} bands")
     if not np.all(np.isfinite(values)):
-        raise InputError(f"--{name} {text!r} holds a value that is not finite")
+        raise InputError(f"--{name} {_listed(values)} holds a value that is not finite")
     return values
 
 
+def signal_and_noise(text: str, bands: int, name: str) -> tuple[np.ndarray, np.ndarray | None]:
+    """Signal and standard errors (K,) of v1,v2,v3:e1,e2,e3; the errors are optional."""
+    signal, _, noise = text.partition(":")
+    return numbers(signal, bands, name), numbers(noise, bands, "noise") if noise else None
+
+
 def read_signals(path: Path, bands: int) -> list[np.ndarray]:
-    """Signals (K,) of a CSV: a header of band names, one signal per row."""
+    """Signals (K,) of a CSV: a header of band names, one signal per row.
+
+    Raises
+    ------
+    InputError
+        Naming the row.
+    """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
@@ -84,20 +128,32 @@ def read_signals(path: Path, bands: int) -> list[np.ndarray]:
     if len(rows) < 2:
         raise InputError(f"{path.name} holds no signals; a header of band names and one signal per "
                          "row are needed")
-    return [numbers(",".join(row), bands, f"signals {path.name} row {index + 2}") for index,
-            row in enumerate(rows[1:])]
+    return [_signal_of(row, bands, f"signals {path.name} row {number}")
+            for number, row in enumerate(rows[1:], 2)]
+
+
+def _signal_of(row: list[str], bands: int, name: str) -> np.ndarray:
+    try:
+        values = np.array([float(part) for cell in row for part in cell.split(";")])
+    except ValueError:
+        raise InputError(f"--{name} {','.join(row)!r} is not a list of numbers; write v1,v2,v3") \
+            from None
+    return per_band(values, bands, name)
+
+
+def _listed(values: np.ndarray) -> str:
+    return ",".join(f"{value:g}" for value in values)
 
 
 def parse_reading(text: str) -> Reading:
-    """A reading written as NM:REFLECTANCE[:ERROR], or NM/FWHM:REFLECTANCE[:ERROR] where its band is
-    that wide.
+    """The reading of NM:REFLECTANCE[:ERROR], or of NM/FWHM:... where its band is that wide.
 
     Raises
     ------
     InputError
     """
-    place, *others = text.split(":")
-    centre, slash, width = place.partition("/")
+    where, *others = text.split(":")
+    centre, slash, width = where.partition("/")
     try:
         nm, values = float(centre), [float(part) for part in others]
         fwhm_nm = float(width) if slash else 0.0
@@ -122,14 +178,7 @@ def reading_at(nm: float, reflectance: float, error: float = READING_ERROR,
     narrow = Reading.at_wavelength(nm, reflectance, error)
     if fwhm_nm <= 0:
         return narrow
-    places = visible_grid(GRID_NM).nm
-    weights = np.exp(-0.5 * ((places - nm) / (fwhm_nm * FWHM_TO_SD))**2)
-    return Reading(f"the reading at {nm:g} nm, {fwhm_nm:g} nm wide", places, weights, reflectance,
+    grid_nm = visible_grid(GRID_NM).nm
+    weights = np.exp(-0.5 * ((grid_nm - nm) / (fwhm_nm * FWHM_TO_SD))**2)
+    return Reading(f"the reading at {nm:g} nm, {fwhm_nm:g} nm wide", grid_nm, weights, reflectance,
                    error)
-
-
-def signal_and_noise(text: str, bands: int, name: str) -> tuple[str, str | None]:
-    """The two parts of v1,v2,v3:e1,e2,e3; the errors are optional."""
-    signal, _, noise = text.partition(":")
-    numbers(signal, bands, name)
-    return signal, noise or None
