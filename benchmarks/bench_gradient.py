@@ -21,8 +21,8 @@ from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.engines import gradient
 from spectrabox.reconstruct.engines.gradient import fit_by_gradient
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import MaterialSpec, inverse_problem
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.view import MaterialSpec, View
 
 from benchmarks.paper.synthetic_photo import (
     BANDS,
@@ -55,8 +55,8 @@ def agreement() -> dict[str, Any]:
     for engine in ("transport", "gradient"):
         start = time.perf_counter()
         settings = plain_settings(COEFFICIENTS, engine, MOST_STEPS, STEP_SPP)
-        found = reconstruct(box, photo, camera, SCALE, SPECS, BANDS, settings, lambda done,
-                            what: None)
+        found = reconstruct(View("photo", box, photo, camera, BANDS, SPECS, SCALE), settings,
+                            lambda done, what: None)
         seconds = time.perf_counter() - start
         image = photograph(box, dict(zip(MATERIALS, found.spectra, strict=True)), camera, 128,
                            5).signal
@@ -77,8 +77,8 @@ def memory(steps: int) -> list[float]:
     """Resident memory in MiB after a tenth of the steps, and then after every other tenth."""
     flat = photograph(scene_of(cornell_box_xml(32, 3)),
                       dict.fromkeys(MATERIALS, np.full(GRID.nm.size, 0.4)), measured_camera(), 64)
-    problem = inverse_problem(scene_of(cornell_box_xml(32, 3)), flat, measured_camera(), SCALE,
-                              SPECS, BANDS, 5)
+    view = View("photo", scene_of(cornell_box_xml(32, 3)), flat, measured_camera(), BANDS, SPECS,
+                SCALE)
     resident: list[float] = []
 
     def note(done: float, what: str) -> None:
@@ -87,9 +87,7 @@ def memory(steps: int) -> list[float]:
         resident.append(int(line.split()[1]) / 1024)
 
     gradient.WINDOW = steps  # never stalls
-    fit_by_gradient(problem.scene(), MATERIALS, problem.basis, problem.measured,
-                    problem.used[..., None] / problem.variance, scale=1.0, known_surface=None,
-                    steps=steps, spp=1, seed=1, progress=note)
+    fit_by_gradient(view, plain_settings(5, "gradient", steps, 1), note)
     return resident[steps // 10 - 1::steps // 10]
 
 

@@ -48,14 +48,16 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.reconstruct.engines import gradient
 from spectrabox.reconstruct.engines.per_wavelength import descend, monochrome_job
-from spectrabox.reconstruct.engines.transport_engine import fit_problem, unit_scene
-from spectrabox.reconstruct.fit.transport_fit import FitPriors
-from spectrabox.reconstruct.problem import InverseProblem, MaterialSpec, inverse_problem
+from spectrabox.reconstruct.engines.transport_engine import unit_scene
+from spectrabox.reconstruct.fit.spectrum_prior import smooth_prior
+from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
+from spectrabox.reconstruct.fit.view_terms import Nuisances
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.regions import block_regions
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import TracedTransport, shaded_image, trace_transport
+from spectrabox.reconstruct.view import MaterialSpec, View
 
 COEFFICIENTS, STEPS, GRADIENT_SPP, TRACE_SPP, PHOTO_SPP = 7, 200, 16, 64, 4096
 SHORTER = 20            # the per-wavelength engine runs this share of the steps
@@ -69,27 +71,27 @@ PATCHES = {"white": "white 9.5", "green": "green", "red": "red", "small": "blue"
 class Judged:
     """An inversion with the truth and the paths that made its photo."""
 
-    problem: InverseProblem
+    view: View
     truth: np.ndarray               # (M, P)
     judge: TracedTransport          # of the pixels that one surface fills
 
 
-def cornell_problem(width: int, bounces: int, blocks: bool, photo_spp: int) -> Judged:
+def cornell_view(width: int, bounces: int, blocks: bool, photo_spp: int) -> Judged:
     """The inversion of a box with chart colours on its walls, under a constant light, and the paths
     of its photo.
     """
-    problem = box_problem(width, bounces, blocks)
-    truth = true_spectra(problem)
-    one_surface = problem.surface >= 0
+    view = box_view(width, bounces, blocks)
+    truth = true_spectra(view)
+    one_surface = view.surface >= 0
     region = np.where(one_surface, np.cumsum(one_surface.ravel()).reshape(width, width) - 1, -1)
-    judge = traced(problem, region, photo_spp, 77, passes=1)
+    judge = traced(view, region, photo_spp, 77, passes=1)
     photo = np.zeros((width, width, 3))
-    photo[one_surface] = signal(judge.coefficients, judge.exponents, truth, problem.response)
-    return Judged(box_problem(width, bounces, blocks, photo), truth, judge)
+    photo[one_surface] = signal(judge.coefficients, judge.exponents, truth, view.response)
+    return Judged(box_view(width, bounces, blocks, photo), truth, judge)
 
 
-def box_problem(width: int, bounces: int, blocks: bool,
-                photo: np.ndarray | None = None) -> InverseProblem:
+def box_view(width: int, bounces: int, blocks: bool,
+                photo: np.ndarray | None = None) -> View:
     """The box, whose photo (H, W, 3) is blank where none is given."""
     names = (*MATERIALS, *(BLOCKS if blocks else ()))
     with tempfile.TemporaryDirectory() as folder:
@@ -100,17 +102,16 @@ def box_problem(width: int, bounces: int, blocks: bool,
     image = LinearImage(np.ones(shape, np.float32) if photo is None else photo.astype(np.float32),
                         np.full(shape, 1e-12), np.zeros(shape, bool), 1.0, None, None, None,
                         PhotoKind.LINEAR_FILE, "", "rendered", "")
-    return inverse_problem(scene_file, image, measured_camera(visible_grid()),
-                           LightScale(1.0, None, None, "given"),
-                           tuple(MaterialSpec(name, name) for name in names), ("R", "G", "B"),
-                           COEFFICIENTS)
+    return View("photo", scene_file, image, measured_camera(visible_grid()), ("R", "G", "B"),
+                tuple(MaterialSpec(name, name) for name in names),
+                LightScale(1.0, None, None, "given"))
 
 
-def true_spectra(problem: InverseProblem) -> np.ndarray:
-    """Chart colours (M, P) of the problem's materials."""
-    chart = chart_reflectances("BabelColor Average", problem.grid)
+def true_spectra(view: View) -> np.ndarray:
+    """Chart colours (M, P) of the view's materials."""
+    chart = chart_reflectances("BabelColor Average", view.grid)
     return np.array([chart[PATCH_NAMES.index(PATCHES[material.name])]
-                     for material in problem.materials])
+                     for material in view.scene_materials])
 
 
 def measured_camera(grid: WavelengthGrid) -> Calibration:
@@ -123,56 +124,54 @@ def measured_camera(grid: WavelengthGrid) -> Calibration:
     return Calibration(fit, light, None, np.zeros((3, 3)), ())
 
 
-def traced(problem: InverseProblem, region: np.ndarray, spp: int, seed: int,
+def traced(view: View, region: np.ndarray, spp: int, seed: int,
            passes: int = 4) -> TracedTransport:
     """Transport of the regions with the scene's own number of bounces."""
-    return trace_transport(unit_scene(problem),
-                           {material.bsdf: material.name for material in problem.materials},
-                           problem.size, region, bounces=problem.scene_file.max_depth - 1, spp=spp,
+    return trace_transport(unit_scene(view),
+                           view.name_of_bsdf, view.size, region, bounces=view.scene_file.max_depth - 1, spp=spp,
                            seed=seed, passes=passes)
 
 
-def by_transport(problem: InverseProblem, seed: int = 5) -> tuple[np.ndarray, float, float]:
+def by_transport(view: View, seed: int = 5) -> tuple[np.ndarray, float, float]:
     """Coefficients, seconds of tracing and seconds of fitting; the scene is loaded within the
     time.
     """
     start = time.perf_counter()
-    region, group = block_regions(problem.surface, problem.used)
-    transport = traced(problem, region, TRACE_SPP, seed)
+    region, group = block_regions(view.surface, view.used)
+    transport = traced(view, region, TRACE_SPP, seed)
     between = time.perf_counter()
-    fit = fit_problem(problem, transport, region, group, FitPriors(scale=1.0))
+    fit = fit_traced([TracedView(view, transport, region, group, Nuisances(scale=1.0))],
+                     smooth_prior(COEFFICIENTS, 0.1))
     return fit.coefficients, between - start, time.perf_counter() - between
 
 
-def by_gradient(problem: InverseProblem, steps: int, seed: int = 3) -> tuple[np.ndarray, float]:
+def by_gradient(view: View, steps: int, seed: int = 3) -> tuple[np.ndarray, float]:
     """Coefficients and seconds of the paper's method: Adam through differentiable rendering,
     ``steps`` steps.
     """
     # no stop by itself; the step size falls from first to last
     gradient.WINDOW, gradient.TAIL = steps + 1, 1.0
     start = time.perf_counter()
-    fit = gradient.fit_by_gradient(
-        problem.scene(), tuple(material.bsdf for material in problem.unknown), problem.basis,
-        problem.measured, problem.used[..., None] / problem.variance, scale=1.0, known_surface=None,
-        steps=steps, spp=GRADIENT_SPP, seed=seed, progress=lambda done, what: None)
+    fit = gradient.fit_by_gradient(view, InversionSettings(COEFFICIENTS, steps, GRADIENT_SPP, seed),
+                                   lambda done, what: None)
     return fit.coefficients, time.perf_counter() - start
 
 
-def by_wavelengths(problem: InverseProblem, steps: int) -> tuple[np.ndarray, float]:
+def by_wavelengths(view: View, steps: int) -> tuple[np.ndarray, float]:
     """Coefficients and seconds of one monochrome rendering per wavelength and step; its process
     starts in the time.
     """
     start = time.perf_counter()
-    fit = descend(monochrome_job(problem, InversionSettings(COEFFICIENTS, steps, 1, 3)),
+    fit = descend(monochrome_job(view, InversionSettings(COEFFICIENTS, steps, 1, 3)),
                   lambda done, what: None)
     return fit.coefficients, time.perf_counter() - start
 
 
 def errors(judged: Judged, coefficients: np.ndarray) -> dict[str, Any]:
     """Relative image error on the surfaces (lamp left out), and each spectrum's RMSE."""
-    spectra, judge = judged.problem.spectra(coefficients), judged.judge
+    spectra, judge = judged.view.spectra(coefficients), judged.judge
     reflected = judge.coefficients * (judge.exponents.sum(axis=1) > 0)
-    true, found = (signal(reflected, judge.exponents, rows, judged.problem.response)
+    true, found = (signal(reflected, judge.exponents, rows, judged.view.response)
                    for rows in (judged.truth, spectra))
     rmse = np.sqrt(np.mean((spectra - judged.truth) ** 2, axis=1))
     return {"image_error": float(np.sqrt(np.mean((found - true) ** 2)) / true.mean()),
@@ -189,20 +188,20 @@ def median_errors(judged: Judged, found: list[np.ndarray]) -> dict[str, Any]:
 
 def small(steps: int) -> dict[str, Any]:
     """The three engines on the box of three materials."""
-    judged = cornell_problem(64, 6, False, PHOTO_SPP)
-    problem = judged.problem
-    _, cold_trace, cold_fit = by_transport(problem)
-    runs = [by_transport(problem, seed) for seed in range(RUNS)]
+    judged = cornell_view(64, 6, False, PHOTO_SPP)
+    view = judged.view
+    _, cold_trace, cold_fit = by_transport(view)
+    runs = [by_transport(view, seed) for seed in range(RUNS)]
     ours = {"trace_s": float(np.median([run[1] for run in runs])),
             "fit_s": float(np.median([run[2] for run in runs])), "first_call_s": cold_trace
             + cold_fit, "seconds": float(np.median([run[1] + run[2] for run in runs])),
             **median_errors(judged, [run[0] for run in runs])}
-    by_gradient(problem, 4)  # compiles its kernels, which are not counted
-    descents = [by_gradient(problem, steps, seed) for seed in GRADIENT_SEEDS]
+    by_gradient(view, 4)  # compiles its kernels, which are not counted
+    descents = [by_gradient(view, steps, seed) for seed in GRADIENT_SEEDS]
     descended = {"seconds": float(np.median([run[1] for run in descents])),
                  **median_errors(judged, [run[0] for run in descents])}
     few = max(steps // SHORTER, 1)
-    coefficients, seconds = by_wavelengths(problem, few)
+    coefficients, seconds = by_wavelengths(view, few)
     brute = {"seconds": seconds * steps / few, "steps_run": few, **errors(judged, coefficients)}
     return {"transport": ours, "gradient": descended, "per_wavelength": brute,
             "ratio_gradient": descended["seconds"] / ours["seconds"],
@@ -213,16 +212,16 @@ def small(steps: int) -> dict[str, Any]:
 
 def large() -> dict[str, Any]:
     """Trace and fit of five materials, eight bounces, 256 x 256 pixels."""
-    blank = box_problem(256, 8, True)
+    blank = box_view(256, 8, True)
     truth = true_spectra(blank)
     exponents = exponents_up_to(len(truth), 8)
     photo = shaded_image(unit_scene(blank),
                          {material.bsdf: material.name for material in blank.materials}, blank.size,
                          exponents, band_products(exponents, truth, blank.response), bounces=8,
                          spp=64, seed=77)
-    problem = box_problem(256, 8, True, photo)
-    coefficients, trace_s, fit_s = by_transport(problem)
-    rmse = np.sqrt(np.mean((problem.spectra(coefficients) - truth) ** 2, axis=1))
+    view = box_view(256, 8, True, photo)
+    coefficients, trace_s, fit_s = by_transport(view)
+    rmse = np.sqrt(np.mean((view.spectra(coefficients) - truth) ** 2, axis=1))
     return {"trace_s": trace_s, "fit_s": fit_s, "seconds": trace_s + fit_s, "rmse": rmse.tolist(),
             "process_peak_gib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20}
 

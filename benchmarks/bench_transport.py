@@ -17,16 +17,16 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import numpy as np
-from bench_inversion import cornell_problem, traced
+from bench_inversion import cornell_view, traced
 from scipy.stats import t as student
 
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.interreflection import signal
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.engines.per_wavelength import VARIANT, WAVELENGTHS, monochrome_xml
-from spectrabox.reconstruct.problem import InverseProblem
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.rendering.renderer import all_cores, load_scene, render, start_mitsuba
+from spectrabox.reconstruct.view import View
 
 WIDTH, BLOCK, BOUNCES, LEVEL = 32, 8, 6, 0.01
 
@@ -37,22 +37,22 @@ def blocks(image: np.ndarray) -> np.ndarray:
     return image.reshape(count, BLOCK, count, BLOCK, -1).mean(axis=(1, 3))
 
 
-def by_transport(problem: InverseProblem, spectra: np.ndarray, response: np.ndarray, runs: int,
+def by_transport(view: View, spectra: np.ndarray, response: np.ndarray, runs: int,
                  spp: int) -> np.ndarray:
     """Block means (runs, n, n, K) of the traced transport, for any response (K, P) and spectra (M,
     P).
     """
     pixels = np.arange(WIDTH * WIDTH).reshape(WIDTH, WIDTH)
-    found = (traced(problem, pixels, spp, 500 + run, passes=1) for run in range(runs))
+    found = (traced(view, pixels, spp, 500 + run, passes=1) for run in range(runs))
     return np.array([blocks(signal(one.coefficients, one.exponents, spectra,
                                    response).reshape(WIDTH, WIDTH, -1))
                      for one in found])
 
 
-def by_film(problem: InverseProblem, spectra: np.ndarray, runs: int, spp: int) -> np.ndarray:
+def by_film(view: View, spectra: np.ndarray, runs: int, spp: int) -> np.ndarray:
     """The same of Mitsuba's path integrator with its spectral film."""
-    names = [material.bsdf for material in problem.materials]
-    scene = load_scene(problem.xml(dict(zip(names, spectra, strict=True)), integrator="path"))
+    names = [material.bsdf for material in view.scene_materials]
+    scene = load_scene(view.xml(dict(zip(names, spectra, strict=True)), integrator="path"))
     with all_cores():
         return np.array([blocks(render(scene, spp, 900 + run)[0]) for run in range(runs)])
 
@@ -113,27 +113,27 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     start_mitsuba("cpu")
-    judged = cornell_problem(WIDTH, BOUNCES, False, 1024)
-    problem, truth = judged.problem, judged.truth
+    judged = cornell_view(WIDTH, BOUNCES, False, 1024)
+    view, truth = judged.view, judged.truth
     if not arguments.json:
         print(f"{'against':<12} {'bias R, G, B (standard error) %':<48} {'bias at most':>12} "
               f"{'largest |Z|':>11} {'1 % level':>10}", flush=True)
     start = time.perf_counter()
-    ours = by_transport(problem, truth, problem.response, arguments.runs, arguments.spp)
+    ours = by_transport(view, truth, view.response, arguments.runs, arguments.spp)
     seconds = time.perf_counter() - start
-    film = compared(ours, by_film(problem, truth, arguments.runs, arguments.spp))
+    film = compared(ours, by_film(view, truth, arguments.runs, arguments.spp))
     if not arguments.json:
         print_row("specfilm", film)
     grid = grid_from_nm(np.linspace(400, 700, WAVELENGTHS))
-    coarse = np.array([np.interp(grid.nm, problem.grid.nm, row) for row in truth])
-    curves = np.array([np.interp(grid.nm, problem.grid.nm, row) for row in problem.sensitivities])
+    coarse = np.array([np.interp(grid.nm, view.grid.nm, row) for row in truth])
+    curves = np.array([np.interp(grid.nm, view.grid.nm, row) for row in view.sensitivities])
     response = response_matrix(grid, curves, np.ones(grid.nm.size))
-    bsdfs = tuple(material.bsdf for material in problem.materials)
-    job = (monochrome_xml(problem), bsdfs, coarse, response, arguments.runs,
+    bsdfs = tuple(material.bsdf for material in view.scene_materials)
+    job = (monochrome_xml(view), bsdfs, coarse, response, arguments.runs,
            max(arguments.spp // 8, 1))
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         mono = pool.submit(by_wavelengths, job).result()
-    same = by_transport(problem, coarse, response, arguments.runs, arguments.spp)
+    same = by_transport(view, coarse, response, arguments.runs, arguments.spp)
     row = compared(same, mono)
     if arguments.json:
         print(json.dumps({"specfilm": film, "monochrome": row, "transport_seconds": seconds,

@@ -33,20 +33,16 @@ from spectrabox.capture.photo.linear import open_photo
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LearntSpectra, Quantity, Reconstruction
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, read_spectrum
-from spectrabox.reconstruct.agreement import misalignment, scene_errors
-from spectrabox.reconstruct.engines.transport_engine import fit_priors, trace_problem
-from spectrabox.reconstruct.fit.traced_fit import TracedView, fit_traced
-from spectrabox.reconstruct.inverse_rendering import (
-    MaterialSpec,
-    View,
-    reconstruct,
-    reconstruct_views,
-)
-from spectrabox.reconstruct.problem import inverse_problem
+from spectrabox.reconstruct.agreement import edge_shift, scene_errors
+from spectrabox.reconstruct.engines.transport_engine import nuisances, trace_view
+from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
+from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
+from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.regions import block_regions
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.prior.mixture import load_prior, reflectance_moments
 
 GRID = visible_grid()
@@ -59,8 +55,8 @@ MIXING = 0.1            # a camera's colour matrix departs from the identity by 
 
 
 def read_box(folder: Path, which: str) -> tuple[View, dict[str, np.ndarray]]:
-    """One photo with its scene, and the measured paints by BSDF id; the cube is ``grey_cube`` or
-    ``yellow_cube``.
+    """One photo with its scene, materials left out, and the measured paints by BSDF id; the cube is
+    ``grey_cube`` or ``yellow_cube``.
     """
     scene = read_scene(folder / f"cbox_spectral_{which}.xml")
     cube = f"{which}_cube"
@@ -78,7 +74,7 @@ def read_box(folder: Path, which: str) -> tuple[View, dict[str, np.ndarray]]:
     curves = np.maximum(on_grid(nm, curves, GRID, "fitted_sensitivity.csv"), 0.0)
     light = read_spectrum(folder / "light.csv", role=Quantity.RELATIVE, column=2)
     view = View(which, scene, bin_image(photo, *render_size(width, height, WIDTH)),
-                calibration_from_curves(GRID, curves / curves.max(), light, 0.05), bands)
+                calibration_from_curves(GRID, curves / curves.max(), light, 0.05), bands, ())
     return view, {name: paints[column] for name, column in PAINTS.items()} | {cube: paints[cube]}
 
 
@@ -137,8 +133,8 @@ def one_photo(view: View, truth: dict[str, np.ndarray],
     rows = []
     for case, known in (("white known", ("white",)), ("nothing known", ())):
         start = time.perf_counter()
-        found = reconstruct(view.scene_file, view.photo, view.calibration, view.light_scale,
-                            specs(truth, known), view.bands, settings, lambda done, what: None)
+        found = reconstruct(replace(view, materials=specs(truth, known)), settings,
+                            lambda done, what: None)
         seconds = time.perf_counter() - start
         view = replace(view, light_scale=found.light_scale)
         rows.append({"photo": view.name, "case": case, "seconds": seconds,
@@ -151,19 +147,18 @@ def without_scale(view: View, truth: dict[str, np.ndarray], given: Reconstructio
                   settings: InversionSettings) -> dict[str, Any]:
     """Neither spectrum nor scale: what interreflection and the prior tell of the light scale."""
     start = time.perf_counter()
-    problem = inverse_problem(view.scene_file, view.photo, view.calibration, given.light_scale,
-                              specs(truth, ()), view.bands, settings.coefficients)
-    region, group = block_regions(problem.surface, problem.used)
-    traced = trace_problem(problem, region, problem.scene_file.max_depth - 1, 1, lambda done,
-                           what: None)
+    view = replace(view, materials=specs(truth, ()))
+    region, group = block_regions(view.surface, view.used)
+    traced = trace_view(view, region, view.scene_file.max_depth - 1, 1, lambda done, what: None)
     shown = scene_errors(given.agreement, frozenset(), len(group))
     assert shown is not None
-    priors = replace(fit_priors(settings, problem), scale=None, brightness_error=shown.brightness,
-                     gain_error=shown.colour, block_error=shown.block)
-    fit = fit_traced([TracedView(problem, traced, region, group)], [priors])
-    spectra = problem.spectra(fit.coefficients)
+    free = replace(nuisances(view, settings), scale=None, brightness_error=shown.brightness,
+                   surface_error=shown.colour, block_error=shown.block)
+    fit = fit_traced([TracedView(view, traced, region, group, free)],
+                     spectrum_prior(settings, GRID))
+    spectra = view.spectra(fit.coefficients)
     return {"photo": view.name, "case": "no scale", "seconds": time.perf_counter() - start,
-            "scale": fit.scale, "scale_error": fit.views[0].scale_error,
+            "scale": fit.views[0].scale, "scale_error": fit.views[0].scale_error,
             "rmse": {name: rmse(spectra[place], paint) for place,
                      (name, paint) in enumerate(truth.items())}}
 
@@ -179,7 +174,7 @@ def row(one: dict[str, Any]) -> str:
 
 def inconsistencies(found: Reconstruction) -> list[str]:
     """What photo and scene contradict each other in."""
-    shift = misalignment(found.measured, found.rendered)
+    shift = edge_shift(found.measured, found.rendered)[0]
     lines = [f"shift of the photo against the rendering: {shift[0]:+.1f}, {shift[1]:+.1f} of "
              f"{WIDTH} pixels"]
     lines += [f"{name}: photo / rendering {' '.join(f'{value:.2f}' for value in ratio)}"
@@ -205,7 +200,7 @@ def main() -> None:
             contradictions[view.name] = inconsistencies(rows[0]["found"])
             if method == LEARNT:
                 rows.append(without_scale(view, truth, rows[1]["found"], settings))
-                shift = misalignment(rows[0]["found"].measured, rows[0]["found"].rendered)
+                shift = edge_shift(rows[0]["found"].measured, rows[0]["found"].rendered)[0]
                 rows.append(one_photo(aligned(view, shift), truth, settings)[0]
                             | {"case": "photo aligned"})
             result += [{"method": method} | {key: value for key, value in one.items()
@@ -214,9 +209,8 @@ def main() -> None:
     truth = boxes[0][1] | boxes[1][1]
     for method in (LEARNT, MIXED):
         start = time.perf_counter()
-        joint = reconstruct_views([view for view, _ in boxes], specs(truth, ("white",)),
-                                  chosen[method],
-                                  lambda done, what: None)
+        views = [replace(view, materials=specs(truth, ("white",))) for view, _ in boxes]
+        joint = reconstruct_views(views, chosen[method], lambda done, what: None)
         seconds = time.perf_counter() - start
         result.append({"method": method, "photo": "both", "case": "white known", "seconds": seconds,
                        "scale": joint.views[0].light_scale.value,

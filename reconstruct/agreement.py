@@ -9,14 +9,14 @@ from spectrabox.radiometry.light_scale import scale_from_signals
 from spectrabox.radiometry.records import LightScale, LinearImage, SurfaceAgreement
 
 # (max - min) / mean within 3 x 3 pixels: above, an edge or a shadow boundary runs through
-EDGE_CONTRAST = 0.6
-DARKEST_SIGNAL = 1e-4    # of the photo's 99th percentile: below, a ratio says nothing
+MAX_CONTRAST = 0.6
+MIN_SIGNAL = 1e-4    # of the photo's 99th percentile: below, a ratio says nothing
 SCALE_ERROR = 0.01       # relative: weight of a surface's mean in the light scale
 FIELD_TERMS = 5          # of a quadratic field over a surface, its mean left out
-LEAST_SHIFT = 0.5        # pixels
+MIN_SHIFT = 0.5          # pixels
 # correlation of the edges of photo and rendering, below which they show different things
-LIKE_EDGES = 0.3
-BETTER_EDGES = 0.05      # by which a shift must make them more alike
+MIN_CORRELATION = 0.3
+MIN_GAIN = 0.05          # of that correlation, by which a shift must be better than none
 BLOCK = 4                # pixels: blocks over which the spread of photo / rendering is taken
 
 
@@ -25,9 +25,9 @@ def usable_pixels(photo: LinearImage, surface: np.ndarray) -> np.ndarray:
     of the photo.
     """
     signal = photo.signal
-    floor = DARKEST_SIGNAL * np.percentile(signal, 99, axis=(0, 1))
+    floor = MIN_SIGNAL * np.percentile(signal, 99, axis=(0, 1))
     return ((surface >= 0) & ~photo.saturated.any(axis=2) & (signal > floor).all(axis=2)
-            & (_local_contrast(signal.mean(axis=2)) < EDGE_CONTRAST))
+            & (_local_contrast(signal.mean(axis=2)) < MAX_CONTRAST))
 
 
 def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measured: np.ndarray,
@@ -52,14 +52,13 @@ def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measur
     rows = []
     for index, (name, material) in enumerate(zip(names, materials, strict=True)):
         mask = used & (surface == index)
-        if mask.any() and np.all(rendered[mask].sum(axis=0) > DARKEST_SIGNAL
-                                 * measured[mask].sum(axis=0)):
-            ratio = measured[mask].sum(axis=0) / rendered[mask].sum(axis=0)
+        photo, model = measured[mask].sum(axis=0), rendered[mask].sum(axis=0)
+        if mask.any() and np.all(model > MIN_SIGNAL * photo):
+            ratio = photo / model
             rows.append((f"{material} / {name}", material, int(mask.sum()), ratio,
                          _block_spread(measured, rendered, mask)))
-    kept, kept_materials, pixels, ratios, spreads = zip(*rows, strict=True) if rows else ((), (),
-                                                                                          (), (),
-                                                                                          ())
+    columns = zip(*rows, strict=True) if rows else ((),) * 5
+    kept, kept_materials, pixels, ratios, spreads = columns
     bands = measured.shape[2]
     return SurfaceAgreement(kept, kept_materials, np.array(pixels, dtype=int),
                             np.array(ratios).reshape(-1, bands),
@@ -72,28 +71,28 @@ def surface_covariance(agreement: SurfaceAgreement, known: frozenset[str]) -> np
 
     A material that was fitted absorbs the mean error of its surfaces, so it tells only by the
     differences between them; a known material tells by every surface. The covariance is pooled over
-    the scene, since such errors befall all surfaces alike. Zeros where the scene has no surface to
+    the scene, since such errors are common to all surfaces. Zeros where the scene has no surface to
     tell from.
     """
     offset = np.log(agreement.ratio)
     total, freedom = np.zeros((offset.shape[1],) * 2), 0
     for material in dict.fromkeys(agreement.materials):
-        mine = offset[[name == material for name in agreement.materials]]
-        deviation = mine if material in known else mine - mine.mean(axis=0)
+        own = offset[[name == material for name in agreement.materials]]
+        deviation = own if material in known else own - own.mean(axis=0)
         total += deviation.T @ deviation
-        freedom += len(mine) - (material not in known)
+        freedom += len(own) - (material not in known)
     return total / freedom if freedom else total
 
 
 @dataclass(frozen=True)
 class SceneErrors:
-    """Standard deviations of log(photo / rendering) that a scene shows where its materials allow no
-    excuse.
+    """Standard deviations of log(photo / rendering) where materials cannot explain them: within
+    surfaces, and between surfaces of one material.
     """
 
-    brightness: float       # of a surface, all bands alike
-    colour: float           # of a surface, in each band apart
-    block: float            # of a block of pixels, as if blocks erred apart
+    brightness: float       # of a surface, the same in all bands
+    colour: float           # of a surface, independent in each band
+    block: float            # of a block of pixels, as if the errors of blocks were independent
 
 
 def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
@@ -101,7 +100,7 @@ def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
     """What errors the surfaces of known materials show, and surfaces of one unknown material among
     themselves.
 
-    Neighbouring blocks err alike: the pattern within a surface is taken to have as many independent
+    Errors of neighbouring blocks are correlated: the pattern within a surface is taken to have as many independent
     parts as a quadratic field has terms (``FIELD_TERMS``), whatever the number of blocks, so each
     block weighs less.
 
@@ -116,9 +115,9 @@ def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
     """
     offset, freedom, deviations = np.log(agreement.ratio), 0, []
     for material in dict.fromkeys(agreement.materials):
-        mine = offset[[name == material for name in agreement.materials]]
-        deviations.append(mine if material in known else mine - mine.mean(axis=0))
-        freedom += len(mine) - (material not in known)
+        own = offset[[name == material for name in agreement.materials]]
+        deviations.append(own if material in known else own - own.mean(axis=0))
+        freedom += len(own) - (material not in known)
     if not freedom:
         return None
     deviation = np.concatenate(deviations)
@@ -137,16 +136,16 @@ def model_covariance(agreement: SurfaceAgreement, material: str,
 
     Three parts: the scatter between the scene's surfaces, divided by the number of this material's;
     the second moment of its own mean log(photo / rendering), which a fit could not absorb; and the
-    scatter within its surfaces, which is not divided by the number of pixels, since neighbours err
-    alike.
+    scatter within its surfaces, which is not divided by the number of pixels, since the errors of
+    neighbours are correlated.
     """
-    mine = [index for index, name in enumerate(agreement.materials) if name == material]
-    if not mine:
+    own = [index for index, name in enumerate(agreement.materials) if name == material]
+    if not own:
         return np.zeros((agreement.ratio.shape[1],) * 2)
-    weight = agreement.pixels[mine] / agreement.pixels[mine].sum()
-    mean = weight @ np.log(agreement.ratio[mine])
-    within = np.einsum("s,sk,sl->kl", weight, agreement.spread[mine], agreement.spread[mine])
-    return surface_covariance(agreement, known) / len(mine) + np.outer(mean, mean) + within
+    weight = agreement.pixels[own] / agreement.pixels[own].sum()
+    mean = weight @ np.log(agreement.ratio[own])
+    within = np.einsum("s,sk,sl->kl", weight, agreement.spread[own], agreement.spread[own])
+    return surface_covariance(agreement, known) / len(own) + np.outer(mean, mean) + within
 
 
 def scale_from_surfaces(measured: np.ndarray, rendered: np.ndarray, surface: np.ndarray,
@@ -198,51 +197,43 @@ def _block_spread(measured: np.ndarray, rendered: np.ndarray, mask: np.ndarray) 
     return ratio.std(axis=0, ddof=1)
 
 
-def misalignment(measured: np.ndarray, rendered: np.ndarray) -> tuple[float, float]:
-    """Shift (x, y) in pixels that the photo shows against the rendering, by the correlation of
-    their edges.
+def edge_shift(measured: np.ndarray,
+               rendered: np.ndarray) -> tuple[tuple[float, float], np.ndarray]:
+    """Shift (x, y) in pixels that the photo shows against the rendering, and the correlation (H, W)
+    of their edges for every cyclic shift of the rendering.
 
     Both (H, W, K). The peak of the correlation is refined by a parabola; a rendering of another
     scene gives a number without meaning: ``shift_sentence`` says only what the edges bear out.
     """
-    return _shift_of(_edge_correlation(measured, rendered))
+    a, b = (_edges(image) for image in (measured, rendered))
+    size = np.linalg.norm(a) * np.linalg.norm(b)
+    correlation = np.fft.ifft2(np.fft.fft2(a) * np.conj(np.fft.fft2(b))).real
+    correlation = correlation / (size if size else 1.0)
+    peak = np.unravel_index(np.argmax(correlation), correlation.shape)
+    shifts = []
+    for axis in (1, 0):
+        line = np.take(correlation, peak[1 - axis], axis=1 - axis)
+        size, index = line.size, int(peak[axis])
+        left, middle, right = line[index - 1], line[index], line[(index + 1) % size]
+        bend = left - 2 * middle + right
+        fine = 0.5 * (left - right) / bend if bend else 0.0
+        shifts.append(float((index + fine + size / 2) % size - size / 2))
+    return (shifts[0], shifts[1]), correlation
 
 
 def shift_sentence(measured: np.ndarray, rendered: np.ndarray) -> str:
     """By how much the photo is shifted against its scene, where the edges agree clearly better so;
     else nothing.
     """
-    correlation = _edge_correlation(measured, rendered)
-    right, down = _shift_of(correlation)
+    (right, down), correlation = edge_shift(measured, rendered)
     best = correlation.max()
-    if np.hypot(right, down) < LEAST_SHIFT or best < LIKE_EDGES or best - correlation[0, 0] < BETTER_EDGES:
+    if (np.hypot(right, down) < MIN_SHIFT or best < MIN_CORRELATION
+            or best - correlation[0, 0] < MIN_GAIN):
         return ""
     return (f"the photo is shifted against the scene by {right:+.1f} pixels to the right and "
             f"{down:+.1f} down, of {measured.shape[1]} across (its edges then agree with a "
             f"correlation of {best:.2f}, unmoved {correlation[0, 0]:.2f}): check the camera's "
             "pose, or whether the photo was cropped")
-
-
-def _edge_correlation(measured: np.ndarray, rendered: np.ndarray) -> np.ndarray:
-    """Correlation coefficient (H, W) of the edges for every cyclic shift of the rendering."""
-    a, b = (_edges(image) for image in (measured, rendered))
-    size = np.linalg.norm(a) * np.linalg.norm(b)
-    found: np.ndarray = np.fft.ifft2(np.fft.fft2(a) * np.conj(np.fft.fft2(b))).real / (size if size
-                                                                                       else 1.0)
-    return found
-
-
-def _shift_of(correlation: np.ndarray) -> tuple[float, float]:
-    peak = np.unravel_index(np.argmax(correlation), correlation.shape)
-    shifts = []
-    for axis in (1, 0):
-        line = np.take(correlation, peak[1 - axis], axis=1 - axis)
-        size, place = line.size, int(peak[axis])
-        left, middle, right = line[place - 1], line[place], line[(place + 1) % size]
-        bend = left - 2 * middle + right
-        fine = 0.5 * (left - right) / bend if bend else 0.0
-        shifts.append(float((place + fine + size / 2) % size - size / 2))
-    return shifts[0], shifts[1]
 
 
 def _edges(image: np.ndarray) -> np.ndarray:

@@ -9,13 +9,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.progress import Progress
-from spectrabox.radiometry.records import (
-    Calibration,
-    JointReconstruction,
-    LightScale,
-    LinearImage,
-    Reconstruction,
-)
+from spectrabox.radiometry.records import JointReconstruction, LightScale, Reconstruction
 from spectrabox.radiometry.response import white_signal
 from spectrabox.reconstruct.agreement import (
     model_covariance,
@@ -23,68 +17,52 @@ from spectrabox.reconstruct.agreement import (
     shift_sentence,
     surface_agreement,
 )
+from spectrabox.reconstruct.engines.answer import EngineAnswer
 from spectrabox.reconstruct.engines.gradient_engine import engine_for, invert_by_gradient
 from spectrabox.reconstruct.engines.per_wavelength import invert_per_wavelength
 from spectrabox.reconstruct.engines.transport_engine import solve_views
-from spectrabox.reconstruct.joint_reconstruction import engine_answers, joint_record
+from spectrabox.reconstruct.joint_reconstruction import joint_record
 from spectrabox.reconstruct.misfit import misfit_notes, surface_tests
-from spectrabox.reconstruct.problem import (
-    EngineAnswer,
-    InverseProblem,
-    MaterialSpec,
-    View,
-    inverse_problems,
-)
-from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
+from spectrabox.reconstruct.view import View
+from spectrabox.reconstruct.view_checks import check_views
 
-ONE_PHOTO: dict[str, Callable[[InverseProblem, InversionSettings, Progress], EngineAnswer]] = {
+SINGLE_VIEW: dict[str, Callable[[View, InversionSettings, Progress], EngineAnswer]] = {
     "gradient": invert_by_gradient, "per-wavelength": invert_per_wavelength}
 
 
-def reconstruct(scene_file: SceneFile, photo: LinearImage, calibration: Calibration,
-                light_scale: LightScale | None, materials: tuple[MaterialSpec, ...],
-                bands: tuple[str, ...], settings: InversionSettings,
-                progress: Progress) -> Reconstruction:
-    """Find the spectra that explain one photo.
+def reconstruct(view: View, settings: InversionSettings, progress: Progress) -> Reconstruction:
+    """Spectra that explain one photo.
+
+    Raises
+    ------
+    InputError
+        As ``reconstruct_views``.
+    """
+    return reconstruct_views((view,), settings, progress).views[0]
+
+
+def reconstruct_views(views: Sequence[View], settings: InversionSettings, progress: Progress,
+                      checkpoint: Path | None = None) -> JointReconstruction:
+    """Spectra that explain several photos together: other lights, exposures, viewpoints, cameras.
+
+    Materials are the same wherever the scenes give a surface the same BSDF id. Each view is traced
+    on its own; all enter one least-squares fit, each with its own light scale and nuisances.
 
     Parameters
     ----------
-    photo : LinearImage
-        At the render's size, (H, W, K).
-    light_scale : LightScale or None
-        For this photo's exposure; None to find it from the materials whose reflectance is known.
-    materials : tuple of MaterialSpec
-        One for every BSDF that a surface wears.
-    bands : tuple of str
-        K names.
+    views : sequence of View
     settings : InversionSettings
-        ``engine`` is one of ``ENGINES``.
+    progress : function of (fraction done, what is being done)
+    checkpoint : Path, optional
+        File from which a trace that was stopped goes on.
 
     Raises
     ------
     InputError
-        If photo and scene cannot be compared (see ``inverse_problems``), the engine is unknown, or
-        the transport engine meets a material that it cannot treat.
-    """
-    view = View("photo", scene_file, photo, calibration, bands, light_scale)
-    return reconstruct_views((view,), materials, settings, progress).views[0]
-
-
-def reconstruct_views(views: Sequence[View], materials: tuple[MaterialSpec, ...],
-                      settings: InversionSettings, progress: Progress,
-                      checkpoint: Path | None = None) -> JointReconstruction:
-    """Find the spectra that explain several photos together: other lights, exposures, viewpoints,
-    cameras.
-
-    Materials are the same wherever the scenes give a surface the same BSDF id. Each view is traced
-    on its own; all enter one least-squares fit, each with its own light scale and nuisances. A
-    trace that was stopped goes on from the file ``checkpoint``.
-
-    Raises
-    ------
-    InputError
-        As ``reconstruct``; or if an engine that takes one photo is given several.
+        If photo and scene of a view cannot be compared (see ``check_views``), the engine is
+        unknown, the transport engine encounters a material that it cannot treat, or an engine that
+        takes one photo is given several.
     """
     if settings.engine not in ENGINES:
         raise InputError(f"there is no engine {settings.engine!r}; use one of {', '.join(ENGINES)}")
@@ -92,61 +70,64 @@ def reconstruct_views(views: Sequence[View], materials: tuple[MaterialSpec, ...]
     if settings.engine == "auto":
         engine, chosen = engine_for([view.scene_file for view in views])
         settings = replace(settings, engine=engine)
-    if len(views) > 1 and settings.engine in ONE_PHOTO:
+    if len(views) > 1 and settings.engine in SINGLE_VIEW:
         raise InputError(f"the engine {settings.engine!r} takes one photo, and {len(views)} are "
                          "given; set [reconstruct] engine = \"transport\", or leave photos out")
-    if len({view.calibration.sensitivity.grid.nm.tobytes() for view in views}) > 1:
-        raise InputError("the calibrations of the views are on different wavelengths: use one grid "
-                         "for all")
-    problems = inverse_problems(views, materials, settings.coefficients)
-    if settings.engine in ONE_PHOTO:
-        record = _record(problems[0], ONE_PHOTO[settings.engine](problems[0], settings, progress),
-                         settings)
-        return joint_record(problems, [replace(record, notes=chosen + record.notes)], None)
-    answer = solve_views(problems, settings, progress, checkpoint)
-    records = [_record(problem, one, settings)
-               for problem, one in zip(problems, engine_answers(problems, answer), strict=True)]
-    return joint_record(problems, records, answer.fit, answer.regions)
+    check_views(views)
+    answers: tuple[EngineAnswer, ...]
+    if settings.engine in SINGLE_VIEW:
+        fit, answers = None, (SINGLE_VIEW[settings.engine](views[0], settings, progress),)
+    else:
+        fit, answers = solve_views(views, settings, progress, checkpoint)
+    records = [_record(view, replace(answer, notes=chosen + answer.notes), settings)
+               for view, answer in zip(views, answers, strict=True)]
+    return joint_record(views, records, fit, [answer.regions for answer in answers])
 
 
-def _record(problem: InverseProblem, answer: EngineAnswer,
-            settings: InversionSettings) -> Reconstruction:
+def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Reconstruction:
     """The answer with all that a later stage or a reader needs."""
-    scale = problem.light_scale
-    given = [material.name for material in problem.materials if material.reflectance is not None]
-    if scale is None and (problem.known_surface >= 0).any():
-        scale = scale_from_surfaces(problem.measured, answer.rendered, problem.known_surface,
-                                    f"known material {', '.join(given)}")
-    if scale is None:
-        scale = LightScale(answer.scale[0], answer.scale[1], None,
-                           "materials in common with the other photos")
-    name_of = {material.bsdf: material.name for material in problem.materials}
+    scale = _light_scale(view, answer)
     rendered = answer.rendered * scale.value
-    worn = tuple(name_of[bsdf] for bsdf in problem.scene_file.surfaces.values())
-    shown = (problem.measured, rendered, problem.surface, problem.used)
-    agreement = surface_agreement(tuple(problem.scene_file.surfaces), worn, *shown)
-    tests = surface_tests([f"{name} / {shape}" for name, shape in zip(worn,
-                                                                      problem.scene_file.surfaces,
-                                                                      strict=True)], *shown,
+    shown = (view.measured, rendered, view.surface, view.used)
+    names, materials = tuple(view.scene_file.surfaces), view.surface_materials
+    agreement = surface_agreement(names, materials, *shown)
+    tests = surface_tests([f"{material} / {name}"
+                           for name, material in zip(names, materials, strict=True)], *shown,
                           float(np.hypot(settings.surface_error, settings.brightness_error)))
-    shift = shift_sentence(problem.measured, rendered)
-    spectra = problem.spectra(answer.coefficients)
-    white = white_signal(problem.response)
-    signal = spectra @ (problem.response / white[:, None]).T
-    bands, count = len(white), problem.basis.shape[1]
-    covariance = np.zeros((len(problem.materials), bands, bands))
-    coefficients = np.full((len(problem.materials), count), np.nan)
-    found = [material.reflectance is None for material in problem.materials]
-    signal[found], covariance[found] = answer.signals, answer.signal_covariance
-    coefficients[found] = answer.coefficients
+    shift = shift_sentence(view.measured, rendered)
+    spectra, basis = view.spectra(answer.coefficients), view.basis(settings.coefficients)
+    white = white_signal(view.response)
+    signal = spectra @ (view.response / white[:, None]).T
+    unknown = [material.reflectance is None for material in view.scene_materials]
+    covariance = np.zeros((len(unknown), len(white), len(white)))
+    coefficients = np.full((len(unknown), settings.coefficients), np.nan)
+    signal[unknown], covariance[unknown] = answer.signals, answer.signal_covariance
+    coefficients[unknown] = answer.coefficients
+    known = frozenset(_known_names(view))
     return Reconstruction(
-        materials=tuple(material.name for material in problem.materials),
-        known=tuple(not unknown for unknown in found), grid=problem.grid, basis=problem.basis,
+        materials=tuple(material.name for material in view.scene_materials),
+        known=tuple(not is_unknown for is_unknown in unknown), grid=view.grid, basis=basis,
         coefficients=coefficients, spectra=spectra, white_signal=white, signal=signal,
         signal_covariance=covariance,
-        model_covariance=np.array([model_covariance(agreement, material.name, frozenset(given))
-                                   for material in problem.materials]),
-        measured=problem.measured, rendered=rendered, used=problem.used, surface=problem.surface,
+        model_covariance=np.array([model_covariance(agreement, material.name, known)
+                                   for material in view.scene_materials]),
+        measured=view.measured, rendered=rendered, used=view.used, surface=view.surface,
         agreement=agreement, light_scale=scale, loss_history=answer.loss_history,
         engine=answer.engine, spp=answer.spp, seed=settings.seed, outcome=answer.outcome,
-        notes=(*answer.notes, *misfit_notes(tests, problem.bands), *([shift] if shift else [])))
+        notes=(*answer.notes, *misfit_notes(tests, view.bands), *([shift] if shift else [])))
+
+
+def _light_scale(view: View, answer: EngineAnswer) -> LightScale:
+    """The given scale; or that of the known materials; or that of the fit."""
+    if view.light_scale is not None:
+        return view.light_scale
+    known_surface = view.known_surface
+    if (known_surface >= 0).any():
+        return scale_from_surfaces(view.measured, answer.rendered, known_surface,
+                                   f"known material {', '.join(_known_names(view))}")
+    return LightScale(answer.scale[0], answer.scale[1], None,
+                      "materials in common with the other photos")
+
+
+def _known_names(view: View) -> list[str]:
+    return [material.name for material in view.scene_materials if material.reflectance is not None]

@@ -15,9 +15,9 @@ from spectrabox.radiometry.records import (
     SensitivityFit,
     Spectrum,
 )
-from spectrabox.reconstruct.problem import MaterialSpec
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.view import MaterialSpec, View
 
 GRID = visible_grid(5)
 WIDTH = 32
@@ -67,3 +67,12 @@ def plain_settings(coefficients, **chosen):
 
 
 SCALE_ONE = LightScale(1.0, None, None, "given")
+
+
+def view_of(scene_file, photo=None, *, light=None, scale=SCALE_ONE, materials=None):
+    """A view of the box: a white photo, the scale 1 and three unknown materials unless others are
+    given.
+    """
+    photo = photo_of(np.ones((WIDTH, WIDTH, 3))) if photo is None else photo
+    return View("photo", scene_file, photo, camera(light), BANDS,
+                specs() if materials is None else materials, scale)

@@ -16,19 +16,18 @@ from spectrabox.fixtures.demo_scenes import (
 from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.agreement import (
-    misalignment,
+    edge_shift,
     scale_from_surfaces,
     shift_sentence,
     surface_agreement,
     usable_pixels,
 )
-from spectrabox.reconstruct.problem import inverse_problem
 from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.regions import block_regions, region_means
 from spectrabox.reconstruct.scene.scene_file import read_scene
 
-from tests.cornell_problem import BANDS, SCALE_ONE, WIDTH, camera, photo_of, scene, specs
+from tests.cornell_problem import WIDTH, photo_of, scene, view_of
 
 RNG = np.random.default_rng(0)
 
@@ -38,24 +37,23 @@ def mitsuba():
     return start_mitsuba("cpu")
 
 
-def grey_problem(folder):
-    return inverse_problem(scene(folder), photo_of(np.ones((WIDTH, WIDTH, 3))), camera(), SCALE_ONE,
-                           specs(), BANDS, 7)
+def grey_view(folder):
+    return view_of(scene(folder))
 
 
 def test_every_pixel_knows_its_surface(tmp_path):
-    problem = grey_problem(tmp_path)
-    names = list(problem.scene_file.surfaces)
+    view = grey_view(tmp_path)
+    names = list(view.scene_file.surfaces)
     middle = WIDTH // 2
-    row = problem.surface[middle]
+    row = view.surface[middle]
     walls = [names[index] for index in row[row >= 0]]
     # at x = -1 and x = 1, x to the right
     assert walls[0] == "red_wall" and walls[-1] == "green_wall"
-    assert "floor" in {names[index] for index in problem.surface[-2] if index >= 0}
-    assert "ceiling" in {names[index] for index in problem.surface[1] if index >= 0}
+    assert "floor" in {names[index] for index in view.surface[-2] if index >= 0}
+    assert "ceiling" in {names[index] for index in view.surface[1] if index >= 0}
     # Where two surfaces meet, or one meets the lamp, pixels are mixed.
-    assert (problem.surface == -1).any() and {-1, 0, 1, 2, 3,
-                                              4}.issubset(np.unique(problem.surface))
+    assert (view.surface == -1).any() and {-1, 0, 1, 2, 3,
+                                              4}.issubset(np.unique(view.surface))
 
 
 def test_saturated_dark_and_edge_pixels_do_not_count():
@@ -94,8 +92,8 @@ def test_the_scale_comes_from_sums_so_that_rendering_noise_does_not_bias_it():
 def test_the_shift_between_photo_and_rendering_is_found(moved):
     y, x = np.mgrid[:64, :64]
     picture = np.where((x > 20) & (x < 44) & (y > 15) & (y < 40), 2.0, 1.0) + 0.01 * x
-    found = misalignment(shift(picture, moved, order=1, mode="nearest")[..., None],
-                         picture[..., None])
+    found, _ = edge_shift(shift(picture, moved, order=1, mode="nearest")[..., None],
+                          picture[..., None])
     # A third of a pixel: the parabola through the peak of a correlation of blurred edges.
     np.testing.assert_allclose(found, (moved[1], moved[0]), atol=0.35)
 

@@ -13,16 +13,13 @@ from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import relative_operator, response_matrix
 from spectrabox.reconstruct.fit.band_system import compress, huber_weight
 from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
-from spectrabox.reconstruct.fit.photo_terms import Nuisances, PhotoTerms
-from spectrabox.reconstruct.fit.transport_fit import (
-    FitPriors,
-    SpectrumModel,
-    fit_photos,
-    fit_spectra,
+from spectrabox.reconstruct.fit.spectrum_prior import (
     learnt_prior,
     smooth_prior,
     smoothness_precision,
 )
+from spectrabox.reconstruct.fit.transport_fit import fit_views
+from spectrabox.reconstruct.fit.view_terms import Nuisances, SpectrumModel, ViewTerms
 
 GRID = visible_grid(5)
 CURVES = np.exp(-0.5 * ((GRID.nm - np.array([[600.0], [540.0], [460.0]])) / 30) ** 2)
@@ -37,6 +34,13 @@ GROUP = np.repeat([0, 1], REGIONS // 2)
 
 def model(known=None):
     return SpectrumModel(EXPONENTS, RESPONSE[None], BASIS, known or {})
+
+
+def fit_spectra(system, model, smoothness=0.1, **nuisances):
+    """The fit of one view."""
+    terms = ViewTerms(system, model, Nuisances(**nuisances))
+    return fit_views([terms], [tuple(range(len(model.unknown)))],
+                     smooth_prior(model.basis.shape[1], smoothness))
 
 
 def transport(rng):
@@ -58,17 +62,15 @@ def case(seed=1, noise=0.0):
 
 def test_without_noise_the_spectra_come_back():
     rows, measured, weight, truth = case()
-    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(),
-                      FitPriors(smoothness=0, scale=1.0))
+    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(), smoothness=0, scale=1.0)
     # Exact data weighed as good to 1e-4 leave a flat valley, in which descent and broad prior stop
     # short of the floor.
     np.testing.assert_allclose(fit.coefficients @ OPERATOR.T, truth @ OPERATOR.T, rtol=0.01)
-    np.testing.assert_allclose(rows @ fit.signals, measured, rtol=5e-3)
+    np.testing.assert_allclose(rows @ fit.views[0].signals, measured, rtol=5e-3)
 
 
 def test_compressing_the_equations_changes_nothing():
     rows, measured, weight, _ = case(noise=0.01)
-    priors = FitPriors(scale=1.0)
     whole = compress(rows, measured, np.ones_like(weight), GROUP)
     assert len(whole.rows) < REGIONS
     few = compress(rows[:8], measured[:8], np.ones((8, 3)), np.arange(8))
@@ -78,16 +80,15 @@ def test_compressing_the_equations_changes_nothing():
     # The QR factor keeps lengths: round-off of 240 rows.
     assert np.sum((whole.root * (whole.rows @ signals - whole.target))
                   ** 2) == pytest.approx(direct, rel=1e-9)
-    assert fit_spectra(whole, model(), priors).outcome is Outcome.CONVERGED
+    assert fit_spectra(whole, model(), scale=1.0).outcome is Outcome.CONVERGED
 
 
 def test_an_unknown_scale_is_found_from_a_known_material():
     rows, measured, weight, truth = case()
     known = {0: truth[0] @ BASIS.T}
-    fit = fit_spectra(compress(rows, 3.7 * measured, weight / 3.7**2, GROUP), model(known),
-                      FitPriors(smoothness=0))
+    fit = fit_spectra(compress(rows, 3.7 * measured, weight / 3.7**2, GROUP), model(known), smoothness=0)
     # As above: the photo is weighed as good to 1e-4.
-    assert fit.scale == pytest.approx(3.7, rel=3e-4)
+    assert fit.views[0].scale == pytest.approx(3.7, rel=3e-4)
 
 
 def test_monte_carlo_noise_in_the_transport_does_not_darken_the_spectra():
@@ -105,8 +106,7 @@ def test_monte_carlo_noise_in_the_transport_does_not_darken_the_spectra():
         deviations = (passes - mean) / np.sqrt(12)
         for found, noise in ((plain, None), (corrected, deviations)):
             system = compress(mean, measured, 1 / (0.2 * measured) ** 2, GROUP, noise)
-            signals = fit_spectra(system, model(),
-                                  FitPriors(smoothness=0, scale=1.0)).coefficients @ OPERATOR.T
+            signals = fit_spectra(system, model(), smoothness=0, scale=1.0).coefficients @ OPERATOR.T
             found.append((signals / (truth @ OPERATOR.T)).mean())
     # Variance of the mean of four passes: (0.4^2) / 4 = 4 %. What is left is of second order, the
     # covariance being known from four passes only: below 2 %, and less than half of it.
@@ -116,8 +116,7 @@ def test_monte_carlo_noise_in_the_transport_does_not_darken_the_spectra():
 
 def test_the_smoothness_prior_leaves_the_band_signals_to_the_photo():
     rows, measured, weight, truth = case(seed=3, noise=0.01)
-    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(),
-                      FitPriors(smoothness=100.0, scale=1.0))
+    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(), smoothness=100.0, scale=1.0)
     signals, covariance = band_signals(fit, OPERATOR, 2)
     wanted = truth @ OPERATOR.T
     z = np.array([np.linalg.solve(np.linalg.cholesky(c), s - w)
@@ -137,8 +136,7 @@ def test_the_covariance_of_the_signals_is_that_of_repeated_photos():
         truth = np.random.default_rng(1).uniform(0.2, 0.8, (2, COUNT))
         clean = rows @ model().signals(truth)
         measured = clean * (1 + 0.01 * rng.standard_normal(clean.shape))
-        fit = fit_spectra(compress(rows, measured, 1 / (0.01 * clean) ** 2, GROUP), model(),
-                          FitPriors(scale=1.0))
+        fit = fit_spectra(compress(rows, measured, 1 / (0.01 * clean) ** 2, GROUP), model(), scale=1.0)
         signals, covariance = band_signals(fit, OPERATOR, 2)
         found.append(signals)
         stated.append(np.sqrt(np.einsum("mkk->mk", covariance)))
@@ -155,10 +153,10 @@ def test_a_surface_that_is_brighter_than_it_should_be_moves_its_gain_not_the_spe
     measured[group == 1] *= 1.1
     weight = np.full_like(weight, 1.0) / (0.01 * measured) ** 2
     system = compress(rows, measured, weight, group)
-    with_gains = fit_spectra(system, model(), FitPriors(smoothness=0, scale=1.0, gain_error=0.05))
-    without = fit_spectra(system, model(), FitPriors(smoothness=0, scale=1.0))
+    with_gains = fit_spectra(system, model(), smoothness=0, scale=1.0, surface_error=0.05)
+    without = fit_spectra(system, model(), smoothness=0, scale=1.0)
     wanted = truth @ OPERATOR.T
-    assert with_gains.gains[1].mean() > 1.04
+    assert with_gains.views[0].gains[1].mean() > 1.04
     assert (np.abs(with_gains.coefficients @ OPERATOR.T - wanted).max()
             < np.abs(without.coefficients @ OPERATOR.T - wanted).max())
 
@@ -168,8 +166,7 @@ def test_what_the_photo_cannot_tell_is_left_to_the_prior_and_said():
     direct = rows * (EXPONENTS.sum(axis=1) == 1)
     for name, transport_rows in (("colour", direct), ("interreflection", rows)):
         y = transport_rows @ model().signals(truth)
-        fit = fit_spectra(compress(transport_rows, y, 1 / (0.0003 * y) ** 2, GROUP), model(),
-                          FitPriors(scale=1.0))
+        fit = fit_spectra(compress(transport_rows, y, 1 / (0.0003 * y) ** 2, GROUP), model(), scale=1.0)
         found = identifiability(fit, ("wall", "block"), OPERATOR)
         # light that met one material once tells three numbers of it, with three bands
         if name == "colour":
@@ -184,8 +181,7 @@ def test_what_the_photo_cannot_tell_is_left_to_the_prior_and_said():
 def test_free_gains_take_information_from_the_photo():
     rows, measured, weight, _ = case(seed=6, noise=0.001)
     system = compress(rows, measured, weight, GROUP)
-    sure, unsure = (identifiability(fit_spectra(system, model(),
-                                                FitPriors(scale=1.0, gain_error=error)),
+    sure, unsure = (identifiability(fit_spectra(system, model(), scale=1.0, surface_error=error),
                                     ("wall", "block"), OPERATOR) for error in (0.0, 0.3))
     for before, after in zip(sure, unsure, strict=True):
         # A colour known to 0.1 % of its signal, against one behind gains of 30 %: interreflection
@@ -218,7 +214,7 @@ def test_a_photo_without_any_weight_is_refused():
 
 def photo(rows, measured, weight, response=RESPONSE, **nuisances):
     """One photo of a fit of several."""
-    return PhotoTerms(compress(rows, measured, weight, GROUP),
+    return ViewTerms(compress(rows, measured, weight, GROUP),
                       SpectrumModel(EXPONENTS, np.atleast_3d(response).reshape(-1, 3, GRID.nm.size),
                                     BASIS, {}), Nuisances(**({"scale": 1.0} | nuisances)))
 
@@ -241,7 +237,7 @@ def test_two_lights_together_recover_spectra_better_than_either():
             sigma = 0.01 * clean
             photos.append(photo(rows, clean + sigma * rng.standard_normal(clean.shape),
                                 1 / sigma**2, response))
-        fits = [fit_photos([photos[n] for n in chosen], [(0, 1)] * len(chosen),
+        fits = [fit_views([photos[n] for n in chosen], [(0, 1)] * len(chosen),
                            prior) for chosen in ((0,), (1,),
                                                  (0, 1))]
         errors.append([np.sqrt(np.mean(((fit.coefficients - truth) @ BASIS.T) ** 2))
@@ -256,9 +252,9 @@ def test_photos_that_share_some_materials_only():
     rows, measured, weight, truth = case()
     # the other photo counts the materials otherwise
     turned = np.column_stack([EXPONENTS[:, 1], EXPONENTS[:, 0]])
-    other = PhotoTerms(compress(rows, measured, weight, GROUP),
+    other = ViewTerms(compress(rows, measured, weight, GROUP),
                        SpectrumModel(turned, RESPONSE[None], BASIS, {}), Nuisances(scale=1.0))
-    fit = fit_photos([photo(rows, measured, weight), other], [(0, 1), (1, 0)],
+    fit = fit_views([photo(rows, measured, weight), other], [(0, 1), (1, 0)],
                      smooth_prior(COUNT, 0.0))
     # As for one photo without noise: a flat valley at a weight of 1e-4.
     np.testing.assert_allclose(fit.coefficients @ OPERATOR.T, truth @ OPERATOR.T, rtol=0.01)
@@ -274,7 +270,7 @@ def test_the_gain_of_a_light_is_found_and_leaves_the_spectra_alone():
     clean = rows @ signals
     weight = 1 / (0.003 * clean) ** 2
     measured = clean * (1 + 0.003 * rng.standard_normal(clean.shape))
-    plain, gained = (fit_photos([photo(rows, measured, weight, responses, light_error=error)],
+    plain, gained = (fit_views([photo(rows, measured, weight, responses, light_error=error)],
                                 [(0, 1)], smooth_prior(COUNT, 0.1)) for error in (0.0, 0.3))
     # Two hundred and forty regions of 0.3 %, and interreflection to tell light from paint.
     np.testing.assert_allclose(gained.views[0].light_gains, [1.0, 1.3], rtol=0.03)
@@ -293,7 +289,7 @@ def test_a_camera_that_mixes_its_bands_is_unmixed_by_a_known_material():
     mixing = np.array([[1.1, -0.08, -0.02], [-0.05, 1.1, -0.05], [0.0, -0.1, 1.1]])
     known = model({0: truth[0] @ BASIS.T})
     system = compress(rows, measured @ mixing.T, weight, GROUP)
-    plain, mixed = (fit_spectra(system, known, FitPriors(scale=1.0, mixing_error=error))
+    plain, mixed = (fit_spectra(system, known, scale=1.0, mixing_error=error)
                     for error in (0.0, 0.2))
     wanted = truth[1] @ OPERATOR.T
     off = [np.abs(fit.coefficients[0] @ OPERATOR.T - wanted).max() for fit in (plain, mixed)]
@@ -306,16 +302,15 @@ def test_a_camera_that_mixes_its_bands_is_unmixed_by_a_known_material():
 
 def test_mixed_bands_and_gains_are_said_in_words():
     rows, measured, weight, _ = case(noise=0.01)
-    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(),
-                      FitPriors(scale=1.0, mixing_error=0.1, light_error=0.1))
+    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(), scale=1.0, mixing_error=0.1, light_error=0.1)
     lights, bands = fit.views[0].sentences(("R", "G", "B"), ("lamp",))
     assert "brighter or darker" in lights and "lamp" in lights and "R = +" in bands
 
 
 @pytest.mark.parametrize("nuisances", [
-                             {"scale": None}, {"gain_error": 0.05},
-                             {"gain_error": 0.02, "brightness_error": 0.2}, {"light_error": 0.2},
-                             {"mixing_error": 0.1}, {"scale": None, "gain_error": 0.05,
+                             {"scale": None}, {"surface_error": 0.05},
+                             {"surface_error": 0.02, "brightness_error": 0.2}, {"light_error": 0.2},
+                             {"mixing_error": 0.1}, {"scale": None, "surface_error": 0.05,
                                                      "light_error": 0.2, "mixing_error": 0.1}])
 def test_the_derivative_of_every_nuisance_is_that_of_the_misfit(nuisances):
     rng = np.random.default_rng(3)
@@ -338,7 +333,7 @@ def test_brightness_of_a_surface_does_not_pass_for_colour():
     """Where errors of brightness are expected, 20 % in all bands cost a surface less than 20 % in
     one.
     """
-    terms = photo(*case()[:3], gain_error=0.02, brightness_error=0.2)
+    terms = photo(*case()[:3], surface_error=0.02, brightness_error=0.2)
     precision = terms.prior[:3, :3]
     grey, red = np.full(3, 0.2), np.array([0.2, 0.0, 0.0])
     # one standard deviation, less 0.3 % for colour's
@@ -361,21 +356,20 @@ def test_gains_as_unknowns_are_the_same_as_gains_in_the_covariance():
     one surface only.
     """
     rng = np.random.default_rng(9)
-    truth, gain_error, bands = rng.uniform(0.3, 0.7, (2, COUNT)), 0.02, 3
+    truth, surface_error, bands = rng.uniform(0.3, 0.7, (2, COUNT)), 0.02, 3
     rows = transport(rng) * (EXPONENTS.sum(axis=1) == 1)
     clean = rows @ model().signals(truth)
     # uneven: the wide surface would rule without gains
     group = np.repeat(np.arange(6), [90, 20, 10, 90, 20, 10])
-    gains = np.exp(gain_error * rng.standard_normal((6, bands)))
+    gains = np.exp(surface_error * rng.standard_normal((6, bands)))
     measured = gains[group] * clean * (1 + 0.01 * rng.standard_normal(clean.shape))
     sigma = 0.01 * np.array([clean[group == name].mean(axis=0) for name in range(6)])[group]
-    fit = fit_spectra(compress(rows, measured, 1 / sigma**2, group), model(),
-                      FitPriors(scale=1.0, gain_error=gain_error))
+    fit = fit_spectra(compress(rows, measured, 1 / sigma**2, group), model(), scale=1.0, surface_error=surface_error)
     slope = np.einsum("re,ekn->rkn", rows, model().signals_and_jacobian(truth)[1]).reshape(-1,
                                                                                            2
                                                                                            * COUNT)
     same = (group[:, None] == group[None, :])[:, None, :, None] * np.eye(bands)[None, :, None, :]
-    covariance = (gain_error**2 * same * np.einsum("rk,sl->rksl", clean, clean)).reshape(clean.size,
+    covariance = (surface_error**2 * same * np.einsum("rk,sl->rksl", clean, clean)).reshape(clean.size,
                                                                                          clean.size)
     weigh = np.linalg.inv(covariance + np.diag(sigma.ravel() ** 2))
     prior = np.kron(np.eye(2), smooth_prior(COUNT, 0.1).precision)
@@ -384,7 +378,6 @@ def test_gains_as_unknowns_are_the_same_as_gains_in_the_covariance():
     # Gains of 2 %: what is not linear in them is 4e-4 of the signal.
     np.testing.assert_allclose(fit.coefficients @ OPERATOR.T, solved.reshape(2, COUNT) @ OPERATOR.T,
                                rtol=2e-3)
-    plain = fit_spectra(compress(rows, measured, 1 / sigma**2, group), model(),
-                        FitPriors(scale=1.0))
+    plain = fit_spectra(compress(rows, measured, 1 / sigma**2, group), model(), scale=1.0)
     assert np.abs(plain.coefficients @ OPERATOR.T / (solved.reshape(2, COUNT) @ OPERATOR.T)
                   - 1).max() > 4e-3

@@ -13,11 +13,11 @@ from spectrabox.reconstruct.engines import gradient, transport_engine
 from spectrabox.reconstruct.engines.gradient import fit_by_gradient, reflectance_key, stalled
 from spectrabox.reconstruct.engines.gradient_engine import invert_by_gradient
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import MaterialSpec, inverse_problem
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.view import MaterialSpec
 
-from tests.cornell_problem import BANDS, GRID, SCALE_ONE, camera, photo_of, plain_settings
+from tests.cornell_problem import GRID, photo_of, plain_settings, view_of
 
 WIDTH = 16
 PAINT = 0.15 + 0.5 / (1 + np.exp((560 - GRID.nm) / 20))
@@ -52,25 +52,22 @@ def silent(done, what):
     pass
 
 
-def ball(folder, kind="diffuse", count=5):
+def ball(folder, kind="diffuse"):
     """A painted ball on a known floor under an even sky, and its photo with the true paint."""
     path = folder / f"{kind}.xml"
     path.write_text(SCENE.replace("PAINT", BSDFS[kind]), encoding="utf-8")
     materials = (MaterialSpec("paint", "paint"), MaterialSpec("floor", "floor", FLOOR))
 
-    def problem(photo):
-        return inverse_problem(read_scene(path), photo_of(photo), camera(), SCALE_ONE, materials,
-                               BANDS, count)
+    def view(photo):
+        return view_of(read_scene(path), photo_of(photo), materials=materials)
 
-    blank = problem(np.ones((WIDTH, WIDTH, 3)))
+    blank = view(np.ones((WIDTH, WIDTH, 3)))
     true = load_scene(blank.xml({"paint": PAINT, "floor": FLOOR}, integrator="path"))
-    return problem(render(true, 2048, seed=901)[0])
+    return view(render(true, 2048, seed=901)[0])
 
 
-def descend(problem, steps, spp=4, seed=1, progress=silent):
-    return fit_by_gradient(problem.scene(), ("paint",), problem.basis, problem.measured,
-                           problem.used[..., None] / problem.variance, scale=1.0,
-                           known_surface=None, steps=steps, spp=spp, seed=seed, progress=progress)
+def descend(view, steps, spp=4, seed=1, progress=silent):
+    return fit_by_gradient(view, plain_settings(5, steps=steps, spp=spp, seed=seed), progress)
 
 
 def test_a_loss_that_only_scatters_has_stalled_and_one_that_falls_has_not():
@@ -85,13 +82,13 @@ def test_a_loss_that_only_scatters_has_stalled_and_one_that_falls_has_not():
 
 
 def test_the_descent_stops_by_itself_and_says_so(tmp_path):
-    problem = ball(tmp_path)
-    fit = descend(problem, 200, spp=2)
+    view = ball(tmp_path)
+    fit = descend(view, 200, spp=2)
     assert fit.outcome is Outcome.CONVERGED and 2 * gradient.WINDOW < len(fit.loss_history) < 200
     # The last quarter of the steps brings the step size down; half of these are averaged. Rounded
     # down twice.
     assert abs(len(fit.tail) - len(fit.loss_history) / 8) < 1.5
-    short = descend(problem, 8)
+    short = descend(view, 8)
     assert short.outcome is Outcome.STEP_LIMIT and len(short.loss_history) == 8
 
 
@@ -118,18 +115,18 @@ def test_the_gradient_agrees_with_finite_differences_for_any_bsdf(tmp_path, kind
     import drjit as dr
     import mitsuba as mi
 
-    problem = ball(tmp_path, kind)
+    view = ball(tmp_path, kind)
     start = np.full((1, 5), 0.4)
-    weight = np.random.default_rng(0).uniform(size=problem.measured.shape)
+    weight = np.random.default_rng(0).uniform(size=view.measured.shape)
 
     def difference(number, seed):
-        ends = [np.sum(weight * render(problem.scene(start + sign * 0.02 * np.eye(5)[number]), 128,
+        ends = [np.sum(weight * render(view.scene(start + sign * 0.02 * np.eye(5)[number]), 128,
                                        seed)[0])
                 for sign in (1, -1)]
         return (ends[0] - ends[1]) / 0.04
 
     def derivative(seed):
-        scene = problem.scene(start)
+        scene = view.scene(start)
         parameters = mi.traverse(scene)
         key = reflectance_key(parameters, "paint")
         values = mi.Float(np.array(parameters[key]))
@@ -138,7 +135,7 @@ def test_the_gradient_agrees_with_finite_differences_for_any_bsdf(tmp_path, kind
         parameters.update()
         image = mi.render(scene, parameters, spp=128, seed=seed, seed_grad=seed + 50)
         dr.backward(dr.sum(image * mi.TensorXf(weight.astype(np.float32)), axis=None))
-        return problem.basis.T @ np.array(dr.grad(values), dtype=float)
+        return view.basis(5).T @ np.array(dr.grad(values), dtype=float)
 
     gradients = np.array([derivative(seed) for seed in range(4)])
     differences = [difference(3, seed) for seed in range(4)]
@@ -152,10 +149,10 @@ def test_the_gradient_agrees_with_finite_differences_for_any_bsdf(tmp_path, kind
 
 @pytest.mark.parametrize("kind", ["roughplastic", "principled", "roughconductor"])
 def test_a_coated_or_metallic_paint_is_found(tmp_path, kind):
-    problem = ball(tmp_path, kind, count=7)
-    answer = invert_by_gradient(problem, plain_settings(7, steps=80, spp=8, engine="gradient"),
+    view = ball(tmp_path, kind)
+    answer = invert_by_gradient(view, plain_settings(7, steps=80, spp=8, engine="gradient"),
                                 silent)
-    response = problem.response / problem.response.sum(axis=1, keepdims=True)
+    response = view.response / view.response.sum(axis=1, keepdims=True)
     # Eight paths a step: 2 % of white in the strongest bands.
     np.testing.assert_allclose(answer.signals[0], response @ PAINT, atol=0.02)
 
@@ -164,10 +161,8 @@ def test_a_coated_or_metallic_paint_is_found(tmp_path, kind):
                          [("diffuse", "light transport"), ("roughplastic", "gradient descent")])
 def test_the_engine_is_chosen_by_the_materials_and_the_choice_is_said(tmp_path, monkeypatch, kind,
                                                                       engine):
-    monkeypatch.setattr(transport_engine, "MOST_SPP", 64)
-    problem = ball(tmp_path, kind)
-    found = reconstruct(problem.scene_file, photo_of(problem.measured), camera(), SCALE_ONE,
-                        problem.materials, BANDS, plain_settings(5, steps=4, spp=2,
-                                                                    engine="auto"), silent)
+    monkeypatch.setattr(transport_engine, "MAX_SPP", 64)
+    view = ball(tmp_path, kind)
+    found = reconstruct(view, plain_settings(5, steps=4, spp=2, engine="auto"), silent)
     assert engine in found.engine
     assert ("paint" in found.notes[0] and "gradient" in found.notes[0]) == (kind != "diffuse")

@@ -14,7 +14,6 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import signal
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
-from spectrabox.reconstruct.problem import inverse_problem
 from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.scene.light_profile import TABLE_DEG, read_profile, relative_radiance
@@ -22,15 +21,11 @@ from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.tracer.transport import trace_transport
 
 from tests.cornell_problem import (
-    BANDS,
     GRID,
-    SCALE_ONE,
     TRUTH,
     WIDTH,
-    camera,
-    photo_of,
     scene,
-    specs,
+    view_of,
 )
 
 SIZE, RUNS = (WIDTH, WIDTH), 12
@@ -59,16 +54,15 @@ def mitsuba():
     return start_mitsuba("cpu")
 
 
-def problem_with(folder, light):
+def view_with(folder, light):
     text = cornell_box_xml(WIDTH, 4).replace(LAMP, light)
-    return inverse_problem(scene(folder, text), photo_of(np.ones((WIDTH, WIDTH, 3))), camera(),
-                           SCALE_ONE, specs(), BANDS, 7)
+    return view_of(scene(folder, text))
 
 
-def traced(problem, **options):
-    return trace_transport(unit_scene(problem), NAMES, SIZE, ALL,
+def traced(view, **options):
+    return trace_transport(unit_scene(view), NAMES, SIZE, ALL,
                            **({"bounces": 3, "spp": 64, "seed": 1, "passes": 1,
-                               "profiles": problem.scene_file.profiles} | options))
+                               "profiles": view.scene_file.profiles} | options))
 
 
 def blocks(image, side=8):
@@ -82,18 +76,18 @@ def test_a_scene_in_any_light_is_the_picture_of_mitsuba_s_path_tracer(tmp_path, 
 
     Of two lights each has its own spectrum: the point light's rises where the lamp's falls.
     """
-    problem = problem_with(tmp_path, LIGHTS[light])
-    groups = problem.light_groups
-    spectra = {name: problem.light if number == 0 else problem.light[::-1].copy()
+    view = view_with(tmp_path, LIGHTS[light])
+    groups = view.light_groups
+    spectra = {name: view.light if number == 0 else view.light[::-1].copy()
                for number, (name,) in enumerate(groups)}
-    response = np.array([response_matrix(GRID, problem.sensitivities,
+    response = np.array([response_matrix(GRID, view.sensitivities,
                                          spectrum) for spectrum in spectra.values()])
-    film = load_scene(problem.xml(dict(zip(MATERIALS, SPECTRA, strict=True)), light=spectra,
+    film = load_scene(view.xml(dict(zip(MATERIALS, SPECTRA, strict=True)), light=spectra,
                                   integrator="path"))
     theirs = np.array([blocks(render(film, 32, 100 + run)[0]) for run in range(RUNS)])
     ours = []
     for run in range(RUNS):
-        one = traced(problem, seed=run, lights=groups)
+        one = traced(view, seed=run, lights=groups)
         ours.append(blocks(signal(one.passes[0].astype(float), one.exponents, SPECTRA, response)))
     ours = np.array(ours)
     lit = theirs.mean(axis=0) > 1e-3 * theirs.mean()  # a spot leaves some blocks in the dark
@@ -120,16 +114,16 @@ def test_a_map_of_the_sky_is_the_picture_of_mitsuba_s_path_tracer_under_its_own_
                      oiio.ImageSpec(16, 8, 3, oiio.FLOAT)) and file.write_image(sky)
     file.close()
     node = '<emitter type="envmap" id="sky"><string name="filename" value="sky.exr"/></emitter>'
-    problem = problem_with(tmp_path, node)
-    assert [path.name for path in problem.scene_file.files] == ["sky.exr"]
-    film = load_scene(problem.xml(dict(zip(MATERIALS, SPECTRA, strict=True)), light=np.ones(2),
+    view = view_with(tmp_path, node)
+    assert [path.name for path in view.scene_file.files] == ["sky.exr"]
+    film = load_scene(view.xml(dict(zip(MATERIALS, SPECTRA, strict=True)), light=np.ones(2),
                                   integrator="path"))
     theirs = np.array([blocks(render(film, 64, 300 + run)[0]) for run in range(RUNS)])
     texture, at = mitsuba.load_dict({"type": "d65"}), mitsuba.SurfaceInteraction3f()
     at.wavelengths = mitsuba.Spectrum(mitsuba.Float(GRID.nm.astype(np.float32)))
     daylight = np.array(texture.eval(at)[0], dtype=float)
-    response = response_matrix(GRID, problem.sensitivities, daylight)
-    runs = [traced(problem, seed=run) for run in range(RUNS)]
+    response = response_matrix(GRID, view.sensitivities, daylight)
+    runs = [traced(view, seed=run) for run in range(RUNS)]
     ours = np.array([blocks(signal(run.coefficients, run.exponents, SPECTRA, response))
                      for run in runs])
     z = (ours.mean(axis=0) - theirs.mean(axis=0)) / np.sqrt((ours.var(axis=0, ddof=1)
@@ -138,7 +132,7 @@ def test_a_map_of_the_sky_is_the_picture_of_mitsuba_s_path_tracer_under_its_own_
     assert np.abs(z).max() < student.isf(level / 2, RUNS - 1)
     with pytest.raises(InputError,
                        match="only the transport engine knows the map of the sky of 'sky'"):
-        problem.scene()
+        view.scene()
 
 
 PROFILE = "angle_deg,radiance\n" + "".join(f"{angle},{np.cos(np.radians(angle)) ** 2:.6f}\n"
@@ -148,7 +142,7 @@ PROFILE = "angle_deg,radiance\n" + "".join(f"{angle},{np.cos(np.radians(angle)) 
 def with_profile(folder, text=PROFILE, light=None):
     (folder / "lamp.csv").write_text(text, encoding="utf-8")
     node = '<emitter type="area"><string name="profile" value="lamp.csv"/>'
-    return problem_with(folder, (LAMP if light is None else light).replace('<emitter type="area">',
+    return view_with(folder, (LAMP if light is None else light).replace('<emitter type="area">',
                                                                            node))
 
 
@@ -159,7 +153,7 @@ def test_a_lamp_with_a_profile_lights_each_point_as_the_closed_form_says(tmp_pat
     tiny = LAMP.replace("0.23 0 0 0  0 0 -0.19 0.99  0 0.19 0 0.01",
                         "0.02 0 0 0  0 0 -0.02 0.99  0 0.02 0 0.01")
     shaped = with_profile(tmp_path, light=tiny)
-    plain = problem_with(tmp_path, tiny)
+    plain = view_with(tmp_path, tiny)
     floor = np.argwhere((shaped.surface == list(shaped.scene_file.surfaces).index("floor"))
                         & shaped.used)
     first, other = (traced(one, bounces=1, seed=3,
@@ -211,10 +205,10 @@ def test_a_profile_of_one_changes_nothing(tmp_path):
 
 
 def test_only_the_transport_engine_takes_a_lamp_with_a_profile(tmp_path):
-    problem = with_profile(tmp_path)
+    view = with_profile(tmp_path)
     with pytest.raises(InputError, match=r"box\.xml: only the transport engine knows the measured "
                                          r"profile of 'lamp'"):
-        problem.scene()
+        view.scene()
 
 
 def test_a_profile_belongs_to_an_area_light(tmp_path):
@@ -222,7 +216,7 @@ def test_a_profile_belongs_to_an_area_light(tmp_path):
     light = LIGHTS["point"].replace("<point", '<string name="profile" value="lamp.csv"/><point')
     with pytest.raises(InputError, match="only an area light can have a measured profile, and "
                        "'lamp' is of"):
-        problem_with(tmp_path, light)
+        view_with(tmp_path, light)
 
 
 @pytest.mark.parametrize("text, message", [

@@ -8,7 +8,6 @@ import pytest
 
 from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
 from spectrabox.radiometry.errors import InputError
-from spectrabox.reconstruct.problem import MaterialSpec, View, inverse_problems
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.shape.descent import Stage
@@ -18,10 +17,11 @@ from spectrabox.reconstruct.shape.shape import (
     ShapeSettings,
     bounding_sphere,
     reconstruct_shape,
-    silhouette,
-    wearing,
+    with_mesh,
 )
+from spectrabox.reconstruct.view import MaterialSpec, View
 
+from benchmarks.paper.silhouette import silhouette
 from tests.cornell_problem import BANDS, GRID, SCALE_ONE, camera, photo_of
 
 WIDTH = 24
@@ -50,12 +50,8 @@ def blank_views(folder, count):
         path = folder / f"view_{number}.xml"
         path.write_text(view_xml(position, WIDTH), encoding="utf-8")
         views.append(View(f"view {number}", read_scene(path), photo_of(np.ones((WIDTH, WIDTH, 3))),
-                          camera(), BANDS, SCALE_ONE))
+                          camera(), BANDS, MATERIALS, SCALE_ONE))
     return views
-
-
-def problem_of(view):
-    return inverse_problems([view], MATERIALS, 5)[0]
 
 
 @pytest.mark.parametrize("level", [0, 1, 3])
@@ -93,8 +89,7 @@ def test_the_gradient_by_a_motion_agrees_with_finite_differences(tmp_path, motio
 
     vertices, faces = icosphere(3)
     write_mesh(tmp_path / "ball.ply", vertices, faces)
-    scene = problem_of(wearing(blank_views(tmp_path, 3)[1], "object",
-                               tmp_path / "ball.ply")).scene()
+    scene = with_mesh(blank_views(tmp_path, 3)[1], "object", tmp_path / "ball.ply").scene()
     parameters = mi.traverse(scene)
     key = "object.vertex_positions"
     start = np.array(parameters[key], dtype=float).reshape(-1, 3)
@@ -138,24 +133,24 @@ def test_a_bumpy_object_is_found_from_a_sphere(tmp_path):
     write_ply(tmp_path / "true.ply", *object_mesh(32))
     views = []
     for number, view in enumerate(blank_views(tmp_path, 6)):
-        problem = problem_of(wearing(view, "object", tmp_path / "true.ply"))
-        picture = render(load_scene(problem.xml({"paint": PAINT}, integrator="path")), 128,
+        true = with_mesh(view, "object", tmp_path / "true.ply")
+        picture = render(load_scene(true.xml({"paint": PAINT}, integrator="path")), 128,
                          500 + number)[0]
         views.append(replace(view, photo=photo_of(picture)))
     settings = ShapeSettings(5, (Stage(2, 30, 0.05, 9.0, 8),), views_per_step=2)
-    found = reconstruct_shape(views, "object", MATERIALS, settings, silent)
+    found = reconstruct_shape(views, "object", settings, silent)
     write_mesh(tmp_path / "found.ply", found.vertices, found.faces)
 
     def overlap(shown):
-        pairs = [(silhouette(problem_of(shown(view)), "object"),
-                  silhouette(problem_of(wearing(view, "object", tmp_path / "true.ply")), "object"))
+        pairs = [(silhouette(shown(view), "object"),
+                  silhouette(with_mesh(view, "object", tmp_path / "true.ply"), "object"))
                  for view in views]
         return np.mean([np.minimum(a, b).sum() / np.maximum(a, b).sum() for a, b in pairs])
 
     # 30 steps on 162 vertices at 24 pixels: the full fit (benchmarks/paper/figure_6.py) reaches
     # 0.98.
     assert overlap(lambda view: view) < 0.65
-    assert overlap(lambda view: wearing(view, "object", tmp_path / "found.ply")) > 0.75
+    assert overlap(lambda view: with_mesh(view, "object", tmp_path / "found.ply")) > 0.75
     assert volume(found.vertices, found.faces) > 0
     assert found.loss_history[-5:].mean() < 0.4 * found.loss_history[:2].mean()
     assert np.all((found.coefficients >= 0)
@@ -168,14 +163,14 @@ def test_the_same_seed_gives_the_same_mesh(tmp_path):
 
     def vertices(seed):
         settings = ShapeSettings(5, (Stage(1, 2, 0.05, 9.0, 4),), views_per_step=1, seed=seed)
-        return reconstruct_shape(views, "object", MATERIALS, settings, silent).vertices
+        return reconstruct_shape(views, "object", settings, silent).vertices
 
     first = vertices(1)
     assert np.array_equal(first, vertices(1)) and not np.array_equal(first, vertices(2))
 
 
 def test_the_start_is_the_sphere_of_the_scene(tmp_path):
-    centre, radius = bounding_sphere(problem_of(blank_views(tmp_path, 1)[0]), "object")
+    centre, radius = bounding_sphere(blank_views(tmp_path, 1)[0], "object")
     # Mitsuba's boxes are float32.
     np.testing.assert_allclose([*centre, radius], [0, 0, 0, 1], atol=1e-6)
 
@@ -188,8 +183,9 @@ def test_what_no_shape_can_be_found_from_is_refused(tmp_path):
          r"view_0\.xml has no shape with the id 'teapot'; it has object"),
         ([*views[:2], replace(views[2], light_scale=None)], "object", MATERIALS,
          "scale of view 2 is unknown"), (views, "object", (MaterialSpec("paint", "paint", PAINT),),
-                                         "wears no material that is looked for"),
+                                         "has no material of unknown spectrum"),
         (views, "object", (*MATERIALS, MaterialSpec("stand", "stand")),
          "the spectrum of stand is unknown")):
         with pytest.raises(InputError, match=words):
-            reconstruct_shape(given, shape, materials, ShapeSettings(), silent)
+            reconstruct_shape([replace(view, materials=materials) for view in given], shape,
+                              ShapeSettings(), silent)

@@ -16,7 +16,6 @@ from spectrabox.radiometry.interreflection import (
 )
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import inverse_problem
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.tracer import transport
@@ -29,16 +28,12 @@ from spectrabox.reconstruct.tracer.transport import (
 )
 
 from tests.cornell_problem import (
-    BANDS,
     GRID,
-    SCALE_ONE,
     TRUTH,
     WIDTH,
-    camera,
-    photo_of,
     plain_settings,
     scene,
-    specs,
+    view_of,
 )
 
 SIZE = (WIDTH, WIDTH)
@@ -53,14 +48,12 @@ def mitsuba():
 
 
 @pytest.fixture(scope="module")
-def problem(tmp_path_factory):
-    photo = photo_of(np.ones((WIDTH, WIDTH, 3)))
-    return inverse_problem(scene(tmp_path_factory.mktemp("box"), max_depth=5), photo, camera(),
-                           SCALE_ONE, specs(), BANDS, 7)
+def view(tmp_path_factory):
+    return view_of(scene(tmp_path_factory.mktemp("box"), max_depth=5))
 
 
-def traced(problem, region=ALL, spp=64, seed=1, bounces=4, **options):
-    return trace_transport(unit_scene(problem), NAMES, SIZE, region, bounces=bounces, spp=spp,
+def traced(view, region=ALL, spp=64, seed=1, bounces=4, **options):
+    return trace_transport(unit_scene(view), NAMES, SIZE, region, bounces=bounces, spp=spp,
                            seed=seed, **options)
 
 
@@ -68,16 +61,16 @@ def blocks(image, side=4):
     return image.reshape(WIDTH // side, side, WIDTH // side, side, -1).mean(axis=(1, 3))
 
 
-def test_the_transport_shows_the_picture_of_mitsuba_s_spectral_film(problem):
+def test_the_transport_shows_the_picture_of_mitsuba_s_spectral_film(view):
     """Z-test of 64 blocks and three bands at the 1 % level, Sidak-corrected, with the scatter of 12
     runs of each.
     """
-    xml = problem.xml(dict(zip(MATERIALS, SPECTRA, strict=True)), integrator="path")
+    xml = view.xml(dict(zip(MATERIALS, SPECTRA, strict=True)), integrator="path")
     film = load_scene(xml)
     theirs = np.array([blocks(render(film, 64, 100 + run)[0]) for run in range(12)])
-    runs = [traced(problem, seed=run, passes=1) for run in range(12)]
+    runs = [traced(view, seed=run, passes=1) for run in range(12)]
     ours = np.array([blocks(signal(run.coefficients, run.exponents, SPECTRA,
-                                   problem.response).reshape(*SIZE, 3))
+                                   view.response).reshape(*SIZE, 3))
                      for run in runs])
     difference = ours.mean(axis=0) - theirs.mean(axis=0)
     z = difference / np.sqrt((ours.var(axis=0, ddof=1) + theirs.var(axis=0, ddof=1)) / 12)
@@ -87,14 +80,14 @@ def test_the_transport_shows_the_picture_of_mitsuba_s_spectral_film(problem):
     assert np.abs(z).max() < norm.isf(level / 2) * 1.2
 
 
-def test_a_region_receives_the_mean_of_its_pixels(problem):
+def test_a_region_receives_the_mean_of_its_pixels(view):
     """Other paths, so a Z-test of the four regions at the 1 % level, with the scatter of 16 passes
     of each.
     """
     region = np.repeat(np.repeat(np.arange(4).reshape(2, 2), WIDTH // 2, axis=0), WIDTH // 2,
                        axis=1)
     grey = 0.5 ** exponents_up_to(3, 4).sum(axis=1)
-    pixels, regions = (traced(problem, where, passes=16).passes[:, :, 0] @ grey
+    pixels, regions = (traced(view, where, passes=16).passes[:, :, 0] @ grey
                        for where in (ALL, region))
     means = pixels.reshape(16, 2, WIDTH // 2, 2, WIDTH // 2).mean(axis=(2, 4)).reshape(16, 4)
     z = (regions.mean(axis=0) - means.mean(axis=0)) / np.sqrt((regions.var(axis=0, ddof=1)
@@ -102,15 +95,15 @@ def test_a_region_receives_the_mean_of_its_pixels(problem):
     assert np.abs(z).max() < student.isf(0.01 / 2 / 4, 30)
 
 
-def test_the_same_seed_gives_the_same_paths(problem):
-    first, again, other = (traced(problem, seed=seed, spp=8).coefficients for seed in (3, 3, 4))
+def test_the_same_seed_gives_the_same_paths(view):
+    first, again, other = (traced(view, seed=seed, spp=8).coefficients for seed in (3, 3, 4))
     # Atomic float32 sums may round in another order; other paths differ by far more.
     np.testing.assert_allclose(first, again, rtol=1e-4, atol=1e-6 * first.max())
     assert np.abs(first - other).max() > 0.1 * first.max()
 
 
-def test_one_bounce_is_linear_and_more_bounces_only_add_light(problem):
-    one, four = traced(problem, bounces=1, seed=2), traced(problem, bounces=4, seed=2)
+def test_one_bounce_is_linear_and_more_bounces_only_add_light(view):
+    one, four = traced(view, bounces=1, seed=2), traced(view, bounces=4, seed=2)
     assert one.exponents.sum(axis=1).max() == 1 and len(four.exponents) == len(exponents_up_to(3,
                                                                                                4))
     direct = four.coefficients[:, four.exponents.sum(axis=1) == 1]
@@ -121,26 +114,25 @@ def test_one_bounce_is_linear_and_more_bounces_only_add_light(problem):
     assert (four.passes >= 0).all() and four.coefficients.sum() > 1.2 * lit
 
 
-def test_the_shaded_image_is_the_transport_with_signals_put_in(problem):
+def test_the_shaded_image_is_the_transport_with_signals_put_in(view):
     exponents = exponents_up_to(3, 4)
-    signals = band_products(exponents, SPECTRA, problem.response)
-    image = shaded_image(unit_scene(problem), NAMES, SIZE, exponents, signals, bounces=4, spp=256,
+    signals = band_products(exponents, SPECTRA, view.response)
+    image = shaded_image(unit_scene(view), NAMES, SIZE, exponents, signals, bounces=4, spp=256,
                          seed=5)
-    found = traced(problem, spp=256, seed=6)
+    found = traced(view, spp=256, seed=6)
     other = signal(found.coefficients, found.exponents, SPECTRA,
-                   problem.response).reshape(image.shape)
+                   view.response).reshape(image.shape)
     # Two renderings of 260 000 paths, each mean good to 0.4 %: five standard deviations of their
     # difference.
     np.testing.assert_allclose(image.mean(axis=(0, 1)), other.mean(axis=(0, 1)), rtol=0.03)
 
 
-def test_lights_are_told_apart_and_add_up(tmp_path):
+def test_lights_traced_separately_add_up(tmp_path):
     text = scene_with_two_lamps()
-    two = inverse_problem(scene(tmp_path, text), photo_of(np.ones((WIDTH, WIDTH, 3))), camera(),
-                          SCALE_ONE, specs(), BANDS, 7)
-    apart = traced(two, lights=(("lamp",), ("bulb",)), seed=9)
+    two = view_of(scene(tmp_path, text))
+    separate = traced(two, lights=(("lamp",), ("bulb",)), seed=9)
     together = traced(two, seed=9)
-    both = apart.coefficients.reshape(ALL.size, 2, -1)
+    both = separate.coefficients.reshape(ALL.size, 2, -1)
     assert (both.sum(axis=(0, 2)) > 0).all()
     # The same paths, counted into two columns or one.
     np.testing.assert_allclose(both.sum(axis=1), together.coefficients, rtol=1e-3,
@@ -154,8 +146,8 @@ def scene_with_two_lamps():
     return cornell_box_xml(WIDTH, 4).replace("</scene>", bulb)
 
 
-def test_two_traces_join_to_one_of_more_paths(problem):
-    first, second = traced(problem, spp=16, seed=1), traced(problem, spp=48, seed=2)
+def test_two_traces_join_to_one_of_more_paths(view):
+    first, second = traced(view, spp=16, seed=1), traced(view, spp=48, seed=2)
     whole = joined(first, second)
     assert whole.spp == 16 + 64
     # float32 weights of a fifth and four fifths; 48 paths per pixel become 64, a power of two in
@@ -164,9 +156,9 @@ def test_two_traces_join_to_one_of_more_paths(problem):
                                / 5, rtol=1e-5, atol=1e-7)
 
 
-def test_the_record_holds_the_monte_carlo_covariance(problem):
+def test_the_record_holds_the_monte_carlo_covariance(view):
     region = np.where(ALL % 2, 0, 1)
-    record = light_transport(traced(problem, region, spp=16))
+    record = light_transport(traced(view, region, spp=16))
     assert record.coefficients.shape == (2, len(exponents_up_to(3, 4)))
     values = np.linalg.eigvalsh(record.covariance[0])
     # Four passes tell three directions; the others are zero up to round-off.
@@ -174,9 +166,9 @@ def test_the_record_holds_the_monte_carlo_covariance(problem):
                             * values.max()) <= 3 and values.min() > -1e-9 * values.max()
 
 
-def test_many_products_are_pruned_within_the_stated_bound(problem, monkeypatch):
+def test_many_products_are_pruned_within_the_stated_bound(view, monkeypatch):
     monkeypatch.setattr(transport, "PRUNE_ABOVE", 10)
-    found = traced(problem, spp=16)
+    found = traced(view, spp=16)
     assert len(found.exponents) < len(exponents_up_to(3, 4)) or found.dropped == 0
     # What is lost is judged by other paths than those that picked: a little more than they saw.
     assert 0 <= found.dropped <= 2 * transport.DROPPED
@@ -232,9 +224,9 @@ def eight_materials(names):
     return text[:start] + bsdfs + worn.replace("</scene>", board)
 
 
-def test_a_surface_without_a_material_is_refused(problem):
+def test_a_surface_without_a_material_is_refused(view):
     with pytest.raises(InputError, match="the scene's BSDF 'red' has no material"):
-        trace_transport(unit_scene(problem), {"white": "white", "green": "green"}, SIZE, ALL,
+        trace_transport(unit_scene(view), {"white": "white", "green": "green"}, SIZE, ALL,
                         bounces=2, spp=4, seed=1)
 
 
@@ -243,24 +235,21 @@ def test_a_coated_surface_is_sent_to_the_gradient_engine(tmp_path):
     text = cornell_box_xml(WIDTH).replace('<bsdf type="diffuse" id="red"><spectrum '
                                           'name="reflectance" value="0.5"/>',
                                           '<bsdf type="roughplastic" id="red">')
-    photo = photo_of(np.ones((WIDTH, WIDTH, 3)))
     with pytest.raises(InputError,
                        match=r"red of box\.xml is coated or glossy.*engine = \"gradient\""):
-        reconstruct(scene(tmp_path, text), photo, camera(), SCALE_ONE, specs(), BANDS,
-                    plain_settings(7),
-                    lambda done, what: None)
+        reconstruct(view_of(scene(tmp_path, text)), plain_settings(7), lambda done, what: None)
 
 
-def test_a_transport_of_a_black_wall_equals_a_scene_with_a_black_wall(problem):
+def test_a_transport_of_a_black_wall_equals_a_scene_with_a_black_wall(view):
     """A reflectance of zero drops every product with that material, as if the wall swallowed the
     light.
     """
     spectra = SPECTRA.copy()
     spectra[2] = 0
-    found = traced(problem, spp=16)
-    image = signal(found.coefficients, found.exponents, spectra, problem.response)
+    found = traced(view, spp=16)
+    image = signal(found.coefficients, found.exponents, spectra, view.response)
     without = found.exponents[:, 2] == 0
     reduced = found.coefficients[:, without] @ band_products(found.exponents, spectra,
-                                                             problem.response)[without]
+                                                             view.response)[without]
     np.testing.assert_allclose(image, reduced, rtol=1e-12)  # round-off
     assert GRID.nm.size == spectra.shape[1]

@@ -8,14 +8,13 @@ import pytest
 
 from spectrabox.fixtures.cornell_box import MATERIALS
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
-from spectrabox.reconstruct.problem import inverse_problem
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.tracer import transport
 from spectrabox.reconstruct.tracer.path_samples import GENERATOR, ShiftedLattice, generating_vector
 from spectrabox.reconstruct.tracer.path_tracer import Tracer
 from spectrabox.reconstruct.tracer.transport import trace_transport
 
-from tests.cornell_problem import BANDS, SCALE_ONE, WIDTH, camera, photo_of, scene, specs
+from tests.cornell_problem import WIDTH, scene, view_of
 
 SIZE = (WIDTH, WIDTH)
 HALVES = np.repeat([[0], [1]], WIDTH // 2, axis=0) * np.ones((1, WIDTH), int)
@@ -29,9 +28,7 @@ def mitsuba():
 
 @pytest.fixture(scope="module")
 def box(tmp_path_factory):
-    photo = photo_of(np.ones((WIDTH, WIDTH, 3)))
-    return unit_scene(inverse_problem(scene(tmp_path_factory.mktemp("box"), max_depth=4), photo,
-                                      camera(), SCALE_ONE, specs(), BANDS, 7))
+    return unit_scene(view_of(scene(tmp_path_factory.mktemp("box"), max_depth=4)))
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +26,9 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import MaterialSpec, View
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.shape.shape import wearing
+from spectrabox.reconstruct.shape.shape import with_mesh
+from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.measurement import spline_operator
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.published.per_axis_box import sample_per_axis
@@ -95,11 +96,11 @@ def inverted(truth: np.ndarray) -> tuple[LinearImage, list[Reconstruction]]:
         mesh = Path(folder) / "object.ply"
         write_ply(mesh, *object_mesh())
         blank = photograph(scene, {"paint": truth}, camera, 8)
-        shown = wearing(View("photo", scene, blank, camera, BANDS, scale), "object",
-                        mesh).scene_file
-        photo = photograph(shown, {"paint": truth}, camera, PHOTO_SPP)
-        return photo, [reconstruct(shown, photo, camera, scale, (MaterialSpec("paint", "paint"),),
-                                   BANDS, plain_settings(COEFFICIENTS, engine, STEPS, STEP_SPP),
+        view = with_mesh(View("photo", scene, blank, camera, BANDS,
+                              (MaterialSpec("paint", "paint"),), scale), "object", mesh)
+        photo = photograph(view.scene_file, {"paint": truth}, camera, PHOTO_SPP)
+        return photo, [reconstruct(replace(view, photo=photo),
+                                   plain_settings(COEFFICIENTS, engine, STEPS, STEP_SPP),
                                    lambda done, what: None) for engine in ("gradient", "transport")]
 
 

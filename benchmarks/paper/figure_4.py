@@ -24,8 +24,8 @@ from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import LightScale, SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import MaterialSpec
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.further.conditioning import Reading, condition
 from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.libraries import read_library
@@ -142,9 +142,9 @@ def found_in_photo(truth: np.ndarray) -> SpectralMeasurement:
     """The ball's colour as the transport engine finds it in a photo of the ball with this paint."""
     camera, scene = measured_camera(), scene_of(view_xml(cameras(6)[3], WIDTH))
     photo = photograph(scene, {"paint": truth}, camera, PHOTO_SPP)
-    found = reconstruct(scene, photo, camera, LightScale(1.0, None, None, "given"),
-                        (MaterialSpec("paint", "paint"),), BANDS, plain_settings(COEFFICIENTS),
-                        lambda done, what: None)
+    view = View("photo", scene, photo, camera, BANDS, (MaterialSpec("paint", "paint"),),
+                LightScale(1.0, None, None, "given"))
+    found = reconstruct(view, plain_settings(COEFFICIENTS), lambda done, what: None)
     response = camera.sensitivity.curves * GRID.weights_nm
     return SpectralMeasurement(GRID, response / response.sum(axis=1, keepdims=True),
                                found.signal[0], np.zeros((3, 3)))

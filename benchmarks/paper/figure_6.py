@@ -21,20 +21,20 @@ from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, wri
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
 from spectrabox.radiometry.records import LightScale, SpectralMeasurement
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
-from spectrabox.reconstruct.problem import MaterialSpec, View, inverse_problems
 from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
 from spectrabox.reconstruct.shape.mesh import write_mesh
 from spectrabox.reconstruct.shape.shape import (
     ShapeReconstruction,
     ShapeSettings,
     reconstruct_shape,
-    silhouette,
-    wearing,
+    with_mesh,
 )
+from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import load_prior
 
+from benchmarks.paper.silhouette import silhouette
 from benchmarks.paper.synthetic_photo import (
     BANDS,
     GRID,
@@ -85,13 +85,13 @@ def measure(true_mesh: Path, found_mesh: Path, out: Path) -> dict[str, Any]:
     used, other = photos(cameras(VIEWS), true_mesh, truth), photos(cameras(OTHERS, 1.0), true_mesh,
                                                                    truth)
     start = time.perf_counter()
-    found = reconstruct_shape(used, "object", MATERIALS, ShapeSettings(COEFFICIENTS), lambda done,
-                              what: None)
+    found = reconstruct_shape(used, "object", ShapeSettings(COEFFICIENTS),
+                              lambda done, what: None)
     seconds = time.perf_counter() - start
     write_mesh(found_mesh, found.vertices, found.faces)
     spectra, drawn = {"descent": found.spectrum}, []
     for name, mesh in (("on the found shape", found_mesh), ("on the true shape", true_mesh)):
-        answer = reconstruct_views([wearing(view, "object", mesh) for view in used], MATERIALS,
+        answer = reconstruct_views([with_mesh(view, "object", mesh) for view in used],
                                    plain_settings(COEFFICIENTS), lambda done, what: None)
         spectra[name] = answer.spectra[0]
         measurement = SpectralMeasurement(GRID, answer.response[:3], answer.signal[0][:3],
@@ -124,9 +124,9 @@ def photos(positions: np.ndarray, mesh: Path, truth: np.ndarray) -> list[View]:
     for number, position in enumerate(positions):
         scene = scene_of(view_xml(position, WIDTH))
         blank = photograph(scene, {"paint": truth}, camera, 8)
-        view = View(f"view {number + 1}", scene, blank, camera, BANDS,
+        view = View(f"view {number + 1}", scene, blank, camera, BANDS, MATERIALS,
                     LightScale(1.0, None, None, "given"))
-        photo = photograph(wearing(view, "object", mesh).scene_file, {"paint": truth}, camera,
+        photo = photograph(with_mesh(view, "object", mesh).scene_file, {"paint": truth}, camera,
                            PHOTO_SPP, number)
         views.append(replace(view, photo=photo))
     return views
@@ -134,8 +134,8 @@ def photos(positions: np.ndarray, mesh: Path, truth: np.ndarray) -> list[View]:
 
 def outline(view: View, mesh: Path | None) -> np.ndarray:
     """Share (H, W) of each pixel that the mesh covers; None for the sphere of the start."""
-    shown = view if mesh is None else wearing(view, "object", mesh)
-    return silhouette(inverse_problems([shown], MATERIALS, COEFFICIENTS)[0], "object")
+    shown = view if mesh is None else with_mesh(view, "object", mesh)
+    return silhouette(shown, "object")
 
 
 def iou(view: View, mesh: Path | None, true_mesh: Path) -> float:
@@ -157,8 +157,8 @@ def picture(used: Sequence[View], other: Sequence[View], found: ShapeReconstruct
                          for row in range(3)]
     figure, axes = plt.subplot_mosaic(places, figsize=(12.5, 5), layout="constrained")
     for column, view in enumerate([*used, *other]):
-        problem = inverse_problems([wearing(view, "object", mesh)], MATERIALS, COEFFICIENTS)[0]
-        rendered = render(problem.scene(found.coefficients[None]), 256, 3)[0]
+        shape = with_mesh(view, "object", mesh)
+        rendered = render(shape.scene(found.coefficients[None]), 256, 3)[0]
         a, b = outline(view, mesh), outline(view, true_mesh)
         bright = np.percentile(view.photo.signal, 99.5)
         rows = [np.clip(image / bright, 0, 1) ** (1 / 2.2) for image in (view.photo.signal,

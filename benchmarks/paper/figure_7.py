@@ -19,8 +19,8 @@ from spectrabox.fixtures.cornell_box import cornell_box_xml
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
 from spectrabox.radiometry.records import LightScale, LinearImage, Outcome, SpectralMeasurement
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import MaterialSpec
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import load_prior
@@ -79,8 +79,9 @@ def rows() -> tuple[list[dict[str, Any]], dict[tuple[str, str], np.ndarray], Lin
         box = scene_of(cornell_box_xml(WIDTH, bounces + 1))
         for engine in engines:
             settings = plain_settings(COEFFICIENTS, engine, STEPS, STEP_SPP)
-            found = reconstruct(box, photo, camera, LightScale(1.0, None, None, "given"), materials,
-                                BANDS, settings, lambda done, what: None)
+            view = View("photo", box, photo, camera, BANDS, materials,
+                        LightScale(1.0, None, None, "given"))
+            found = reconstruct(view, settings, lambda done, what: None)
             name = "paper: descent" if engine == "gradient" else "ours: traced transport"
             curves[light, name] = found.spectra[1:]
             method, then = SAMPLERS[engine == "gradient"]

@@ -24,9 +24,9 @@ from spectrabox.radiometry.records import LightScale, SpectralMeasurement
 from spectrabox.reconstruct.engines.gradient import LEARNING_RATE, START, cosine_rate
 from spectrabox.reconstruct.engines.per_wavelength import VARIANT, monochrome_xml
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.problem import MaterialSpec, inverse_problem
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import load_prior
@@ -78,13 +78,13 @@ def rows() -> tuple[list[dict[str, Any]], dict[str, np.ndarray]]:
     photo, scale = photograph(box, truth, camera, PHOTO_SPP), LightScale(1.0, None, None, "given")
     materials = tuple(MaterialSpec(bsdf, bsdf, None if bsdf == "small" else truth[bsdf])
                       for bsdf in PATCHES)
+    view = View("photo", box, photo, camera, BANDS, materials, scale)
     curves, seconds, steps = {"truth": truth["small"]}, {}, {}
     orange = list(PATCHES).index("small")
     for engine, name in (("gradient", "paper: descent on three bands"),
                          ("transport", "ours: traced transport")):
         start = time.process_time()
-        found = reconstruct(box, photo, camera, scale, materials, BANDS,
-                            plain_settings(COEFFICIENTS, engine, STEPS, STEP_SPP),
+        found = reconstruct(view, plain_settings(COEFFICIENTS, engine, STEPS, STEP_SPP),
                             lambda done, what: None)
         curves[name], seconds[name] = found.spectra[orange], time.process_time() - start
         response = camera.sensitivity.curves * GRID.weights_nm
@@ -97,10 +97,9 @@ def rows() -> tuple[list[dict[str, Any]], dict[str, np.ndarray]]:
         seconds[then] = time.process_time() - start
         if engine == "gradient":
             steps[name] = steps[then] = len(found.loss_history)
-    problem = inverse_problem(box, photo, camera, scale, materials, BANDS, COEFFICIENTS)
     at = np.array([np.interp(NM, GRID.nm, truth[bsdf]) for bsdf in PATCHES])
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        found_at, brute_s = pool.submit(brute_force, monochrome_xml(problem), tuple(PATCHES), at,
+        found_at, brute_s = pool.submit(brute_force, monochrome_xml(view), tuple(PATCHES), at,
                                         orange).result()
     brute_s *= 31 / NM.size
     name = "paper: brute force, 31 wavelengths"

@@ -7,18 +7,20 @@ the variance of the rendering left in.
 
 It stops by itself: once the error has not fallen over ``WINDOW`` steps by more than the standard
 error that its own scatter gives, the step size is brought down over the last quarter of the steps,
-whose second half is averaged. ``steps`` is the most it takes.
+whose second half is averaged.
 """
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import Outcome
 from spectrabox.reconstruct.agreement import scale_from_surfaces
+from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.view import View
 
 START = 1e-3             # not 0: Mitsuba refuses a spectrum without any mass
 LEARNING_RATE = 0.06
@@ -32,62 +34,53 @@ STILL_FALLING = 0.10
 
 @dataclass(frozen=True)
 class GradientFit:
-    """Coefficients of the unknown materials (M, N), their scatter over the last steps, and the way
+    """Coefficients of the unknown materials (U, N), their scatter over the last steps, and the way
     there.
     """
 
     coefficients: np.ndarray
-    tail: np.ndarray         # (I, M, N) the averaged steps
+    tail: np.ndarray         # (I, U, N) the averaged steps
     scale: float
     scale_tail: np.ndarray   # (I,)
     loss_history: np.ndarray
     outcome: Outcome
 
 
-def fit_by_gradient(scene: Any, bsdf_ids: tuple[str, ...], basis: np.ndarray, measured: np.ndarray,
-                    weight: np.ndarray, *, scale: float | None, known_surface: np.ndarray | None,
-                    steps: int, spp: int, seed: int,
-                    progress: Callable[[float, str], None]) -> GradientFit:
+def fit_by_gradient(view: View, settings: InversionSettings,
+                    progress: Progress) -> GradientFit:
     """Spectra whose rendering matches the photo.
 
     Parameters
     ----------
-    scene : mi.Scene
-        With a ``specfilm`` of the camera's bands and ``regular`` reflectances at the basis'
-        wavelengths.
-    bsdf_ids : tuple of str
-        BSDFs to be found, M of them.
-    basis : (P, N) array
-    measured : (H, W, K) signal
-    weight : (H, W, K) array
-        Inverse variance of each pixel, 0 where it does not count.
-    scale : float or None
-        Factor from rendering to photo; None to find it, step by step, from ``known_surface``.
-    known_surface : (H, W) int or None
-        Index of the surface of known material that each pixel shows, -1 elsewhere.
-    steps : int
-        At most. Step ``n`` renders with the random numbers ``2 (100003 seed + n)`` and the next.
+    view : View
+        Without a light scale it is estimated, step by step, from the surfaces of known material.
+    settings : InversionSettings
+        At most ``steps`` steps. Step ``n`` renders with the random numbers ``2 (100003 seed + n)``
+        and the next.
     """
     import drjit as dr
     import mitsuba as mi
 
+    scene, measured, known_surface = view.scene(), view.measured, view.known_surface
+    weight = view.used[..., None] / view.variance  # 0 where a pixel does not count
+    steps, spp = settings.steps, settings.spp
     parameters = mi.traverse(scene)
-    keys = [reflectance_key(parameters, bsdf) for bsdf in bsdf_ids]
+    keys = [reflectance_key(parameters, material.bsdf) for material in view.unknown]
     parameters.keep(keys)
+    basis = view.basis(settings.coefficients)
     points, count = basis.shape
     flat_basis = mi.Float(basis.ravel().astype(np.float32))
     column = dr.arange(mi.UInt32, points * count) % count
-    photo, weights = (mi.TensorXf(image.astype(np.float32)) for image in (measured,
-                                                                          weight
-                                                                          / np.count_nonzero(
-                                                                              weight)))
+    photo, weights = (mi.TensorXf(image.astype(np.float32))
+                      for image in (measured, weight / np.count_nonzero(weight)))
     optimizer = mi.ad.Adam(lr=LEARNING_RATE)
     for key in keys:
         optimizer[key] = mi.Float(np.full(count, START, dtype=np.float32))
 
     losses: list[float] = []
     coefficients, scales = [], []
-    current = 1.0 if scale is None else scale
+    scale_unknown = view.light_scale is None
+    current = 1.0 if view.light_scale is None else view.light_scale.value
     tail, last, done = max(int(TAIL * steps), 1), steps, False
     for step in range(steps):
         if not done and step < last - tail and stalled(losses):
@@ -99,12 +92,12 @@ def fit_by_gradient(scene: Any, bsdf_ids: tuple[str, ...], basis: np.ndarray, me
             parameters[key] = dr.block_sum(flat_basis * dr.gather(mi.Float, optimizer[key], column),
                                            count)
         parameters.update()
-        draw = 2 * (seed * 100003 + step) % 2**32
+        draw = 2 * (settings.seed * 100003 + step) % 2**32
         image = mi.render(scene, parameters, spp=spp, seed=draw, seed_grad=draw + 1)
-        if scale is None and known_surface is not None:
+        if scale_unknown:
             ratio = scale_from_surfaces(measured, np.array(image), known_surface, "").value
-            current = ratio if step == 0 else current + (ratio - current) * max(0.1,
-                                                                                1.0 / (step + 1))
+            gain = max(0.1, 1.0 / (step + 1))
+            current = ratio if step == 0 else current + (ratio - current) * gain
         loss = dr.sum(weights * dr.square(image * current - photo), axis=None)
         dr.backward(loss)
         optimizer.step()
@@ -138,8 +131,7 @@ def stalled(losses: list[float], window: int | None = None) -> bool:
     """Whether the mean loss of the last ``window`` steps is not below that of as many before,
     beyond their noise.
 
-    The noise of both means is that of independent steps with the scatter found within the two
-    windows.
+    The noise of both means is that of independent steps with the scatter within the two windows.
     """
     window = WINDOW if window is None else window
     if window < 2 or len(losses) < 2 * window:

@@ -3,18 +3,20 @@
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import relative_operator
+from spectrabox.reconstruct.engines.answer import EngineAnswer
 from spectrabox.reconstruct.engines.gradient import GradientFit, fit_by_gradient
-from spectrabox.reconstruct.problem import EngineAnswer, InverseProblem
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_file import SceneFile, not_plain_products
 from spectrabox.reconstruct.settings import Engine, InversionSettings
+from spectrabox.reconstruct.view import View
 
 FINAL_SPP, FINAL_PASSES = 256, 4
 
@@ -32,18 +34,13 @@ def engine_for(scene_files: Sequence[SceneFile]) -> tuple[Engine, tuple[str, ...
                         "engine needs.",)
 
 
-def invert_by_gradient(problem: InverseProblem, settings: InversionSettings,
-                       progress: Callable[[float, str], None]) -> EngineAnswer:
+def invert_by_gradient(view: View, settings: InversionSettings,
+                       progress: Progress) -> EngineAnswer:
     """Coefficients by gradient descent through Mitsuba's ``prb`` integrator and its spectral
     film.
     """
-    scale = problem.light_scale
-    fit = fit_by_gradient(
-        problem.scene(), tuple(material.bsdf for material in problem.unknown), problem.basis,
-        problem.measured, problem.used[..., None] / problem.variance, scale=None if scale is None
-        else scale.value, known_surface=problem.known_surface, steps=settings.steps,
-        spp=settings.spp, seed=settings.seed, progress=progress)
-    answer = answer_of_descent(problem, settings, fit, "gradient descent (Mitsuba prb, specfilm)")
+    fit = fit_by_gradient(view, settings, progress)
+    answer = answer_of_descent(view, settings, fit, "gradient descent (Mitsuba prb, specfilm)")
     if fit.outcome is Outcome.STEP_LIMIT:
         return answer
     return replace(answer, notes=(f"The descent stopped after {len(fit.loss_history)} of at most "
@@ -51,13 +48,13 @@ def invert_by_gradient(problem: InverseProblem, settings: InversionSettings,
                                   "its noise.",))
 
 
-def answer_of_descent(problem: InverseProblem, settings: InversionSettings, fit: GradientFit,
+def answer_of_descent(view: View, settings: InversionSettings, fit: GradientFit,
                       engine: str) -> EngineAnswer:
     """The answer of an engine that descends: its last steps scatter as its signals' error does."""
-    rendered, _ = render(problem.scene(fit.coefficients), FINAL_SPP, settings.seed + 7919,
+    rendered, _ = render(view.scene(fit.coefficients), FINAL_SPP, settings.seed + 7919,
                          FINAL_PASSES)
-    operator = relative_operator(problem.response, problem.basis)
+    operator = relative_operator(view.response, view.basis(settings.coefficients))
     tail = fit.tail @ operator.T
-    covariance = np.array([np.cov(tail[:, place], rowvar=False) for place in range(tail.shape[1])])
+    covariance = np.array([np.cov(tail[:, index], rowvar=False) for index in range(tail.shape[1])])
     return EngineAnswer(fit.coefficients, fit.coefficients @ operator.T, covariance, rendered,
                         fit.loss_history, engine, settings.spp, fit.outcome)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import multiprocessing
 import re
-from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
@@ -17,7 +16,9 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.response import response_matrix
+from spectrabox.reconstruct.engines.answer import EngineAnswer
 from spectrabox.reconstruct.engines.gradient import (
     LEARNING_RATE,
     START,
@@ -27,9 +28,9 @@ from spectrabox.reconstruct.engines.gradient import (
     outcome_of,
 )
 from spectrabox.reconstruct.engines.gradient_engine import answer_of_descent
-from spectrabox.reconstruct.problem import EngineAnswer, InverseProblem
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.view import View
 
 WAVELENGTHS = 31
 VARIANT = "llvm_ad_mono"
@@ -54,44 +55,43 @@ class MonochromeJob:
     seed: int
 
 
-def invert_per_wavelength(problem: InverseProblem, settings: InversionSettings,
-                          progress: Callable[[float, str], None]) -> EngineAnswer:
+def invert_per_wavelength(view: View, settings: InversionSettings,
+                          progress: Progress) -> EngineAnswer:
     """Coefficients by gradient descent through one monochrome rendering per wavelength."""
-    fit = descend(monochrome_job(problem, settings), progress)
-    return answer_of_descent(problem, settings, fit, f"gradient descent, {WAVELENGTHS} monochrome "
+    fit = descend(monochrome_job(view, settings), progress)
+    return answer_of_descent(view, settings, fit, f"gradient descent, {WAVELENGTHS} monochrome "
                              "renderings a step")
 
 
-def descend(job: MonochromeJob, progress: Callable[[float, str], None]) -> GradientFit:
+def descend(job: MonochromeJob, progress: Progress) -> GradientFit:
     """Run the job in its own process."""
     progress(0.0, f"{job.steps} steps of {job.basis.shape[0]} renderings")
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         return pool.submit(_descend, job).result()
 
 
-def monochrome_job(problem: InverseProblem, settings: InversionSettings) -> MonochromeJob:
-    """The problem at ``WAVELENGTHS`` wavelengths."""
-    grid = grid_from_nm(np.linspace(problem.grid.nm[0], problem.grid.nm[-1], WAVELENGTHS))
-    at = {"sensitivities": np.array([np.interp(grid.nm, problem.grid.nm,
-                                               curve) for curve in problem.sensitivities]),
-          "light": np.interp(grid.nm, problem.grid.nm, problem.light)}
-    known = [material for material in problem.materials if material.reflectance is not None]
-    weight = problem.used[..., None] / problem.variance
+def monochrome_job(view: View, settings: InversionSettings) -> MonochromeJob:
+    """The view at ``WAVELENGTHS`` wavelengths."""
+    grid = grid_from_nm(np.linspace(view.grid.nm[0], view.grid.nm[-1], WAVELENGTHS))
+    curves = np.array([np.interp(grid.nm, view.grid.nm, curve) for curve in view.sensitivities])
+    response = response_matrix(grid, curves, np.interp(grid.nm, view.grid.nm, view.light))
+    known = [material for material in view.scene_materials if material.reflectance is not None]
+    weight = view.used[..., None] / view.variance
     return MonochromeJob(
-        monochrome_xml(problem), tuple(material.bsdf for material in (*problem.unknown, *known)),
-        basis_matrix(grid.nm, problem.basis.shape[1]), response_matrix(grid, **at),
-        np.array([np.interp(grid.nm, problem.grid.nm, material.reflectance) for material in known
+        monochrome_xml(view), tuple(material.bsdf for material in (*view.unknown, *known)),
+        basis_matrix(grid.nm, settings.coefficients), response,
+        np.array([np.interp(grid.nm, view.grid.nm, material.reflectance) for material in known
                   if material.reflectance is not None]).reshape(-1, WAVELENGTHS),
-        problem.measured, weight / np.count_nonzero(weight),
-        None if problem.light_scale is None else problem.light_scale.value, settings.steps,
+        view.measured, weight / np.count_nonzero(weight),
+        None if view.light_scale is None else view.light_scale.value, settings.steps,
         settings.spp, settings.seed)
 
 
-def monochrome_xml(problem: InverseProblem) -> str:
+def monochrome_xml(view: View) -> str:
     """The scene with one value in place of every spectrum, light 1, and a film of one channel."""
-    half = {material.bsdf: np.full(2, 0.5) for material in problem.materials}
-    xml = problem.xml(half, light=np.ones(2), bands={"one": np.ones(2)})
-    width, height = problem.size
+    half = {material.bsdf: np.full(2, 0.5) for material in view.scene_materials}
+    xml = view.xml(half, light=np.ones(2), bands={"one": np.ones(2)})
+    width, height = view.size
     film = (f'<film type="hdrfilm"><integer name="width" value="{width}"/><integer name="height" '
             f'value="{height}"/><string name="pixel_format" value="luminance"/><string '
             'name="component_format" value="float32"/><rfilter type="box"/></film>')

@@ -1,22 +1,24 @@
 """The transport engine: trace the scene's light once, then fit the spectra by algebra."""
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import RegionTransport
+from spectrabox.radiometry.progress import Progress
+from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.response import relative_operator
 from spectrabox.reconstruct.agreement import scale_from_surfaces, scene_errors, surface_agreement
-from spectrabox.reconstruct.fit.inversion_inputs import spectrum_prior
-from spectrabox.reconstruct.fit.photo_terms import ViewFit
-from spectrabox.reconstruct.fit.region_transport import region_transport
-from spectrabox.reconstruct.fit.traced_fit import TracedView, fit_traced
-from spectrabox.reconstruct.fit.transport_fit import FitPriors, TransportFit
-from spectrabox.reconstruct.problem import InverseProblem
+from spectrabox.reconstruct.engines.answer import EngineAnswer
+from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
+from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
+from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
+from spectrabox.reconstruct.fit.transport_fit import TransportFit
+from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewFit
 from spectrabox.reconstruct.rendering.renderer import load_scene
 from spectrabox.reconstruct.scene.regions import block_regions, region_means
 from spectrabox.reconstruct.scene.scene_file import not_plain_products
@@ -27,24 +29,49 @@ from spectrabox.reconstruct.tracer.transport import (
     shaded_image,
     trace_transport,
 )
+from spectrabox.reconstruct.view import View, unknown_materials
 
 FIRST_SPP = 64           # paths per pixel by which the noise is judged
-MOST_SPP = 1024          # per pixel: where tracing ends, whatever the photo's noise
+MAX_SPP = 1024           # per pixel: where tracing ends, whatever the photo's noise
 IMAGE_SPP = 512          # of the final rendering
 
 
-@dataclass(frozen=True)
-class ViewsAnswer:
-    """What the engine finds from several photos."""
+def solve_views(views: Sequence[View], settings: InversionSettings, progress: Progress,
+                checkpoint: Path | None = None) -> tuple[TransportFit, tuple[EngineAnswer, ...]]:
+    """Spectra that explain all photos together, each traced on its own: the fit, and its answer for
+    each view.
 
-    fit: TransportFit
-    rendered: tuple[np.ndarray, ...]    # (H, W, K) of each photo for a light scale of 1
-    engines: tuple[str, ...]            # of each photo, in words
-    spp: tuple[int, ...]
-    regions: tuple[RegionTransport | None, ...]     # for the samplers
+    Parameters
+    ----------
+    checkpoint : Path, optional
+        File for the trace of the first view, from which it goes on when it was stopped; their
+        number follows the name of those of the others.
+
+    Raises
+    ------
+    InputError
+        As ``unit_scene``; or if no light reaches a material.
+    """
+    traced = []
+    for number, view in enumerate(views):
+        def part(done: float, what: str, number: int = number) -> None:
+            progress((0.7 * number + done) / len(views), what)  # tracing reports up to 0.7
+        file = checkpoint and checkpoint.with_stem(f"{checkpoint.stem}{number or ''}")
+        traced.append(_traced_view(view, number, settings, part, file))
+    progress(0.7, "fitting spectra")
+    prior = spectrum_prior(settings, views[0].grid)
+    fit = fit_traced(traced, prior)
+    images = _images(traced, fit, settings)
+    informed = [replace(view, nuisances=_informed_by(image, view, settings))
+                for view, image in zip(traced, images, strict=True)]
+    if [view.nuisances for view in informed] != [view.nuisances for view in traced]:
+        traced, fit = informed, fit_traced(informed, prior)
+        images = _images(traced, fit, settings)
+    progress(1.0, "")
+    return fit, _answers(traced, fit, images, settings)
 
 
-def unit_scene(problem: InverseProblem) -> Any:
+def unit_scene(view: View) -> Any:
     """The scene with reflectances and light spectra of 1.
 
     Raises
@@ -52,181 +79,160 @@ def unit_scene(problem: InverseProblem) -> Any:
     InputError
         If a surface's reflected light is no plain product with its reflectance.
     """
-    if others := not_plain_products(problem.scene_file):
+    if others := not_plain_products(view.scene_file):
         raise InputError("the transport engine treats diffuse surfaces only, and "
-                         f"{', '.join(others)} of {problem.scene_file.path.name} is coated or "
+                         f"{', '.join(others)} of {view.scene_file.path.name} is coated or "
                          "glossy: its spectrum does not just multiply; set [reconstruct] engine = "
                          "\"gradient\"")
     ones = np.ones(2)
-    return load_scene(problem.xml({material.bsdf: ones for material in problem.materials},
-                                  light=ones,
-                                  bands={"one": ones}))
+    return load_scene(view.xml(dict.fromkeys(view.name_of_bsdf, ones), light=ones,
+                               bands={"one": ones}))
 
 
-def trace_problem(problem: InverseProblem, region: np.ndarray, bounces: int, seed: int,
-                  progress: Callable[[float, str], None], lights_apart: bool = False,
-                  checkpoint: Path | None = None) -> TracedTransport:
+def trace_view(view: View, region: np.ndarray, bounces: int, seed: int, progress: Progress,
+               separate_lights: bool = False, checkpoint: Path | None = None) -> TracedTransport:
     """Transport of the regions, with as many paths as it takes for its noise to fall below the
     photo's.
 
     A first trace says how noisy ``FIRST_SPP`` paths per pixel are. More follow until the median
     region's Monte Carlo variance is no more than the variance that the fit gives the photo there,
-    or ``MOST_SPP`` are drawn.
+    or ``MAX_SPP`` are drawn.
 
     Parameters
     ----------
-    lights_apart : bool
-        Keeps the lights of ``problem.light_groups`` apart.
+    region : (H, W) int
+        Region 0 to R-1 of each pixel, -1 where it is not wanted.
+    bounces : int
+        Reflections along a path, at most.
+    separate_lights : bool
+        Each of ``view.light_groups`` gets its own coefficients.
     checkpoint : Path, optional
         File from which a trace that was stopped goes on.
     """
-    lights = problem.light_groups if lights_apart else None
-    scene, bsdfs = unit_scene(problem), {material.bsdf: material.name
-                                         for material in problem.materials}
-    profiles = problem.scene_file.profiles
-    first = trace_transport(scene, bsdfs, problem.size, region, bounces=bounces, spp=FIRST_SPP,
+    lights = view.light_groups if separate_lights else None
+    scene, names, profiles = unit_scene(view), view.name_of_bsdf, view.scene_file.profiles
+    first = trace_transport(scene, names, view.size, region, bounces=bounces, spp=FIRST_SPP,
                             seed=seed, lights=lights, profiles=profiles)
-    photo = region_means(problem.variance / np.maximum(problem.measured, 1e-12) ** 2,
+    photo = region_means(view.variance / np.maximum(view.measured, 1e-12) ** 2,
                          region).mean(axis=1)
     photo = photo / np.bincount(region[region >= 0])
     needed = first.spp * float(np.median(first.relative_variance / photo))
-    more = int(min(needed, MOST_SPP)) - first.spp
+    more = int(min(needed, MAX_SPP)) - first.spp
     progress(0.2, "tracing light")
     if more <= 0:
         return first
-    second = trace_transport(scene, bsdfs, problem.size, region, bounces=bounces, spp=more,
+    second = trace_transport(scene, names, view.size, region, bounces=bounces, spp=more,
                              seed=seed + 1, exponents=first.exponents, lights=lights,
                              checkpoint=checkpoint, profiles=profiles,
                              progress=lambda done: progress(0.2 + 0.5 * done, "tracing light"))
     return joined(first, second)
 
 
-def fit_problem(problem: InverseProblem, traced: TracedTransport, region: np.ndarray,
-                group: np.ndarray,
-                priors: FitPriors) -> TransportFit:
-    """Fit the regions of one photo, as ``fit_traced``."""
-    return fit_traced([TracedView(problem, traced, region, group)], [priors])
+def nuisances(view: View, settings: InversionSettings) -> Nuisances:
+    """What the settings take as known of one view besides its pixels."""
+    scale = view.light_scale
+    return Nuisances(None if scale is None else scale.value, settings.surface_error,
+                     settings.brightness_error,
+                     settings.light_error if len(view.light_groups) > 1 else 0.0,
+                     settings.mixing_error, settings.block_error)
 
 
-def solve_views(problems: Sequence[InverseProblem], settings: InversionSettings,
-                progress: Callable[[float, str], None],
-                checkpoint: Path | None = None) -> ViewsAnswer:
-    """Spectra that explain all photos together, each traced on its own.
+def _traced_view(view: View, number: int, settings: InversionSettings, progress: Progress,
+                 checkpoint: Path | None) -> TracedView:
+    region, group = block_regions(view.surface, view.used)
+    progress(0.0, "tracing light")
+    separate = len(view.light_groups) > 1 and (settings.light_error > 0 or bool(view.own_lights))
+    if separate:
+        _require_named_lights(view)
+    traced = trace_view(view, region, _bounces(view, settings), settings.seed + 613 * number,
+                        progress, separate, checkpoint)
+    _require_lit(view, traced, group)
+    return TracedView(view, traced, region, group, nuisances(view, settings))
 
-    Parameters
-    ----------
-    checkpoint : Path, optional
-        File for the trace of the first photo, from which it goes on when it was stopped; its number
-        follows the name of those of the others.
 
-    Raises
-    ------
-    InputError
-        As ``unit_scene``; or if no light reaches a material.
+def _bounces(view: View, settings: InversionSettings) -> int:
+    return 1 if settings.engine == "single-bounce" else view.scene_file.max_depth - 1
+
+
+def _informed_by(image: np.ndarray, traced: TracedView, settings: InversionSettings) -> Nuisances:
+    """What a first rendering adds to the nuisances: the light scale, from known surfaces alone as
+    in every engine, and the errors that the scene shows.
     """
-    single = settings.engine == "single-bounce"
-    views, depths = [], []
-    for number, problem in enumerate(problems):
-        def part(done: float, what: str, number: int = number) -> None:
-            progress((0.7 * number + done) / len(problems), what)  # tracing reports up to 0.7
-        region, group = block_regions(problem.surface, problem.used)
-        part(0.0, "tracing light")
-        depths.append(1 if single else problem.scene_file.max_depth - 1)
-        apart = len(problem.light_groups) > 1 and (settings.light_error > 0
-                                                   or bool(problem.own_lights))
-        if apart:
-            _require_named_lights(problem)
-        traced = trace_problem(problem, region, depths[-1], settings.seed + 613 * number, part,
-                               apart,
-                               checkpoint
-                               and checkpoint.with_stem(f"{checkpoint.stem}{number or ''}"))
-        _require_lit(problem, traced, group)
-        views.append(TracedView(problem, traced, region, group))
-    progress(0.7, "fitting spectra")
-    priors = [fit_priors(settings, problem) for problem in problems]
-    fit = fit_traced(views, priors)
-    images = _images(views, fit, depths, settings.seed)
-    known = [_priors_told(settings, view, image, prior)
-             for view, image, prior in zip(views, images, priors, strict=True)]
-    if known != priors:
-        fit = fit_traced(views, known)
-        images = _images(views, fit, depths, settings.seed)
-    name = "single bounce (direct light only)" if single else "light transport traced once"
-    progress(1.0, "")
-    return ViewsAnswer(fit, images, tuple(f"{name} ({depth} bounces, {len(view.traced.exponents)} "
-                                          "products)"
-                                          for view, depth in zip(views, depths, strict=True)),
-                       tuple(view.traced.spp for view in views),
-                       tuple(region_transport(view, prior, fit, number)
-                             for number, (view, prior)
-                             in enumerate(zip(views, known, strict=True))))
-
-
-def fit_priors(settings: InversionSettings, problem: InverseProblem) -> FitPriors:
-    """Priors of the fit of one photo, as the settings state them."""
-    scale = problem.light_scale
-    lights = len(problem.light_groups) if settings.light_error > 0 else 1
-    return FitPriors(None if scale is None else scale.value, settings.surface_error,
-                     settings.brightness_error, settings.light_error if lights > 1 else 0.0,
-                     settings.mixing_error, settings.block_error, settings.smoothness
-                     if settings.spectrum_prior != "none" else 0.0,
-                     spectrum_prior(settings, problem.grid, problem.basis))
-
-
-def _priors_told(settings: InversionSettings, view: TracedView, image: np.ndarray,
-                 priors: FitPriors) -> FitPriors:
-    """What a first rendering tells of the light scale, from known surfaces alone as in every
-    engine, and of errors.
-    """
-    problem, scale = view.problem, priors.scale
-    if scale is None and (problem.known_surface >= 0).any():
-        scale = scale_from_surfaces(problem.measured, image, problem.known_surface, "").value
-        priors = replace(priors, scale=scale)
+    view, given = traced.view, traced.nuisances
+    known_surface = view.known_surface
+    if given.scale is None and (known_surface >= 0).any():
+        given = replace(given, scale=scale_from_surfaces(view.measured, image, known_surface,
+                                                         "").value)
     if not settings.errors_from_scene:
-        return priors
-    name_of = {material.bsdf: material.name for material in problem.materials}
-    agreement = surface_agreement(
-        tuple(problem.scene_file.surfaces),
-        tuple(name_of[bsdf] for bsdf in problem.scene_file.surfaces.values()), problem.measured,
-        image * (scale or 1.0), problem.surface, problem.used)
-    found = scene_errors(agreement, frozenset(material.name for material in problem.materials
-                                              if material.reflectance is not None), len(view.group))
-    if found is None:
-        return priors
-    return replace(priors, gain_error=max(priors.gain_error, found.colour),
-                   block_error=max(priors.block_error, found.block),
-                   brightness_error=max(priors.brightness_error, found.brightness))
+        return given
+    agreement = surface_agreement(tuple(view.scene_file.surfaces), view.surface_materials,
+                                  view.measured, image * (given.scale or 1.0), view.surface,
+                                  view.used)
+    known = frozenset(material.name for material in view.scene_materials
+                      if material.reflectance is not None)
+    errors = scene_errors(agreement, known, len(traced.group))
+    if errors is None:
+        return given
+    return replace(given, surface_error=max(given.surface_error, errors.colour),
+                   block_error=max(given.block_error, errors.block),
+                   brightness_error=max(given.brightness_error, errors.brightness))
 
 
-def _images(views: Sequence[TracedView], fit: TransportFit, depths: Sequence[int],
-            seed: int) -> tuple[np.ndarray, ...]:
-    return tuple(_image(view, found, depth, seed) for view, found,
-                 depth in zip(views, fit.views, depths, strict=True))
+def _images(views: Sequence[TracedView], fit: TransportFit,
+            settings: InversionSettings) -> tuple[np.ndarray, ...]:
+    """Renderings (H, W, K) of the solution for a light scale of 1."""
+    return tuple(_image(view, solution, settings)
+                 for view, solution in zip(views, fit.views, strict=True))
 
 
-def _image(view: TracedView, found: ViewFit, bounces: int, seed: int) -> np.ndarray:
-    problem, traced = view.problem, view.traced
-    lights = problem.light_groups if traced.passes.shape[2] > 1 else None
-    return shaded_image(unit_scene(problem),
-                        {material.bsdf: material.name for material in problem.materials},
-                        problem.size, traced.exponents, found.signals, bounces=bounces,
-                        spp=IMAGE_SPP,
-                        seed=seed + 7919, lights=lights, profiles=problem.scene_file.profiles)
+def _image(traced: TracedView, solution: ViewFit, settings: InversionSettings) -> np.ndarray:
+    view, transport = traced.view, traced.traced
+    lights = view.light_groups if transport.passes.shape[2] > 1 else None
+    return shaded_image(unit_scene(view), view.name_of_bsdf, view.size, transport.exponents,
+                        solution.signals, bounces=_bounces(view, settings), spp=IMAGE_SPP,
+                        seed=settings.seed + 7919, lights=lights,
+                        profiles=view.scene_file.profiles)
 
 
-def _require_named_lights(problem: InverseProblem) -> None:
-    if any(not node.get("id") for node in problem.scene_file.root.findall("emitter")):
-        raise InputError(f"{problem.scene_file.path.name} has a light without an id, and its "
+def _answers(traced: Sequence[TracedView], fit: TransportFit, images: Sequence[np.ndarray],
+             settings: InversionSettings) -> tuple[EngineAnswer, ...]:
+    """The fit's answer for each view."""
+    unknown = unknown_materials([view.view for view in traced])
+    bsdfs = [material.bsdf for material in unknown]
+    operators = [relative_operator(view.view.response, view.view.basis(settings.coefficients))
+                 for view in traced]
+    decided = identifiability(fit, tuple(material.name for material in unknown),
+                              np.vstack(operators))
+    ill_posed = fit.outcome is Outcome.CONVERGED and any(item.by_prior for item in decided)
+    name = ("single bounce (direct light only)" if settings.engine == "single-bounce"
+            else "light transport traced once")
+    answers = []
+    for view, image, operator, solution in zip(traced, images, operators, fit.views, strict=True):
+        own = [bsdfs.index(material.bsdf) for material in view.view.unknown]
+        signals, covariance = band_signals(fit, operator, len(bsdfs))
+        lights = [light for light, in view.view.light_groups]
+        answers.append(EngineAnswer(
+            fit.coefficients[own], signals[own], covariance[own], image, fit.cost_history,
+            f"{name} ({_bounces(view.view, settings)} bounces, {len(view.traced.exponents)} "
+            "products)", view.traced.spp, Outcome.ILL_POSED if ill_posed else fit.outcome,
+            sentences(decided) + solution.sentences(view.view.bands, lights),
+            (solution.scale, solution.scale_error), view.regions(solution)))
+    return tuple(answers)
+
+
+def _require_named_lights(view: View) -> None:
+    if any(not node.get("id") for node in view.scene_file.root.findall("emitter")):
+        raise InputError(f"{view.scene_file.path.name} has a light without an id, and its "
                          "lights are to be told apart: write <emitter id=...> on each")
 
 
-def _require_lit(problem: InverseProblem, traced: TracedTransport, group: np.ndarray) -> None:
+def _require_lit(view: View, traced: TracedTransport, group: np.ndarray) -> None:
     """Refuse a material that the camera sees but no light reaches."""
     received = traced.coefficients.sum(axis=1)
-    worn = list(problem.scene_file.surfaces.values())
-    for material in problem.materials:
-        mine = np.isin(group, [index for index, bsdf in enumerate(worn) if bsdf == material.bsdf])
-        if mine.any() and not received[mine].any():
+    bsdfs = list(view.scene_file.surfaces.values())
+    for material in view.scene_materials:
+        own = np.isin(group, [index for index, bsdf in enumerate(bsdfs) if bsdf == material.bsdf])
+        if own.any() and not received[own].any():
             raise InputError(f"no light reaches material {material.name!r} in "
-                             f"{problem.scene_file.path.name}, although the photo shows it lit: "
-                             "check the light's place and the direction its surfaces face")
+                             f"{view.scene_file.path.name}, although the photo shows it lit: "
+                             "check the light's position and the direction its surfaces face")

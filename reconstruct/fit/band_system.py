@@ -5,8 +5,8 @@ QR factor of the weighted rows of each surface keeps all of it: a fit then costs
 pixels as for 400.
 
 The rows carry Monte Carlo noise, an error in the variables, which would pull every spectrum down by
-its relative variance. The scatter of independent passes says how much of rows' rows is noise;
-``noise`` carries it, and the fit takes its sum of squares off. The cost is then the unbiased
+its relative variance. The scatter of independent passes gives the noise's share of their Gram
+matrix; ``noise`` carries it, and the fit takes its sum of squares off. The cost is then the unbiased
 product of residuals of different passes.
 """
 from __future__ import annotations
@@ -71,13 +71,11 @@ def compress(coefficients: np.ndarray, measured: np.ndarray, weight: np.ndarray,
             noises.append(_named(_smaller(noise), band_weight, name))
     rows, root, names = (np.concatenate(pieces) for pieces in zip(*parts, strict=True))
     empty = (np.zeros((0, coefficients.shape[1])), root[:0], names[:0])
-    noise, noise_root, noise_names = ((np.concatenate(pieces) for pieces in zip(*noises,
-                                                                                strict=True))
-                                      if noises else empty)
+    noise, noise_root, noise_names = (
+        (np.concatenate(pieces) for pieces in zip(*noises, strict=True)) if noises else empty)
     products = coefficients.shape[1]
     return BandSystem(rows[:, :products], rows[:, products:], root, names, noise, noise_root,
-                      noise_names,
-                      len(counts))
+                      noise_names, len(counts))
 
 
 def _smaller(rows: np.ndarray) -> np.ndarray:
@@ -85,10 +83,10 @@ def _smaller(rows: np.ndarray) -> np.ndarray:
     return rows if len(rows) <= rows.shape[1] else np.asarray(np.linalg.qr(rows, mode="r"))
 
 
-def _named(rows: np.ndarray, band_weight: np.ndarray, name: int) -> tuple[np.ndarray, np.ndarray,
-                                                                          np.ndarray]:
-    return rows, np.broadcast_to(np.sqrt(band_weight),
-                                 (len(rows), band_weight.size)), np.full(len(rows), name)
+def _named(rows: np.ndarray, band_weight: np.ndarray,
+           name: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    root = np.broadcast_to(np.sqrt(band_weight), (len(rows), band_weight.size))
+    return rows, root, np.full(len(rows), name)
 
 
 def huber_weight(residual: np.ndarray, sigma: np.ndarray) -> np.ndarray:

@@ -8,10 +8,10 @@ import numpy as np
 from spectrabox.reconstruct.fit.transport_fit import TransportFit
 
 # standard deviation, in coefficients, of the directions that the camera cannot see directly
-OPEN = 0.25
-SEEN = 1e-6             # of the largest singular value: below, bands repeat each other
+HIDDEN_ERROR = 0.25
+MIN_SINGULAR = 1e-6     # of the largest singular value: below, bands repeat each other
 # information of the photo over that of the prior, above which a direction is the photo's
-TOLD = 1.0
+MIN_RATIO = 1.0
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Identifiability:
     by_colour: int  # of these, as many as the camera has bands at most: read off the surface itself
     by_interreflection: int  # the others: only other surfaces' light tells
     by_prior: int            # left to the prior
-    directions: np.ndarray   # (N, N) columns, from best to least told
+    directions: np.ndarray   # (N, N) columns, the best determined first
     ratio: np.ndarray        # (N,) information of the photo / of the prior along each
 
 
@@ -33,10 +33,10 @@ def band_signals(fit: TransportFit, operator: np.ndarray,
     prior, gives.
 
     One more Gauss-Newton step from the solution with the prior on the spectra taken off: free in
-    what the bands see of each material, and only loosely held (``OPEN``) in what they do not; gains
-    move along. The covariance is that of photo noise and Monte Carlo noise, and of gains of lights
-    and band mixing; gains of surfaces and the light scale are taken as found: their errors are told
-    apart from it (``TransportFit.told_apart``).
+    what the bands see of each material, and only loosely held (``HIDDEN_ERROR``) in what they do not;
+    gains move along. The covariance is that of photo noise and Monte Carlo noise, and of gains of lights
+    and band mixing; gains of surfaces and the light scale are taken as exact: later stages add
+    their errors (``TransportFit.added_later``).
 
     Parameters
     ----------
@@ -49,22 +49,22 @@ def band_signals(fit: TransportFit, operator: np.ndarray,
     """
     count = operator.shape[1]
     left, singular, vt = np.linalg.svd(operator)
-    seen_of_each = int(np.count_nonzero(singular > SEEN * singular[0]))
+    seen_of_each = int(np.count_nonzero(singular > MIN_SINGULAR * singular[0]))
     size = names * count
     turn = np.eye(len(fit.information))
     turn[:size, :size] = np.kron(np.eye(names), vt.T)
     hidden = np.zeros(len(turn))
-    hidden[:size] = np.tile(np.arange(count) >= seen_of_each, names) / OPEN**2
+    hidden[:size] = np.tile(np.arange(count) >= seen_of_each, names) / HIDDEN_ERROR**2
     information = turn.T @ fit.information @ turn + np.diag(hidden)
     information += 1e-12 * np.trace(information) * np.eye(len(information))
     move = np.linalg.solve(information, turn.T @ fit.pull)
-    within = ~fit.told_apart
+    within = ~fit.added_later
     covariance = np.linalg.inv(information[np.ix_(within, within)])
     to_signal = left[:, :seen_of_each] * singular[:seen_of_each]
     signals, covariances = [], []
-    for place in range(names):
-        seen = slice(place * count, place * count + seen_of_each)
-        signals.append(operator @ fit.coefficients[place] + to_signal @ move[seen])
+    for index in range(names):
+        seen = slice(index * count, index * count + seen_of_each)
+        signals.append(operator @ fit.coefficients[index] + to_signal @ move[seen])
         covariances.append(to_signal @ covariance[seen, seen] @ to_signal.T)
     return np.array(signals), np.array(covariances)
 
@@ -85,25 +85,26 @@ def identifiability(fit: TransportFit, materials: tuple[str, ...],
     root = np.linalg.cholesky(prior)
     answers = []
     photo = _spectra_alone(fit.information, count * len(materials))
-    for place, name in enumerate(materials):
-        mine = slice(place * count, (place + 1) * count)
-        information = _others_marginalised(photo, prior, mine, len(materials)) - prior
+    for index, name in enumerate(materials):
+        own = slice(index * count, (index + 1) * count)
+        information = _others_marginalised(photo, prior, own, len(materials)) - prior
         whitened = np.linalg.solve(root, np.linalg.solve(root, information).T)
         ratio, vectors = np.linalg.eigh((whitened + whitened.T) / 2)
         ratio, vectors = ratio[::-1], vectors[:, ::-1]
-        told = int(np.count_nonzero(ratio > TOLD))
-        colour = min(told, np.linalg.matrix_rank(operator))
-        answers.append(Identifiability(name, told, int(colour), told - int(colour), count - told,
-                                       np.linalg.solve(root.T, vectors), np.maximum(ratio, 0.0)))
+        by_photo = int(np.count_nonzero(ratio > MIN_RATIO))
+        colour = min(by_photo, np.linalg.matrix_rank(operator))
+        answers.append(Identifiability(name, by_photo, int(colour), by_photo - int(colour),
+                                       count - by_photo, np.linalg.solve(root.T, vectors),
+                                       np.maximum(ratio, 0.0)))
     return tuple(answers)
 
 
-def sentences(found: tuple[Identifiability, ...]) -> tuple[str, ...]:
+def sentences(materials: tuple[Identifiability, ...]) -> tuple[str, ...]:
     """One sentence per material: how much of its spectrum is measured and how much assumed."""
     return tuple(
         f"{item.material}: of {item.ratio.size} coefficients the photo decides {item.by_photo} "
         f"({item.by_colour} by the surface's own colour, {item.by_interreflection} only by "
-        f"interreflection); {item.by_prior} are left to the prior" for item in found)
+        f"interreflection); {item.by_prior} are left to the prior" for item in materials)
 
 
 def _spectra_alone(information: np.ndarray, count: int) -> np.ndarray:
@@ -111,13 +112,12 @@ def _spectra_alone(information: np.ndarray, count: int) -> np.ndarray:
     integrated out.
     """
     cross = information[:count, count:]
-    found: np.ndarray = information[:count, :count] - cross @ np.linalg.pinv(information[count:, count:],
-                                                                            hermitian=True) @ cross.T
-    return found
+    nuisances = np.linalg.pinv(information[count:, count:], hermitian=True)
+    return np.asarray(information[:count, :count] - cross @ nuisances @ cross.T)
 
 
-def _others_marginalised(information: np.ndarray, prior: np.ndarray, mine: slice,
+def _others_marginalised(information: np.ndarray, prior: np.ndarray, own: slice,
                          materials: int) -> np.ndarray:
     """Posterior precision (N, N) of one material with all others integrated out."""
     whole = information + np.kron(np.eye(materials), prior)
-    return np.linalg.inv(np.linalg.inv(whole)[mine, mine])
+    return np.linalg.inv(np.linalg.inv(whole)[own, own])

@@ -10,7 +10,7 @@ that the offset rests on how the light falls off over each surface.
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.interreflection import signal
+from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import LightScale, LinearImage, Outcome
 from spectrabox.radiometry.shaped import Record
 from spectrabox.reconstruct.rendering.renderer import load_scene
@@ -66,7 +67,7 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
                           photo: LinearImage, *, light_id: str | None = None,
                           surface_error: float = SURFACE_ERROR, paint_error: float = PAINT_ERROR,
                           block_error: float = BLOCK_ERROR, spp: int = 256,
-                          seed: int = 0, progress: Callable[[float, str], None] = lambda
+                          seed: int = 0, progress: Progress = lambda
                           *_: None) -> LightPosition:
     """Offset of a light, with the standard error of the Gauss-Newton Hessian.
 

@@ -23,10 +23,11 @@ from spectrabox.radiometry.records import (
     Reconstruction,
 )
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.reconstruct.inverse_rendering import MaterialSpec, View, reconstruct_views
+from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.prior.mixture import load_prior, reflectance_moments
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.calibrate_stage import calibrations_of
@@ -58,23 +59,20 @@ def invert_photos(task: StageTask) -> dict[str, Any]:
     photos = [photo_of(stored, view) for view in config.all_views]
     bands = band_names(config, photos[0].signal.shape[2])
     views: list[View] = []
-    materials: dict[str, MaterialSpec] = {}
     for inputs, photo, calibration in zip(config.all_views, photos,
                                           calibrations_of(config, stored), strict=True):
         scene = read_session_scene(config, inputs.scene)
-        materials |= {material.bsdf: material for material in read_materials(config, scene)}
         drifted = drift if not inputs.name else None
         scale = _scale_of(config, photo, calibration, _chart_under_light(config, stored, inputs),
                           drifted)
         lights = {light: read_light(config, spectrum)
                   for light, spectrum in inputs.lights_by_id.items()}
-        views.append(View(inputs.name or FIRST_VIEW, scene, photo, calibration, bands, scale,
-                          lights))
+        views.append(View(inputs.name or FIRST_VIEW, scene, photo, calibration, bands,
+                          read_materials(config, scene), scale, lights))
     chosen = config.reconstruct
     settings = InversionSettings(**chosen.settings(), seed=config.session.seed,
                                  learnt=_learnt_spectra(chosen.spectrum_prior))
-    joint = reconstruct_views(views, tuple(materials.values()), settings, task.progress,
-                              config.results_folder / TRACE)
+    joint = reconstruct_views(views, settings, task.progress, config.results_folder / TRACE)
     return {"drift": drift, "joint": joint if drift is None else _widened(joint, drift)}
 
 

@@ -1,7 +1,7 @@
-"""What one photo adds to the cost of a fit: its equations, its light scale, and its nuisances with
+"""What one view adds to the cost of a fit: its equations, its light scale, and its nuisances with
 their priors.
 
-A photo's signal is scale x surface gain x (transport @ mixed signals of the products). The
+A view's signal is scale x surface gain x (transport @ mixed signals of the products). The
 nuisances are logarithms of gains of surfaces and of lights, and the departure of a band-mixing
 matrix from the identity, all Gaussian around zero.
 """
@@ -18,16 +18,16 @@ from spectrabox.reconstruct.fit.band_system import BandSystem
 
 @dataclass(frozen=True)
 class SpectrumModel:
-    """What the coefficients stand for, and which are free."""
+    """What the coefficients stand for, and which are unknown."""
 
     exponents: np.ndarray               # (E, M)
     response: np.ndarray                # (L, K, P) sensitivity x light x integration weight
     basis: np.ndarray                   # (P, N)
-    known: dict[int, np.ndarray]        # reflectance (P,) of materials that are not looked for
+    known: dict[int, np.ndarray]        # reflectance (P,) of the materials whose spectrum is given
 
     @property
     def unknown(self) -> tuple[int, ...]:
-        """Indices of the materials that are looked for."""
+        """Indices of the materials whose spectrum is to be estimated."""
         return tuple(m for m in range(self.exponents.shape[1]) if m not in self.known)
 
     def reflectances(self, coefficients: np.ndarray) -> np.ndarray:
@@ -41,8 +41,8 @@ class SpectrumModel:
     def signals(self, coefficients: np.ndarray) -> np.ndarray:
         """Signal (L E, K) of every product."""
         spectra = self.reflectances(coefficients)
-        return np.vstack([band_products(self.exponents, spectra,
-                                        response) for response in self.response])
+        return np.vstack([band_products(self.exponents, spectra, response)
+                          for response in self.response])
 
     def signals_and_jacobian(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Signal (L E, K) and its derivative (L E, K, U N)."""
@@ -55,14 +55,14 @@ class SpectrumModel:
 
 @dataclass(frozen=True)
 class Nuisances:
-    """What is taken as known of one photo besides its pixels; errors are standard deviations, 0 for
+    """What is taken as known of one view besides its pixels; errors are standard deviations, 0 for
     exactly right.
     """
 
-    scale: float | None = None          # light scale; None to find it
-    # log gain of a surface, in each band apart: colour of the light, uneven paint
-    gain_error: float = 0.0
-    # log gain of a surface, all bands alike: light profile, pose, geometry
+    scale: float | None = None          # light scale; None to estimate it
+    # log gain of a surface, independent in each band: colour of the light, uneven paint
+    surface_error: float = 0.0
+    # log gain of a surface, the same in all bands: light profile, pose, geometry
     brightness_error: float = 0.0
     light_error: float = 0.0            # log gain of each light group
     mixing_error: float = 0.0  # each entry of the band-mixing matrix: colour processing, cross-talk
@@ -72,7 +72,7 @@ class Nuisances:
 
 @dataclass(frozen=True)
 class ViewFit:
-    """What a fit found of one photo besides the spectra."""
+    """The solution for one view besides the spectra: light scale and nuisances."""
 
     scale: float
     scale_error: float | None           # standard error; None where the scale was given
@@ -83,41 +83,40 @@ class ViewFit:
     signals: np.ndarray = field(repr=False)
 
     def sentences(self, bands: Sequence[str], lights: Sequence[str]) -> tuple[str, ...]:
-        """What was put right of the lights and bands; the rendering shows it, so a reader must
+        """What the fit corrected of lights and bands; the rendering shows it, so a reader must
         know.
         """
-        found = []
+        corrected = []
         if np.any(self.light_gains != 1):
-            gains = ", ".join(f"{name} {gain:.3g}" for name, gain in zip(lights, self.light_gains,
-                                                                         strict=True))
-            found.append("lights fitted brighter or darker than the scene says, by the factors: "
-                         f"{gains}")
+            gains = ", ".join(f"{name} {gain:.3g}"
+                              for name, gain in zip(lights, self.light_gains, strict=True))
+            corrected.append("lights fitted brighter or darker than the scene says, by the factors: "
+                             f"{gains}")
         if np.any(self.mixing != np.eye(len(bands))):
             rows = "; ".join(f"{band} = {' '.join(f'{share:+.2f}' for share in row)}"
                              for band, row in zip(bands, self.mixing, strict=True))
-            found.append("bands mixed by a fitted matrix, as colour processing does, from "
-                         f"{' '.join(bands)}: {rows}")
-        return tuple(found)
+            corrected.append("bands mixed by a fitted matrix, as colour processing does, from "
+                             f"{' '.join(bands)}: {rows}")
+        return tuple(corrected)
 
 
-class PhotoTerms:
-    """Misfit of one photo as a function of its own state: coefficients, then nuisances, then the
-    log scale if free.
+class ViewTerms:
+    """Misfit of one view as a function of its own state: coefficients, then nuisances, then the log
+    scale if free.
     """
 
     def __init__(self, system: BandSystem, model: SpectrumModel, nuisances: Nuisances) -> None:
         self.system, self.model, self.nuisances = system, model, nuisances
         self.lights, self.bands = model.response.shape[:2]
         self.count = len(model.unknown) * model.basis.shape[1]
-        varied = nuisances.gain_error > 0 or nuisances.brightness_error > 0
+        varied = nuisances.surface_error > 0 or nuisances.brightness_error > 0
         self.surfaces = np.unique(system.group) if varied else np.array([], dtype=int)
         sizes = (self.surfaces.size * self.bands, self.lights * (nuisances.light_error > 0),
                  self.bands**2 * (nuisances.mixing_error > 0), int(nuisances.scale is None))
         ends = self.count + np.cumsum(sizes)
         self.size = int(ends[-1])
-        self.gain, self.light, self.mix, self.free_scale = (slice(int(end - size), int(end))
-                                                            for end, size in zip(ends, sizes,
-                                                                                 strict=True))
+        self.gain, self.light, self.mix, self.free_scale = (
+            slice(int(end - size), int(end)) for end, size in zip(ends, sizes, strict=True))
 
     @property
     def prior(self) -> np.ndarray:
@@ -125,12 +124,12 @@ class PhotoTerms:
         given = self.nuisances
         matrix = np.zeros((self.size, self.size))
         if self.surfaces.size:
-            one = (max(given.gain_error, 1e-6) ** 2 * np.eye(self.bands)
-                   + given.brightness_error**2)
-            matrix[self.gain, self.gain] = np.kron(np.eye(self.surfaces.size), np.linalg.inv(one))
+            covariance = (max(given.surface_error, 1e-6) ** 2 * np.eye(self.bands)
+                          + given.brightness_error**2)
+            matrix[self.gain, self.gain] = np.kron(np.eye(self.surfaces.size), np.linalg.inv(covariance))
         for part, error in ((self.light, given.light_error), (self.mix, given.mixing_error)):
-            places = np.arange(self.size)[part]
-            matrix[places, places] = 1 / max(error, 1e-9) ** 2
+            indices = np.arange(self.size)[part]
+            matrix[indices, indices] = 1 / max(error, 1e-9) ** 2
         return matrix[self.count:, self.count:]
 
     def start_scale(self, state: np.ndarray) -> float:
@@ -144,8 +143,8 @@ class PhotoTerms:
         system, signals = self.system, self._signals(state)
         data = system.root * (self._factor(state, system.group) * (system.rows @ signals)
                               - system.target)
-        noise = system.noise_root * self._factor(state, system.noise_group) * (system.noise
-                                                                               @ signals)
+        noise = (system.noise_root * self._factor(state, system.noise_group)
+                 * (system.noise @ signals))
         return float(np.sum(data**2) - np.sum(noise**2))
 
     def expand(self, state: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -159,8 +158,8 @@ class PhotoTerms:
         return (float(data @ data - noise @ noise), by_noise.T @ noise - by_data.T @ data,
                 by_data.T @ by_data - by_noise.T @ by_noise)
 
-    def view(self, state: np.ndarray, covariance: np.ndarray) -> ViewFit:
-        """The state, whose covariance (size, size) is given, in words."""
+    def solution(self, state: np.ndarray, covariance: np.ndarray) -> ViewFit:
+        """Light scale and nuisances of a state whose covariance (size, size) is given."""
         gains = np.exp(state[self.gain]).reshape(-1, self.bands)
         scale = self.nuisances.scale or float(np.exp(state[self.free_scale]).item())
         error = None if self.nuisances.scale else scale * float(np.sqrt(covariance[-1, -1]))
@@ -183,18 +182,18 @@ class PhotoTerms:
             by_coefficient = np.einsum("kj,qjn->qkn", mixing, by_coefficient, optimize=True)
             unmixed = rows @ plain
             for band in range(self.bands):
-                place = slice(self.mix.start + band * self.bands, self.mix.start
-                              + (band + 1) * self.bands)
-                derivative[:, band, place] = factor[:, band, None] * unmixed
+                row = slice(self.mix.start + band * self.bands,
+                            self.mix.start + (band + 1) * self.bands)
+                derivative[:, band, row] = factor[:, band, None] * unmixed
         derivative[..., :self.count] = factor[..., None] * by_coefficient
         if self.surfaces.size:
             column = self.gain.start + np.searchsorted(self.surfaces, group)[:, None] * self.bands
             np.put_along_axis(derivative, (column + np.arange(self.bands))[..., None],
                               predicted[..., None], axis=2)
         for number in range(self.light.stop - self.light.start):
-            mine = slice(number * products, (number + 1) * products)
-            derivative[..., self.light.start + number] = factor * (rows[:, mine]
-                                                                   @ (plain[mine] @ mixing.T))
+            of_light = slice(number * products, (number + 1) * products)
+            alone = rows[:, of_light] @ (plain[of_light] @ mixing.T)
+            derivative[..., self.light.start + number] = factor * alone
         derivative[..., self.free_scale] = predicted[..., None]
         return predicted.ravel(), derivative.reshape(-1, self.size)
 
@@ -202,8 +201,8 @@ class PhotoTerms:
         return state[:self.count].reshape(len(self.model.unknown), -1)
 
     def _light_gains(self, state: np.ndarray) -> np.ndarray:
-        return np.exp(state[self.light]) if self.light.stop > self.light.start else np.ones(
-            self.lights)
+        fitted = self.light.stop > self.light.start
+        return np.exp(state[self.light]) if fitted else np.ones(self.lights)
 
     def _mixing(self, state: np.ndarray) -> np.ndarray:
         departure = state[self.mix] if self.mix.stop > self.mix.start else np.zeros(self.bands**2)
@@ -217,8 +216,8 @@ class PhotoTerms:
 
     def _factor(self, state: np.ndarray, group: np.ndarray) -> np.ndarray:
         """Scale x gain (Q, K), or a number."""
-        scale = np.exp(state[self.free_scale]) if self.nuisances.scale is None else np.asarray(
-            self.nuisances.scale)
+        given = self.nuisances.scale
+        scale = np.exp(state[self.free_scale]) if given is None else np.asarray(given)
         if not self.surfaces.size:
             return scale
         gains = state[self.gain].reshape(-1, self.bands)

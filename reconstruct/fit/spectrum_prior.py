@@ -1,0 +1,88 @@
+"""Gaussian priors on the spectra, which decide what the photos leave open."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.reconstruct.settings import SPECTRUM_PRIORS, InversionSettings
+
+BROAD = 1.0  # standard deviation of a coefficient around 0.5 by the prior, besides smoothness
+UNEXPLAINED = 0.01      # standard deviation of a coefficient that no learnt spectrum explains
+
+
+@dataclass(frozen=True, eq=False)
+class SpectrumPrior:
+    """Gaussian prior of the coefficients of one material."""
+
+    mean: np.ndarray                    # (N,)
+    precision: np.ndarray               # (N, N)
+
+
+def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid) -> SpectrumPrior:
+    """Prior of the coefficients of every unknown material, as the settings choose it.
+
+    Raises
+    ------
+    InputError
+        If the settings name an unknown prior, or a learnt one without its data.
+    """
+    if settings.spectrum_prior not in SPECTRUM_PRIORS:
+        raise InputError(f"there is no prior on spectra {settings.spectrum_prior!r}; "
+                         f"use one of {', '.join(SPECTRUM_PRIORS)}")
+    if settings.spectrum_prior != "learnt":
+        return smooth_prior(settings.coefficients,
+                            settings.smoothness if settings.spectrum_prior == "smooth" else 0.0)
+    if settings.learnt is None:
+        raise InputError("a learnt prior on spectra needs the mean and covariance of measured "
+                         "reflectances: give them, or choose the prior \"smooth\"")
+    learnt = settings.learnt
+    between = np.array([np.interp(grid.nm, learnt.nm, unit) for unit in np.eye(learnt.nm.size)]).T
+    return learnt_prior(basis_matrix(grid.nm, settings.coefficients), between @ learnt.mean,
+                        between @ learnt.covariance @ between.T)
+
+
+def smooth_prior(coefficients: int, smoothness: float) -> SpectrumPrior:
+    """exp(-tau/2 |second differences|^2), broadly around 0.5; tau = smoothness (N - 3)^3, the same
+    curvature of the spectrum for every number N of coefficients.
+    """
+    return SpectrumPrior(np.full(coefficients, 0.5), smoothness_precision(coefficients, smoothness))
+
+
+def learnt_prior(basis: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> SpectrumPrior:
+    """Prior of the coefficients from mean (P,) and covariance (P, P) of reflectances at the
+    wavelengths of the basis.
+
+    Parameters
+    ----------
+    basis : (P, N) array
+    """
+    to_coefficients = np.linalg.pinv(basis)
+    spread = to_coefficients @ covariance @ to_coefficients.T + UNEXPLAINED**2 * np.eye(
+        basis.shape[1])
+    return SpectrumPrior(to_coefficients @ mean, np.linalg.inv(spread))
+
+
+def smoothness_precision(coefficients: int, smoothness: float) -> np.ndarray:
+    """Prior precision (N, N) of one material: small second differences over wavelength, broadly
+    around 0.5.
+    """
+    position = greville_abscissae(coefficients)
+    mean_gap = 1.0 / (coefficients - 1)
+    second = np.zeros((coefficients - 2, coefficients))
+    for row in range(coefficients - 2):
+        left, right = np.diff(position[row:row + 3])
+        second[row, row:row + 3] = np.array([1 / left, -(1 / left + 1 / right),
+                                             1 / right]) * mean_gap
+    tau = smoothness * (coefficients - 3) ** 3
+    return tau * second.T @ second + np.eye(coefficients) / BROAD**2
+
+
+def greville_abscissae(coefficients: int) -> np.ndarray:
+    """Abscissae (N,) of the coefficients of a clamped cubic spline, 0 to 1."""
+    inner = np.linspace(0, 1, coefficients - 2)
+    knots = np.r_[[0.0] * 3, inner, [1.0] * 3]
+    return np.array([knots[i + 1:i + 4].mean() for i in range(coefficients)])

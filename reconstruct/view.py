@@ -1,0 +1,220 @@
+"""One photo with all that explains it, and what an inversion needs of it: pixels that can be
+compared, spectra of light and camera, the scene for the renderer.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.records import (
+    Calibration,
+    LightScale,
+    LinearImage,
+    Spectrum,
+    WavelengthGrid,
+)
+from spectrabox.radiometry.response import response_matrix
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.reconstruct.agreement import usable_pixels
+from spectrabox.reconstruct.rendering.renderer import load_scene
+from spectrabox.reconstruct.scene.scene_file import SceneFile
+from spectrabox.reconstruct.scene.scene_xml import scene_xml
+from spectrabox.reconstruct.scene.surfaces import surface_map
+
+PHOTO_FLOOR = 0.01       # of a band's median signal: black level and stray light
+PHOTO_ERROR = 0.02  # relative: pose, light profile, lens; keeps bright pixels from ruling the fit
+PLACEHOLDER = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialSpec:
+    """One material of the session: its BSDF in the scene, and its reflectance (P,) where that is
+    known.
+    """
+
+    name: str
+    bsdf: str
+    reflectance: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One photo with all that explains it: several views of the same materials make one
+    reconstruction.
+
+    Parameters
+    ----------
+    photo : LinearImage
+        At the render's size, (H, W, K).
+    bands : tuple of str
+        K names.
+    materials : tuple of MaterialSpec
+        One for every BSDF that a surface of the scene has; there may be more.
+    light_scale : LightScale or None
+        For this photo's exposure; None to estimate it from a known material, or from materials that
+        another view of known scale shows too.
+    light_spectra : mapping from light id to Spectrum
+        Of lights of the scene whose spectrum is not the calibration's.
+    """
+
+    name: str
+    scene_file: SceneFile
+    photo: LinearImage
+    calibration: Calibration
+    bands: tuple[str, ...]
+    materials: tuple[MaterialSpec, ...]
+    light_scale: LightScale | None = None
+    light_spectra: Mapping[str, Spectrum] = field(default_factory=dict)
+
+    # ---- the photo -------------------------------------------------------------------------------
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.photo.signal.shape[1], self.photo.signal.shape[0]
+
+    @cached_property
+    def measured(self) -> np.ndarray:
+        """Signal (H, W, K)."""
+        return self.photo.signal.astype(np.float64)
+
+    @cached_property
+    def variance(self) -> np.ndarray:
+        """Variance (H, W, K) of a pixel against a perfect rendering."""
+        floor = PHOTO_FLOOR * np.median(self.measured[self.used], axis=0) if self.used.any() else 0
+        noise = self.photo.variance.astype(np.float64)
+        return np.asarray(noise + (PHOTO_ERROR * self.measured) ** 2 + floor**2)
+
+    @cached_property
+    def surface(self) -> np.ndarray:
+        """Index (H, W) into the scene's surfaces, -1 where no surface fills the pixel."""
+        ones = np.ones(2)
+        scene = load_scene(self.xml(dict.fromkeys((material.bsdf for material in self.materials),
+                                                  np.full(2, PLACEHOLDER)),
+                                    light=ones, bands={"one": ones}))
+        return surface_map(scene, tuple(self.scene_file.surfaces), self.size)
+
+    @cached_property
+    def used(self) -> np.ndarray:
+        """Pixels (H, W) bool that can be compared with a rendering."""
+        return usable_pixels(self.photo, self.surface)
+
+    # ---- materials -------------------------------------------------------------------------------
+
+    @property
+    def scene_materials(self) -> tuple[MaterialSpec, ...]:
+        """The materials (M) of the scene's surfaces."""
+        bsdfs = set(self.scene_file.surfaces.values())
+        return tuple(material for material in self.materials if material.bsdf in bsdfs)
+
+    @property
+    def unknown(self) -> tuple[MaterialSpec, ...]:
+        """The materials (U) of the scene whose spectrum is to be estimated."""
+        return tuple(material for material in self.scene_materials if material.reflectance is None)
+
+    @property
+    def name_of_bsdf(self) -> dict[str, str]:
+        """Material name by BSDF id."""
+        return {material.bsdf: material.name for material in self.scene_materials}
+
+    @property
+    def surface_materials(self) -> tuple[str, ...]:
+        """Material name (S) of each of the scene's surfaces."""
+        return tuple(self.name_of_bsdf[bsdf] for bsdf in self.scene_file.surfaces.values())
+
+    @property
+    def known_surface(self) -> np.ndarray:
+        """Index (H, W) of the surface of known material that each usable pixel shows, -1
+        elsewhere.
+        """
+        known = {material.bsdf for material in self.materials if material.reflectance is not None}
+        indices = [index for index, bsdf in enumerate(self.scene_file.surfaces.values())
+                   if bsdf in known]
+        return np.where(self.used & np.isin(self.surface, indices), self.surface, -1)
+
+    def basis(self, coefficients: int) -> np.ndarray:
+        """Spline basis (P, N) of a reflectance."""
+        return basis_matrix(self.grid.nm, coefficients)
+
+    def spectra(self, coefficients: np.ndarray) -> np.ndarray:
+        """Spectra (M, P) of the scene's materials for coefficients (U, N) of the unknown ones."""
+        estimates = iter(coefficients @ self.basis(coefficients.shape[1]).T)
+        return np.array([next(estimates) if material.reflectance is None else material.reflectance
+                         for material in self.scene_materials])
+
+    # ---- light and camera ------------------------------------------------------------------------
+
+    @property
+    def grid(self) -> WavelengthGrid:
+        """Wavelengths (P,) of all spectra of the view."""
+        return self.calibration.sensitivity.grid
+
+    @property
+    def sensitivities(self) -> np.ndarray:
+        """Camera sensitivities (K, P)."""
+        return self.calibration.sensitivity.curves
+
+    @cached_property
+    def light(self) -> np.ndarray:
+        """Light spectrum (P,) of the calibration."""
+        return spectrum_on_grid(self.calibration.light, self.grid)
+
+    @cached_property
+    def own_lights(self) -> dict[str, np.ndarray]:
+        """Spectrum (P,) of each light that has another one, by id."""
+        return {name: spectrum_on_grid(spectrum, self.grid)
+                for name, spectrum in self.light_spectra.items()}
+
+    @property
+    def light_groups(self) -> tuple[tuple[str, ...], ...]:
+        """Ids of the scene's lights, each a group of its own."""
+        return tuple((name,) for name in dict.fromkeys(self.scene_file.light_ids))
+
+    @property
+    def response(self) -> np.ndarray:
+        """Sensitivity x light x integration weight (K, P) under the calibration's light."""
+        return response_matrix(self.grid, self.sensitivities, self.light)
+
+    @property
+    def responses(self) -> np.ndarray:
+        """Response (L, K, P) under each light of ``light_groups``."""
+        return np.array([response_matrix(self.grid, self.sensitivities,
+                                         self.own_lights.get(name, self.light))
+                         for name, in self.light_groups])
+
+    # ---- for the renderer ------------------------------------------------------------------------
+
+    def xml(self, spectra: Mapping[str, np.ndarray], *,
+            light: np.ndarray | Mapping[str, np.ndarray] | None = None,
+            bands: Mapping[str, np.ndarray] | None = None, integrator: str = "prb") -> str:
+        """The scene with these spectra by BSDF id, evenly spaced over the grid's range.
+
+        Parameters
+        ----------
+        light, bands : as of ``scene_xml``; the view's own where they are None
+        """
+        if light is None and self.own_lights:
+            light = {name: self.own_lights.get(name, self.light) for name, in self.light_groups}
+        if bands is None:
+            bands = dict(zip(self.bands, self.sensitivities, strict=True))
+        return scene_xml(self.scene_file, reflectances=spectra,
+                         light=self.light if light is None else light, bands=bands,
+                         range_nm=(self.grid.nm[0], self.grid.nm[-1]), size=self.size,
+                         integrator=integrator)
+
+    def scene(self, coefficients: np.ndarray | None = None) -> Any:
+        """The scene for Mitsuba with the spectra of coefficients (U, N), or placeholders."""
+        if coefficients is None:
+            coefficients = np.full((len(self.unknown), 4), PLACEHOLDER)
+        names = [material.bsdf for material in self.scene_materials]
+        return load_scene(self.xml(dict(zip(names, self.spectra(coefficients), strict=True))))
+
+
+def unknown_materials(views: Sequence[View]) -> tuple[MaterialSpec, ...]:
+    """The materials of any of the views whose spectrum is to be estimated, each once."""
+    return tuple({material.bsdf: material for view in views for material in view.unknown}.values())
