@@ -23,8 +23,8 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LinearImage, PhotoKind
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
-from spectrabox.reconstruct.scene.light_place import with_light_moved
 from spectrabox.reconstruct.scene.light_position import LightPosition, refine_light_position
+from spectrabox.reconstruct.scene.moved_light import with_light_moved
 from spectrabox.reconstruct.scene.scene_file import SceneFile, read_scene
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.scene.surfaces import surface_map

@@ -18,8 +18,8 @@ import numpy as np
 FALSE_ALARM = 0.01      # chance that a scene which fits is accused of anything
 SHAPE_ERROR = 0.02      # relative error of a block beside its noise: pose, light profile, lens
 BLOCK = 4               # pixels
-FEWEST = 12             # pixels of a surface, below which nothing is tested
-LEAST_SHOWN = 0.005     # a smaller deviation is not worth an operator's time, however certain
+MIN_PIXELS = 12         # of a surface, below which nothing is tested
+MIN_SHOWN = 0.005       # smaller deviations are left unsaid, however certain
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class SurfaceTest:
         """False where the deviation is beyond chance at ``FALSE_ALARM``, over all tests of the
         scene.
         """
-        return self.adjusted >= FALSE_ALARM or abs(self.deviation) < LEAST_SHOWN
+        return self.adjusted >= FALSE_ALARM or abs(self.deviation) < MIN_SHOWN
 
 
 def surface_tests(names: Sequence[str], measured: np.ndarray, rendered: np.ndarray,
-                  surface: np.ndarray,
-                  used: np.ndarray, surface_error: float) -> tuple[SurfaceTest, ...]:
+                  surface: np.ndarray, used: np.ndarray,
+                  surface_error: float) -> tuple[SurfaceTest, ...]:
     """Tests of every surface that has enough usable pixels, in all bands.
 
     Parameters
@@ -59,10 +59,10 @@ def surface_tests(names: Sequence[str], measured: np.ndarray, rendered: np.ndarr
     """
     from scipy.stats import chi2, norm
 
-    found: list[tuple[str, int, str, float, float, float]] = []
+    tests: list[tuple[str, int, str, float, float, float]] = []
     for index, name in enumerate(names):
         mask = used & (surface == index)
-        if mask.sum() < FEWEST or not np.all(rendered[mask].sum(axis=0) > 0):
+        if mask.sum() < MIN_PIXELS or not np.all(rendered[mask].sum(axis=0) > 0):
             continue
         for band in range(measured.shape[2]):
             photo, model = measured[..., band], rendered[..., band]
@@ -70,19 +70,18 @@ def surface_tests(names: Sequence[str], measured: np.ndarray, rendered: np.ndarr
             noise = _relative_noise(photo, model * ratio, mask)
             level = np.hypot(noise / np.sqrt(mask.sum()), surface_error)
             score = np.log(ratio) / level if level > 0 else np.inf
-            found.append((name, band, "level", float(ratio - 1), float(level),
+            tests.append((name, band, "level", float(ratio - 1), float(level),
                           float(2 * norm.sf(abs(score)))))
             blocks, pixels = _blocks(photo, model * ratio, mask)
             if len(blocks) > 1:
                 variance = noise**2 / pixels + SHAPE_ERROR**2
                 centre = np.sum(blocks / variance) / np.sum(1 / variance)
-                found.append((name, band, "shape", float(blocks.std(ddof=1)),
-                              float(np.sqrt(variance.mean())),
-                              float(chi2.sf(np.sum((blocks - centre) ** 2 / variance),
-                                            len(blocks) - 1))))
-    adjusted = holm(np.array([row[-1] for row in found]))
-    return tuple(SurfaceTest(*row, adjusted=float(p)) for row,
-                 p in zip(found, adjusted, strict=True))
+                p = chi2.sf(np.sum((blocks - centre) ** 2 / variance), len(blocks) - 1)
+                tests.append((name, band, "shape", float(blocks.std(ddof=1)),
+                              float(np.sqrt(variance.mean())), float(p)))
+    adjusted = holm(np.array([row[-1] for row in tests]))
+    return tuple(SurfaceTest(*row, adjusted=float(p))
+                 for row, p in zip(tests, adjusted, strict=True))
 
 
 def holm(p: np.ndarray) -> np.ndarray:
@@ -100,22 +99,24 @@ def misfit_notes(tests: Sequence[SurfaceTest], bands: Sequence[str]) -> tuple[st
     """One sentence for each surface that does not fit, worst first."""
     wrong = [test for test in tests if not test.fits]
     by_surface: dict[str, list[SurfaceTest]] = {}
-    for test in sorted(wrong,
-                       key=lambda test: (test.adjusted, -abs(test.deviation) / max(test.expected,
-                                                                                   1e-12))):
+
+    def severity(test: SurfaceTest) -> tuple[float, float]:
+        return test.adjusted, -abs(test.deviation) / max(test.expected, 1e-12)
+
+    for test in sorted(wrong, key=severity):
         by_surface.setdefault(test.surface, []).append(test)
     sentences = []
-    for surface, mine in by_surface.items():
+    for surface, own in by_surface.items():
         level = [f"{abs(test.deviation):.0%} {'brighter' if test.deviation > 0 else 'darker'} in "
-                 f"{bands[test.band]}" for test in sorted(mine, key=lambda test: test.band)
+                 f"{bands[test.band]}" for test in sorted(own, key=lambda test: test.band)
                  if test.kind == "level"]
-        shape = max((test.deviation for test in mine if test.kind == "shape"), default=0.0)
+        shape = max((test.deviation for test in own if test.kind == "shape"), default=0.0)
         said = [f"the photo is {', '.join(level)} than the rendering"] if level else []
         said += [f"its parts differ among themselves by {shape:.0%}"] if shape else []
-        p = min(test.adjusted for test in mine)
+        p = min(test.adjusted for test in own)
         sentences.append(f"{surface} does not fit: {'; '.join(said)} "
                          f"({f'p = {p:.1g}' if p > 1e-6 else 'p < 1e-6'} after Holm's correction): "
-                         "check its light, place and paint")
+                         "check its light, position and paint")
     return tuple(sentences)
 
 
@@ -132,9 +133,9 @@ def _relative_noise(photo: np.ndarray, model: np.ndarray, mask: np.ndarray) -> f
     return float(np.sqrt(np.mean(steps**2) / 2) / photo[mask].mean())
 
 
-def _blocks(photo: np.ndarray, model: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray,
-                                                                             np.ndarray]:
-    """Relative deviation (B,) of the blocks of a surface that have ``FEWEST`` pixels, and their
+def _blocks(photo: np.ndarray, model: np.ndarray,
+            mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Relative deviation (B,) of the blocks of a surface that have ``MIN_PIXELS`` pixels, and their
     pixels (B,).
     """
     row, column = np.nonzero(mask)
@@ -142,7 +143,7 @@ def _blocks(photo: np.ndarray, model: np.ndarray, mask: np.ndarray) -> tuple[np.
                        return_inverse=True)[1].ravel()
     pixels = np.bincount(member)
     sums = [np.bincount(member, image[mask]) for image in (photo, model)]
-    full = (pixels >= FEWEST) & (sums[1] > 0)
+    full = (pixels >= MIN_PIXELS) & (sums[1] > 0)
     # Relative to the surface's mean where a block is darker than it: noise does not shrink with the
     # light.
     scale = np.maximum(sums[1] / pixels, photo[mask].mean())[full]

@@ -14,8 +14,8 @@ from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
-from spectrabox.reconstruct.scene.light_place import light_number, move_light, with_light_moved
 from spectrabox.reconstruct.scene.light_position import refine_light_position
+from spectrabox.reconstruct.scene.moved_light import light_number, move_light, with_light_moved
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.session.cli import app
@@ -93,7 +93,7 @@ def light_centre(scene):
                              lambda text: text, as_point,
                              lambda text: as_point(text).replace('x="5" y="27" z="38"',
                                                                  'value="5, 27 38"')])
-def test_a_light_is_moved_wherever_its_place_is_written(tmp_path, change):
+def test_a_light_is_moved_wherever_its_position_is_written(tmp_path, change):
     scene = box(tmp_path, change)
     # single precision of 38 cm
     np.testing.assert_allclose(light_centre(scene), [5, 27, 38], atol=1e-5)
@@ -119,7 +119,7 @@ def test_what_cannot_be_refined_is_refused(tmp_path):
     sky = box(tmp_path, lambda text: as_point(text).replace(POINT,
                                                             '<emitter type="constant" id="sky"/>'))
     with pytest.raises(InputError,
-                       match="the light 'sky' is of type 'constant', which has no place"):
+                       match="the light 'sky' is of type 'constant', which has no position"):
         light_number(sky, None)
     behind = box(tmp_path, lambda text: as_point(text).replace('z="38"', 'z="-500"'))
     with pytest.raises(InputError, match="the light reaches"):
@@ -129,7 +129,7 @@ def test_what_cannot_be_refined_is_refused(tmp_path):
         move_light(words.root, 0, np.zeros(3))
 
 
-def test_a_distant_light_has_no_place(tmp_path):
+def test_a_distant_light_has_no_position(tmp_path):
     far = box(tmp_path, lambda text: as_point(text).replace('x="5" y="27" z="38"',
                                                             'x="5000" y="27000" z="380000"'))
     with pytest.raises(CalibrationError, match="does not tell where the light is"):

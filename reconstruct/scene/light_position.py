@@ -1,4 +1,4 @@
-"""Refine where a light stands, from a photo of surfaces whose reflectances are known.
+"""Position of a light, refined from a photo of surfaces whose reflectances are known.
 
 The photo's logarithm is fitted by Gauss-Newton steps in the light's offset and brightness. The
 rendering is the traced transport; its derivative comes from tracing the same paths with the light
@@ -22,7 +22,7 @@ from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import LightScale, LinearImage, Outcome
 from spectrabox.radiometry.shaped import Record
 from spectrabox.reconstruct.rendering.renderer import load_scene
-from spectrabox.reconstruct.scene.light_place import light_number, with_light_moved
+from spectrabox.reconstruct.scene.moved_light import light_number, with_light_moved
 from spectrabox.reconstruct.scene.regions import block_regions, region_means
 from spectrabox.reconstruct.scene.scene_file import SceneFile, not_plain_products
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
@@ -31,25 +31,25 @@ from spectrabox.reconstruct.tracer.transport import trace_transport
 
 # of the surfaces' extent, for the derivative: less, and the noise of shadow edges rules it
 STEP = 0.015
-LARGEST_MOVE = 0.1      # of the same, in one iteration
+MAX_MOVE = 0.1          # of the same, in one iteration
 ITERATIONS = 12
 NEW_SLOPES = 2          # iterations that trace the derivative
 TINY, ROUND_OFF = 1e-300, 1e-12
 SMALL_MOVE = 0.2        # of the standard error: converged
-FEWEST_REGIONS = 12
-DARKEST = 0.01          # of a band's median signal
+MIN_REGIONS = 12
+MIN_SIGNAL = 0.01       # of a band's median signal
 BLOCK_ERROR = 0.005     # relative, of each block of pixels beside its noise
 SURFACE_ERROR = 0.01    # relative, of each surface in all bands: uneven paint, pose
 PAINT_ERROR = 0.02      # relative, of each material in each band: its known reflectance
-LARGEST_ERROR = 0.5     # of the same: above, the place is not known at all
+MAX_ERROR = 0.5         # of the same: above, the position is not known at all
 
-UNTOLD = ("the photo does not tell where the light is: brightness hardly changes when it moves; "
+UNDETERMINED = ("the photo does not tell where the light is: brightness hardly changes when it moves; "
           "photograph surfaces nearer to it, in several directions")
 
 
 @dataclass(frozen=True, eq=False)
 class LightPosition(Record):
-    """Where a light was found, relative to where the scene had it, in the scene's unit."""
+    """Estimated position of a light, relative to that in the scene, in the scene's unit."""
 
     light: str
     offset: Annotated[np.ndarray, "3"]
@@ -63,13 +63,14 @@ class LightPosition(Record):
 
 
 def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.ndarray],
-                          response: np.ndarray,
-                          photo: LinearImage, *, light_id: str | None = None,
+                          response: np.ndarray, photo: LinearImage, *, light_id: str | None = None,
                           surface_error: float = SURFACE_ERROR, paint_error: float = PAINT_ERROR,
                           block_error: float = BLOCK_ERROR, spp: int = 256,
                           seed: int = 0, progress: Progress = lambda
                           *_: None) -> LightPosition:
     """Offset of a light, with the standard error of the Gauss-Newton Hessian.
+
+    Eleven parameters: four say what is measured, the others have defaults and go by keyword.
 
     Parameters
     ----------
@@ -84,59 +85,61 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
     surface_error, paint_error, block_error : float
         Relative standard deviations of what the model does not know: of each surface in all bands,
         of each material in each band, of each block of pixels.
+    spp : int
+        Paths per pixel of each trace.
 
     Raises
     ------
     InputError
-        If the light has no place, a material no reflectance, or too little of the photo can be
+        If the light has no position, a material no reflectance, or too little of the photo can be
         compared.
     CalibrationError
         If the photo does not tell where the light is.
     """
     number = light_number(scene_file, light_id)
-    worn = _require_reflectances(scene_file, reflectances)
+    bsdfs = _require_reflectances(scene_file, reflectances)
     size = photo.signal.shape[1], photo.signal.shape[0]
     ones = np.ones(2)
 
     def loaded(offset: np.ndarray) -> Any:
         return load_scene(scene_xml(with_light_moved(scene_file, number, offset),
-                                    reflectances=dict.fromkeys(worn, ones), light=ones,
+                                    reflectances=dict.fromkeys(bsdfs, ones), light=ones,
                                     bands={"one": ones}, range_nm=(400.0, 700.0), size=size))
 
     scene = loaded(np.zeros(3))
     surface = surface_map(scene, tuple(scene_file.surfaces), size)
     region, group = block_regions(surface, _usable(photo))
-    if len(group) < FEWEST_REGIONS:
+    if len(group) < MIN_REGIONS:
         raise InputError(f"photo {photo.source}: {len(group)} blocks of single surfaces can be "
-                         f"compared, {FEWEST_REGIONS} are needed; render at a larger size, or "
+                         f"compared, {MIN_REGIONS} are needed; render at a larger size, or "
                          "expose so that less is saturated")
     boxes = [shape.bbox() for shape in scene.shapes() if shape.id() in scene_file.surfaces]
     corners = [np.array([np.array(end, dtype=float).ravel() for end in ends])
                for ends in ([box.min for box in boxes], [box.max for box in boxes])]
     extent = float(np.linalg.norm(corners[1].max(axis=0) - corners[0].min(axis=0)))
     measured = region_means(photo.signal.astype(float), region)
-    noise = region_means(photo.variance.astype(float), region) / np.bincount(region[region >= 0])[:, None]
-    spectra = np.array([reflectances[bsdf] for bsdf in worn])
+    noise = region_means(photo.variance.astype(float), region)
+    noise /= np.bincount(region[region >= 0])[:, None]
+    spectra = np.array([reflectances[bsdf] for bsdf in bsdfs])
 
     def rendered(offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Signal (R, K), and its relative Monte Carlo variance (R,)."""
-        traced = trace_transport(loaded(offset), {bsdf: bsdf for bsdf in worn}, size, region,
+        traced = trace_transport(loaded(offset), {bsdf: bsdf for bsdf in bsdfs}, size, region,
                                  bounces=scene_file.max_depth - 1, spp=spp, seed=seed)
-        return signal(traced.coefficients, traced.exponents, spectra,
-                      response), traced.relative_variance
+        received = signal(traced.coefficients, traced.exponents, spectra, response)
+        return received, traced.relative_variance
 
     now, monte_carlo = rendered(np.zeros(3))
     lit = np.all((now > 0) & (measured > 0), axis=1)
-    if np.count_nonzero(lit) < FEWEST_REGIONS:
+    if np.count_nonzero(lit) < MIN_REGIONS:
         raise InputError(f"{scene_file.path.name}: the light reaches {np.count_nonzero(lit)} of "
                          f"{lit.size} blocks that the photo shows; check where the scene has it")
-    # The bands of a block share its paths and what is wrong with its geometry: they are one reading
-    # of those, not K.
+    # The bands of a block share its paths and the error of its geometry: errors of these two are
+    # the same in all K.
     common = (monte_carlo[lit] + block_error**2)[:, None, None] * np.ones(2 * response.shape[:1])
-    whiten = np.linalg.inv(np.linalg.cholesky(
-                               common + (noise[lit] / measured[lit] ** 2 + ROUND_OFF)[:, None, :]
-                               * np.eye(response.shape[0])))
-    materials = [list(worn).index(bsdf)
+    own = (noise[lit] / measured[lit] ** 2 + ROUND_OFF)[:, None, :] * np.eye(response.shape[0])
+    whiten = np.linalg.inv(np.linalg.cholesky(common + own))
+    materials = [list(bsdfs).index(bsdf)
                  for bsdf in np.array(list(scene_file.surfaces.values()))[group[lit]]]
     nuisance = _nuisance(group[lit], np.array(materials), response.shape[0], surface_error,
                          paint_error)
@@ -148,14 +151,13 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
         progress(iteration / ITERATIONS, f"light moved by {np.linalg.norm(offset):.3g}")
         if iteration < NEW_SLOPES:  # then kept: their noise would keep the steps from ending
             ends = [[np.log(np.maximum(rendered(offset + sign * step)[0][lit], TINY))
-                     for sign in (1, -1)]
-                    for step in STEP * extent * np.eye(3)]
+                     for sign in (1, -1)] for step in STEP * extent * np.eye(3)]
             slopes = np.array([(ahead - behind) / (2 * STEP * extent) for ahead, behind in ends])
         fit = _solve(target - np.log(now[lit]), slopes, whiten, nuisance)
-        if not np.all(np.diag(fit.covariance) < (LARGEST_ERROR * extent) ** 2):
-            raise CalibrationError(UNTOLD)
-        move = fit.move * min(1.0, LARGEST_MOVE * extent / max(float(np.linalg.norm(fit.move)),
-                                                               TINY))
+        if not np.all(np.diag(fit.covariance) < (MAX_ERROR * extent) ** 2):
+            raise CalibrationError(UNDETERMINED)
+        length = max(float(np.linalg.norm(fit.move)), TINY)
+        move = fit.move * min(1.0, MAX_MOVE * extent / length)
         offset = offset + move
         offsets.append(offset)
         now = rendered(offset)[0]
@@ -164,7 +166,7 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
             break
     scale = LightScale(float(np.exp(fit.log_scale)),
                        float(np.exp(fit.log_scale) * fit.log_scale_error),
-                       None, "surfaces of known reflectance, the light's place found with it")
+                       None, "surfaces of known reflectance, the light's position estimated with it")
     return LightPosition(scene_file.light_ids[number], offset, np.sqrt(np.diag(fit.covariance)),
                          fit.covariance, scale, before, fit.misfit, np.array(offsets), outcome)
 
@@ -195,12 +197,12 @@ def _solve(residual: np.ndarray, slopes: np.ndarray, whiten: np.ndarray,
     wanted = np.concatenate([(whiten @ residual[..., None]).ravel(), np.zeros(count)])
     size = np.sqrt(np.sum(rows**2, axis=0))
     if np.any(size[:free] < TINY):
-        raise CalibrationError(UNTOLD)
+        raise CalibrationError(UNDETERMINED)
     covariance = np.linalg.inv((rows / size).T @ (rows / size)) / np.outer(size, size)
-    found = covariance @ rows.T @ wanted
-    misfit = float(np.sum((wanted - rows @ found) ** 2)) / max(residual.size - free - 1, 1)
+    solution = covariance @ rows.T @ wanted
+    misfit = float(np.sum((wanted - rows @ solution) ** 2)) / max(residual.size - free - 1, 1)
     covariance *= max(misfit, 1.0)
-    return _Step(found[:free], covariance[:free, :free], float(found[free]),
+    return _Step(solution[:free], covariance[:free, :free], float(solution[free]),
                  float(np.sqrt(covariance[free, free])), misfit)
 
 
@@ -216,7 +218,7 @@ def _nuisance(group: np.ndarray, material: np.ndarray, bands: int, surface_error
 
 
 def _usable(photo: LinearImage) -> np.ndarray:
-    floor = DARKEST * np.median(photo.signal, axis=(0, 1))
+    floor = MIN_SIGNAL * np.median(photo.signal, axis=(0, 1))
     return np.asarray(~photo.saturated.any(axis=2) & np.all(photo.signal > floor, axis=2))
 
 
@@ -228,5 +230,5 @@ def _require_reflectances(scene_file: SceneFile,
                          "not given; every surface sends light to the others, so all are needed")
     if glossy := not_plain_products(scene_file):
         raise InputError(f"{', '.join(glossy)} of {scene_file.path.name} is coated or glossy; the "
-                         "light's place is found from diffuse surfaces only")
+                         "light's position is estimated from diffuse surfaces only")
     return worn

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.reconstruct.scene.light_place import move_light
+from spectrabox.reconstruct.scene.moved_light import move_light
 
 REPLACED = {"fov", "fov_axis", "focal_length", "principal_point_offset_x",
             "principal_point_offset_y", "to_world"}

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 # above, wider blocks: nothing in a diffuse scene varies faster than such a block
-MOST_REGIONS = 1024
-NARROWEST = 4           # pixels
+MAX_REGIONS = 1024
+MIN_BLOCK = 4           # pixels
 
 
 def block_regions(surface: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -22,7 +22,7 @@ def block_regions(surface: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np
     used : (H, W) bool          pixels that may be compared
     """
     row, column = np.nonzero(used & (surface >= 0))
-    block = max(NARROWEST, round(np.sqrt(row.size / MOST_REGIONS)))
+    block = max(MIN_BLOCK, round(np.sqrt(row.size / MAX_REGIONS)))
     key = np.stack([surface[row, column], row // block, column // block])
     names, member = np.unique(key, axis=1, return_inverse=True)
     region = np.full(surface.shape, -1)
@@ -35,6 +35,6 @@ def region_means(image: np.ndarray, region: np.ndarray) -> np.ndarray:
     mask = region >= 0
     count = np.bincount(region[mask])
     flat = image[mask].reshape(len(region[mask]), -1)
-    sums = np.stack([np.bincount(region[mask], flat[:, place]) for place in range(flat.shape[1])],
+    sums = np.stack([np.bincount(region[mask], flat[:, column]) for column in range(flat.shape[1])],
                     axis=1)
     return (sums / count[:, None]).reshape(count.size, *image.shape[2:])

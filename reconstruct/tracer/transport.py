@@ -26,7 +26,7 @@ from spectrabox.reconstruct.tracer.trace_checkpoint import (
     trace_fingerprint,
 )
 
-MOST_BYTES = 2 << 30         # of memory for trace and fit; more is refused before it is allocated
+MAX_BYTES = 2 << 30         # of memory for trace and fit; more is refused before it is allocated
 PILOT_PATHS = 1 << 19        # of all regions together, by which products are judged before pruning
 BRIGHTEST = 0.9  # reflectance that no material is taken to exceed when products are judged
 DROPPED = 1e-4  # share of the pilot's signal, at that reflectance, whose products are dropped
@@ -201,11 +201,11 @@ def require_memory(regions: int, products: int, passes: int, materials: int, bou
         Saying how large it would be and what makes it smaller.
     """
     needed = regions * products * max(12 * passes + 8, 4 * passes + 28)
-    if needed > MOST_BYTES:
+    if needed > MAX_BYTES:
         raise InputError(
             f"the light transport of {regions} regions and {products} products of {materials} "
             f"reflectances ({product_count(materials, bounces)} before pruning) needs "
-            f"{needed / 2**30:.1f} GiB, more than the {MOST_BYTES / 2**30:.0f} GiB set aside; "
+            f"{needed / 2**30:.1f} GiB, more than the {MAX_BYTES / 2**30:.0f} GiB set aside; "
             "lower [reconstruct] width or the scene's max_depth")
 
 

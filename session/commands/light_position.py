@@ -57,8 +57,8 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
         from spectrabox.radiometry.spectra.named_spectra import light as spectrum_of_light
         from spectrabox.radiometry.spectra.named_spectra import sensitivities
         from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-        from spectrabox.reconstruct.scene.light_place import light_number
         from spectrabox.reconstruct.scene.light_position import refine_light_position
+        from spectrabox.reconstruct.scene.moved_light import light_number
         from spectrabox.reconstruct.scene.pose_scene import scene_with_light_moved
         from spectrabox.reconstruct.scene.scene_file import read_scene
         from spectrabox.session.progress_display import progress_display

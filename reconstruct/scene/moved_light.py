@@ -1,4 +1,4 @@
-"""Where a light of an operator's scene stands, and the scene with it moved."""
+"""The position of a light in an operator's scene, and the scene with it moved."""
 from __future__ import annotations
 
 import copy
@@ -10,7 +10,7 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 
-PLACED = {"area", "point", "spot", "projector", "directionalarea"}
+POSITIONED = {"area", "point", "spot", "projector", "directionalarea"}
 
 
 def light_number(scene_file: SceneFile, light_id: str | None) -> int:
@@ -19,7 +19,7 @@ def light_number(scene_file: SceneFile, light_id: str | None) -> int:
     Raises
     ------
     InputError
-        If there are several and none is named, there is none of that name, or it has no place.
+        If there are several and none is named, there is none of that name, or it has no position.
     """
     names = scene_file.light_ids
     if light_id is None and len(names) > 1:
@@ -30,9 +30,9 @@ def light_number(scene_file: SceneFile, light_id: str | None) -> int:
                          f"{', '.join(names)}")
     number = 0 if light_id is None else names.index(light_id)
     kind = list(scene_file.root.iter("emitter"))[number].get("type", "")
-    if kind not in PLACED:
+    if kind not in POSITIONED:
         raise InputError(f"{scene_file.path.name}: the light {names[number]!r} is of type "
-                         f"{kind!r}, which has no place to be found; {', '.join(sorted(PLACED))} "
+                         f"{kind!r}, which has no position to be estimated; {', '.join(sorted(POSITIONED))} "
                          "have")
     return number
 
@@ -50,15 +50,15 @@ def move_light(root: ET.Element, number: int, offset: np.ndarray) -> None:
     """
     light = list(root.iter("emitter"))[number]
     node = next((shape for shape in root.iter("shape") if light in list(shape)), light)
-    position = next((child for child in node if child.tag == "point" and child.get("name")
-                     == "position"), None)
+    position = next((child for child in node
+                     if child.tag == "point" and child.get("name") == "position"), None)
     if position is not None:
         moved = _position(position) + offset
         position.attrib = {"name": "position",
                            "value": ", ".join(f"{value:.9g}" for value in moved)}
         return
-    transform = next((child for child in node if child.tag == "transform" and child.get("name")
-                      == "to_world"), None)
+    transform = next((child for child in node
+                      if child.tag == "transform" and child.get("name") == "to_world"), None)
     if transform is None:
         transform = ET.SubElement(node, "transform", name="to_world")
     ET.SubElement(transform, "translate",
@@ -67,13 +67,13 @@ def move_light(root: ET.Element, number: int, offset: np.ndarray) -> None:
 
 def _position(node: ET.Element) -> np.ndarray:
     text = node.get("value")
-    words = [node.get(axis, "0") for axis in "xyz"] if text is None else text.replace(",",
-                                                                                      " ").split()
+    words = ([node.get(axis, "0") for axis in "xyz"] if text is None
+             else text.replace(",", " ").split())
     try:
-        place = np.array([float(word) for word in words])
+        position = np.array([float(word) for word in words])
     except ValueError:
-        place = np.empty(0)
-    if place.shape != (3,):
+        position = np.empty(0)
+    if position.shape != (3,):
         raise InputError(f"the light's position {' '.join(words)!r} is not three numbers; write "
                          "them out in the scene")
-    return place
+    return position
