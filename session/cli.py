@@ -3,10 +3,12 @@ from __future__ import annotations
 
 import sys
 from types import TracebackType
+from typing import Annotated
 
 import typer
 
-from spectrabox.session.command_line import INTERRUPTED
+import spectrabox
+from spectrabox.session.command_line import INTERRUPTED, CommandGroup
 from spectrabox.session.commands import (
     camera,
     capture,
@@ -17,13 +19,27 @@ from spectrabox.session.commands import (
     spectrum,
 )
 
-app = typer.Typer(name="spectrabox", no_args_is_help=True, add_completion=False,
+# rich_markup_mode None: its panels cost --help twice the time.
+app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
                   pretty_exceptions_enable=False, rich_markup_mode=None,
-                  context_settings={"help_option_names": ["-h", "--help"]},
-                  help="Ordinary camera captures to calibrated reflectance spectra, with honest "
-                  "uncertainty.")
+                  context_settings={"help_option_names": ["-h", "--help"]})
 for subject in (session, capture, geometry, camera, sampling, meter, spectrum):
     subject.register(app)
+
+
+def say_version(asked: bool) -> None:
+    """Print the version and leave."""
+    if asked:
+        print(f"spectrabox {spectrabox.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def spectrabox_options(
+        version: Annotated[bool, typer.Option("--version", callback=say_version, is_eager=True,
+                                              help="Print the version and leave.")] = False
+        ) -> None:
+    """Ordinary camera captures to calibrated reflectance spectra, with honest uncertainty."""
 
 
 def say_unexpected(kind: type[BaseException], error: BaseException,

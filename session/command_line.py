@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from spectrabox.radiometry.errors import SpectraboxError
 
@@ -20,8 +21,35 @@ Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an e
 Outside = Annotated[bool, typer.Option("--allow-outside",
                                        help="Let the session name files outside its folder.")]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda: where Mitsuba renders.")]
+SUBJECTS = {"A session": ("new", "check", "run", "status", "report", "relight"),
+            "Photos and cameras": ("develop", "chart", "camera", "geometry"),
+            "Instruments and spectral files": ("meter", "spectrum"),
+            "The spectra behind a signal": ("sample", "uplift", "plan", "prior"),
+            "Can they be trusted": ("certify", "judge"),
+            "Trying it out": ("demo", "doctor")}
 INTERRUPTED = 130
 STOPPED = "interrupted: finished stages are kept, run the same command again to go on"
+
+
+class CommandGroup(TyperGroup):
+    """Commands whose help lists them by subject, each with its whole first sentence."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands under their subjects, those of no subject under \"Commands\"."""
+        names = [name for name, each in self.commands.items() if not each.hidden]
+        subjects = {heading: [name for name in names if name in of_subject]
+                    for heading, of_subject in SUBJECTS.items()} if ctx.parent is None else {}
+        listed = [name for of_subject in subjects.values() for name in of_subject]
+        subjects["Commands"] = [name for name in names if name not in listed]
+        for heading, of_subject in subjects.items():
+            if of_subject:
+                with formatter.section(heading):
+                    formatter.write_dl([(name, _first_paragraph(self.commands[name].help))
+                                        for name in of_subject])
+
+
+def _first_paragraph(text: str | None) -> str:
+    return " ".join((text or "").split("\n\n")[0].split())
 
 
 @contextlib.contextmanager

@@ -1,4 +1,5 @@
 import json
+import os
 import re
 import struct
 import subprocess
@@ -11,9 +12,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+import spectrabox
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.session.cli import app
-from spectrabox.session.command_line import command
+from spectrabox.session.command_line import SUBJECTS, command
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -279,3 +281,28 @@ def test_an_interrupt_that_another_error_wraps_is_still_an_interrupt(capsys):
     assert "interrupted: finished stages are kept" in capsys.readouterr().err
     with pytest.raises(RuntimeError), command(as_json=False, debug=False):
         raise RuntimeError("of its own")
+
+
+def test_the_version_is_printed():
+    assert call("--version").stdout == f"spectrabox {spectrabox.__version__}\n"
+
+
+@pytest.mark.parametrize("group", [[], ["camera"], ["geometry"], ["meter"], ["spectrum"],
+                                   ["prior"]])
+def test_help_cuts_no_sentence(group):
+    help_text = call(*group, "--help").stdout
+    assert "..." not in help_text.replace("[ARGS]...", "")
+
+
+def test_every_command_has_a_subject():
+    help_text = call("--help").stdout
+    assert all(f"\n{subject}:\n" in help_text for subject in SUBJECTS)
+    assert "\nCommands:\n" not in help_text
+
+
+def test_a_shell_completes_commands():
+    environment = os.environ | {"_SPECTRABOX_COMPLETE": "complete_bash", "COMP_CWORD": "1",
+                                "COMP_WORDS": "spectrabox st"}
+    done = subprocess.run([sys.executable, "-m", "spectrabox"], env=environment, cwd=ROOT,
+                          capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["status"], done

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from spectrabox.session.command_line import Debug, Json, answer, command, fail
+from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command, fail
 from spectrabox.session.commands.camera_inputs import (
     read_light,
     read_measured_curves,
@@ -44,7 +44,7 @@ References = Annotated[list[str], typer.Option(metavar="NAME|CSV", help="Chart r
                                                "published average, or a CSV of 24 columns.")]
 PriorFile = Annotated[Path | None, typer.Option("--prior", metavar="NPZ",
                                                 help="A prior of your own; the shipped one by default.")]
-camera = typer.Typer(no_args_is_help=True, help="Sensitivities of a camera: fit, prior, preflight.")
+camera = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="Sensitivities of a camera: fit, prior, preflight.")
 
 
 def register(app: typer.Typer) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.command_line import Debug, Json, answer, command
+from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command
 from spectrabox.session.commands.light_position import light
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ Force = Annotated[bool, typer.Option("--force", help="Replace the output where i
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    group = typer.Typer(no_args_is_help=True,
-                        help="Lens and place of the camera, photos without distortion.")
+    group = typer.Typer(cls=CommandGroup, no_args_is_help=True,
+                        help="Lens and pose of the camera, photos without distortion.")
     for function in (board, lens, pose, undistort, light):
         group.command()(function)
     app.add_typer(group, name="geometry")

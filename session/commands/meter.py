@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.session.command_line import Debug, Json, answer, command
+from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command
 
 if TYPE_CHECKING:
     from spectrabox.capture.meter.instruments.interface import MeterSettings
@@ -33,7 +33,7 @@ REPLAY_LIMIT_S = 2.0
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    meter = typer.Typer(name="meter", no_args_is_help=True, rich_markup_mode=None,
+    meter = typer.Typer(name="meter", cls=CommandGroup, no_args_is_help=True,
                         help="Spectroradiometers on the serial line.")
     for function in (identify, measure, replay):
         meter.command()(function)

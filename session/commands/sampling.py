@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from spectrabox.session.command_line import Debug, Json, answer, command
+from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command
 
 Sensitivity = Annotated[str, typer.Option(
     help="CSV of sensitivities, or a camera or observer by its name.")]
@@ -119,7 +119,7 @@ def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
     for function in (sample, uplift, plan, certify, judge):
         app.command()(function)
-    prior = typer.Typer(no_args_is_help=True,
+    prior = typer.Typer(cls=CommandGroup, no_args_is_help=True,
                         help="The prior on reflectances: train one of your own.")
     prior.command("train")(prior_train)
     prior.callback()(lambda: None)  # keeps "train" a word of its own while it is the only command

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.command_line import Debug, Json, answer, command
+from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,7 +28,7 @@ QUANTITY_HELP = "reflectance, radiance, irradiance or relative, where the file d
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    spectrum = typer.Typer(name="spectrum", no_args_is_help=True, rich_markup_mode=None,
+    spectrum = typer.Typer(name="spectrum", cls=CommandGroup, no_args_is_help=True,
                            help="Spectral files.")
     for function in (show, convert):
         spectrum.command()(function)
