@@ -39,7 +39,7 @@ def judged(database: CameraDatabase, camera: int, true: str, claimed: str,
     signal *= 1 + NOISE * rng.standard_normal(signal.shape)
     samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), 0 * signal, 0 * signal)
     photo = chart_photo(samples, reflectances, light(claimed, GRID), np.full(24, np.pi), GRID,
-                        places=patch_centres_uv())
+                        positions=patch_centres_uv())
     found = fit_with_prior([photo], others(database, camera, by_brand=False), GRID)
     if found.disagrees:
         return "refused"

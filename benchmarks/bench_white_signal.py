@@ -14,7 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.calibrate.calibration import ChartCalibration, calibrate_chart
+from spectrabox.calibrate.calibration import (
+    CalibrationOptions,
+    ChartCalibration,
+    ChartShot,
+    calibrate_chart,
+)
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
 from spectrabox.radiometry.grid import visible_grid
@@ -44,8 +49,9 @@ def photographed(database: CameraDatabase, camera: int, noise: float, power: np.
     samples = PatchSamples(signal, np.zeros((24, bands, bands)), np.ones(24), 0 * signal,
                            0 * signal)
     lamp = Spectrum(GRID, power, Quantity.RADIANCE, "lamp")
-    return truth, calibrate_chart(samples, reflectances, lamp, irradiance, GRID, scaled=True,
-                                  prior=others(database, camera, by_brand=False))
+    return truth, calibrate_chart([ChartShot(samples, reflectances, lamp, irradiance)], GRID,
+                                  CalibrationOptions(
+                                      prior=others(database, camera, by_brand=False)))
 
 
 def errors_of(truth: np.ndarray, made: ChartCalibration, power: np.ndarray,

@@ -1,6 +1,7 @@
-"""A whole calibration: curves, light and scale, from a chart photo or from measured curves."""
+"""A whole calibration: curves, light and scale, from chart photos or from measured curves."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -11,6 +12,7 @@ from spectrabox.calibrate.measured_curves import check_measured_curves
 from spectrabox.calibrate.photo_checks import light_power, refuse_disagreement
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.sensitivity import (
+    CHART_ERROR,
     SPLINE_COEFFICIENTS,
     PriorFit,
     default_prior,
@@ -36,18 +38,29 @@ from spectrabox.radiometry.records import (
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.radiometry.shaped import Record
 
-CHART_ERROR = 0.01  # relative error of a patch against its published reflectance
+MIN_BANDS = 3
+UNKNOWN_IRRADIANCE = np.full(24, np.pi)     # gives a reflectance of 1 a signal without scale
 
 
 @dataclass(frozen=True, eq=False)
 class ChartShot(Record):
-    """One more photo of a chart by the same camera: any light, exposure and chart of I patches."""
+    """A photo of a chart: its patches, their reflectances, and the light on them."""
 
     samples: PatchSamples
-    reflectances: Annotated[np.ndarray, "I P"]
+    reflectances: Annotated[np.ndarray, "24 P"]
     light: Spectrum
-    # None: not known, a smooth field is allowed
-    irradiance: Annotated[np.ndarray, "I"] | None = None
+    # On each patch for a light spectrum of 1. None: not known, a smooth field is allowed.
+    irradiance: Annotated[np.ndarray, "24"] | None = None
+
+
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """What an operator may choose of a calibration."""
+
+    method: str = "prior"                       # or one of spline_fit.SPLINE_METHODS
+    prior: CameraPrior | None = None            # None: shipped, or smoothness for other bands
+    coefficients: int = SPLINE_COEFFICIENTS     # of each band, for "paper" and "nonnegative"
+    curves: np.ndarray | None = None            # (K, P) measured; fits none, whatever the method
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,112 +68,93 @@ class ChartCalibration(Record):
     """A calibration with everything that led to it."""
 
     calibration: Calibration
-    scale: LightScale  # also where the geometry is unknown and the calibration has none
-    predicted: Annotated[np.ndarray, "I K"]
-    held_out: Annotated[np.ndarray, "I K"]          # each patch predicted from the others
-    delta_e: Annotated[np.ndarray, "I"]             # CIEDE2000 of each patch, fitted
-    held_out_delta_e: Annotated[np.ndarray, "I"]    # the same, the patch left out of the fit
-    found: PriorFit | None                          # of the method ``prior``
+    scale: LightScale                               # also where the calibration has none
+    predicted: Annotated[np.ndarray, "24 K"]
+    held_out: Annotated[np.ndarray, "24 K"]         # each patch predicted from the others
+    delta_e: Annotated[np.ndarray, "24"]            # CIEDE2000 of each patch, fitted
+    held_out_delta_e: Annotated[np.ndarray, "24"]   # the same, the patch left out of the fit
+    prior_fit: PriorFit | None                      # of the method "prior"
 
 
-def calibration_from_chart(
-        samples: PatchSamples, reflectances: np.ndarray, light: Spectrum, irradiance: np.ndarray,
-        grid: WavelengthGrid, *, coefficients: int = SPLINE_COEFFICIENTS,
-        curves: np.ndarray | None = None, scaled: bool = False, method: str | None = None,
-        prior: CameraPrior | None = None,
-        patch_places: np.ndarray | None = None) -> tuple[Calibration, np.ndarray]:
-    """Calibration from a chart photo, and the signal (24, K) that it predicts for the patches.
+def calibrate_chart(shots: Sequence[ChartShot], grid: WavelengthGrid,
+                    options: CalibrationOptions | None = None) -> ChartCalibration:
+    """Calibration of a camera and its light from photos of a chart.
 
     Parameters
     ----------
-    reflectances : (24, P) array
-    irradiance : (24,) array
-        On each patch for a light spectrum of 1; pi everywhere where the geometry is unknown.
-    coefficients : int
-        Of the spline of each band, for the methods ``paper`` and ``nonnegative``.
-    curves : (K, P) array or None
-        Measured sensitivities; None fits them.
-    scaled : bool
-        Whether the irradiance is that of the real geometry, so that a light scale follows.
-    method : str or None
-        One of ``calibrate.sensitivity.METHODS``; None takes ``prior``.
-    prior : CameraPrior or None
-        None takes the one that comes with the project, or smoothness alone for cameras of other
-        bands.
-    patch_places : (24, 2) array or None
-        Of the patches on the chart, for a smooth illumination field; None takes the printed chart's
-        where the geometry is unknown and allows no field where it is known.
-
-    Raises
-    ------
-    CheckError
-        If no camera explains the patches, or given curves explain them only if the photo is read in
-        another way.
-    CalibrationError, InputError
-        See ``fit_sensitivities`` and ``light_power``.
-    """
-    made = calibrate_chart(samples, reflectances, light, irradiance, grid,
-                           coefficients=coefficients, curves=curves, scaled=scaled, method=method,
-                           prior=prior, patch_places=patch_places)
-    return made.calibration, made.predicted
-
-
-def calibrate_chart(samples: PatchSamples, reflectances: np.ndarray, light: Spectrum,
-                    irradiance: np.ndarray, grid: WavelengthGrid, *,
-                    coefficients: int = SPLINE_COEFFICIENTS, curves: np.ndarray | None = None,
-                    scaled: bool = False, method: str | None = None,
-                    prior: CameraPrior | None = None, patch_places: np.ndarray | None = None,
-                    more: tuple[ChartShot, ...] = ()) -> ChartCalibration:
-    """The same with the joint estimate and the light scale whether or not the geometry is known.
-
-    ``more`` are further photos for the method ``prior``; light, scale and predicted signals stay
-    those of the first.
+    shots : sequence of ChartShot
+        Photos by one camera. Light, scale, predicted signals and colour differences are those of
+        the first; more than one needs the method ``prior``. With a known irradiance of the first,
+        the calibration carries a light scale.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    options : CalibrationOptions or None
+        None takes the defaults.
 
     Raises
     ------
     InputError
-        If further photos are given to a method that takes one.
+        If a photo has fewer than 3 bands, several are given to a method that takes one, the method
+        is not known, or a light cannot be one (see ``light_power``).
+    CheckError
+        If no camera explains the patches, or given curves explain them only if the photo is read in
+        another way.
+    CalibrationError
+        If chart and light do not determine the curves (see ``fit_sensitivities``).
     """
-    if more and (curves is not None or method not in (None, "prior")):
-        raise InputError(f"method {method or 'file'} takes one photo; {1 + len(more)} photos need "
-                         "method prior")
-    power, unseen = light_power(light, grid)
-    places = patch_centres_uv() if patch_places is None and not scaled else patch_places
-    found = None
-    said: tuple[str, ...] = ()
-    if curves is not None:
-        fit, scale, predicted = _from_measured(samples, reflectances, power, irradiance, grid,
-                                               curves)
-        said = (check_measured_curves(chart_photo(samples, reflectances, power, irradiance, grid,
-                                                  places=places), curves, grid),)
-    elif method in (None, "prior"):
-        first = chart_photo(samples, reflectances, power, irradiance, grid, places=places)
-        found = prior_calibration([first, *(_further(shot, grid) for shot in more)], grid, prior)
-        fit, scale, predicted = (found.sensitivity, scale_of_photo(found, 0),
-                                 found.photos[0].predicted)
-        said = sentences(found, grid)
+    chosen = CalibrationOptions() if options is None else options
+    first = shots[0]
+    _require_bands(first.samples)
+    if len(shots) > 1 and (chosen.curves is not None or chosen.method != "prior"):
+        method = chosen.method if chosen.curves is None else "file"
+        raise InputError(f"method {method} takes one photo; {len(shots)} photos need method prior")
+    power, unseen = light_power(first.light, grid)
+    lit = UNKNOWN_IRRADIANCE if first.irradiance is None else first.irradiance
+    prior_fit = None
+    if chosen.curves is not None:
+        fit, scale, predicted = _from_measured(first.samples, first.reflectances, power, lit, grid,
+                                               chosen.curves)
+        said: tuple[str, ...] = (
+            check_measured_curves(_as_equations(first, grid), chosen.curves, grid),)
+    elif chosen.method == "prior":
+        prior_fit = prior_calibration([_as_equations(shot, grid) for shot in shots], grid,
+                                      chosen.prior)
+        fit, scale = prior_fit.sensitivity, scale_of_photo(prior_fit, 0)
+        predicted, said = prior_fit.photos[0].predicted, sentences(prior_fit, grid)
     else:
-        assert method is not None
-        fit, scale = fit_sensitivities(samples, reflectances, power, irradiance, grid, coefficients,
-                                       method=method)
-        said = (SPLINE_BANDS[method],)
-        predicted = scale.value * _chart_signals(grid, fit.curves, power, reflectances, irradiance)
+        fit, scale = fit_sensitivities(first.samples, first.reflectances, power, lit, grid,
+                                       chosen.coefficients, method=chosen.method)
+        said = (SPLINE_BANDS[chosen.method],)
+        predicted = scale.value * _chart_signals(grid, fit.curves, power, first.reflectances, lit)
     held_out = fit.residuals if fit.held_out_residuals is None else fit.held_out_residuals
     assert held_out is not None
-    covariance = relative_prediction_covariance(held_out, samples)
-    without = samples.mean * (1 - held_out)
-    delta_e, delta_e_without = (chart_colour_differences(samples.mean, signal, reflectances, grid)
-                                for signal in (predicted, without))
-    checks = (f"chart colour difference {delta_e.mean():.2f} CIEDE2000"
-              + ("" if curves is not None else f", {delta_e_without.mean():.2f} for patches left "
-                 "out of the fit"), *_checks(fit, covariance, scale), *unseen, *said)
-    calibration = Calibration(fit, light, scale if scaled else None, covariance, checks)
-    return ChartCalibration(calibration, scale, predicted, without, delta_e, delta_e_without, found)
+    covariance = relative_prediction_covariance(held_out, first.samples)
+    without = first.samples.mean * (1 - held_out)
+    delta_e, delta_e_without = (
+        chart_colour_differences(first.samples.mean, signal, first.reflectances, grid)
+        for signal in (predicted, without))
+    left_out = ("" if chosen.curves is not None
+                else f", {delta_e_without.mean():.2f} for patches left out of the fit")
+    checks = (f"chart colour difference {delta_e.mean():.2f} CIEDE2000{left_out}",
+              *_checks(fit, covariance, scale), *unseen, *said)
+    calibration = Calibration(fit, first.light, None if first.irradiance is None else scale,
+                              covariance, checks)
+    return ChartCalibration(calibration, scale, predicted, without, delta_e, delta_e_without,
+                            prior_fit)
 
 
 def prior_calibration(photos: list[ChartPhoto], grid: WavelengthGrid,
                       prior: CameraPrior | None = None) -> PriorFit:
     """The joint estimate from chart photos, refused where no camera explains them.
+
+    Parameters
+    ----------
+    photos : list of ChartPhoto
+        By one camera.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    prior : CameraPrior or None
+        None: see ``default_prior``.
 
     Raises
     ------
@@ -168,27 +162,36 @@ def prior_calibration(photos: list[ChartPhoto], grid: WavelengthGrid,
         If the patches disagree with the reference under any camera; it says which photo, and which
         other reading of it would agree.
     """
-    found = fit_with_prior(photos, prior, grid)
-    if not found.disagrees:
-        return found
+    joint = fit_with_prior(photos, prior, grid)
+    if not joint.disagrees:
+        return joint
     known = default_prior(photos, grid) if prior is None else prior
-    alone = [found] if len(photos) == 1 else [fit_with_prior([photo], known, grid)
-                                              for photo in photos]
-    for number, (photo, one) in enumerate(zip(photos, alone, strict=True), start=1):
-        if one.disagrees:
+    alone = ([joint] if len(photos) == 1
+             else [fit_with_prior([photo], known, grid) for photo in photos])
+    for number, (photo, fit) in enumerate(zip(photos, alone, strict=True), start=1):
+        if fit.disagrees:
             which = "the chart photo" if len(photos) == 1 else f"chart photo {number}"
-            refuse_disagreement(f"no camera explains {which}", one.model_error, one.chi_square,
+            refuse_disagreement(f"no camera explains {which}", fit.model_error, fit.chi_square,
                                 other_reading(photo, known, grid))
     raise CheckError(f"each of the {len(photos)} chart photos can be explained, but not all by one "
-                     f"camera (chi-square {found.chi_square:.1f} per signal together); check that "
+                     f"camera (chi-square {joint.chi_square:.1f} per signal together); check that "
                      "the camera and its settings were the same, and that each photo has the "
                      "spectrum of its own light")
 
 
 def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spectrum,
                             relative_error: float) -> Calibration:
-    """Calibration from measured curves alone; predicted signals are taken to be right within
-    ``relative_error``.
+    """Calibration from measured curves alone, without a chart photo.
+
+    Parameters
+    ----------
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    curves : (K, P) array
+        Measured sensitivities, the largest value of all bands being 1.
+    light : Spectrum
+    relative_error : float
+        Within which predicted signals are taken to be right, independent in each band.
     """
     covariance = np.eye(len(curves)) * relative_error**2
     note = ("sensitivities taken as given; predicted signals assumed right within "
@@ -196,16 +199,21 @@ def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spe
     return Calibration(_measured_curves(grid, curves, None), light, None, covariance, (note,))
 
 
-def _further(shot: ChartShot, grid: WavelengthGrid) -> ChartPhoto:
-    """One more photo as equations; a field is allowed where the illumination of a printed chart is
-    not known.
-    """
+def _require_bands(samples: PatchSamples) -> None:
+    bands = samples.mean.shape[1]
+    if bands < MIN_BANDS:
+        raise InputError(f"the photo has {bands} band{'s' * (bands > 1)}; {MIN_BANDS} or more "
+                         "are needed: stack photos that were taken through different filters into "
+                         "one of several bands")
+
+
+def _as_equations(shot: ChartShot, grid: WavelengthGrid) -> ChartPhoto:
+    """A photo as equations, with a field where the illumination of the chart is not known."""
     power, _ = light_power(shot.light, grid)
-    count = len(shot.samples.mean)
-    even = np.full(count, np.pi) if shot.irradiance is None else shot.irradiance
-    places = patch_centres_uv() if shot.irradiance is None and count == len(
-        patch_centres_uv()) else None
-    return chart_photo(shot.samples, shot.reflectances, power, even, grid, places=places)
+    if shot.irradiance is None:
+        return chart_photo(shot.samples, shot.reflectances, power, UNKNOWN_IRRADIANCE, grid,
+                           positions=patch_centres_uv())
+    return chart_photo(shot.samples, shot.reflectances, power, shot.irradiance, grid)
 
 
 def _from_measured(samples: PatchSamples, reflectances: np.ndarray, power: np.ndarray,
@@ -233,6 +241,6 @@ def _checks(fit: SensitivityFit, covariance: np.ndarray, scale: LightScale) -> t
     if fit.condition_number is not None:
         checks.append(f"condition number {fit.condition_number:.4g}")
     if scale.standard_error is not None:
-        checks.append(f"light scale and curves together, as a band reads white, known to "
-                      f"{scale.standard_error / scale.value:.2%}")
+        checks.append("signal of a perfect reflector (light scale times curves) known to "
+                      f"{scale.standard_error / scale.value:.2%} in each band")
     return tuple(checks)

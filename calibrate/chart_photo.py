@@ -1,11 +1,11 @@
-"""One chart photo as equations: what a band would read of each patch, and how that moves with what
-is unknown.
+"""One chart photo as equations: the signal of each patch, and its derivatives by what is unknown.
 
-    signal(i, k) = exp(exposure + field(i)) irradiance(i) / pi  integral reflectance(i) light sensitivity(k) + glare(k)
+    signal(i, k) = exp(exposure + field(i)) irradiance(i) / pi
+                   x integral reflectance(i) light sensitivity(k) + glare(k)
 
-``field`` is a quadratic polynomial of the patch's place on the chart, ``glare`` one offset a band
-(stray light, black level). Where the geometry is known the irradiance is given (Eq. 17) and the
-field may be switched off.
+``field`` is a quadratic polynomial of the patch's position on the chart, ``glare`` an offset of
+each band (stray light, black level). Where the geometry is known the irradiance is given (Eq. 17)
+and the field may be switched off.
 """
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import numpy as np
 from spectrabox.radiometry.records import PatchSamples, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
-FIELD_SD = 0.15  # of each quadratic term of the log irradiance; one term spans the chart
+FIELD_SD = 0.15              # of each quadratic term of the log irradiance; a term spans the chart
 GLARE_SD = 0.01              # of the brightest patch of the band
 DARK_SHARE = 0.03            # of the brightest patch: below it an error is no longer relative
 
@@ -29,46 +29,62 @@ class ChartPhoto(Record):
     signal: Annotated[np.ndarray, "I K"]
     covariance: Annotated[np.ndarray, "I K K"]      # of the mean signal, from the pixels
     reflectances: Annotated[np.ndarray, "I P"]
-    power: Annotated[np.ndarray, "P"]  # light x integration weight, on the working grid
+    power: Annotated[np.ndarray, "P"]               # light x integration weight, working grid
     irradiance: Annotated[np.ndarray, "I"]
-    places: Annotated[np.ndarray, "I E"]  # terms of the field at each patch; E = 0: no field
+    field_terms: Annotated[np.ndarray, "I E"]       # at each patch; E = 0: no field
     glare: bool
-    # of the log exposure relative to the first photo; None: not known
-    relative_exposure_sd: float | None = None
+    relative_exposure_sd: float | None = None       # of the log, to the first photo; None: unknown
 
 
 def chart_photo(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
-                irradiance: np.ndarray, grid: WavelengthGrid, *, places: np.ndarray | None = None,
+                irradiance: np.ndarray, grid: WavelengthGrid, *, positions: np.ndarray | None = None,
                 glare: bool = True) -> ChartPhoto:
-    """Bring one photo into the form that every fit takes.
+    """One photo in the form that every fit takes.
 
     Parameters
     ----------
+    samples : PatchSamples
+        Mean signal (24, K) and its covariance.
+    reflectances : (24, P) array
     light : (P,) array
         Spectrum of the light on ``grid``.
-    places : (24, 2) array or None
-        Where each patch lies on the chart; None where the illumination of the patches is known.
+    irradiance : (24,) array
+        On each patch for a light spectrum of 1; pi everywhere where it is not known.
+    grid : WavelengthGrid
+    positions : (24, 2) array or None
+        Of the patches on the chart; None where the illumination of the patches is known.
     glare : bool
         Whether to allow an unknown offset in each band.
     """
-    terms = np.zeros((len(samples.mean), 0)) if places is None else field_terms(places)
+    terms = np.zeros((len(samples.mean), 0)) if positions is None else field_terms(positions)
     return ChartPhoto(samples.mean, samples.covariance_of_mean, reflectances,
                       light * grid.weights_nm, irradiance, terms, glare)
 
 
-def field_terms(places: np.ndarray) -> np.ndarray:
-    """Linear and quadratic terms (I, 5) of the patch places (I, 2), each of zero mean and unit
-    spread.
+def field_terms(positions: np.ndarray) -> np.ndarray:
+    """Linear and quadratic terms (I, 5) of positions, each of zero mean and unit spread.
+
+    Parameters
+    ----------
+    positions : (I, 2) array
+        Of the patches on the chart, any unit.
     """
-    centred = (places - places.mean(axis=0)) / places.std(axis=0)
+    centred = (positions - positions.mean(axis=0)) / positions.std(axis=0)
     x, y = centred.T
     terms = np.column_stack([x, y, x**2, y**2, x * y])
     return (terms - terms.mean(axis=0)) / terms.std(axis=0)
 
 
 def unlit_design(photo: ChartPhoto, basis: np.ndarray) -> np.ndarray:
-    """Signal (I, N) of each patch for each coefficient of one band, before exposure, field and
-    glare.
+    """Signal (I, N) of each patch for each coefficient of one band.
+
+    Before exposure, field and glare.
+
+    Parameters
+    ----------
+    photo : ChartPhoto
+    basis : (P, N) array
+        From coefficients to a sensitivity curve.
     """
     return (photo.reflectances * photo.power * (photo.irradiance / np.pi)[:, None]) @ basis
 
@@ -76,28 +92,46 @@ def unlit_design(photo: ChartPhoto, basis: np.ndarray) -> np.ndarray:
 def nuisance_sd(photo: ChartPhoto) -> np.ndarray:
     """Prior standard deviations of the field terms and the glare of each band, in this order."""
     glare = GLARE_SD * photo.signal.max(axis=0) if photo.glare else np.zeros(0)
-    return np.concatenate([np.full(photo.places.shape[1], FIELD_SD), glare])
+    return np.concatenate([np.full(photo.field_terms.shape[1], FIELD_SD), glare])
 
 
 def predicted_signal(photo: ChartPhoto, design: np.ndarray, coefficients: np.ndarray,
                      exposure: float, nuisance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Signal (I K,) patch after patch, and its derivatives (I K, K N + 1 + nuisances)."""
+    """Signal (I K,) patch after patch, and its derivatives (I K, K N + 1 + nuisances).
+
+    Parameters
+    ----------
+    photo : ChartPhoto
+    design : (I, N) array
+        From ``unlit_design``.
+    coefficients : (K, N) array
+        Of the curves.
+    exposure : float
+        Logarithm.
+    nuisance : (E + K,) or (E,) array
+        Coefficients of the field terms, then the glare of each band where the photo allows it.
+    """
     patches, bands = photo.signal.shape
-    terms = photo.places.shape[1]
-    lit = np.exp(exposure + photo.places @ nuisance[:terms])
+    terms = photo.field_terms.shape[1]
+    lit = np.exp(exposure + photo.field_terms @ nuisance[:terms])
     bare = lit[:, None] * (design @ coefficients.T)
     glare = nuisance[terms:] if photo.glare else np.zeros(bands)
     by_curve = np.einsum("in,kl->ikln", lit[:, None] * design,
                          np.eye(bands)).reshape(patches * bands, -1)
     by_exposure = bare.reshape(-1, 1)
-    by_field = (bare[:, :, None] * photo.places[:, None, :]).reshape(patches * bands, terms)
+    by_field = (bare[:, :, None] * photo.field_terms[:, None, :]).reshape(patches * bands, terms)
     by_glare = np.tile(np.eye(bands), (patches, 1))[:, :nuisance.size - terms]
     return (bare + glare).ravel(), np.hstack([by_curve, by_exposure, by_field, by_glare])
 
 
 def noise_covariance(photo: ChartPhoto, relative_error: float) -> np.ndarray:
-    """Covariance (I K, I K) of the signals: that of the pixels, and a relative error of every patch
-    and band.
+    """Covariance (I K, I K) of the signals: that of the pixels, and a relative error.
+
+    Parameters
+    ----------
+    photo : ChartPhoto
+    relative_error : float
+        Of every patch and band, independent; of 3 % of the brightest patch where one is darker.
     """
     patches, bands = photo.signal.shape
     total = np.zeros((patches, bands, patches, bands))

@@ -1,6 +1,4 @@
-"""Measured curves held against a chart photo: do they explain it, exposure, illumination and glare
-being unknown?
-"""
+"""Whether measured curves explain a chart photo of unknown exposure, illumination and glare."""
 from __future__ import annotations
 
 import numpy as np
@@ -22,6 +20,14 @@ LABORATORY = (0.01, 20.0, 0.06, 60.0, 0.06, 120.0)
 def check_measured_curves(photo: ChartPhoto, curves: np.ndarray, grid: WavelengthGrid) -> str:
     """One sentence on how well measured curves (K, P) explain a chart photo.
 
+    Parameters
+    ----------
+    photo : ChartPhoto
+    curves : (K, P) array
+        Of any scale.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+
     Raises
     ------
     CheckError
@@ -29,16 +35,16 @@ def check_measured_curves(photo: ChartPhoto, curves: np.ndarray, grid: Wavelengt
         encoded.
     """
     known = _about(curves, grid)
-    found = fit_with_prior([photo], known, grid)
-    if found.chi_square < DOUBTFUL and not found.disagrees:
-        return (f"measured curves and photo agree within {found.model_error:.1%} (chi-square "
-                f"{found.chi_square:.2f} per signal)")
-    reading = other_reading(photo, known, grid) if found.disagrees else None
+    fit = fit_with_prior([photo], known, grid)
+    if fit.chi_square < DOUBTFUL and not fit.disagrees:
+        return (f"measured curves and photo agree within {fit.model_error:.1%} (chi-square "
+                f"{fit.chi_square:.2f} per signal)")
+    reading = other_reading(photo, known, grid) if fit.disagrees else None
     if reading is not None:
-        refuse_disagreement("the measured curves do not explain the chart photo", found.model_error,
-                            found.chi_square, reading)
+        refuse_disagreement("the measured curves do not explain the chart photo", fit.model_error,
+                            fit.chi_square, reading)
     return ("the measured curves do not explain the chart photo (chi-square "
-            f"{found.chi_square:.1f} per signal): check that they are of this camera and their "
+            f"{fit.chi_square:.1f} per signal): check that they are of this camera and their "
             "columns in the photo's order, and light, chart and glare")
 
 

@@ -13,12 +13,16 @@ MIN_PATCHES = 8
 ALIKE = 1e-3                 # relative spread of the ratio of two bands over the patches
 DARK_LIGHT = 1e-3            # of the light's largest value
 MAX_IRRADIANCE = 50.0        # W m-2 nm-1; the sun gives 1.5
-WORST_MODEL_ERROR = 0.05  # patches that disagree by more than this were not explained by any camera
+WORST_MODEL_ERROR = 0.05     # relative: no camera explains patches that disagree by more
 WORST_CHI_SQUARE = 3.0
 
 
 def require_patches(signal: np.ndarray) -> None:
-    """Refuse signals (I, K) that are too few or not positive.
+    """Refuse signals that are too few or not positive.
+
+    Parameters
+    ----------
+    signal : (I, K) array
 
     Raises
     ------
@@ -35,7 +39,11 @@ def require_patches(signal: np.ndarray) -> None:
 
 
 def require_apart(signal: np.ndarray) -> None:
-    """Refuse bands that read the same of every patch (I, K), as in a grey picture.
+    """Refuse two bands that give the same signal of every patch, as in a grey picture.
+
+    Parameters
+    ----------
+    signal : (I, K) array
 
     Raises
     ------
@@ -52,6 +60,12 @@ def require_apart(signal: np.ndarray) -> None:
 
 def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tuple[str, ...]]:
     """The light (P,) on the working grid, and what it cannot show.
+
+    Parameters
+    ----------
+    light : Spectrum
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
 
     Raises
     ------
@@ -73,12 +87,25 @@ def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tupl
 
 
 def unlit(power: np.ndarray) -> np.ndarray:
-    """Whether the light (P,) has practically no power, at each wavelength."""
+    """Whether the light has practically no power, at each wavelength (P,).
+
+    Parameters
+    ----------
+    power : (P,) array
+        Its spectrum, any unit.
+    """
     return power < DARK_LIGHT * power.max()
 
 
 def dark_ranges(power: np.ndarray, grid: WavelengthGrid) -> list[tuple[float, float]]:
-    """Wavelength ranges (nm) in which the light (P,) has practically no power."""
+    """Wavelength ranges (nm) in which the light has practically no power.
+
+    Parameters
+    ----------
+    power : (P,) array
+        Spectrum of the light, any unit.
+    grid : WavelengthGrid
+    """
     dark = np.concatenate([[False], unlit(power), [False]])
     edges = np.flatnonzero(np.diff(dark.astype(int)))
     return [(float(grid.nm[start]), float(grid.nm[stop - 1]))

@@ -1,5 +1,6 @@
-"""Before shooting: how well this chart under this light will determine a camera, and what second
-light would help.
+"""Before shooting: how well this chart under this light will determine a camera.
+
+And what light of a second photo would help.
 """
 from __future__ import annotations
 
@@ -13,44 +14,45 @@ from spectrabox.calibrate.photo_checks import dark_ranges
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import curve_variance
 from spectrabox.calibrate.prior.prior_fit import expected_covariance, hat_basis
+from spectrabox.calibrate.sensitivity import SPLINE_COEFFICIENTS
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
-SPLINE_COEFFICIENTS = 10
+NORMAL_QUANTILE = 1.645      # of a 90 % band, two-sided
 
 
 @dataclass(frozen=True, eq=False)
 class Preflight(Record):
     """Expected result of a chart photo that has not been taken."""
 
-    # relative RMSE of each curve, of a camera like those measured
-    expected_error: Annotated[np.ndarray, "K"]
+    expected_error: Annotated[np.ndarray, "K"]      # relative RMSE, of a camera like those measured
     unlike_error: Annotated[np.ndarray, "K"]        # the same of a camera unlike them
-    half_width: Annotated[np.ndarray, "K P"]  # of the expected 90 % band, curves of largest value 1
+    half_width: Annotated[np.ndarray, "K P"]        # of the 90 % band, curves of largest value 1
     condition_number: float
     unlit_nm: tuple[tuple[float, float], ...]
-    # expected mean error with that light added, best first
-    second_lights: tuple[tuple[str, float], ...]
+    second_lights: tuple[tuple[str, float], ...]    # mean error with that light added, best first
 
 
 def preflight(prior: CameraPrior, reflectances: np.ndarray, power: np.ndarray, grid: WavelengthGrid,
-              *, relative_error: float = 0.01, places: np.ndarray | None = None,
+              *, relative_error: float = 0.01, positions: np.ndarray | None = None,
               second: dict[str, np.ndarray] | None = None) -> Preflight:
-    """What to expect of a photo of a chart under a light, for a camera like those measured and for
-    one unlike them.
+    """What to expect of a photo of a chart under a light, before it is taken.
 
-    The first is the average over the families of the prior, the second its last component. Half
-    width and second lights are of the first.
+    For a camera like those measured, the average over the families of the prior, and for one unlike
+    them, its last component. Half width and second lights are of the first.
 
     Parameters
     ----------
+    prior : CameraPrior
     reflectances : (I, P) array
     power : (P,) array
         Spectrum of the light.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
     relative_error : float
         Of each patch: noise, chart against reference, field.
-    places : (I, 2) array or None
+    positions : (I, 2) array or None
         Of the patches, where the illumination of the chart will not be known.
     second : dict or None
         Spectra (P,) of lights by name, each tried as a second photo.
@@ -61,31 +63,29 @@ def preflight(prior: CameraPrior, reflectances: np.ndarray, power: np.ndarray, g
 
     def expected(powers: list[np.ndarray], components: list[int]) -> tuple[np.ndarray, np.ndarray]:
         return _expected(prior, spreads, components, reflectances, powers, grid, relative_error,
-                         places)
+                         positions)
 
     variance, relative = expected([power], known)
     tried = {name: float(expected([power, other], known)[1].mean())
              for name, other in (second or {}).items()}
-    design = (reflectances * power
-              * grid.weights_nm) @ basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
-    return Preflight(relative, expected([power], [last])[1], 1.645 * np.sqrt(variance),
+    inner_splines = basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
+    design = (reflectances * power * grid.weights_nm) @ inner_splines
+    return Preflight(relative, expected([power], [last])[1], NORMAL_QUANTILE * np.sqrt(variance),
                      float(np.linalg.cond(design)), tuple(dark_ranges(power, grid)),
                      tuple(sorted(tried.items(), key=lambda item: item[1])))
 
 
 def _expected(prior: CameraPrior, spreads: np.ndarray, components: list[int],
               reflectances: np.ndarray, powers: list[np.ndarray], grid: WavelengthGrid,
-              relative_error: float, places: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Variance (K, P) of the curves and relative error (K,) of each, means over some components of
-    the prior.
-    """
+              relative_error: float, positions: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Variance (K, P) of the curves and relative error (K,) of each, means over some components."""
     basis = hat_basis(prior.nm, grid.nm)
     variance, relative = np.zeros((prior.bands, grid.nm.size)), np.zeros(prior.bands)
     weights = prior.weights[components] / prior.weights[components].sum()
     for component, weight in zip(components, weights, strict=True):
         coefficients = prior.means[component].reshape(prior.bands, -1)
         photos = [_imagined(reflectances, power, coefficients, basis, grid,
-                            places) for power in powers]
+                            positions) for power in powers]
         covariance = expected_covariance(photos, prior, component, relative_error, grid,
                                          spread=spreads[prior.level[component]])
         curves = coefficients @ basis.T
@@ -96,13 +96,13 @@ def _expected(prior: CameraPrior, spreads: np.ndarray, components: list[int],
 
 
 def _imagined(reflectances: np.ndarray, power: np.ndarray, coefficients: np.ndarray,
-              basis: np.ndarray, grid: WavelengthGrid, places: np.ndarray | None) -> ChartPhoto:
+              basis: np.ndarray, grid: WavelengthGrid, positions: np.ndarray | None) -> ChartPhoto:
     """The photo that a camera of these coefficients (K, N) would take."""
     patches, bands = len(reflectances), len(coefficients)
-    terms = np.zeros((patches, 0)) if places is None else field_terms(places)
+    terms = np.zeros((patches, 0)) if positions is None else field_terms(positions)
     blank = ChartPhoto(np.ones((patches, bands)), np.zeros((patches, bands, bands)), reflectances,
                        power / power.max() * grid.weights_nm, np.full(patches, np.pi), terms,
-                       glare=places is not None)
+                       glare=positions is not None)
     signal = unlit_design(blank, basis) @ coefficients.T
     return ChartPhoto(signal, blank.covariance, reflectances, blank.power, blank.irradiance, terms,
                       blank.glare)

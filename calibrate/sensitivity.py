@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.calibrate.chart_photo import ChartPhoto, chart_photo
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.photo_checks import (
     WORST_CHI_SQUARE,
     WORST_MODEL_ERROR,
@@ -36,6 +36,7 @@ from spectrabox.calibrate.prior.prior_fit import (
 )
 from spectrabox.calibrate.prior.smooth_prior import smooth_prior
 from spectrabox.calibrate.spline_fit import SPLINE_METHODS, BandFits, fit_bands
+from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.records import (
     LightScale,
@@ -56,19 +57,15 @@ SPLINE_COEFFICIENTS = 10     # for the condition number of every method
 
 @dataclass(frozen=True, eq=False)
 class PriorFit(Record):
-    """Everything the joint estimate says. ``photos`` and ``held_out`` in the order of the photos
-    given.
-    """
+    """The joint estimate; ``photos`` and ``held_out`` are in the order of the photos given."""
 
     sensitivity: SensitivityFit
     posterior: CurvePosterior
     photos: tuple[PhotoState, ...]
-    held_out: tuple[np.ndarray, ...]  # (I, K) signals predicted from all other patches
-    # standard deviation left by the photos over that of the prior; 1 where no photo had light
-    prior_share: Annotated[np.ndarray, "K P"]
-    # members of each family and its probability, likeliest first
-    families: tuple[tuple[str, float], ...]
-    model_error: float  # relative disagreement of patches and model that was found
+    held_out: tuple[np.ndarray, ...]                # (I, K) signals predicted from other patches
+    prior_share: Annotated[np.ndarray, "K P"]       # of the prior's standard deviation, left; 0-1
+    families: tuple[tuple[str, float], ...]         # members and probability, likeliest first
+    model_error: float                              # relative disagreement of patches and model
     chi_square: float                               # per datum, about 1 where everything agrees
 
     @property
@@ -78,8 +75,13 @@ class PriorFit(Record):
 
 
 def default_prior(photos: list[ChartPhoto], grid: WavelengthGrid) -> CameraPrior:
-    """The shipped prior where it has as many bands as the photos, else one that knows smoothness
-    only.
+    """The shipped prior where it has the photos' number of bands, else one of smoothness alone.
+
+    Parameters
+    ----------
+    photos : list of ChartPhoto
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
     """
     shipped = shipped_prior()
     return shipped if photos[0].signal.shape[1] == shipped.bands else smooth_prior(photos, grid)
@@ -87,21 +89,24 @@ def default_prior(photos: list[ChartPhoto], grid: WavelengthGrid) -> CameraPrior
 
 def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior | None, grid: WavelengthGrid, *,
                    model_errors: tuple[float, ...] = MODEL_ERRORS) -> PriorFit:
-    """Curves, exposure, field and glare from any number of chart photos of one camera, with
-    calibrated errors.
+    """Curves, exposure, field and glare from chart photos of one camera, with calibrated errors.
 
     Parameters
     ----------
     photos : list of ChartPhoto
-        Charts, lights and exposures may differ. Field, glare and exposure are each photo's own,
-        unless ``relative_exposure_sd`` ties an exposure to that of the first.
+        Any number. Charts, lights and exposures may differ. Field, glare and exposure are each
+        photo's own, unless ``relative_exposure_sd`` ties an exposure to that of the first.
     prior : CameraPrior or None
         None: see ``default_prior``.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    model_errors : tuple of float
+        Relative errors of patches against the model that are held possible.
 
     Raises
     ------
     CalibrationError
-        If the photos hold too few patches, or two bands read alike.
+        If the photos hold too few patches, or two bands have the same signals.
     InputError
         If the prior holds another number of bands than the photos.
     """
@@ -140,10 +145,9 @@ def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior | None, grid: Wa
 
 def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
                       irradiance: np.ndarray, grid: WavelengthGrid,
-                      coefficients: int = SPLINE_COEFFICIENTS, *, method: str = "prior",
-                      prior: CameraPrior | None = None,
-                      places: np.ndarray | None = None) -> tuple[SensitivityFit, LightScale]:
-    """Sensitivities with their largest value 1, and the factor that was divided out.
+                      coefficients: int = SPLINE_COEFFICIENTS, *,
+                      method: str) -> tuple[SensitivityFit, LightScale]:
+    """Sensitivities of largest value 1 by splines, band after band, and the factor divided out.
 
     Parameters
     ----------
@@ -155,15 +159,11 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
     irradiance : (24,) array
         Irradiance on each patch for a light spectrum of 1; constant where unknown.
     grid : WavelengthGrid
+        Working grid, of P wavelengths.
     coefficients : int
         Spline coefficients a band, with the two zero ends; of ``paper`` and ``nonnegative`` only.
     method : str
-        One of ``METHODS``.
-    prior : CameraPrior or None
-        None takes the one that comes with the project.
-    places : (24, 2) array or None
-        Of the patches on the chart, where the illumination is not known: ``prior`` then finds a
-        smooth field.
+        One of ``SPLINE_METHODS``; for ``prior`` see ``fit_with_prior``.
 
     Returns
     -------
@@ -180,12 +180,8 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
     InputError
         If the method is not known.
     """
-    if method not in METHODS:
+    if method not in SPLINE_METHODS:
         raise InputError(f"method {method!r} is not known; known are {', '.join(METHODS)}")
-    if method == "prior":
-        photo = chart_photo(patches, reflectances, light, irradiance, grid, places=places)
-        found = fit_with_prior([photo], prior, grid)
-        return found.sensitivity, scale_of_photo(found, 0)
     require_patches(patches.mean)
     require_apart(patches.mean)
     rows = reflectances * (light * grid.weights_nm) * (irradiance / np.pi)[:, None]
@@ -193,10 +189,17 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
     return _normalised(bands, patches, grid, method)
 
 
-def scale_of_photo(found: PriorFit, index: int) -> LightScale:
-    """Light scale of one photo of a joint estimate; its residuals are those of the fit."""
-    state = found.photos[index]
-    residuals = found.sensitivity.residuals if index == 0 else None
+def scale_of_photo(fit: PriorFit, index: int) -> LightScale:
+    """Light scale of one photo of a joint estimate; its residuals are those of the fit.
+
+    Parameters
+    ----------
+    fit : PriorFit
+    index : int
+        Of the photo, in the order given to the fit.
+    """
+    state = fit.photos[index]
+    residuals = fit.sensitivity.residuals if index == 0 else None
     return LightScale(state.scale, state.scale_error, residuals, "chart photo")
 
 
@@ -206,6 +209,12 @@ def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamp
     From the residuals of patches that were left out, about zero and over patches bright enough to
     have a relative error; it holds the error of curves, chart and light together, for reflectances
     like the chart's.
+
+    Parameters
+    ----------
+    fit_residuals : (24, K) array
+        (photo - predicted) / photo, each patch left out of its own fit.
+    patches : PatchSamples
     """
     bright = (patches.mean > DIM_PATCH * patches.mean.max(axis=0)).all(axis=1)
     used = fit_residuals[bright]
@@ -234,7 +243,7 @@ def _normalised(bands: BandFits, patches: PatchSamples, grid: WavelengthGrid,
                          block_diag(*bands.covariance) / peak**2, error, residuals, held_out,
                          bands.condition_number, names[method], outcome)
     covariance = relative_prediction_covariance(held_out, patches)
-    # Of one band's mean relative residual over held-out patches: bands are fitted, and err, apart.
+    # Of a band's mean relative residual over held-out patches: errors of bands are independent.
     relative = np.sqrt(np.trace(covariance) / len(covariance) / len(held_out))
     return fit, LightScale(peak, float(peak * relative), residuals, "chart photo")
 
@@ -246,10 +255,9 @@ def _patch_sigma(patches: PatchSamples) -> np.ndarray:
 
 
 def _condition_number(photo: ChartPhoto, grid: WavelengthGrid) -> float:
-    """Of the paper's fit with 10 coefficients: how much chart and light alone determine, whatever
-    the method.
+    """Of the paper's fit with 10 coefficients, whatever the method.
+
+    It says how much chart and light alone determine.
     """
-    from spectrabox.radiometry.bspline import basis_matrix
-    design = (photo.reflectances
-              * photo.power) @ basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
-    return float(np.linalg.cond(design))
+    inner_splines = basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
+    return float(np.linalg.cond((photo.reflectances * photo.power) @ inner_splines))

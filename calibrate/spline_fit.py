@@ -1,5 +1,4 @@
-"""Camera sensitivities as splines fitted band by band (paper Eqs. 18-20), without knowledge of
-other cameras.
+"""Camera sensitivities as splines fitted band by band (paper Eqs. 18-20), without other cameras.
 
 ``paper``: 10 clamped cubic coefficients, zero at 400 and 700 nm, plain least squares.
 ``nonnegative``: the same with coefficients that are not negative, each patch weighted by its error.
@@ -25,15 +24,14 @@ from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 SPLINE_METHODS = ("paper", "nonnegative", "smooth")
+NOISE_ONLY = ("the band holds the noise of the patches only, not what ten splines cannot draw: it "
+              "is too narrow")
 SPLINE_BANDS = {
-    "paper": "the band holds the noise of the patches only, not what ten splines cannot draw: it "
-    "is too narrow", "nonnegative": "the band holds the noise of the patches only, not what ten "
-    "splines cannot draw: it is too narrow", "smooth": "the band is that of smooth curves of which "
-    "nothing else is known"}
+    "paper": NOISE_ONLY, "nonnegative": NOISE_ONLY,
+    "smooth": "the band is that of smooth curves of which nothing else is known"}
 Solver = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 SMOOTH_COEFFICIENTS = 24
-# of the mean information of a coefficient
-PENALTIES = tuple(10.0 ** power for power in np.arange(-8, 3.1, 0.5))
+PENALTIES = tuple(10.0 ** power for power in np.arange(-8, 3.1, 0.5))  # of a mean information
 MAX_CONDITION = 1e8
 
 
@@ -51,13 +49,17 @@ class BandFits(Record):
 
 def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarray,
               grid: WavelengthGrid, coefficients: int) -> BandFits:
-    """Fit every band by one of ``SPLINE_METHODS``.
+    """Every band fitted by one of ``SPLINE_METHODS``.
 
     Parameters
     ----------
+    method : str
     rows : (I, P) array
         Signal of each patch for a sensitivity of 1 at one wavelength alone.
-    signal, sigma : (I, K) array
+    signal, sigma : (I, K) arrays
+        Signals of the patches and their standard errors.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
     coefficients : int
         Of ``paper`` and ``nonnegative``, with the two zero ends.
 
@@ -76,12 +78,12 @@ def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarr
     solvers: dict[str, Solver] = {"paper": _solve_paper, "nonnegative": _solve_nonnegative}
     solve = (solvers[method] if method in solvers
              else partial(_solve_smooth, roughness=_best_roughness(design, signal, sigma)))
-    found, covariance, without = _fit_each(solve, design, signal, sigma)
+    solved, covariance, without = _fit_each(solve, design, signal, sigma)
     if method == "smooth":
-        return BandFits(full, found, covariance, design, without, condition)
+        return BandFits(full, solved, covariance, design, without, condition)
     inner = np.zeros((len(covariance), coefficients, coefficients))
     inner[:, 1:-1, 1:-1] = covariance
-    return BandFits(full, np.pad(found, ((0, 0), (1, 1))), inner, np.pad(design, ((0, 0), (1, 1))),
+    return BandFits(full, np.pad(solved, ((0, 0), (1, 1))), inner, np.pad(design, ((0, 0), (1, 1))),
                     without, condition)
 
 
@@ -104,10 +106,10 @@ def _fit_each(solve: Solver, design: np.ndarray, signal: np.ndarray,
     for patch in range(len(signal)):
         rest = np.arange(len(signal)) != patch
         for band in range(signal.shape[1]):
-            coefficients, _ = solve(design[rest], signal[rest, band], sigma[rest, band])
-            without[patch, band] = design[patch] @ coefficients
-    return (np.array([found for found, _ in solved]), np.array([block for _, block in solved]),
-            without)
+            solution, _ = solve(design[rest], signal[rest, band], sigma[rest, band])
+            without[patch, band] = design[patch] @ solution
+    coefficients, covariances = (np.array(column) for column in zip(*solved, strict=True))
+    return coefficients, covariances, without
 
 
 def _solve_paper(design: np.ndarray, signal: np.ndarray,
@@ -138,8 +140,8 @@ def _solve_smooth(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray, *,
     """Non-negative coefficients under a roughness penalty (N, N).
 
     The covariance is that of the penalised estimate as a Bayesian reads it, whatever is held at
-    zero: the penalty is the only thing known of the curve between the directions that the patches
-    see. Its size follows the misfit that was found, below the assumed patch errors too: those are
+    zero: the penalty is the only prior on the curve between the directions that the patches
+    observe. Its size follows the misfit of this fit, below the assumed patch errors too: those are
     for unknown charts, and held with them the band is too wide.
     """
     weighted, target = design / sigma[:, None], signal / sigma
@@ -166,9 +168,7 @@ def _best_roughness(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray) -
 
 def _left_out_error(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray,
                     roughness: np.ndarray) -> float:
-    """Sum of squares of left-out residuals in standard errors, in closed form (the signs are not
-    constrained here).
-    """
+    """Sum of squared left-out residuals in standard errors, in closed form, signs unconstrained."""
     total = 0.0
     for band in range(signal.shape[1]):
         weighted, target = design / sigma[:, band, None], signal[:, band] / sigma[:, band]

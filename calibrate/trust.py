@@ -1,24 +1,22 @@
-"""Whether to trust a fit: colour differences, what the light cannot see, where the curve comes
-from.
-"""
+"""Whether to trust a fit: colour differences, what the light leaves open, what is the prior's."""
 from __future__ import annotations
 
 import numpy as np
 
 from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.calibrate.colour_difference import ciede2000, lab_from_xyz
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.learnt_prior import UNLIKE
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.chart import COLUMNS, ROWS
+from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
 from spectrabox.radiometry.records import WavelengthGrid
 
-FROM_PRIOR = 0.5  # share of the prior's uncertainty that is left: more, and the photo hardly spoke
+FROM_PRIOR = 0.5             # share of the prior's uncertainty left, above which the prior decides
 MUCH_GLARE = 0.02            # of the brightest patch
 PROBABLE = 0.05              # families below are not named
-SURELY = 0.9  # probability of a kind of camera above which something else may be wrong
+SURELY = 0.9                 # probability of an unlike camera above which something may be wrong
 CHECK_LIGHT = ("the curves are like those of no measured camera: check that the light spectrum is "
                "that of the photo")
 CLEAR_GAIN = 20.0            # of log evidence, for another reading of the photo
@@ -28,8 +26,16 @@ def chart_colour_differences(measured: np.ndarray, predicted: np.ndarray, reflec
                              grid: WavelengthGrid) -> np.ndarray:
     """CIEDE2000 (I,) between what the photo shows and what the fit predicts, under D65.
 
-    Signals (I, K) are turned into colours by the linear map that best takes the predicted signals
-    to the tristimulus values of the reference reflectances (I, P).
+    Signals are turned into colours by the linear map that best takes the predicted signals to the
+    tristimulus values of the reference reflectances.
+
+    Parameters
+    ----------
+    measured, predicted : (I, K) arrays
+        Signals of the patches.
+    reflectances : (I, P) array
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
     """
     true = np.array([tristimulus(grid.nm, reflectance) for reflectance in reflectances])
     white = tristimulus(grid.nm, np.ones(grid.nm.size))
@@ -39,11 +45,19 @@ def chart_colour_differences(measured: np.ndarray, predicted: np.ndarray, reflec
 
 
 def other_reading(photo: ChartPhoto, prior: CameraPrior, grid: WavelengthGrid) -> str | None:
-    """How a photo that no camera explains would be explained: mirrored, turned, encoded, with glare
-    taken off; or None.
+    """Another reading of a photo under which some camera would explain it; None if there is none.
 
-    The reading that gains most evidence is named only if the fit then agrees: of a wrong chart one
-    reading is always the best, and none is right.
+    Mirrored, turned, with bands reversed, decoded, or with glare taken off. The reading that gains
+    most evidence is named only if the fit then agrees: of a wrong chart one reading is always the
+    best, and none is right.
+
+    Parameters
+    ----------
+    photo : ChartPhoto
+        Of 24 patches; no reading is tried of other charts.
+    prior : CameraPrior
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
     """
     if len(photo.signal) != ROWS * COLUMNS:
         return None
@@ -62,20 +76,27 @@ def other_reading(photo: ChartPhoto, prior: CameraPrior, grid: WavelengthGrid) -
     return None if fit_with_prior([_read(photo, readings[best])], prior, grid).disagrees else best
 
 
-def sentences(found: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
-    """What the operator should know before trusting the curves."""
-    said = [f"patches and model agree within {found.model_error:.1%} (chi-square "
-            f"{found.chi_square:.2f} per signal)"]
-    likely = [(members, share) for members, share in found.families if share > PROBABLE][:3]
+def sentences(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
+    """What the operator should know before trusting the curves, in sentences.
+
+    Parameters
+    ----------
+    fit : PriorFit
+    grid : WavelengthGrid
+        Of its curves.
+    """
+    said = [f"patches and model agree within {fit.model_error:.1%} (chi-square "
+            f"{fit.chi_square:.2f} per signal)"]
+    likely = [(members, share) for members, share in fit.families if share > PROBABLE][:3]
     said.append("most like " + "; ".join(f"{members} ({share:.0%})" for members, share in likely))
-    if dict(found.families).get(UNLIKE, 0.0) > SURELY and len(found.families) > 1:
+    if dict(fit.families).get(UNLIKE, 0.0) > SURELY and len(fit.families) > 1:
         said.append(CHECK_LIGHT)
-    held = found.prior_share > FROM_PRIOR
+    held = fit.prior_share > FROM_PRIOR
     for band in range(len(held)):
         if held[band].any():
             said.append(f"band {band + 1} rests on the prior over {_ranges(held[band], grid)}")
-    for number, state in enumerate(found.photos, start=1):
-        which = "" if len(found.photos) == 1 else f"photo {number}: "
+    for number, state in enumerate(fit.photos, start=1):
+        which = "" if len(fit.photos) == 1 else f"photo {number}: "
         if np.ptp(state.field) > 0:
             low, high = np.array([state.field.min(), state.field.max()]) / state.field.mean()
             said.append(f"{which}illumination over the chart found to run from {low:.2f} to "
@@ -102,12 +123,13 @@ def _evidence(photo: ChartPhoto, signal: np.ndarray, prior: CameraPrior,
 
 def _read(photo: ChartPhoto, signal: np.ndarray) -> ChartPhoto:
     return ChartPhoto(signal, photo.covariance, photo.reflectances, photo.power, photo.irradiance,
-                      photo.places, photo.glare)
+                      photo.field_terms, photo.glare)
 
 
 def _without_glare(photo: ChartPhoto) -> np.ndarray:
-    """Signals less an offset in each band that leaves the darkest patch what it reflects of the
-    lightest's light.
+    """Signals less an offset in each band.
+
+    It leaves the darkest patch what it reflects of the lightest patch's light.
     """
     grey = photo.reflectances.mean(axis=1)
     darkest, lightest = int(np.argmin(grey)), int(np.argmax(grey))

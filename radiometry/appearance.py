@@ -1,8 +1,7 @@
-"""What a reflectance looks like: its sRGB colour and CIEDE2000 differences (D65, CIE 1931 2 degree
-observer).
+"""What a reflectance looks like under D65: its sRGB colour and CIEDE2000 differences.
 
-Reflectances are extended beyond their first and last wavelength by their end values, as CIE 15
-recommends, so a perfect white is exactly the D65 white.
+Of the CIE 1931 2 degree observer. Reflectances are extended beyond their first and last wavelength
+by their end values, as CIE 15 recommends, so that a perfect reflector has exactly the colour of D65.
 """
 from __future__ import annotations
 
@@ -10,6 +9,7 @@ import functools
 
 import numpy as np
 
+from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
 from spectrabox.radiometry.colour_science import colour_science
 
 
@@ -18,24 +18,39 @@ def reflectance_to_srgb(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    nm : (P,) ascending wavelengths
-    reflectance : (P,) 0 to 1
+    nm : (P,) array
+        Ascending.
+    reflectance : (P,) array
+        0 to 1.
     """
     colour = colour_science()
     return np.clip(colour.XYZ_to_sRGB(tristimulus(nm, reflectance)), 0.0, 1.0)
 
 
 def delta_e00(nm: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
-    """CIEDE2000 difference of two reflectances (P,) at the wavelengths ``nm`` (P,), under D65."""
-    colour = colour_science()
+    """CIEDE2000 difference of two reflectances under D65.
+
+    Parameters
+    ----------
+    nm : (P,) array
+        Ascending.
+    a, b : (P,) arrays
+        Reflectances.
+    """
     white = tristimulus(nm, np.ones(len(nm)))
-    white_xy = colour.XYZ_to_xy(white)
-    lab = [colour.XYZ_to_Lab(tristimulus(nm, reflectance), white_xy) for reflectance in (a, b)]
-    return float(colour.delta_E(*lab, method="CIE 2000"))
+    return float(ciede2000(*(lab_from_xyz(tristimulus(nm, reflectance), white)
+                             for reflectance in (a, b))))
 
 
 def tristimulus(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
-    """X, Y, Z (3,) under D65, with Y = 1 for a reflectance of 1 at every wavelength."""
+    """X, Y, Z (3,) under D65, with Y = 1 for a reflectance of 1 at every wavelength.
+
+    Parameters
+    ----------
+    nm : (P,) array
+        Ascending.
+    reflectance : (P,) array
+    """
     table_nm, weights = _d65_weights()
     return weights @ np.interp(table_nm, nm, reflectance)
 

@@ -1,4 +1,7 @@
-"""The 24 patches of a ColorChecker Classic: names, places and reflectances with their source."""
+"""The 24 patches of a ColorChecker Classic: names, positions and reflectances with their source.
+
+SciPy is imported where files are read, so that whoever needs the names does not wait for it.
+"""
 from __future__ import annotations
 
 from pathlib import Path
@@ -8,7 +11,6 @@ import numpy as np
 from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import WavelengthGrid
-from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_reflectances
 
 PATCH_NAMES = (
     "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
@@ -36,6 +38,13 @@ def chart_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
     ``BabelColor Average`` is the average of 30 charts that the paper uses [Pascale 2023], shipped
     by colour-science.
 
+    Parameters
+    ----------
+    reference : str
+        One of ``REFERENCES``.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+
     Raises
     ------
     InputError
@@ -44,6 +53,7 @@ def chart_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
     if reference not in REFERENCES:
         raise InputError(f"chart reference {reference!r} is not known; known are "
                          f"{', '.join(REFERENCES)}, or a CSV file with one column per patch")
+    from spectrabox.radiometry.spectra.spectrum_files import on_grid
     spectra = list(colour_science().SDS_COLOURCHECKERS[reference].values())
     return np.array([on_grid(np.asarray(sd.wavelengths), np.asarray(sd.values), grid,
                              reference) for sd in spectra])
@@ -53,11 +63,19 @@ def measured_chart(path: Path, grid: WavelengthGrid) -> np.ndarray:
     """Reflectances (24, P) of one's own chart, from a file of one column per patch, dark skin
     first.
 
+    Parameters
+    ----------
+    path : Path
+        Any spectral file.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+
     Raises
     ------
     InputError
         If the file does not hold 24 columns of reflectances that cover the grid.
     """
+    from spectrabox.radiometry.spectra.spectrum_files import read_reflectances
     patches = read_reflectances(path, grid)
     if len(patches) != len(PATCH_NAMES):
         raise InputError(f"{path.name} holds {len(patches)} columns; 24 are needed, one per patch, "
@@ -66,9 +84,7 @@ def measured_chart(path: Path, grid: WavelengthGrid) -> np.ndarray:
 
 
 def patch_centres_uv() -> np.ndarray:
-    """Centres (24, 2) of the patches as fractions of the card's width and height, from the
-    dark-skin corner.
-    """
+    """Centres (24, 2) of the patches as fractions of the card, from the dark-skin corner."""
     row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
     from_centre_cm = PITCH_CM * np.column_stack([column - (COLUMNS - 1) / 2, row - (ROWS - 1) / 2])
     return 0.5 + from_centre_cm / np.array(CARD_CM)
@@ -81,10 +97,17 @@ def patch_size_uv() -> tuple[float, float]:
 
 def typical_camera_signals(reflectances: np.ndarray, grid: WavelengthGrid,
                            light: np.ndarray | None = None) -> np.ndarray:
-    """Signals (24, 3) that an ordinary camera would read of reflectances (24, P), white giving
-    about 1 in each band.
+    """Signals (24, 3) that an ordinary camera would read, a perfect reflector about 1 in each band.
 
     Only to recognise a chart and its orientation; nothing is measured with it.
+
+    Parameters
+    ----------
+    reflectances : (24, P) array
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    light : (P,) array or None
+        Its spectrum, any unit; None for equal energy.
     """
     power = grid.weights_nm if light is None else light * grid.weights_nm
     bands = np.array([np.exp(-0.5 * ((grid.nm - peak) / width) ** 2) * power

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
 from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
@@ -105,18 +106,17 @@ def _tristimulus(reflectances: np.ndarray, grid: WavelengthGrid, power: np.ndarr
 
 def _spread(name: str, mean: np.ndarray, draws: Any, grid: WavelengthGrid, power: np.ndarray,
             matching: np.ndarray) -> ColourSpread:
-    colour = colour_science()
-    white = colour.XYZ_to_xy(_tristimulus(np.ones_like(grid.nm), grid, power, matching))
-    lab = colour.XYZ_to_Lab(_tristimulus(mean, grid, power, matching), white)
+    white = _tristimulus(np.ones_like(grid.nm), grid, power, matching)
+    lab = lab_from_xyz(_tristimulus(mean, grid, power, matching), white)
     median = upper = None
     if draws is not None:
         # From all over: samplers of several modes give their draws mode after mode.
         some = np.linspace(0, len(draws.spectra) - 1, min(DRAWS, len(draws.spectra))).astype(int)
         spectra = np.array([np.interp(grid.nm, draws.grid.nm, draws.spectra[index])
                             for index in some])
-        others = colour.XYZ_to_Lab(_tristimulus(spectra, grid, power, matching), white)
-        apart = colour.delta_E(others, np.broadcast_to(lab, others.shape), method="CIE 2000")
-        median, upper = float(np.median(apart)), float(np.quantile(apart, 0.95))
+        others = lab_from_xyz(_tristimulus(spectra, grid, power, matching), white)
+        differences = ciede2000(others, lab)
+        median, upper = float(np.median(differences)), float(np.quantile(differences, 0.95))
     return ColourSpread(name, (float(lab[0]), float(lab[1]), float(lab[2])), median, upper)
 
 

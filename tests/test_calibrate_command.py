@@ -8,13 +8,14 @@ import pytest
 from calibrate_cameras import GRID, cameras, led, on_grid
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.chart_answers import answer_chart
-from spectrabox.calibrate.patch_files import read_patches
+from spectrabox.calibrate.calibration import CalibrationOptions, ChartShot, calibrate_chart
+from spectrabox.calibrate.curve_band import curve_band
 from spectrabox.calibrate.prior.camera_prior import load_prior
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, read_spectrum
 from spectrabox.session.cli import app
+from spectrabox.session.commands.patch_files import read_patches
 
 runner = CliRunner()
 CONTRACT = ("wavelengths_nm", "sensitivities", "lower", "upper", "condition_number",
@@ -51,14 +52,15 @@ def test_the_command_gives_what_python_gives(chart, method, tmp_path):
     assert not set(CONTRACT) - set(facts)
     samples, _ = read_patches(chart / "patches.csv")
     light = read_spectrum(chart / "light.csv", role=Quantity.RELATIVE)
-    expected = answer_chart(samples, chart_reflectances("BabelColor Average", GRID), light, GRID,
-                            method=method)
+    shot = ChartShot(samples, chart_reflectances("BabelColor Average", GRID), light)
+    made = calibrate_chart([shot], GRID, CalibrationOptions(method))
+    curves_fitted = made.calibration.sensitivity.curves
     # The same code on the same numbers; JSON keeps every digit.
-    np.testing.assert_array_equal(facts["sensitivities"], expected.curves)
-    np.testing.assert_array_equal(facts["lower"], expected.lower)
+    np.testing.assert_array_equal(facts["sensitivities"], curves_fitted)
+    np.testing.assert_array_equal(facts["lower"], curve_band(made).lower)
     _, names, curves = read_curves(tmp_path / "curves.csv")
     assert names == ("R", "G", "B")
-    np.testing.assert_allclose(curves, expected.curves, atol=1e-8)  # nine digits
+    np.testing.assert_allclose(curves, curves_fitted, atol=1e-8)  # nine digits
 
 
 def test_draws_can_be_kept(chart, tmp_path):

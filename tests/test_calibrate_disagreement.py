@@ -13,7 +13,7 @@ from calibrate_cameras import (
     signals,
 )
 
-from spectrabox.calibrate.calibration import ChartShot, calibrate_chart
+from spectrabox.calibrate.calibration import CalibrationOptions, ChartShot, calibrate_chart
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.records import Quantity, Spectrum
 
@@ -31,10 +31,10 @@ def chart(curves=TRUTH, power=None, seed=3):
 
 
 def calibrated(signal, *more, light=None, **options):
-    shots = tuple(ChartShot(samples(other, 0.003), SURFACES, lamp(power)) for other, power in more)
-    return calibrate_chart(samples(signal, 0.003), SURFACES,
-                           lamp(daylight() if light is None else light),
-                           np.full(24, np.pi), GRID, more=shots, **options)
+    first = (signal, daylight() if light is None else light)
+    shots = [ChartShot(samples(taken, 0.003), SURFACES, lamp(power))
+             for taken, power in (first, *more)]
+    return calibrate_chart(shots, GRID, CalibrationOptions(**options))
 
 
 def mirrored(signal):
@@ -75,11 +75,11 @@ def test_a_camera_like_none_that_was_measured_is_said():
 
 def test_where_no_photo_had_light_the_curves_are_the_priors():
     power = np.where(GRID.nm > 520, 0.0, daylight())
-    found = calibrated(chart(power=power), light=power, prior=prior()).found
+    found = calibrated(chart(power=power), light=power, prior=prior()).prior_fit
     assert np.all(found.prior_share[:, GRID.nm > 520]
                   == 1) and np.median(found.prior_share[2, GRID.nm < 500]) < 0.5
     both = calibrated(chart(power=power), (chart(seed=4), daylight()), light=power,
-                      prior=prior()).found
+                      prior=prior()).prior_fit
     assert both.prior_share[:, GRID.nm > 520].max() < 1
 
 
@@ -124,6 +124,6 @@ def test_fall_off_is_said_of_each_photo_that_may_have_one():
                         prior=prior()).calibration.checks
     assert any(check.startswith("photo 2: illumination over the chart found to run from 0.9")
                for check in checks)
-    known = calibrate_chart(samples(chart()), SURFACES, lamp(daylight()), np.full(24, np.pi), GRID,
-                            scaled=True, prior=prior())
+    lit = ChartShot(samples(chart()), SURFACES, lamp(daylight()), np.full(24, np.pi))
+    known = calibrate_chart([lit], GRID, CalibrationOptions(prior=prior()))
     assert not any("illumination" in check for check in known.calibration.checks)

@@ -19,10 +19,8 @@ from calibrate_cameras import (
 )
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.calibration import ChartShot, calibrate_chart
-from spectrabox.calibrate.chart_answers import answer_chart
+from spectrabox.calibrate.calibration import CalibrationOptions, ChartShot, calibrate_chart
 from spectrabox.calibrate.chart_photo import field_terms
-from spectrabox.calibrate.patch_files import read_patches
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.curve_posterior import draw_curves, sensitivity_draws
 from spectrabox.calibrate.prior.smooth_prior import smooth_prior
@@ -31,6 +29,7 @@ from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity, Spectrum
 from spectrabox.session.cli import app
+from spectrabox.session.commands.patch_files import read_patches
 
 SURFACES = reflectances()
 
@@ -129,10 +128,10 @@ def test_two_photos_through_the_command_line_give_what_python_gives(tmp_path):
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     first, second = (read_patches(path)[0] for path in files)
-    expected = answer_chart(first, surfaces, spectrum(lights[0]), GRID,
-                            more=(ChartShot(second, surfaces, spectrum(lights[1])),))
+    expected = calibrate_chart([ChartShot(first, surfaces, spectrum(lights[0])),
+                                ChartShot(second, surfaces, spectrum(lights[1]))], GRID)
     # the same code on the same numbers
-    np.testing.assert_array_equal(facts["sensitivities"], expected.curves)
+    np.testing.assert_array_equal(facts["sensitivities"], expected.calibration.sensitivity.curves)
     assert facts["photos"] == 2
     result = CliRunner().invoke(app, ["camera", "fit", *words, "--method", "paper"])
     assert result.exit_code == 3
@@ -212,8 +211,8 @@ def test_a_prior_of_smoothness_knows_levels_only():
 
 def test_draws_follow_the_calibrations_covariance():
     signal = noisy(signals(on_grid(cameras(1, 75)[0]), daylight(), SURFACES), 0.005, 7)
-    made = calibrate_chart(samples(signal, 0.005), SURFACES, spectrum(daylight()),
-                           np.full(24, np.pi), GRID, prior=prior())
+    made = calibrate_chart([ChartShot(samples(signal, 0.005), SURFACES, spectrum(daylight()))],
+                           GRID, CalibrationOptions(prior=prior()))
     fit = made.calibration.sensitivity
     draws = sensitivity_draws(made.calibration, 2000, 3)
     assert draws.shape == (2000, 3, 301) and draws.min() >= 0
@@ -229,7 +228,7 @@ def test_draws_follow_the_calibrations_covariance():
 def test_measured_curves_have_no_draws():
     curves = on_grid(cameras(1, 76)[0])
     signal = signals(curves, daylight(), SURFACES)
-    made = calibrate_chart(samples(signal), SURFACES, spectrum(daylight()), np.full(24, np.pi),
-                           GRID, curves=curves)
+    made = calibrate_chart([ChartShot(samples(signal), SURFACES, spectrum(daylight()))], GRID,
+                           CalibrationOptions(curves=curves))
     with pytest.raises(InputError, match=r"measured curves from a file.*carry no covariance"):
         sensitivity_draws(made.calibration, 10, 0)

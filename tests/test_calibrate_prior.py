@@ -19,7 +19,7 @@ from calibrate_cameras import (
     signals,
 )
 
-from spectrabox.calibrate.calibration import calibration_from_chart
+from spectrabox.calibrate.calibration import CalibrationOptions, ChartShot, calibrate_chart
 from spectrabox.calibrate.chart_photo import field_terms
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.camera_prior import load_prior, save_prior, shipped_prior
@@ -177,11 +177,14 @@ def test_raising_one_value_to_zero_moves_what_varies_with_it():
     np.testing.assert_allclose(moved, [0.0, 0.68, 0.3], atol=1e-8)
 
 
-def refused(signal, light=None, **more):
-    light = daylight() if light is None else light
-    return calibration_from_chart(samples(signal, 0.001), SURFACES,
-                                  Spectrum(GRID, light, Quantity.RELATIVE, "lamp"),
-                                  np.full(24, np.pi), GRID, prior=prior(), **more)
+def calibrated(signal, light=None, known=None):
+    lamp = Spectrum(GRID, daylight() if light is None else light, Quantity.RELATIVE, "lamp")
+    shot = ChartShot(samples(signal, 0.001), SURFACES, lamp)
+    return calibrate_chart([shot], GRID, CalibrationOptions(prior=known)).calibration
+
+
+def refused(signal, light=None):
+    return calibrated(signal, light, prior())
 
 
 def test_a_mirrored_chart_is_refused_and_named():
@@ -200,7 +203,7 @@ def test_an_encoded_photo_is_refused():
 
 def test_glare_is_said_and_much_of_it_refused():
     signal = noisy(cameras(1, 60)[0], daylight(), 0.003, 3)
-    calibration, _ = refused(signal + 0.05 * signal.max(axis=0))
+    calibration = refused(signal + 0.05 * signal.max(axis=0))
     assert any(check.startswith("glare or a wrong black level of 5%")
                for check in calibration.checks)
     with pytest.raises(CheckError, match="no camera explains the chart photo"):
@@ -215,7 +218,7 @@ def test_another_chart_is_refused():
 
 def test_a_light_without_power_somewhere_is_said():
     light = np.where(GRID.nm < 425, 0.0, daylight())
-    calibration, _ = refused(noisy(cameras(1, 61)[0], light, 0.002, 62), light)
+    calibration = refused(noisy(cameras(1, 61)[0], light, 0.002, 62), light)
     assert any("no power" in check and "400-424 nm" in check for check in calibration.checks)
 
 
@@ -237,9 +240,7 @@ def test_a_prior_of_other_bands_is_refused():
 def test_eight_bands_are_fitted_by_default():
     curves = np.exp(-0.5 * ((GRID.nm - np.linspace(420, 680, 8)[:, None]) / 25) ** 2)
     signal = signals(curves, daylight(), SURFACES)
-    calibration, _ = calibration_from_chart(samples(signal, 0.001), SURFACES,
-                                            Spectrum(GRID, daylight(), Quantity.RELATIVE, "lamp"),
-                                            np.full(24, np.pi), GRID)
+    calibration = calibrated(signal)
     peaks = GRID.nm[calibration.sensitivity.curves.argmax(axis=1)]
     # 24 patches resolve a band of 59 nm width to a fraction of that width.
     np.testing.assert_allclose(peaks, np.linspace(420, 680, 8), atol=20)

@@ -16,7 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.chart_answers import ChartAnswer, answer_chart
+from spectrabox.calibrate.calibration import (
+    CalibrationOptions,
+    ChartCalibration,
+    ChartShot,
+    calibrate_chart,
+)
+from spectrabox.calibrate.curve_band import curve_band
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import grid_from_nm, visible_grid
 from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum
@@ -43,22 +49,23 @@ def to_green(curves: np.ndarray) -> np.ndarray:
     return curves / curves[1].max()
 
 
-def judged(found: ChartAnswer, truth: np.ndarray, samples: PatchSamples) -> dict[str, float]:
+def judged(found: ChartCalibration, truth: np.ndarray, samples: PatchSamples) -> dict[str, float]:
     """Relative RMSE of the curves, coverage of the 90 % band, misfit of the photo, CIEDE2000 of
     held-out patches.
     """
-    ours, theirs = to_green(found.curves), to_green(truth)
-    assert found.lower is not None and found.upper is not None
-    scale = found.curves[1].max() / truth[1].max()
-    inside = (scale * truth >= found.lower) & (scale * truth <= found.upper)
+    curves, band = found.calibration.sensitivity.curves, curve_band(found)
+    ours, theirs = to_green(curves), to_green(truth)
+    assert band is not None
+    scale = curves[1].max() / truth[1].max()
+    inside = (scale * truth >= band.lower) & (scale * truth <= band.upper)
     return {"error": float(np.sqrt(((ours - theirs)**2).sum(axis=1)
                                    / (theirs**2).sum(axis=1)).mean()),
             "coverage_90": float(inside.mean()),
-            "photo": float(np.sqrt(np.mean((found.made.predicted / samples.mean - 1)**2))),
+            "photo": float(np.sqrt(np.mean((found.predicted / samples.mean - 1)**2))),
             "held_out_delta_e00": float(np.mean(found.held_out_delta_e))}
 
 
-def picture(answers: dict[str, ChartAnswer], truth: np.ndarray, power: np.ndarray,
+def picture(answers: dict[str, ChartCalibration], truth: np.ndarray, power: np.ndarray,
             samples: PatchSamples,
             path: Path) -> None:
     """The light, the curves of both methods against the truth, and the chart as photographed and as
@@ -72,19 +79,19 @@ def picture(answers: dict[str, ChartAnswer], truth: np.ndarray, power: np.ndarra
     axes[0].plot(GRID.nm, power / power.max(), color="black")
     axes[0].set(title=LIGHT, xlabel="wavelength (nm)")
     for axis, method in zip(axes[1:], ("paper", "prior"), strict=False):
-        found = answers[method]
-        scale = truth[1].max() / found.curves[1].max()
-        assert found.lower is not None and found.upper is not None
+        curves, band_of = answers[method].calibration.sensitivity.curves, curve_band(answers[method])
+        scale = truth[1].max() / curves[1].max()
+        assert band_of is not None
         for band, colour in enumerate(COLOURS):
-            axis.fill_between(GRID.nm, scale * found.lower[band], scale * found.upper[band],
+            axis.fill_between(GRID.nm, scale * band_of.lower[band], scale * band_of.upper[band],
                               color=colour, alpha=0.2)
-            axis.plot(GRID.nm, scale * found.curves[band], color=colour, linestyle="--")
+            axis.plot(GRID.nm, scale * curves[band], color=colour, linestyle="--")
             axis.plot(GRID.nm, truth[band], color=colour)
         axis.set(title=f"{method}: fit (dashed), measured", xlabel="wavelength (nm)",
                  ylim=(-0.1, 1.3))
     white = samples.mean[18]
     shown = [(one / white).clip(0, 1)**(1 / 2.2) for one in (samples.mean,
-                                                             answers["prior"].made.predicted)]
+                                                             answers["prior"].predicted)]
     rows = [np.repeat(np.repeat(one.reshape(4, 6, 3), 10, axis=0), 10, axis=1) for one in shown]
     axes[3].imshow(np.concatenate([rows[0], np.ones((5, 60, 3)), rows[1]]))
     axes[3].set(title="photo; below it, predicted (prior)", xticks=[], yticks=[])
@@ -103,7 +110,8 @@ def main() -> None:
     found: dict[str, list[dict[str, float]]] = {method: [] for method in METHODS}
     for seed in range(PHOTOS):
         samples = photographed(truth, reflectances, power, seed)
-        answers = {method: answer_chart(samples, reflectances, lamp, GRID, method=method)
+        answers = {method: calibrate_chart([ChartShot(samples, reflectances, lamp)], GRID,
+                                           CalibrationOptions(method))
                    for method in METHODS}
         for method, answer in answers.items():
             found[method].append(judged(answer, truth, samples))

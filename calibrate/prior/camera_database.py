@@ -16,17 +16,14 @@ from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
 
 STEP_NM = 5.0
-# camspec_database.txt: a name, then three lines of 33 values
-CAMSPEC_NM = np.arange(400.0, 721.0, 10.0)
+CAMSPEC_NM = np.arange(400.0, 721.0, 10.0)      # of three lines of 33 values below each name
 NEGATIVE = 0.05                                 # of the largest value: more is not a sensitivity
 SUFFIXES = (".json", ".txt", ".csv")
 
 
 @dataclass(frozen=True, eq=False)
 class CameraDatabase(Record):
-    """Curves of C cameras on one grid; ``skipped`` are sentences about files that could not be
-    used.
-    """
+    """Curves of C cameras on one grid; ``skipped`` says which files could not be used."""
 
     nm: Annotated[np.ndarray, "P"]
     curves: Annotated[np.ndarray, "C K P"]
@@ -57,13 +54,13 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
     skipped = []
     for path in sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES):
         try:
-            found = _read_file(path, grid)
+            in_file = _read_file(path, grid)
         except InputError as error:
             skipped.append(str(error))
             continue
-        skipped += [f"{path.name} holds {name} once more; the first is kept" for name in found
+        skipped += [f"{path.name} holds {name} once more; the first is kept" for name in in_file
                     if name in cameras]
-        cameras |= {name: curves for name, curves in found.items() if name not in cameras}
+        cameras |= {name: curves for name, curves in in_file.items() if name not in cameras}
     if absent := [name for name in leave_out if name not in cameras]:
         near = difflib.get_close_matches(absent[0], cameras, n=3)
         raise InputError(f"{folder} holds no camera {absent[0]!r} to leave out"
@@ -91,8 +88,8 @@ def _checked(nm: np.ndarray, curves: np.ndarray, grid: WavelengthGrid, name: str
     if not np.all(np.isfinite(curves)):
         raise InputError(f"{name}: some values are not numbers")
     values = on_grid(nm, curves, grid, name)
-    if values.max() <= 0 or values.min() < -NEGATIVE * values.max() or np.any(
-            values.max(axis=1) <= 0):
+    largest = float(values.max())
+    if largest <= 0 or values.min() < -NEGATIVE * largest or np.any(values.max(axis=1) <= 0):
         raise InputError(f"{name}: sensitivities must be positive; they run from "
                          f"{values.min():.3g} to {values.max():.3g}")
     return np.maximum(values, 0.0)

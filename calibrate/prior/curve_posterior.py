@@ -1,5 +1,6 @@
-"""From a mixture of Gaussians on curves to what later stages read: curves, covariance, bands,
-draws, light scale.
+"""From a mixture of Gaussians on curves to what later stages read.
+
+Curves, their covariance, their band, draws and the light scale.
 """
 from __future__ import annotations
 
@@ -21,8 +22,9 @@ ROUND_OFF = 1e-9             # of the largest value
 
 @dataclass(frozen=True, eq=False)
 class CurveDraws(Record):
-    """Draws of all curves together, each scaled to a largest value of 1: what a later stage
-    averages over.
+    """Draws of all curves together, each scaled to a largest value of 1.
+
+    A later stage averages over them.
     """
 
     curves: Annotated[np.ndarray, "T K P"]
@@ -36,7 +38,7 @@ class PhotoState(Record):
     signal = scale x field x irradiance / pi x integral of sensitivity, light and reflectance, +
     glare
 
-    ``scale_error`` is that of scale times curves, in what a band reads of a white surface: scale
+    ``scale_error`` is that of scale times curves, in the signal of a perfect reflector: scale
     and curves alone are known less well, but their errors cancel in every predicted signal.
     """
 
@@ -49,9 +51,7 @@ class PhotoState(Record):
 
 @dataclass(frozen=True, eq=False)
 class CurveMoments(Record):
-    """Curves of largest value 1 with their covariance (D = K N), and the value (prior's scale)
-    divided out.
-    """
+    """Curves of largest value 1 with their covariance (D = K N), and the peak divided out."""
 
     coefficients: Annotated[np.ndarray, "K N"]
     covariance: Annotated[np.ndarray, "D D"]
@@ -59,12 +59,17 @@ class CurveMoments(Record):
 
 
 def curve_moments(posterior: CurvePosterior, bands: int) -> CurveMoments:
-    """Mean of the mixture, kept from being negative, and its covariance, both after division by the
-    largest value.
+    """Mean and covariance of the mixture, divided by the largest value.
 
     Where the mean dips below zero it is raised to zero and everything that varies with it moves
     along, so that what the photo says stays fitted. The covariance is that of the mixture without
     this constraint.
+
+    Parameters
+    ----------
+    posterior : CurvePosterior
+    bands : int
+        K, of the camera.
     """
     size = bands * posterior.basis.shape[1]
     mean, covariance = _moments(posterior)
@@ -77,7 +82,18 @@ def curve_moments(posterior: CurvePosterior, bands: int) -> CurveMoments:
 
 
 def draw_curves(posterior: CurvePosterior, bands: int, draws: int, seed: int) -> CurveDraws:
-    """Independent draws (T, K, P) of the posterior, negative values set to zero."""
+    """Independent draws (T, K, P) of the posterior, negative values set to zero.
+
+    Parameters
+    ----------
+    posterior : CurvePosterior
+    bands : int
+        K, of the camera.
+    draws : int
+        T.
+    seed : int
+        Stored with the draws.
+    """
     rng = np.random.default_rng(seed)
     size = bands * posterior.basis.shape[1]
     counts = rng.multinomial(draws, posterior.weights)
@@ -92,12 +108,19 @@ def draw_curves(posterior: CurvePosterior, bands: int, draws: int, seed: int) ->
 
 
 def sensitivity_draws(calibration: Calibration, draws: int, seed: int) -> np.ndarray:
-    """Draws (T, K, P) of all curves together from the covariance (K N, K N) that a calibration
-    carries.
+    """Draws (T, K, P) of all curves together from the covariance that a calibration carries.
 
     One Gaussian in place of the mixture that ``draw_curves`` draws from; negative values are set to
     zero and each draw has a largest value of 1, so that a later stage can average over what is not
     known of the camera.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        From a fit to a chart photo.
+    draws : int
+        T.
+    seed : int
 
     Raises
     ------
@@ -116,11 +139,18 @@ def sensitivity_draws(calibration: Calibration, draws: int, seed: int) -> np.nda
 
 
 def prior_share(posterior: CurvePosterior, prior: CameraPrior, moments: CurveMoments) -> np.ndarray:
-    """Share (K, P) of each curve's uncertainty that the photo left: standard deviation after over
-    before, 0 to 1.
+    """Share (K, P) of each curve's prior uncertainty that the photo left, 0 to 1.
 
-    Both are of curves divided by their largest value, for the photo never tells exposure from
-    sensitivity.
+    Standard deviation after over before, both of curves divided by their largest value, for the
+    photo never tells exposure from sensitivity.
+
+    Parameters
+    ----------
+    posterior : CurvePosterior
+    prior : CameraPrior
+        With which the posterior was made.
+    moments : CurveMoments
+        Of the posterior.
     """
     spread = np.sqrt(prior.weights)[:, None] * (prior.means - prior.weights @ prior.means)
     of_level = np.bincount(prior.level, prior.weights,
@@ -135,8 +165,15 @@ def prior_share(posterior: CurvePosterior, prior: CameraPrior, moments: CurveMom
 
 
 def curve_variance(basis: np.ndarray, covariance: np.ndarray, bands: int) -> np.ndarray:
-    """Variance (K, P) of each curve at each wavelength, from the covariance (K N, K N) of all
-    coefficients.
+    """Variance (K, P) of each curve at each wavelength.
+
+    Parameters
+    ----------
+    basis : (P, N) array
+    covariance : (K N, K N) array
+        Of all coefficients, band after band.
+    bands : int
+        K.
     """
     blocks = covariance.reshape(bands, basis.shape[1], bands, basis.shape[1])
     return np.array([np.clip(np.einsum("pn,pn->p", basis @ blocks[band, :, band], basis), 0, None)
@@ -145,50 +182,64 @@ def curve_variance(basis: np.ndarray, covariance: np.ndarray, bands: int) -> np.
 
 def photo_states(posterior: CurvePosterior, photos: list[ChartPhoto],
                  moments: CurveMoments) -> list[PhotoState]:
-    """Exposure, field and glare of every photo, and the signals that follow."""
+    """Exposure, field and glare of every photo, and the signals that follow.
+
+    Parameters
+    ----------
+    posterior : CurvePosterior
+    photos : list of ChartPhoto
+        In the order in which the posterior was made.
+    moments : CurveMoments
+        Of the posterior.
+    """
     bands = len(moments.coefficients)
     size = moments.coefficients.size
     mean, covariance = _moments(posterior)
-    states, place = [], size
+    states, index = [], size        # index of the photo's log exposure in the state vector
     for photo in photos:
         count = 1 + nuisance_sd(photo).size
-        nuisance = mean[place + 1:place + count]
-        terms = photo.places.shape[1]
+        nuisance = mean[index + 1:index + count]
+        terms = photo.field_terms.shape[1]
         design = unlit_design(photo, posterior.basis)
         predicted, _ = predicted_signal(photo, design, moments.coefficients * moments.peak,
-                                        mean[place], nuisance)
-        scale = float(np.exp(mean[place]) * moments.peak)
+                                        mean[index], nuisance)
+        scale = float(np.exp(mean[index]) * moments.peak)
         error = _white_error(photo, posterior.basis, moments.coefficients * moments.peak,
-                             covariance, place)
+                             covariance, index)
         glare = nuisance[terms:] if photo.glare else np.zeros(bands)
-        states.append(PhotoState(scale, scale * error, np.exp(photo.places @ nuisance[:terms]),
+        states.append(PhotoState(scale, scale * error, np.exp(photo.field_terms @ nuisance[:terms]),
                                  glare, predicted.reshape(-1, bands)))
-        place += count
+        index += count
     return states
 
 
 def _white_error(photo: ChartPhoto, basis: np.ndarray, coefficients: np.ndarray,
-                 covariance: np.ndarray, place: int) -> float:
-    """Relative standard error of what one band reads of white; ``place`` is that of the photo's log
-    exposure.
+                 covariance: np.ndarray, index: int) -> float:
+    """Relative standard error of the signal of a perfect reflector in one band.
 
-    Bands err apart, each by its own patches' noise: the error of the whole chart's signal alone,
-    their average, would promise twice too much of each. Bands count by their signal, for the
-    relative error of one that is dark says little.
+    Errors of the bands are independent, each from its own patches' noise: the error of the mean
+    over bands alone would promise twice too much of each. Bands count by their signal, for the
+    relative error of a dark band says little. ``index`` is that of the photo's log exposure.
     """
     bands = len(coefficients)
     lit = photo.power @ basis
     white = coefficients @ lit
     jacobian = np.zeros((bands, len(covariance)))
     jacobian[:, :coefficients.size] = np.kron(np.eye(bands), lit)
-    jacobian[:, place] = white
+    jacobian[:, index] = white
     variance = np.einsum("kz,zy,ky->k", jacobian, covariance, jacobian)
     return float(np.sqrt(variance.sum() / np.sum(white**2)))
 
 
 def nonnegative(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """The most likely vector without negative entries, of a Gaussian; found by holding entries at
-    zero in turn.
+    """The most likely vector (D,) of a Gaussian that has no negative entry.
+
+    Entries are held at zero in turn, and what is correlated with them moves along.
+
+    Parameters
+    ----------
+    mean : (D,) array
+    covariance : (D, D) array
     """
     tolerance = ROUND_OFF * np.abs(mean).max()
     held = np.zeros(mean.size, bool)
@@ -206,21 +257,19 @@ def nonnegative(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def _scaling(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Derivative (D, D) of curves / largest value with respect to the curves, at a largest value of
-    1.
-    """
+    """Derivative (D, D) of curves / largest value by the curves, at a largest value of 1."""
     curves = coefficients @ basis.T
-    band, place = np.unravel_index(np.argmax(curves), curves.shape)
+    band, at = np.unravel_index(np.argmax(curves), curves.shape)
     at_peak = np.zeros(coefficients.shape)
-    at_peak[band] = basis[place]
+    at_peak[band] = basis[at]
     return np.eye(coefficients.size) - np.outer(coefficients.ravel(), at_peak.ravel())
 
 
 def _moments(posterior: CurvePosterior) -> tuple[np.ndarray, np.ndarray]:
     mean = posterior.weights @ posterior.means
-    apart = posterior.means - mean
+    offset = posterior.means - mean
     within = np.einsum("c,cij->ij", posterior.weights, posterior.covariances)
-    return mean, within + np.einsum("c,ci,cj->ij", posterior.weights, apart, apart)
+    return mean, within + np.einsum("c,ci,cj->ij", posterior.weights, offset, offset)
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:

@@ -29,9 +29,7 @@ UNLIKE = "a camera unlike those measured"
 
 @dataclass(frozen=True)
 class PriorConstants:
-    """Reach of the three levels; departures as in ``CameraPrior``, those of family and kin scaled
-    down.
-    """
+    """Reach of the three levels; departures as in ``CameraPrior``, scaled for family and kin."""
 
     family_weight: float = 0.32
     kin_weight: float = 0.36
@@ -94,7 +92,18 @@ def build_prior(nm: np.ndarray, curves: np.ndarray, names: tuple[str, ...], *, s
 
 
 def families(vectors: np.ndarray) -> list[np.ndarray]:
-    """Indices of the members of each family of two or more, by Ward's method, of vectors (C, D)."""
+    """Indices of the members of each family of two or more cameras, by Ward's method.
+
+    Parameters
+    ----------
+    vectors : (C, D) array
+        Curves of C cameras, band after band, each camera of mean 1.
+
+    Returns
+    -------
+    list of int arrays
+        Empty where there are fewer than 12 cameras.
+    """
     if len(vectors) < MIN_CAMERAS_FOR_FAMILIES:
         return []
     from scipy.cluster.hierarchy import fcluster, linkage
@@ -105,7 +114,14 @@ def families(vectors: np.ndarray) -> list[np.ndarray]:
 
 
 def within_families(vectors: np.ndarray, groups: list[np.ndarray]) -> np.ndarray:
-    """Rows whose products add up to the covariance within families, pooled."""
+    """Rows (C, D) whose products add up to the pooled covariance within families.
+
+    Parameters
+    ----------
+    vectors : (C, D) array
+    groups : list of int arrays
+        From ``families``.
+    """
     if not groups:
         return np.zeros((1, vectors.shape[1]))
     freedom = max(sum(len(group) for group in groups) - len(groups), 1)
@@ -114,11 +130,16 @@ def within_families(vectors: np.ndarray, groups: list[np.ndarray]) -> np.ndarray
 
 
 def between_makers(vectors: np.ndarray, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (D,) in which every maker counts once, and rows whose products add up to the covariance
-    about it.
+    """Mean (D,) in which every maker counts once, and rows of the covariance about it.
 
-    With that the mean itself is uncertain, a new camera lies sqrt(1 + 1 / effective number) further
-    out.
+    The products of the rows (C, D) add up to the covariance. The mean itself is uncertain: a new
+    camera lies further out, by sqrt(1 + 1 / effective number of makers).
+
+    Parameters
+    ----------
+    vectors : (C, D) array
+    names : tuple of str
+        Of the C cameras; the first word is the maker.
     """
     makers = [_maker(name) for name in names]
     weights = np.array([1 / makers.count(maker) for maker in makers])
@@ -134,9 +155,7 @@ def _maker(name: str) -> str:
 
 
 def _student_widening(names: tuple[str, ...]) -> float:
-    """Student's t over the normal quantile at 95 %: the covariance between makers is learnt from so
-    many makers.
-    """
+    """Student's t over the normal quantile at 95 %, for a covariance learnt from few makers."""
     from scipy.special import ndtri, stdtrit
     freedom = max(len({_maker(name) for name in names}) - 1, MIN_FREEDOM)
     return float(stdtrit(freedom, 0.95) / ndtri(0.95))

@@ -27,15 +27,14 @@ from spectrabox.radiometry.errors import CalibrationError
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
-# relative; which of them holds is inferred
-MODEL_ERRORS = (0.0003, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064)
+MODEL_ERRORS = (0.0003, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064)   # relative; which is inferred
 LINEARISED_AT = 0.008
 # standard deviation of each band's log gain beyond the prior's, and its share: most photos are as
 # the sensor saw them, some were white-balanced
 GAINS = ((0.05, 0.8), (0.4, 0.2))
 EXPOSURE_SD = 3.0            # of log exposure about the first guess: nothing is known
 ITERATIONS = 6
-MAX_STEP = 0.5  # of a log exposure or field term in one iteration: exp() of more runs away
+MAX_STEP = 0.5               # of a log exposure or field term an iteration: exp() of more runs away
 NEGLIGIBLE = 1e-4            # share of a component below which it is left out
 
 
@@ -52,7 +51,7 @@ class CurvePosterior(Record):
     weights: Annotated[np.ndarray, "C"]
     means: Annotated[np.ndarray, "C Z"]             # Z = D + U
     covariances: Annotated[np.ndarray, "C Z Z"]
-    families: Annotated[np.ndarray, "F"]  # posterior probability of each family of the prior
+    families: Annotated[np.ndarray, "F"]            # posterior probability of each of the prior's
     model_error: float                              # relative, posterior mean
     log_evidence: float
     best_family: int                                # of the component that weighs most
@@ -62,8 +61,9 @@ class CurvePosterior(Record):
 
 @dataclass(frozen=True, eq=False)
 class Candidate(Record):
-    """One Gaussian of the mixture before it is worked out: a family, a spread of the gains, a size
-    of the error.
+    """One Gaussian of the mixture before it is conditioned on the photos.
+
+    A family of the prior, a spread of the gains and a size of the model error.
     """
 
     log_weight: float
@@ -78,16 +78,23 @@ class Candidate(Record):
 
 def posterior_of_curves(photos: list[ChartPhoto], prior: CameraPrior, grid: WavelengthGrid, *,
                         model_errors: tuple[float, ...] = MODEL_ERRORS) -> CurvePosterior:
-    """What the photos and the measured cameras together say of the curves.
+    """Posterior of the curves, given the photos and the measured cameras.
 
     Parameters
     ----------
     photos : list of ChartPhoto
         Of one camera; charts, lights and exposures may differ.
     prior : CameraPrior
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
     model_errors : tuple of float
         Relative errors of patches against the model that are held possible, equally likely
         beforehand.
+
+    Raises
+    ------
+    CalibrationError
+        If no component of the prior has a finite evidence.
     """
     basis = hat_basis(prior.nm, grid.nm)
     designs = [unlit_design(photo, basis) for photo in photos]
@@ -113,13 +120,19 @@ def posterior_of_curves(photos: list[ChartPhoto], prior: CameraPrior, grid: Wave
 
 def held_out_signals(photos: list[ChartPhoto], prior: CameraPrior, grid: WavelengthGrid,
                      posterior: CurvePosterior) -> tuple[list[np.ndarray], float]:
-    """Signals (I, K) of every photo, each patch predicted from all others, and chi-square per
-    datum.
+    """Signals (I, K) of every photo, each patch predicted from all others; chi-square per datum.
 
-    In closed form for the component that weighs most: the error of patch i is (Q^-1)_ii^-1 (Q^-1
+    In closed form for the component of largest weight: the error of patch i is (Q^-1)_ii^-1 (Q^-1
     r)_i, with Q the covariance of the residuals r of the prior's prediction [Rasmussen & Williams
     2006, Eq. 5.12]. Chi-square per datum is r Q^-1 r over the number of signals: 1 where photo,
     chart, light and prior agree within their errors.
+
+    Parameters
+    ----------
+    photos, prior, grid
+        As given to ``posterior_of_curves``.
+    posterior : CurvePosterior
+        Its result.
     """
     designs = [unlit_design(photo, posterior.basis) for photo in photos]
     family = posterior.best_family
@@ -145,10 +158,19 @@ def held_out_signals(photos: list[ChartPhoto], prior: CameraPrior, grid: Wavelen
 def expected_covariance(photos: list[ChartPhoto], prior: CameraPrior, family: int,
                         relative_error: float, grid: WavelengthGrid, *,
                         spread: np.ndarray) -> np.ndarray:
-    """Covariance (D, D) of the curves that photos like these would leave for a camera of one
-    family.
+    """Covariance (D, D) of the curves that photos like these would leave for one family.
 
-    ``spread`` (D, D) is the family's covariance beforehand.
+    Parameters
+    ----------
+    photos : list of ChartPhoto
+    prior : CameraPrior
+    family : int
+        Component of the prior.
+    relative_error : float
+        Of patches against the model.
+    grid : WavelengthGrid
+    spread : (D, D) array
+        Covariance of the family's curves beforehand.
     """
     designs = [unlit_design(photo, hat_basis(prior.nm, grid.nm)) for photo in photos]
     covariance, start = _joint_prior(prior, spread, family, GAINS[0][0], photos, designs)
@@ -161,18 +183,25 @@ def expected_covariance(photos: list[ChartPhoto], prior: CameraPrior, family: in
 
 
 def hat_basis(nodes_nm: np.ndarray, nm: np.ndarray) -> np.ndarray:
-    """Linear interpolation from the prior's wavelengths to ``nm``, (P, N)."""
+    """Linear interpolation from the prior's wavelengths to ``nm``, (P, N).
+
+    Parameters
+    ----------
+    nodes_nm : (N,) array
+        Ascending.
+    nm : (P,) array
+    """
     return np.array([np.interp(nm, nodes_nm, unit) for unit in np.eye(nodes_nm.size)]).T
 
 
 def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: float,
                  photos: list[ChartPhoto],
                  designs: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance (Z, Z) and mean (Z,) of curves and nuisances beforehand; the exposure starts where
-    it fits best.
+    """Covariance (Z, Z) and mean (Z,) of curves and nuisances beforehand.
 
-    ``spread`` (D, D) is the covariance of the family's curves. Curves are scaled to the same whole
-    signal of the first chart, so that exposure alone says how bright a photo is.
+    The exposure starts where it fits best. ``spread`` (D, D) is the covariance of the family's
+    curves. Curves are scaled to the same whole signal of the first chart, so that exposure alone
+    says how bright a photo is.
     """
     whole = _whole(designs, prior)
     factor = whole @ prior.means[family]
@@ -189,14 +218,14 @@ def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: f
     sds[0][0] = EXPOSURE_SD
     linked = np.array([index == 0 or photo.relative_exposure_sd is not None
                        for index, photo in enumerate(photos)])
-    start = np.concatenate([mean, *(np.r_[exposures[0] if tied else exposure, np.zeros(sd.size - 1)]
-                                    for exposure, sd, tied in zip(exposures, sds, linked,
-                                                                  strict=True))])
+    nuisances = [np.r_[exposures[0] if tied else exposure, np.zeros(sd.size - 1)]
+                 for exposure, sd, tied in zip(exposures, sds, linked, strict=True)]
+    start = np.concatenate([mean, *nuisances])
     total = np.diag(np.concatenate([np.zeros(mean.size), *(sd**2 for sd in sds)]))
     total[:mean.size, :mean.size] = covariance
-    places = mean.size + np.cumsum([0, *(sd.size for sd in sds)])[:-1][linked]
-    total[np.ix_(places, places)] += EXPOSURE_SD**2 * (1 - np.eye(len(places))
-                                                       * (places == places[0]))
+    indices = mean.size + np.cumsum([0, *(sd.size for sd in sds)])[:-1][linked]
+    others = 1 - np.eye(len(indices)) * (indices == indices[0])
+    total[np.ix_(indices, indices)] += EXPOSURE_SD**2 * others
     return total, start
 
 
@@ -205,17 +234,17 @@ def _equations(photos: list[ChartPhoto], designs: list[np.ndarray], state: np.nd
     """Predicted signals of all photos (Y,) and their derivatives (Y, Z)."""
     curve_count = bands * designs[0].shape[1]
     curves = state[:curve_count].reshape(bands, -1)
-    signals, rows, place = [], [], curve_count
+    signals, rows, index = [], [], curve_count
     for photo, design in zip(photos, designs, strict=True):
         count = 1 + nuisance_sd(photo).size
-        signal, derivative = predicted_signal(photo, design, curves, state[place],
-                                              state[place + 1:place + count])
+        signal, derivative = predicted_signal(photo, design, curves, state[index],
+                                              state[index + 1:index + count])
         row = np.zeros((signal.size, state.size))
         row[:, :curve_count] = derivative[:, :curve_count]
-        row[:, place:place + count] = derivative[:, curve_count:]
+        row[:, index:index + count] = derivative[:, curve_count:]
         signals.append(signal)
         rows.append(row)
-        place += count
+        index += count
     return np.concatenate(signals), np.vstack(rows)
 
 
@@ -225,9 +254,7 @@ def _noise(photos: list[ChartPhoto], error: float) -> np.ndarray:
 
 def _linearise(photos: list[ChartPhoto], designs: list[np.ndarray], start: np.ndarray,
                covariance: np.ndarray, bands: int) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives J (Y, Z) at the best answer, and the data (Y,) that a linear model y = J state
-    would have.
-    """
+    """Derivatives J (Y, Z) at the best solution, and the data (Y,) of the model y = J state."""
     measured = np.concatenate([photo.signal.ravel() for photo in photos])
     noise = _noise(photos, LINEARISED_AT)
     state, curve_count = start, bands * designs[0].shape[1]
@@ -243,9 +270,7 @@ def _linearise(photos: list[ChartPhoto], designs: list[np.ndarray], start: np.nd
 
 
 def _log_evidence(covariance: np.ndarray, innovation: np.ndarray) -> float:
-    """Log density of the innovation, up to a constant; minus infinity where round-off has left no
-    density.
-    """
+    """Log density of the innovation, up to a constant; -inf where round-off left no density."""
     try:
         lower = np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
@@ -264,9 +289,7 @@ def _condition(candidate: Candidate, noise: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _whole(designs: list[np.ndarray], prior: CameraPrior) -> np.ndarray:
-    """Row (D,) that adds up the first chart's signals of all patches and bands, 1 for the mean of
-    the prior.
-    """
+    """Row (D,) that sums the first chart's signals, 1 for the mean of the prior."""
     row = np.tile(designs[0].sum(axis=0), prior.bands)
     return row / (row @ (prior.weights @ prior.means))
 

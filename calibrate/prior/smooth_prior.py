@@ -1,5 +1,4 @@
-"""A prior on the curves of a camera of which nothing is known but smoothness: multispectral bands,
-unusual sensors.
+"""A prior on curves of which only smoothness is known: multispectral bands, unusual sensors.
 
 Every band is a Gaussian process of wavelength about a constant: the level that the photo itself
 shows. How far it departs from that level, and over how many nanometres, are the components of the
@@ -30,7 +29,9 @@ def smooth_prior(photos: list[ChartPhoto], grid: WavelengthGrid) -> CameraPrior:
     Parameters
     ----------
     photos : list of ChartPhoto
-        The first one gives the level of each band.
+        The first gives the level of each band.
+    grid : WavelengthGrid
+        Its range is that of the prior.
     """
     first = photos[0]
     bands = first.signal.shape[1]

@@ -1,20 +1,13 @@
-"""What an ordinary camera reads of a ColorChecker Classic, to know one when it is seen; nothing is
-measured with it.
+"""Signals of an ordinary camera for a ColorChecker Classic, to recognise one; not to measure with.
 
-Numbers of ``radiometry.chart.typical_camera_signals`` for the reflectances "BabelColor Average"
-under even light, white giving about 1 in each band, so that finding a chart does not wait for the
-library of reflectances.
+Values of ``radiometry.chart.typical_camera_signals`` for the reflectances "BabelColor Average"
+under even light, a perfect reflector giving 1 in each band, so that detecting a chart does not wait
+for the library of reflectances.
 """
 from __future__ import annotations
 
 import numpy as np
 
-PATCH_NAMES = (
-    "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
-    "orange", "purplish blue", "moderate red", "purple", "yellow green", "orange yellow",
-    "blue", "green", "red", "yellow", "magenta", "cyan",
-    "white 9.5", "neutral 8", "neutral 6.5", "neutral 5", "neutral 3.5", "black 2",
-)
 TYPICAL_SIGNALS = np.array([  # (24, 3) red, green, blue; dark skin first
     (0.1347, 0.0866, 0.0631), (0.4499, 0.3137, 0.2445), (0.1540, 0.2136, 0.3081),
     (0.1209, 0.1280, 0.0671), (0.2355, 0.2546, 0.3884), (0.2989, 0.4755, 0.4336),
@@ -28,8 +21,12 @@ TYPICAL_SIGNALS = np.array([  # (24, 3) red, green, blue; dark skin first
 
 
 def typical_signals(bands: int) -> np.ndarray:
-    """Reference signals (24, bands): red, green and blue for three bands, else a plain grey scale
-    of each patch.
+    """Reference signals (24, bands), dark skin first.
+
+    Parameters
+    ----------
+    bands : int
+        3 gives red, green and blue; any other number the grey level of each patch in every band.
     """
     if bands == TYPICAL_SIGNALS.shape[1]:
         return TYPICAL_SIGNALS

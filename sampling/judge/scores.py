@@ -5,14 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from spectrabox.radiometry.colour_science import colour_science
+from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.spectra import named_spectra
 
 LIGHTS = ("D65", "A", "FL11")       # of colour differences: daylight, incandescent, narrow bands
-# chromaticity of X = Y = Z = 1: signals are relative to white in each band
-EQUAL_WHITE = np.array([1 / 3, 1 / 3])
 TINY = 1e-12
 
 
@@ -93,13 +91,12 @@ def delta_e00_under(lights: Sequence[str], grid: WavelengthGrid, estimate: np.nd
     Integrated over the grid alone; white is a reflectance of 1, to whose colour the eye is taken to
     be adapted.
     """
-    colour = colour_science()
     fine = visible_grid(1)
     found = {}
     for name in lights:
-        relative_response = named_spectra.relative_response("CIE 1931 2 Degree Standard Observer", name,
-                                     fine) @ interpolation_matrix(grid.nm, fine.nm)
-        lab = [colour.XYZ_to_Lab(np.maximum(spectra @ relative_response.T, 0),
-                                 EQUAL_WHITE) for spectra in (estimate, truth)]
-        found[name] = np.asarray(colour.delta_E(*lab, method="CIE 2000"), dtype=float)
+        response = named_spectra.relative_response(
+            "CIE 1931 2 Degree Standard Observer", name,
+            fine) @ interpolation_matrix(grid.nm, fine.nm)
+        found[name] = ciede2000(*(lab_from_xyz(np.maximum(spectra @ response.T, 0), np.ones(3))
+                                  for spectra in (estimate, truth)))
     return found

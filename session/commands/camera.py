@@ -8,6 +8,7 @@ import typer
 
 from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command, fail
 from spectrabox.session.commands.camera_inputs import (
+    facts_of,
     read_light,
     read_measured_curves,
     read_reflectances,
@@ -18,7 +19,7 @@ from spectrabox.session.commands.camera_inputs import (
 )
 
 if TYPE_CHECKING:
-    from spectrabox.calibrate.chart_answers import ChartAnswer
+    from spectrabox.calibrate.calibration import ChartCalibration
     from spectrabox.calibrate.prior.camera_prior import CameraPrior
 
 METHODS = ("prior", "smooth", "nonnegative", "paper", "file")
@@ -84,24 +85,24 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
                         [*photos, *map(Path, light), *map(Path, reference),
                          *(path for path in (curves, prior_file)
                            if path is not None)])
-        from spectrabox.calibrate.chart_answers import answer_chart, facts_of
+        from spectrabox.calibrate.calibration import CalibrationOptions, calibrate_chart
+        from spectrabox.calibrate.curve_band import curve_band
         from spectrabox.radiometry.grid import visible_grid
         grid = visible_grid()
         shots, names = read_shots(list(photos), list(light), list(reference), list(corners or []),
                                   bool(chart), grid)
         given_curves = None if curves is None else read_measured_curves(curves, len(names), grid)
-        first = shots[0]
-        result = answer_chart(first.samples, first.reflectances, first.light, grid,
-                              method=None if method == "file" else method, more=shots[1:],
-                              prior=None if prior_file is None else _prior(prior_file),
-                              curves=given_curves)
+        options = CalibrationOptions(method, None if prior_file is None else _prior(prior_file),
+                                     curves=given_curves)
+        result = calibrate_chart(shots, grid, options)
+        band = curve_band(result)
         source = ", ".join(shot.light.source for shot in shots)
-        facts = {**facts_of(result, grid), "bands": list(names), "light": source}
+        facts = {**facts_of(result, band, grid), "bands": list(names), "light": source}
         if out is not None:
-            write_curves(out, result, names, grid, source)
+            write_curves(out, result.calibration, names, source)
             facts["file"] = str(out)
         if samples is not None:
-            write_draws(samples, result, grid)
+            write_draws(samples, band, grid)
             facts["samples"] = str(samples)
         answer(as_json, facts, _fit_text(result, names, out))
 
@@ -161,7 +162,7 @@ def preflight(light: Light,
         second = {name: named_light(name, grid) for name in SECOND_LIGHTS if name != light}
         known = shipped_prior() if prior_file is None else _prior(prior_file)
         expected = expected_of(known, read_reflectances(reference, grid), power, grid,
-                               relative_error=noise, places=patch_centres_uv(), second=second)
+                               relative_error=noise, positions=patch_centres_uv(), second=second)
         facts = {"wavelengths_nm": grid.nm.tolist(),
                  "expected_error": expected.expected_error.tolist(),
                  "expected_error_unlike": expected.unlike_error.tolist(),
@@ -184,8 +185,8 @@ def _prior(path: Path) -> CameraPrior:
     return load_prior(path)
 
 
-def _fit_text(result: ChartAnswer, names: tuple[str, ...], out: Path | None) -> str:
-    lines = [f"bands {', '.join(names)}: {result.made.calibration.sensitivity.method}",
-             *(f"- {check}" for check in result.made.calibration.checks),
-             result.made.calibration.sensitivity.outcome.value]
+def _fit_text(result: ChartCalibration, names: tuple[str, ...], out: Path | None) -> str:
+    fit = result.calibration.sensitivity
+    lines = [f"bands {', '.join(names)}: {fit.method}",
+             *(f"- {check}" for check in result.calibration.checks), fit.outcome.value]
     return "\n".join([*lines, f"wrote {out}"] if out is not None else lines)

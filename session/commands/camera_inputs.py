@@ -1,4 +1,4 @@
-"""What the camera commands read and write: lights, chart reflectances, patches, curves."""
+"""What the camera commands read and write: lights, chart reflectances, patches, curves, facts."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -9,9 +9,9 @@ from spectrabox.radiometry.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
 
-    from spectrabox.calibrate.calibration import ChartShot
-    from spectrabox.calibrate.chart_answers import ChartAnswer
-    from spectrabox.radiometry.records import PatchSamples, Spectrum, WavelengthGrid
+    from spectrabox.calibrate.calibration import ChartCalibration, ChartShot
+    from spectrabox.calibrate.curve_band import CurveBand
+    from spectrabox.radiometry.records import Calibration, PatchSamples, Spectrum, WavelengthGrid
 
 
 def read_shots(photos: list[Path], lights: list[str], references: list[str], corners: list[str],
@@ -34,7 +34,7 @@ def read_shots(photos: list[Path], lights: list[str], references: list[str], cor
     import numpy as np
 
     from spectrabox.calibrate.calibration import ChartShot
-    from spectrabox.calibrate.patch_files import read_patches
+    from spectrabox.session.commands.patch_files import read_patches
     shots: list[ChartShot] = []
     names: list[tuple[str, ...]] = []
     known_lights = {name: read_light(name, grid) for name in lights}
@@ -130,27 +130,53 @@ def require_outputs(outputs: list[Path], inputs: list[Path]) -> None:
                              "another name")
 
 
-def write_curves(path: Path, result: ChartAnswer, names: tuple[str, ...], grid: WavelengthGrid,
-                 light: str) -> None:
+def facts_of(result: ChartCalibration, band: CurveBand | None,
+             grid: WavelengthGrid) -> dict[str, Any]:
+    """A calibration as plain numbers for a script (docs/json.md, ``camera fit``)."""
+    from spectrabox.calibrate.curve_band import LEVEL
+    fit, joint = result.calibration.sensitivity, result.prior_fit
+    facts: dict[str, Any] = {
+        "wavelengths_nm": grid.nm.tolist(), "sensitivities": fit.curves.tolist(),
+        "lower": None if band is None else band.lower.tolist(),
+        "upper": None if band is None else band.upper.tolist(),
+        "level": LEVEL, "condition_number": fit.condition_number,
+        "chart_delta_e00": float(result.delta_e.mean()),
+        "held_out_delta_e00": float(result.held_out_delta_e.mean()),
+        "chart_delta_e00_patches": result.delta_e.tolist(),
+        "light_scale": result.scale.value,
+        "light_scale_standard_error": result.scale.standard_error,
+        "method": fit.method, "checks": list(result.calibration.checks),
+        "outcome": fit.outcome.value}
+    if joint is not None:
+        facts |= {"model_error": joint.model_error, "chi_square": joint.chi_square,
+                  "prior_share": joint.prior_share.tolist(), "photos": len(joint.photos),
+                  "field": joint.photos[0].field.tolist(), "glare": joint.photos[0].glare.tolist(),
+                  "nearest_cameras": [{"cameras": members, "probability": share}
+                                      for members, share in joint.families]}
+    return facts
+
+
+def write_curves(path: Path, calibration: Calibration, names: tuple[str, ...], light: str) -> None:
     """Curves and their standard errors as a CSV."""
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.records import Quantity
     from spectrabox.radiometry.spectra.spectrum_files import table_text
-    columns: dict[str, Any] = dict(zip(names, result.curves, strict=True))
-    error = result.made.calibration.sensitivity.standard_error
-    if error is not None:
-        columns |= {f"standard_error {name}": values for name,
-                    values in zip(names, error, strict=True)}
-    source = f"{result.made.calibration.sensitivity.method}, light {light}".replace("\n", " ")
-    write_text_whole(path, table_text(grid.nm, columns, quantity=Quantity.RELATIVE, source=source))
+    fit = calibration.sensitivity
+    columns: dict[str, Any] = dict(zip(names, fit.curves, strict=True))
+    if fit.standard_error is not None:
+        columns |= {f"standard_error {name}": values
+                    for name, values in zip(names, fit.standard_error, strict=True)}
+    source = f"{fit.method}, light {light}".replace("\n", " ")
+    write_text_whole(path, table_text(fit.grid.nm, columns, quantity=Quantity.RELATIVE,
+                                      source=source))
 
 
-def write_draws(path: Path, result: ChartAnswer, grid: WavelengthGrid) -> None:
+def write_draws(path: Path, band: CurveBand | None, grid: WavelengthGrid) -> None:
     """Draws of all curves together as an NPZ."""
     import numpy as np
 
     from spectrabox.radiometry.files import writable
-    if result.draws is None:
+    if band is None or band.draws is None:
         raise InputError("draws come with the method prior only; leave --samples out")
     with writable(path.parent), path.open("wb") as file:
-        np.savez_compressed(file, wavelengths_nm=grid.nm, curves=result.draws)
+        np.savez_compressed(file, wavelengths_nm=grid.nm, curves=band.draws)

@@ -43,8 +43,9 @@ def chart(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
     with command(as_json, debug):
         from spectrabox.capture.chart.detection import chart_overlay, locate_chart
         from spectrabox.capture.chart.quality import judge_chart
-        from spectrabox.capture.chart.reference import PATCH_NAMES, typical_signals
+        from spectrabox.capture.chart.reference import typical_signals
         from spectrabox.capture.photo.image_files import write_png
+        from spectrabox.radiometry.chart import PATCH_NAMES
         image = _open(photo, encoded)
         reference = typical_signals(image.signal.shape[2])
         try:

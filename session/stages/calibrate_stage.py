@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from spectrabox.calibrate.calibration import (
+    UNKNOWN_IRRADIANCE,
+    CalibrationOptions,
     ChartCalibration,
     ChartShot,
     calibrate_chart,
@@ -32,8 +34,6 @@ from spectrabox.session.stages.photo_stages import chart_of
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.store.store import StoredStage
 
-FLAT = np.full(24, np.pi)        # irradiance where nobody knows the geometry
-
 
 def calibrate_views(task: StageTask) -> dict[str, Any]:
     """Patch statistics and lights to one camera, and to the light and its scale of every view.
@@ -54,7 +54,7 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
     else:
         assert curves is not None
         camera = calibration_from_curves(GRID, curves, lights[0], config.sensitivity.relative_error)
-    lit = FLAT if irradiance is None else irradiance
+    lit = UNKNOWN_IRRADIANCE if irradiance is None else irradiance
     records = {"calibration": camera, "irradiance": None if first is None else lit,
                "predicted": None if first is None else first.predicted}
     for number, view in enumerate(config.all_views[1:], start=1):
@@ -99,13 +99,11 @@ def _first_chart(config: SessionConfig, shown: Mapping[int, PatchSamples],
     """
     chosen, reference = config.sensitivity, read_chart_reference(config)
     several = curves is None and chosen.method in (None, "prior")
-    more = tuple(ChartShot(samples, reference, lights[number], irradiance)
-                 for number, samples in shown.items() if number) if several else ()
-    return calibrate_chart(
-        shown[0], reference, lights[0], FLAT if irradiance is None else irradiance, GRID,
-        coefficients=chosen.coefficients, curves=curves, scaled=irradiance is not None,
-        method=chosen.method, more=more, prior=None if chosen.prior is None
-        else load_prior(config.path(chosen.prior)))
+    shots = [ChartShot(samples, reference, lights[number], irradiance)
+             for number, samples in shown.items() if several or number == 0]
+    prior = None if chosen.prior is None else load_prior(config.path(chosen.prior))
+    return calibrate_chart(shots, GRID, CalibrationOptions(chosen.method or "prior", prior,
+                                                           chosen.coefficients, curves))
 
 
 def _scale_under(config: SessionConfig, number: int, shown: Mapping[int, PatchSamples],
@@ -117,7 +115,7 @@ def _scale_under(config: SessionConfig, number: int, shown: Mapping[int, PatchSa
     """
     if irradiance is None:
         return None
-    if first is not None and first.found is not None:
-        return scale_of_photo(first.found, list(shown).index(number))
-    return calibrate_chart(shown[number], read_chart_reference(config), light, irradiance, GRID,
-                           curves=curves, scaled=True).scale
+    if first is not None and first.prior_fit is not None:
+        return scale_of_photo(first.prior_fit, list(shown).index(number))
+    shot = ChartShot(shown[number], read_chart_reference(config), light, irradiance)
+    return calibrate_chart([shot], GRID, CalibrationOptions(curves=curves)).scale

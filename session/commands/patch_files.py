@@ -1,6 +1,4 @@
-"""Patch signals from a text file: one row per patch, one column per band, standard errors if
-known.
-"""
+"""Patch signals from a text file: a row for each patch, a column for each band."""
 from __future__ import annotations
 
 import csv
@@ -21,6 +19,11 @@ def read_patches(path: Path) -> tuple[PatchSamples, tuple[str, ...]]:
     The first row may name the columns; a column ``standard_error NAME`` holds the standard errors
     of band NAME, and where such columns name no bands they stand in the bands' order. Without
     names, every column is a band. A first column of words (patch names) is left out.
+
+    Parameters
+    ----------
+    path : Path
+        Comma-separated text; lines that begin with # are left out.
 
     Raises
     ------

@@ -1,6 +1,4 @@
-"""CIELAB and CIEDE2000 of many patches at once, numpy only [CIE 15:2018; Sharma, Wu & Dalal
-2005].
-"""
+"""CIELAB and CIEDE2000 of many colours at once [CIE 15:2018; Sharma, Wu & Dalal 2005]."""
 from __future__ import annotations
 
 import numpy as np
@@ -9,7 +7,14 @@ DARK = (6 / 29) ** 3
 
 
 def lab_from_xyz(xyz: np.ndarray, white: np.ndarray) -> np.ndarray:
-    """L*, a*, b* (..., 3) of tristimulus values (..., 3) relative to a white (3,)."""
+    """L*, a*, b* (..., 3) of tristimulus values.
+
+    Parameters
+    ----------
+    xyz : (..., 3) array
+    white : (3,) array
+        Tristimulus values of the perfect reflector under the same light.
+    """
     share = xyz / white
     cubic = np.where(share > DARK, np.cbrt(share), share * (29 / 6) ** 2 / 3 + 4 / 29)
     x, y, z = np.moveaxis(cubic, -1, 0)
@@ -17,8 +22,12 @@ def lab_from_xyz(xyz: np.ndarray, white: np.ndarray) -> np.ndarray:
 
 
 def ciede2000(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """CIEDE2000 (...) between L*a*b* values (..., 3), all weights 1; symbols as in Sharma et al.,
-    Eqs. 2-22.
+    """CIEDE2000 (...), all weights 1; symbols as in Sharma et al., Eqs. 2-22.
+
+    Parameters
+    ----------
+    first, second : (..., 3) arrays
+        L*, a*, b*; the difference is the same in both orders.
     """
     (L1, a1, b1), (L2, a2, b2) = (np.moveaxis(np.asarray(lab, dtype=float), -1, 0)
                                   for lab in (first, second))
