@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spectrabox.calibrate.chart_photo import ChartPhoto, field_terms
+from spectrabox.calibrate.chart_equations import ChartEquations, field_terms
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import draw_curves
@@ -92,9 +92,10 @@ def fit_one(method: str, shots: list[Shot], reflectances: np.ndarray, prior: Cam
                    for shot in shots]
     if method == "prior":
         terms = field_terms(patch_centres_uv()) if with_field else np.zeros((24, 0))
-        photos = [ChartPhoto(shot.signal, covariance, reflectances, shot.power * GRID.weights_nm,
-                             np.full(24, np.pi), terms, glare=with_field) for shot,
-                  covariance in zip(shots, covariances, strict=True)]
+        photos = [ChartEquations(shot.signal, covariance, reflectances,
+                                 shot.power * GRID.weights_nm, np.full(24, np.pi), terms,
+                                 glare=with_field)
+                  for shot, covariance in zip(shots, covariances, strict=True)]
         found = fit_with_prior(photos, prior, GRID)
         draws = draw_curves(found.posterior, len(found.sensitivity.curves), 400, seed=0).curves
         lower, upper = np.quantile(draws, [0.05, 0.95], axis=0)
@@ -114,15 +115,14 @@ def transfer_error(curves: np.ndarray, truth: np.ndarray, reflectances: np.ndarr
     to white.
     """
     response = GRID.weights_nm * power
-    seen, true = (reflectances @ (bands * response).T / (bands @ response) for bands in (curves,
-                                                                                         truth))
+    seen, true = (reflectances @ (bands * response).T / (bands @ response)
+                  for bands in (curves, truth))
     return float(np.sqrt(np.mean((seen - true) ** 2) / np.mean(true**2)))
 
 
 def run(database: CameraDatabase, reflectances: np.ndarray, lights: tuple[str, ...], noise: float,
         methods: tuple[str, ...], *, by_brand: bool = False, stated: bool = True,
-        with_field: bool = False,
-        distort: bool = False, surfaces: np.ndarray | None = None,
+        with_field: bool = False, distort: bool = False, surfaces: np.ndarray | None = None,
         constants: tuple[PriorConstants, ...] | None = None) -> dict[str, dict[str, float]]:
     """Medians and coverage of every method over the cameras of the database; ``constants`` are one
     for each camera.
@@ -149,8 +149,8 @@ def run(database: CameraDatabase, reflectances: np.ndarray, lights: tuple[str, .
                      "mean_error": float(np.mean([row[0] for row in rows])),
                      "coverage": float(np.mean([row[1] for row in rows])),
                      "transfer": float(np.median([row[2] for row in rows])),
-                     "seconds": float(np.median([row[3] for row in rows]))} for method,
-            rows in found.items()}
+                     "seconds": float(np.median([row[3] for row in rows]))}
+            for method, rows in found.items()}
 
 
 def read_surfaces(folder: Path) -> np.ndarray:
@@ -167,8 +167,8 @@ def measure(folder: Path) -> dict[str, Any]:
     database = read_camera_database(folder / "cameras")
     reflectances = chart_reflectances("BabelColor Average", GRID)
     cells = [{"light": name, "noise": noise, "target": target,
-              **run(database, reflectances, (name,), noise, METHODS)} for (name, noise),
-             target in zip(CELLS, TARGETS, strict=True)]
+              **run(database, reflectances, (name,), noise, METHODS)}
+             for (name, noise), target in zip(CELLS, TARGETS, strict=True)]
     only, led = ("prior",), ("LED-B3",)
     transfer = run(database, reflectances, led, 0.01, ("paper", "prior"),
                    surfaces=read_surfaces(folder))
@@ -222,8 +222,8 @@ def print_table(figures: dict[str, Any]) -> None:
               + f"{cell['target']:10.3f}{cell['paper']['error'] / cell['prior']['error']:13.1f}"
               f"{cell['prior']['coverage']:10.3f}{cell['smooth']['coverage']:11.3f}"
               f"{cell['prior']['seconds']:9.2f}")
-    for title, key in (("whole brand left out, LED-B3 1 %", "brand_out"), ("transfer LED-B3 1 % to "
-                                                                           "A", "transfer"),
+    for title, key in (("whole brand left out, LED-B3 1 %", "brand_out"),
+                       ("transfer LED-B3 1 % to A", "transfer"),
                        ("field and glare allowed, none there", "flat"),
                        (f"fall-off {FALL_OFF:.0%} and glare {GLARE:.0%}", "fall_off_and_glare")):
         figure = "transfer" if key == "transfer" else "error"

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.chart_photo import ChartPhoto, field_terms
+from spectrabox.calibrate.chart_equations import ChartEquations, field_terms
 from spectrabox.calibrate.prior.curve_posterior import draw_curves
 from spectrabox.calibrate.sensitivity import fit_sensitivities, fit_with_prior
 from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
@@ -31,8 +31,8 @@ CELLS = (("D65", 0.005), ("LED-B3", 0.02))
 def bumps(bands: int, rng: np.random.Generator) -> np.ndarray:
     """Curves (K, P) of largest value 1."""
     apart = GRID.nm - (np.linspace(425, 675, bands) + rng.normal(0, 4, bands))[:, None]
-    width, skew = max(12, 110 / bands) * rng.uniform(0.7, 1.3, (bands, 1)), rng.uniform(0.7, 1.5,
-                                                                                        (bands, 1))
+    width, skew = (max(12, 110 / bands) * rng.uniform(0.7, 1.3, (bands, 1)),
+                   rng.uniform(0.7, 1.5, (bands, 1)))
     shape = np.exp(-0.5 * (apart / np.where(apart > 0, width * skew, width / skew)) ** 2)
     curves = rng.uniform(0.5, 1, (bands, 1)) * (shape + rng.uniform(0, 0.03, (bands, 1)))
     return curves / curves.max()
@@ -46,7 +46,7 @@ def judge(truth: np.ndarray, reflectances: np.ndarray, power: np.ndarray, noise:
     signal = reflectances @ (truth * power * GRID.weights_nm).T
     signal = signal * (1 + noise * rng.standard_normal(signal.shape))
     covariance = np.einsum("ik,kl->ikl", (noise * signal) ** 2, np.eye(len(truth)))
-    photo = ChartPhoto(signal, covariance, reflectances, power * GRID.weights_nm,
+    photo = ChartEquations(signal, covariance, reflectances, power * GRID.weights_nm,
                        np.full(24, np.pi), field_terms(patch_centres_uv()), True)
     start = time.perf_counter()
     found = fit_with_prior([photo], None, GRID)

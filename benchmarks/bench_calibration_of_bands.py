@@ -76,9 +76,8 @@ def in_domain(libraries: list[ReflectanceLibrary], response: np.ndarray) -> Cert
     plain = calibrated(prior, [judged])
     # Within one population the plain quantile is the calibration; the slack is for libraries never
     # seen.
-    factors = np.array([np.quantile(scores, level) for scores, level in zip(judged.scores,
-                                                                            plain.levels,
-                                                                            strict=True)])
+    factors = np.array([np.quantile(scores, level)
+                        for scores, level in zip(judged.scores, plain.levels, strict=True)])
     exact = LogitMixture(prior.nm, prior.weights, prior.means, prior.covariances, plain.levels,
                          factors, plain.curve_factor, plain.familiar_surprise, "")
     return certify(exact, ReflectanceLibrary("in-domain third", third, {}), response)
@@ -149,25 +148,25 @@ def main() -> None:
         rows.append(row)
     noisy = [{**facts(certify(prior, some(ReflectanceLibrary(name, values, {}), arguments.most),
                               matrix, noise)), "bands": len(matrix)}
-             for name, values in (("BabelColor Average", test_reflectances(GRID)["BabelColor "
-                                                                                 "Average"]),
-                                  ("NIST CQS test colours", test_reflectances(GRID)["NIST CQS test "
-                                                                                    "colours"]))
+             for name, values in (("BabelColor Average",
+                                   test_reflectances(GRID)["BabelColor Average"]),
+                                  ("NIST CQS test colours",
+                                   test_reflectances(GRID)["NIST CQS test colours"]))
              for matrix in (response, eight_bands()) for noise in (0.0, 0.003, 0.01, 0.03)]
     inside = facts(in_domain(libraries, response)) if libraries else None
     if arguments.json:
         print(json.dumps({"libraries": rows, "noise": noisy, "in_domain": inside}))
         return
     print(f"{'library (not trained on)':<26} {'n':>4} {'RMSE':>7} {'95 % holds':>11} {'width':>6} "
-          f"{'curves':>7} {'Winkler':>8} | like for like: {'ours':>6} "
-          + " ".join(f"{name:>12}" for name in PEERS)
-          + f" {'uniform N=7':>12} {'its 95 %':>9}")
+          f"{'curves':>7} {'Winkler':>8} | like for like: "
+          f"{'ours':>6} " + " ".join(f"{name:>12}" for name in PEERS) + f" {'uniform N=7':>12} "
+          f"{'its 95 %':>9}")
     for row in rows:
         print(f"{row['name']:<26} {row['curves']:4d} {row['rmse']:7.4f} "
               f"{row['coverage']:6.3f}+-{row['error']:.3f} {row['width']:6.3f} "
               f"{row['curve_coverage']:7.3f} {row['winkler']:8.3f} | {row['rmse_of_those']:21.4f} "
-              + " ".join(f"{row['peers'][name]:12.4f}" for name in PEERS)
-              + f" {row['uniform_rmse']:12.4f} {row['uniform_coverage']:9.3f}")
+              + " ".join(f"{row['peers'][name]:12.4f}" for name in PEERS) + " "
+              f"{row['uniform_rmse']:12.4f} {row['uniform_coverage']:9.3f}")
     wins = sum(row["rmse_of_those"] < row["peers"]["Otsu 2018"] for row in rows)
     print(f"mean width {np.mean([row['width'] for row in rows]):.3f}; below Otsu on {wins} of "
           f"{len(rows)} sets")

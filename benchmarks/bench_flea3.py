@@ -22,11 +22,10 @@ import numpy as np
 from scipy.io import loadmat
 from scipy.optimize import least_squares
 
-from spectrabox.calibrate.chart_photo import ChartPhoto, field_terms
+from spectrabox.calibrate.chart_equations import ChartEquations, field_terms
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
-from spectrabox.calibrate.prior.prior_fit import hat_basis
 from spectrabox.calibrate.sensitivity import fit_with_prior
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_table
 
 FILTERS = (400, 450, 500, 550, 600, 650, 700)
@@ -83,11 +82,11 @@ def joint_responses(photos: list[tuple[np.ndarray, np.ndarray]], chart: np.ndarr
         lit = (signals > 0).all(axis=1)
         noise = np.tile(np.eye(3) * (READ_NOISE * signals.max()) ** 2,
                         (np.count_nonzero(lit), 1, 1))
-        shots.append(ChartPhoto(signals[lit], noise, chart[lit], transmission * GRID.weights_nm,
+        shots.append(ChartEquations(signals[lit], noise, chart[lit], transmission * GRID.weights_nm,
                                 np.full(len(noise), np.pi), field_terms(places)[lit], True))
     prior = shipped_prior()
     found = fit_with_prior(shots, prior, GRID)
-    mean = prior.means[-1].reshape(3, -1) @ hat_basis(prior.nm, GRID.nm).T
+    mean = prior.means[-1].reshape(3, -1) @ interpolation_matrix(prior.nm, GRID.nm).T
     powers = np.array([shot.power for shot in shots])
     return powers @ found.sensitivity.curves.T, powers @ mean.T, found.model_error, found.chi_square
 

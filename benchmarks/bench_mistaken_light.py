@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.calibrate.chart_photo import chart_photo
+from spectrabox.calibrate.chart_equations import chart_equations
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.calibrate.trust import CHECK_LIGHT, sentences
@@ -38,7 +38,7 @@ def judged(database: CameraDatabase, camera: int, true: str, claimed: str,
     signal = reflectances @ (curves * light(true, GRID) * GRID.weights_nm).T
     signal *= 1 + NOISE * rng.standard_normal(signal.shape)
     samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), 0 * signal, 0 * signal)
-    photo = chart_photo(samples, reflectances, light(claimed, GRID), np.full(24, np.pi), GRID,
+    photo = chart_equations(samples, reflectances, light(claimed, GRID), np.full(24, np.pi), GRID,
                         positions=patch_centres_uv())
     found = fit_with_prior([photo], others(database, camera, by_brand=False), GRID)
     if found.disagrees:

@@ -17,7 +17,7 @@ import numpy as np
 from spectrabox.calibrate.calibration import (
     CalibrationOptions,
     ChartCalibration,
-    ChartShot,
+    ChartPhoto,
     calibrate_chart,
 )
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
@@ -49,7 +49,7 @@ def photographed(database: CameraDatabase, camera: int, noise: float, power: np.
     samples = PatchSamples(signal, np.zeros((24, bands, bands)), np.ones(24), 0 * signal,
                            0 * signal)
     lamp = Spectrum(GRID, power, Quantity.RADIANCE, "lamp")
-    return truth, calibrate_chart([ChartShot(samples, reflectances, lamp, irradiance)], GRID,
+    return truth, calibrate_chart([ChartPhoto(samples, reflectances, lamp, irradiance)], GRID,
                                   CalibrationOptions(
                                       prior=others(database, camera, by_brand=False)))
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.calibrate.chart_photo import ChartPhoto, chart_photo
+from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations
 from spectrabox.calibrate.measured_curves import check_measured_curves
 from spectrabox.calibrate.photo_checks import light_power, refuse_disagreement
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
@@ -43,7 +43,7 @@ UNKNOWN_IRRADIANCE = np.full(24, np.pi)     # gives a reflectance of 1 a signal 
 
 
 @dataclass(frozen=True, eq=False)
-class ChartShot(Record):
+class ChartPhoto(Record):
     """A photo of a chart: its patches, their reflectances, and the light on them."""
 
     samples: PatchSamples
@@ -76,14 +76,14 @@ class ChartCalibration(Record):
     prior_fit: PriorFit | None                      # of the method "prior"
 
 
-def calibrate_chart(shots: Sequence[ChartShot], grid: WavelengthGrid,
+def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
                     options: CalibrationOptions | None = None) -> ChartCalibration:
     """Calibration of a camera and its light from photos of a chart.
 
     Parameters
     ----------
-    shots : sequence of ChartShot
-        Photos by one camera. Light, scale, predicted signals and colour differences are those of
+    photos : sequence of ChartPhoto
+        By one camera. Light, scale, predicted signals and colour differences are those of
         the first; more than one needs the method ``prior``. With a known irradiance of the first,
         the calibration carries a light scale.
     grid : WavelengthGrid
@@ -103,11 +103,11 @@ def calibrate_chart(shots: Sequence[ChartShot], grid: WavelengthGrid,
         If chart and light do not determine the curves (see ``fit_sensitivities``).
     """
     chosen = CalibrationOptions() if options is None else options
-    first = shots[0]
+    first = photos[0]
     _require_bands(first.samples)
-    if len(shots) > 1 and (chosen.curves is not None or chosen.method != "prior"):
+    if len(photos) > 1 and (chosen.curves is not None or chosen.method != "prior"):
         method = chosen.method if chosen.curves is None else "file"
-        raise InputError(f"method {method} takes one photo; {len(shots)} photos need method prior")
+        raise InputError(f"method {method} takes one photo; {len(photos)} photos need method prior")
     power, unseen = light_power(first.light, grid)
     lit = UNKNOWN_IRRADIANCE if first.irradiance is None else first.irradiance
     prior_fit = None
@@ -117,8 +117,8 @@ def calibrate_chart(shots: Sequence[ChartShot], grid: WavelengthGrid,
         said: tuple[str, ...] = (
             check_measured_curves(_as_equations(first, grid), chosen.curves, grid),)
     elif chosen.method == "prior":
-        prior_fit = prior_calibration([_as_equations(shot, grid) for shot in shots], grid,
-                                      chosen.prior)
+        equations = [_as_equations(photo, grid) for photo in photos]
+        prior_fit = prior_calibration(equations, grid, chosen.prior)
         fit, scale = prior_fit.sensitivity, scale_of_photo(prior_fit, 0)
         predicted, said = prior_fit.photos[0].predicted, sentences(prior_fit, grid)
     else:
@@ -143,13 +143,13 @@ def calibrate_chart(shots: Sequence[ChartShot], grid: WavelengthGrid,
                             prior_fit)
 
 
-def prior_calibration(photos: list[ChartPhoto], grid: WavelengthGrid,
+def prior_calibration(photos: list[ChartEquations], grid: WavelengthGrid,
                       prior: CameraPrior | None = None) -> PriorFit:
     """The joint estimate from chart photos, refused where no camera explains them.
 
     Parameters
     ----------
-    photos : list of ChartPhoto
+    photos : list of ChartEquations
         By one camera.
     grid : WavelengthGrid
         Working grid, of P wavelengths.
@@ -207,13 +207,13 @@ def _require_bands(samples: PatchSamples) -> None:
                          "one of several bands")
 
 
-def _as_equations(shot: ChartShot, grid: WavelengthGrid) -> ChartPhoto:
+def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> ChartEquations:
     """A photo as equations, with a field where the illumination of the chart is not known."""
-    power, _ = light_power(shot.light, grid)
-    if shot.irradiance is None:
-        return chart_photo(shot.samples, shot.reflectances, power, UNKNOWN_IRRADIANCE, grid,
+    power, _ = light_power(photo.light, grid)
+    if photo.irradiance is None:
+        return chart_equations(photo.samples, photo.reflectances, power, UNKNOWN_IRRADIANCE, grid,
                            positions=patch_centres_uv())
-    return chart_photo(shot.samples, shot.reflectances, power, shot.irradiance, grid)
+    return chart_equations(photo.samples, photo.reflectances, power, photo.irradiance, grid)
 
 
 def _from_measured(samples: PatchSamples, reflectances: np.ndarray, power: np.ndarray,

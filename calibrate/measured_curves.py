@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.photo_checks import refuse_disagreement
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.sensitivity import fit_with_prior
@@ -17,12 +17,12 @@ DOUBTFUL = 1.5  # chi-square per signal, 72 of them: chance gives as much once i
 LABORATORY = (0.01, 20.0, 0.06, 60.0, 0.06, 120.0)
 
 
-def check_measured_curves(photo: ChartPhoto, curves: np.ndarray, grid: WavelengthGrid) -> str:
+def check_measured_curves(photo: ChartEquations, curves: np.ndarray, grid: WavelengthGrid) -> str:
     """One sentence on how well measured curves (K, P) explain a chart photo.
 
     Parameters
     ----------
-    photo : ChartPhoto
+    photo : ChartEquations
     curves : (K, P) array
         Of any scale.
     grid : WavelengthGrid

@@ -9,13 +9,14 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.calibrate.chart_photo import ChartPhoto, field_terms, unlit_design
+from spectrabox.calibrate.chart_equations import ChartEquations, field_terms, unlit_design
 from spectrabox.calibrate.photo_checks import dark_ranges
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import curve_variance
-from spectrabox.calibrate.prior.prior_fit import expected_covariance, hat_basis
+from spectrabox.calibrate.prior.prior_fit import expected_covariance
 from spectrabox.calibrate.sensitivity import SPLINE_COEFFICIENTS
 from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
@@ -79,7 +80,7 @@ def _expected(prior: CameraPrior, spreads: np.ndarray, components: list[int],
               reflectances: np.ndarray, powers: list[np.ndarray], grid: WavelengthGrid,
               relative_error: float, positions: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """Variance (K, P) of the curves and relative error (K,) of each, means over some components."""
-    basis = hat_basis(prior.nm, grid.nm)
+    basis = interpolation_matrix(prior.nm, grid.nm)
     variance, relative = np.zeros((prior.bands, grid.nm.size)), np.zeros(prior.bands)
     weights = prior.weights[components] / prior.weights[components].sum()
     for component, weight in zip(components, weights, strict=True):
@@ -96,13 +97,14 @@ def _expected(prior: CameraPrior, spreads: np.ndarray, components: list[int],
 
 
 def _imagined(reflectances: np.ndarray, power: np.ndarray, coefficients: np.ndarray,
-              basis: np.ndarray, grid: WavelengthGrid, positions: np.ndarray | None) -> ChartPhoto:
+              basis: np.ndarray, grid: WavelengthGrid,
+              positions: np.ndarray | None) -> ChartEquations:
     """The photo that a camera of these coefficients (K, N) would take."""
     patches, bands = len(reflectances), len(coefficients)
     terms = np.zeros((patches, 0)) if positions is None else field_terms(positions)
-    blank = ChartPhoto(np.ones((patches, bands)), np.zeros((patches, bands, bands)), reflectances,
-                       power / power.max() * grid.weights_nm, np.full(patches, np.pi), terms,
-                       glare=positions is not None)
+    blank = ChartEquations(np.ones((patches, bands)), np.zeros((patches, bands, bands)),
+                           reflectances, power / power.max() * grid.weights_nm,
+                           np.full(patches, np.pi), terms, glare=positions is not None)
     signal = unlit_design(blank, basis) @ coefficients.T
-    return ChartPhoto(signal, blank.covariance, reflectances, blank.power, blank.irradiance, terms,
-                      blank.glare)
+    return ChartEquations(signal, blank.covariance, reflectances, blank.power, blank.irradiance,
+                          terms, blank.glare)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.photo_checks import (
     WORST_CHI_SQUARE,
     WORST_MODEL_ERROR,
@@ -74,12 +74,12 @@ class PriorFit(Record):
         return self.model_error > WORST_MODEL_ERROR or self.chi_square > WORST_CHI_SQUARE
 
 
-def default_prior(photos: list[ChartPhoto], grid: WavelengthGrid) -> CameraPrior:
+def default_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> CameraPrior:
     """The shipped prior where it has the photos' number of bands, else one of smoothness alone.
 
     Parameters
     ----------
-    photos : list of ChartPhoto
+    photos : list of ChartEquations
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
@@ -87,13 +87,13 @@ def default_prior(photos: list[ChartPhoto], grid: WavelengthGrid) -> CameraPrior
     return shipped if photos[0].signal.shape[1] == shipped.bands else smooth_prior(photos, grid)
 
 
-def fit_with_prior(photos: list[ChartPhoto], prior: CameraPrior | None, grid: WavelengthGrid, *,
+def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid: WavelengthGrid, *,
                    model_errors: tuple[float, ...] = MODEL_ERRORS) -> PriorFit:
     """Curves, exposure, field and glare from chart photos of one camera, with calibrated errors.
 
     Parameters
     ----------
-    photos : list of ChartPhoto
+    photos : list of ChartEquations
         Any number. Charts, lights and exposures may differ. Field, glare and exposure are each
         photo's own, unless ``relative_exposure_sd`` ties an exposure to that of the first.
     prior : CameraPrior or None
@@ -254,7 +254,7 @@ def _patch_sigma(patches: PatchSamples) -> np.ndarray:
     return np.sqrt(noise + (CHART_ERROR * patches.mean) ** 2 + (FLOOR * brightest) ** 2)
 
 
-def _condition_number(photo: ChartPhoto, grid: WavelengthGrid) -> float:
+def _condition_number(photo: ChartEquations, grid: WavelengthGrid) -> float:
     """Of the paper's fit with 10 coefficients, whatever the method.
 
     It says how much chart and light alone determine.

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.learnt_prior import UNLIKE
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
@@ -44,7 +44,7 @@ def chart_colour_differences(measured: np.ndarray, predicted: np.ndarray, reflec
                      lab_from_xyz(predicted @ to_xyz, white))
 
 
-def other_reading(photo: ChartPhoto, prior: CameraPrior, grid: WavelengthGrid) -> str | None:
+def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGrid) -> str | None:
     """Another reading of a photo under which some camera would explain it; None if there is none.
 
     Mirrored, turned, with bands reversed, decoded, or with glare taken off. The reading that gains
@@ -53,7 +53,7 @@ def other_reading(photo: ChartPhoto, prior: CameraPrior, grid: WavelengthGrid) -
 
     Parameters
     ----------
-    photo : ChartPhoto
+    photo : ChartEquations
         Of 24 patches; no reading is tried of other charts.
     prior : CameraPrior
     grid : WavelengthGrid
@@ -114,19 +114,19 @@ def _ranges(chosen: np.ndarray, grid: WavelengthGrid) -> str:
     return ", ".join(f"{grid.nm[start]:g}-{grid.nm[stop - 1]:g} nm" for start, stop in edges)
 
 
-def _evidence(photo: ChartPhoto, signal: np.ndarray, prior: CameraPrior,
+def _evidence(photo: ChartEquations, signal: np.ndarray, prior: CameraPrior,
               grid: WavelengthGrid) -> float:
     # of log signals, so that readings of any scale compare
     logarithms = np.log(np.maximum(signal, 1e-12)).sum()
     return posterior_of_curves([_read(photo, signal)], prior, grid).log_evidence + float(logarithms)
 
 
-def _read(photo: ChartPhoto, signal: np.ndarray) -> ChartPhoto:
-    return ChartPhoto(signal, photo.covariance, photo.reflectances, photo.power, photo.irradiance,
-                      photo.field_terms, photo.glare)
+def _read(photo: ChartEquations, signal: np.ndarray) -> ChartEquations:
+    return ChartEquations(signal, photo.covariance, photo.reflectances, photo.power,
+                          photo.irradiance, photo.field_terms, photo.glare)
 
 
-def _without_glare(photo: ChartPhoto) -> np.ndarray:
+def _without_glare(photo: ChartEquations) -> np.ndarray:
     """Signals less an offset in each band.
 
     It leaves the darkest patch what it reflects of the lightest patch's light.

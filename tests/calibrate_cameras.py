@@ -3,7 +3,7 @@ cameras do.
 """
 import numpy as np
 
-from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.prior.learnt_prior import build_prior
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples
@@ -75,6 +75,6 @@ def samples(signal, relative_error=0.0):
 
 def photo(signal, light, surfaces, relative_error=0.0, terms=None, glare=False, **more):
     covariance = np.einsum("ik,kl->ikl", (relative_error * signal) ** 2, np.eye(signal.shape[1]))
-    return ChartPhoto(signal, covariance, surfaces, light * GRID.weights_nm,
+    return ChartEquations(signal, covariance, surfaces, light * GRID.weights_nm,
                       np.full(len(signal), np.pi), np.zeros((len(signal), 0)) if terms is None
                       else terms, glare, **more)

@@ -8,7 +8,7 @@ import pytest
 from calibrate_cameras import GRID, cameras, led, on_grid
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.calibration import CalibrationOptions, ChartShot, calibrate_chart
+from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.calibrate.curve_band import curve_band
 from spectrabox.calibrate.prior.camera_prior import load_prior
 from spectrabox.radiometry.chart import chart_reflectances
@@ -52,8 +52,8 @@ def test_the_command_gives_what_python_gives(chart, method, tmp_path):
     assert not set(CONTRACT) - set(facts)
     samples, _ = read_patches(chart / "patches.csv")
     light = read_spectrum(chart / "light.csv", role=Quantity.RELATIVE)
-    shot = ChartShot(samples, chart_reflectances("BabelColor Average", GRID), light)
-    made = calibrate_chart([shot], GRID, CalibrationOptions(method))
+    photo = ChartPhoto(samples, chart_reflectances("BabelColor Average", GRID), light)
+    made = calibrate_chart([photo], GRID, CalibrationOptions(method))
     curves_fitted = made.calibration.sensitivity.curves
     # The same code on the same numbers; JSON keeps every digit.
     np.testing.assert_array_equal(facts["sensitivities"], curves_fitted)

@@ -13,7 +13,7 @@ from calibrate_cameras import (
     signals,
 )
 
-from spectrabox.calibrate.calibration import CalibrationOptions, ChartShot, calibrate_chart
+from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.records import Quantity, Spectrum
 
@@ -32,9 +32,9 @@ def chart(curves=TRUTH, power=None, seed=3):
 
 def calibrated(signal, *more, light=None, **options):
     first = (signal, daylight() if light is None else light)
-    shots = [ChartShot(samples(taken, 0.003), SURFACES, lamp(power))
+    photos = [ChartPhoto(samples(taken, 0.003), SURFACES, lamp(power))
              for taken, power in (first, *more)]
-    return calibrate_chart(shots, GRID, CalibrationOptions(**options))
+    return calibrate_chart(photos, GRID, CalibrationOptions(**options))
 
 
 def mirrored(signal):
@@ -124,6 +124,6 @@ def test_fall_off_is_said_of_each_photo_that_may_have_one():
                         prior=prior()).calibration.checks
     assert any(check.startswith("photo 2: illumination over the chart found to run from 0.9")
                for check in checks)
-    lit = ChartShot(samples(chart()), SURFACES, lamp(daylight()), np.full(24, np.pi))
+    lit = ChartPhoto(samples(chart()), SURFACES, lamp(daylight()), np.full(24, np.pi))
     known = calibrate_chart([lit], GRID, CalibrationOptions(prior=prior()))
     assert not any("illumination" in check for check in known.calibration.checks)

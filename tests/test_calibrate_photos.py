@@ -19,8 +19,8 @@ from calibrate_cameras import (
 )
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.calibration import CalibrationOptions, ChartShot, calibrate_chart
-from spectrabox.calibrate.chart_photo import field_terms
+from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.curve_posterior import draw_curves, sensitivity_draws
 from spectrabox.calibrate.prior.smooth_prior import smooth_prior
@@ -128,8 +128,8 @@ def test_two_photos_through_the_command_line_give_what_python_gives(tmp_path):
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     first, second = (read_patches(path)[0] for path in files)
-    expected = calibrate_chart([ChartShot(first, surfaces, spectrum(lights[0])),
-                                ChartShot(second, surfaces, spectrum(lights[1]))], GRID)
+    expected = calibrate_chart([ChartPhoto(first, surfaces, spectrum(lights[0])),
+                                ChartPhoto(second, surfaces, spectrum(lights[1]))], GRID)
     # the same code on the same numbers
     np.testing.assert_array_equal(facts["sensitivities"], expected.calibration.sensitivity.curves)
     assert facts["photos"] == 2
@@ -211,7 +211,7 @@ def test_a_prior_of_smoothness_knows_levels_only():
 
 def test_draws_follow_the_calibrations_covariance():
     signal = noisy(signals(on_grid(cameras(1, 75)[0]), daylight(), SURFACES), 0.005, 7)
-    made = calibrate_chart([ChartShot(samples(signal, 0.005), SURFACES, spectrum(daylight()))],
+    made = calibrate_chart([ChartPhoto(samples(signal, 0.005), SURFACES, spectrum(daylight()))],
                            GRID, CalibrationOptions(prior=prior()))
     fit = made.calibration.sensitivity
     draws = sensitivity_draws(made.calibration, 2000, 3)
@@ -228,7 +228,7 @@ def test_draws_follow_the_calibrations_covariance():
 def test_measured_curves_have_no_draws():
     curves = on_grid(cameras(1, 76)[0])
     signal = signals(curves, daylight(), SURFACES)
-    made = calibrate_chart([ChartShot(samples(signal), SURFACES, spectrum(daylight()))], GRID,
+    made = calibrate_chart([ChartPhoto(samples(signal), SURFACES, spectrum(daylight()))], GRID,
                            CalibrationOptions(curves=curves))
     with pytest.raises(InputError, match=r"measured curves from a file.*carry no covariance"):
         sensitivity_draws(made.calibration, 10, 0)

@@ -19,8 +19,8 @@ from calibrate_cameras import (
     signals,
 )
 
-from spectrabox.calibrate.calibration import CalibrationOptions, ChartShot, calibrate_chart
-from spectrabox.calibrate.chart_photo import field_terms
+from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.camera_prior import load_prior, save_prior, shipped_prior
 from spectrabox.calibrate.prior.curve_posterior import draw_curves, nonnegative
@@ -179,7 +179,7 @@ def test_raising_one_value_to_zero_moves_what_varies_with_it():
 
 def calibrated(signal, light=None, known=None):
     lamp = Spectrum(GRID, daylight() if light is None else light, Quantity.RELATIVE, "lamp")
-    shot = ChartShot(samples(signal, 0.001), SURFACES, lamp)
+    shot = ChartPhoto(samples(signal, 0.001), SURFACES, lamp)
     return calibrate_chart([shot], GRID, CalibrationOptions(prior=known)).calibration
 
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID, NODES, cameras, led, on_grid, reflectances, samples, signals
 
-from spectrabox.calibrate.calibration import CalibrationOptions, ChartShot, calibrate_chart
+from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.calibrate.prior.learnt_prior import build_prior
 from spectrabox.radiometry.records import Quantity, Spectrum
 
@@ -19,7 +19,7 @@ def white_errors(method, relative_noise, camera, curves, known):
     signal = SCALE * signals(truth, POWER, SURFACES) * (IRRADIANCE / np.pi)[:, None]
     signal *= 1 + relative_noise * np.random.default_rng(500 + camera).standard_normal(signal.shape)
     lamp = Spectrum(GRID, POWER, Quantity.RADIANCE, "lamp")
-    made = calibrate_chart([ChartShot(samples(signal), SURFACES, lamp, IRRADIANCE)], GRID,
+    made = calibrate_chart([ChartPhoto(samples(signal), SURFACES, lamp, IRRADIANCE)], GRID,
                            CalibrationOptions(method, known))
     fitted = made.scale.value * made.calibration.sensitivity.curves @ (POWER * GRID.weights_nm)
     return fitted / (SCALE * truth

@@ -19,7 +19,7 @@ import numpy as np
 from spectrabox.calibrate.calibration import (
     CalibrationOptions,
     ChartCalibration,
-    ChartShot,
+    ChartPhoto,
     calibrate_chart,
 )
 from spectrabox.calibrate.curve_band import curve_band
@@ -110,7 +110,7 @@ def main() -> None:
     found: dict[str, list[dict[str, float]]] = {method: [] for method in METHODS}
     for seed in range(PHOTOS):
         samples = photographed(truth, reflectances, power, seed)
-        answers = {method: calibrate_chart([ChartShot(samples, reflectances, lamp)], GRID,
+        answers = {method: calibrate_chart([ChartPhoto(samples, reflectances, lamp)], GRID,
                                            CalibrationOptions(method))
                    for method in METHODS}
         for method, answer in answers.items():

@@ -10,7 +10,12 @@ from typing import Annotated
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.calibrate.chart_photo import ChartPhoto, nuisance_sd, predicted_signal, unlit_design
+from spectrabox.calibrate.chart_equations import (
+    ChartEquations,
+    nuisance_sd,
+    predicted_signal,
+    unlit_design,
+)
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.prior_fit import CurvePosterior
 from spectrabox.radiometry.errors import InputError
@@ -180,14 +185,14 @@ def curve_variance(basis: np.ndarray, covariance: np.ndarray, bands: int) -> np.
                      for band in range(bands)])
 
 
-def photo_states(posterior: CurvePosterior, photos: list[ChartPhoto],
+def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
                  moments: CurveMoments) -> list[PhotoState]:
     """Exposure, field and glare of every photo, and the signals that follow.
 
     Parameters
     ----------
     posterior : CurvePosterior
-    photos : list of ChartPhoto
+    photos : list of ChartEquations
         In the order in which the posterior was made.
     moments : CurveMoments
         Of the posterior.
@@ -213,7 +218,7 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartPhoto],
     return states
 
 
-def _white_error(photo: ChartPhoto, basis: np.ndarray, coefficients: np.ndarray,
+def _white_error(photo: ChartEquations, basis: np.ndarray, coefficients: np.ndarray,
                  covariance: np.ndarray, index: int) -> float:
     """Relative standard error of the signal of a perfect reflector in one band.
 

@@ -80,15 +80,16 @@ def build_prior(nm: np.ndarray, curves: np.ndarray, names: tuple[str, ...], *, s
     scales = np.ones((3, 6))
     scales[:, ::2] = reach[:, None]
     widening = _student_widening(names)
-    return CameraPrior(nm, np.concatenate([family * sizes, kin * sizes, [1 - family - kin]]),
-                       np.array([*centres, *centres, middle]),
-                       np.repeat([0, 1, 2], [len(groups), len(groups), 1]),
-                       np.array([[1.0, constants.family_between], [1.0, constants.kin_between],
-                                 [0.0, 1.0]]), scales * constants.departures,
-                       np.array([1.0, widening, widening]),
-                       _leading(within_families(vectors, groups)), _leading(between),
-                       (*joined, *(f"another maker's like {members}" for members in joined),
-                        UNLIKE), source, licence)
+    of_kin = (f"another maker's like {members}" for members in joined)
+    return CameraPrior(
+        nm=nm, weights=np.concatenate([family * sizes, kin * sizes, [1 - family - kin]]),
+        means=np.array([*centres, *centres, middle]),
+        level=np.repeat([0, 1, 2], [len(groups), len(groups), 1]),
+        shares=np.array([[1.0, constants.family_between], [1.0, constants.kin_between],
+                         [0.0, 1.0]]),
+        departures=scales * constants.departures, widening=np.array([1.0, widening, widening]),
+        within=_leading(within_families(vectors, groups)), between=_leading(between),
+        members=(*joined, *of_kin, UNLIKE), source=source, licence=licence)
 
 
 def families(vectors: np.ndarray) -> list[np.ndarray]:

@@ -15,8 +15,8 @@ from typing import Annotated
 import numpy as np
 from scipy.linalg import block_diag
 
-from spectrabox.calibrate.chart_photo import (
-    ChartPhoto,
+from spectrabox.calibrate.chart_equations import (
+    ChartEquations,
     noise_covariance,
     nuisance_sd,
     predicted_signal,
@@ -24,6 +24,7 @@ from spectrabox.calibrate.chart_photo import (
 )
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.radiometry.errors import CalibrationError
+from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
@@ -76,13 +77,13 @@ class Candidate(Record):
     linear: Annotated[np.ndarray, "Y"]
 
 
-def posterior_of_curves(photos: list[ChartPhoto], prior: CameraPrior, grid: WavelengthGrid, *,
+def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: WavelengthGrid, *,
                         model_errors: tuple[float, ...] = MODEL_ERRORS) -> CurvePosterior:
     """Posterior of the curves, given the photos and the measured cameras.
 
     Parameters
     ----------
-    photos : list of ChartPhoto
+    photos : list of ChartEquations
         Of one camera; charts, lights and exposures may differ.
     prior : CameraPrior
     grid : WavelengthGrid
@@ -96,7 +97,7 @@ def posterior_of_curves(photos: list[ChartPhoto], prior: CameraPrior, grid: Wave
     CalibrationError
         If no component of the prior has a finite evidence.
     """
-    basis = hat_basis(prior.nm, grid.nm)
+    basis = interpolation_matrix(prior.nm, grid.nm)
     designs = [unlit_design(photo, basis) for photo in photos]
     noises = {error: _noise(photos, error) for error in model_errors}
     spreads = prior.covariances()
@@ -118,7 +119,7 @@ def posterior_of_curves(photos: list[ChartPhoto], prior: CameraPrior, grid: Wave
     return _mixture(candidates, noises, basis, prior)
 
 
-def held_out_signals(photos: list[ChartPhoto], prior: CameraPrior, grid: WavelengthGrid,
+def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: WavelengthGrid,
                      posterior: CurvePosterior) -> tuple[list[np.ndarray], float]:
     """Signals (I, K) of every photo, each patch predicted from all others; chi-square per datum.
 
@@ -155,14 +156,14 @@ def held_out_signals(photos: list[ChartPhoto], prior: CameraPrior, grid: Wavelen
     return signals, float(innovation @ weighted / innovation.size)
 
 
-def expected_covariance(photos: list[ChartPhoto], prior: CameraPrior, family: int,
+def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family: int,
                         relative_error: float, grid: WavelengthGrid, *,
                         spread: np.ndarray) -> np.ndarray:
     """Covariance (D, D) of the curves that photos like these would leave for one family.
 
     Parameters
     ----------
-    photos : list of ChartPhoto
+    photos : list of ChartEquations
     prior : CameraPrior
     family : int
         Component of the prior.
@@ -172,7 +173,7 @@ def expected_covariance(photos: list[ChartPhoto], prior: CameraPrior, family: in
     spread : (D, D) array
         Covariance of the family's curves beforehand.
     """
-    designs = [unlit_design(photo, hat_basis(prior.nm, grid.nm)) for photo in photos]
+    designs = [unlit_design(photo, interpolation_matrix(prior.nm, grid.nm)) for photo in photos]
     covariance, start = _joint_prior(prior, spread, family, GAINS[0][0], photos, designs)
     predicted, jacobian = _equations(photos, designs, start, prior.bands)
     candidate = Candidate(0.0, family, GAINS[0][0], relative_error, start, covariance, jacobian,
@@ -182,20 +183,8 @@ def expected_covariance(photos: list[ChartPhoto], prior: CameraPrior, family: in
     return posterior[:size, :size] * prior.widening[prior.level[family]] ** 2
 
 
-def hat_basis(nodes_nm: np.ndarray, nm: np.ndarray) -> np.ndarray:
-    """Linear interpolation from the prior's wavelengths to ``nm``, (P, N).
-
-    Parameters
-    ----------
-    nodes_nm : (N,) array
-        Ascending.
-    nm : (P,) array
-    """
-    return np.array([np.interp(nm, nodes_nm, unit) for unit in np.eye(nodes_nm.size)]).T
-
-
 def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: float,
-                 photos: list[ChartPhoto],
+                 photos: list[ChartEquations],
                  designs: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (Z, Z) and mean (Z,) of curves and nuisances beforehand.
 
@@ -229,7 +218,7 @@ def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: f
     return total, start
 
 
-def _equations(photos: list[ChartPhoto], designs: list[np.ndarray], state: np.ndarray,
+def _equations(photos: list[ChartEquations], designs: list[np.ndarray], state: np.ndarray,
                bands: int) -> tuple[np.ndarray, np.ndarray]:
     """Predicted signals of all photos (Y,) and their derivatives (Y, Z)."""
     curve_count = bands * designs[0].shape[1]
@@ -248,11 +237,11 @@ def _equations(photos: list[ChartPhoto], designs: list[np.ndarray], state: np.nd
     return np.concatenate(signals), np.vstack(rows)
 
 
-def _noise(photos: list[ChartPhoto], error: float) -> np.ndarray:
+def _noise(photos: list[ChartEquations], error: float) -> np.ndarray:
     return block_diag(*(noise_covariance(photo, error) for photo in photos))
 
 
-def _linearise(photos: list[ChartPhoto], designs: list[np.ndarray], start: np.ndarray,
+def _linearise(photos: list[ChartEquations], designs: list[np.ndarray], start: np.ndarray,
                covariance: np.ndarray, bands: int) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives J (Y, Z) at the best solution, and the data (Y,) of the model y = J state."""
     measured = np.concatenate([photo.signal.ravel() for photo in photos])

@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.radiometry.records import WavelengthGrid
 
@@ -23,12 +23,12 @@ STEP_NM, COARSE_STEP_NM = 5.0, 10.0
 SMOOTH_SOURCE = "smooth curves, no measured camera"
 
 
-def smooth_prior(photos: list[ChartPhoto], grid: WavelengthGrid) -> CameraPrior:
+def smooth_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> CameraPrior:
     """Prior for the camera of some photos, knowing only the level of each band.
 
     Parameters
     ----------
-    photos : list of ChartPhoto
+    photos : list of ChartEquations
         The first gives the level of each band.
     grid : WavelengthGrid
         Its range is that of the prior.

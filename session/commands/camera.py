@@ -11,8 +11,8 @@ from spectrabox.session.commands.camera_inputs import (
     facts_of,
     read_light,
     read_measured_curves,
+    read_photos,
     read_reflectances,
-    read_shots,
     require_outputs,
     write_curves,
     write_draws,
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 METHODS = ("prior", "smooth", "nonnegative", "paper", "file")
 SECOND_LIGHTS = ("A", "D65", "FL2", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-RGB1", "LED-V1")
-Light = Annotated[str, typer.Option(metavar="FILE|NAME", show_default=False,
-                                    help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")]
+Light = Annotated[str, typer.Option(metavar="FILE|NAME", show_default=False, help="CSV of the "
+                                    "light's spectrum, or a CIE name: D65, A, LED-B3.")]
 Reference = Annotated[str, typer.Option(metavar="NAME|CSV", help="Chart reflectances: a published "
                                         "average, or a CSV of 24 columns.")]
 Lights = Annotated[list[str], typer.Option(metavar="FILE|NAME", show_default=False,
@@ -89,14 +89,14 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
         from spectrabox.calibrate.curve_band import curve_band
         from spectrabox.radiometry.grid import visible_grid
         grid = visible_grid()
-        shots, names = read_shots(list(photos), list(light), list(reference), list(corners or []),
+        charts, names = read_photos(list(photos), list(light), list(reference), list(corners or []),
                                   bool(chart), grid)
         given_curves = None if curves is None else read_measured_curves(curves, len(names), grid)
         options = CalibrationOptions(method, None if prior_file is None else _prior(prior_file),
                                      curves=given_curves)
-        result = calibrate_chart(shots, grid, options)
+        result = calibrate_chart(charts, grid, options)
         band = curve_band(result)
-        source = ", ".join(shot.light.source for shot in shots)
+        source = ", ".join(chart.light.source for chart in charts)
         facts = {**facts_of(result, band, grid), "bands": list(names), "light": source}
         if out is not None:
             write_curves(out, result.calibration, names, source)
@@ -129,14 +129,13 @@ def prior(folder: Annotated[Path, typer.Argument(metavar="FOLDER", show_default=
         with writable(out.parent):
             out.parent.mkdir(parents=True, exist_ok=True)
             save_prior(out, made)
-        families = [members for members, level in zip(made.members, made.level,
-                                                      strict=True) if level == 0]
+        families = [members for members, level in zip(made.members, made.level, strict=True)
+                    if level == 0]
         facts = {"file": str(out), "cameras": list(database.names),
                  "skipped": list(database.skipped),
                  "families": families, "bands": made.bands}
         lines = [f"wrote {out}: {len(database.names)} cameras, {len(families)} families of two or "
-                 "more",
-                 *(f"- skipped: {reason}" for reason in database.skipped)]
+                 "more", *(f"- skipped: {reason}" for reason in database.skipped)]
         answer(as_json, facts, "\n".join(lines))
 
 
@@ -169,12 +168,12 @@ def preflight(light: Light,
                  "half_width": expected.half_width.tolist(),
                  "condition_number": expected.condition_number,
                  "unlit_nm": [list(pair) for pair in expected.unlit_nm], "checks": list(unseen),
-                 "second_lights": [{"light": name, "expected_error": error} for name,
-                                   error in expected.second_lights]}
+                 "second_lights": [{"light": name, "expected_error": error}
+                                   for name, error in expected.second_lights]}
         best, error = expected.second_lights[0]
-        lines = ["expected error of the curves: " + ", ".join(f"{value:.1%}"
-                                                              for value in expected.expected_error)
-                 + f" at {noise:.1%} a patch (condition number {expected.condition_number:.4g})",
+        lines = ["expected error of the "
+                 "curves: " + ", ".join(f"{value:.1%}" for value in expected.expected_error) + " "
+                 f"at {noise:.1%} a patch (condition number {expected.condition_number:.4g})",
                  f"of a camera unlike those measured: {expected.unlike_error.mean():.1%}", *unseen,
                  f"a second photo under {best} would bring the mean to {error:.1%}"]
         answer(as_json, facts, "\n".join(lines))

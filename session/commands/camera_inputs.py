@@ -9,14 +9,14 @@ from spectrabox.radiometry.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
 
-    from spectrabox.calibrate.calibration import ChartCalibration, ChartShot
+    from spectrabox.calibrate.calibration import ChartCalibration, ChartPhoto
     from spectrabox.calibrate.curve_band import CurveBand
     from spectrabox.radiometry.records import Calibration, PatchSamples, Spectrum, WavelengthGrid
 
 
-def read_shots(photos: list[Path], lights: list[str], references: list[str], corners: list[str],
-               decode: bool,
-               grid: WavelengthGrid) -> tuple[tuple[ChartShot, ...], tuple[str, ...]]:
+def read_photos(photos: list[Path], lights: list[str], references: list[str], corners: list[str],
+                decode: bool,
+                grid: WavelengthGrid) -> tuple[tuple[ChartPhoto, ...], tuple[str, ...]]:
     """Every photo with its light and chart, and the names of the bands.
 
     Parameters
@@ -33,9 +33,9 @@ def read_shots(photos: list[Path], lights: list[str], references: list[str], cor
     """
     import numpy as np
 
-    from spectrabox.calibrate.calibration import ChartShot
+    from spectrabox.calibrate.calibration import ChartPhoto
     from spectrabox.session.commands.patch_files import read_patches
-    shots: list[ChartShot] = []
+    charts: list[ChartPhoto] = []
     names: list[tuple[str, ...]] = []
     known_lights = {name: read_light(name, grid) for name in lights}
     known_charts = {name: read_reflectances(name, grid) for name in references}
@@ -43,9 +43,9 @@ def read_shots(photos: list[Path], lights: list[str], references: list[str], cor
         light, reference = (given[index if len(given) > 1 else 0] for given in (lights, references))
         places = corners[index if len(corners) > 1 else 0] if corners else None
         measured, bands = _patches_of_picture(photo, places) if decode else read_patches(photo)
-        shots.append(ChartShot(measured, known_charts[reference], known_lights[light]))
+        charts.append(ChartPhoto(measured, known_charts[reference], known_lights[light]))
         names.append(bands)
-        if any(np.array_equal(measured.mean, shot.samples.mean) for shot in shots[:-1]):
+        if any(np.array_equal(measured.mean, chart.samples.mean) for chart in charts[:-1]):
             raise InputError(f"{photo.name} holds the same signals as another of the photos; "
                              "counted twice, one photo would seem surer than it is: give each "
                              "photo once")
@@ -53,7 +53,7 @@ def read_shots(photos: list[Path], lights: list[str], references: list[str], cor
             raise InputError(f"{photo.name} has the bands {', '.join(bands)}, {photos[0].name} has "
                              f"{', '.join(names[0])}; all photos must be of one camera, its bands "
                              "in the same order")
-    return tuple(shots), names[0]
+    return tuple(charts), names[0]
 
 
 def read_light(name: str, grid: WavelengthGrid) -> Spectrum:
@@ -97,8 +97,8 @@ def _patches_of_picture(chart: Path, corners: str | None) -> tuple[PatchSamples,
                              "x,y x,y'")
     measured = sample_patches(photo, find_chart(photo, typical_signals(bands), places))
     require_unclipped(measured, PATCH_NAMES, chart.name)
-    return measured, ("R", "G", "B") if bands == 3 else tuple(f"band {index + 1}"
-                                                              for index in range(bands))
+    return (measured, ("R", "G", "B") if bands == 3
+            else tuple(f"band {index + 1}" for index in range(bands)))
 
 
 def read_measured_curves(path: Path, bands: int, grid: WavelengthGrid) -> np.ndarray:

@@ -11,7 +11,7 @@ from spectrabox.calibrate.calibration import (
     UNKNOWN_IRRADIANCE,
     CalibrationOptions,
     ChartCalibration,
-    ChartShot,
+    ChartPhoto,
     calibrate_chart,
     calibration_from_curves,
 )
@@ -63,13 +63,12 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
                                  camera.sensitivity.curves)
         else:
             scale = camera.light_scale if view.light == config.all_views[0].light else None
-        records[view.record("calibration")] = dataclasses.replace(camera, light=lights[number],
-                                                                  light_scale=scale)
+        records[view.record("calibration")] = dataclasses.replace(
+            camera, light=lights[number], light_scale=scale)
     return records
 
 
-def calibrations_of(config: SessionConfig,
-                    stored: Mapping[str, StoredStage]) -> list[Calibration]:
+def calibrations_of(config: SessionConfig, stored: Mapping[str, StoredStage]) -> list[Calibration]:
     """The calibration of every view."""
     return [stored["calibrate"].record(Calibration, view.record("calibration"))
             for view in config.all_views]
@@ -92,23 +91,23 @@ def _irradiance(config: SessionConfig, device: str, progress: Progress) -> np.nd
 
 
 def _first_chart(config: SessionConfig, shown: Mapping[int, PatchSamples],
-                 lights: Sequence[Spectrum],
-                 irradiance: np.ndarray | None, curves: np.ndarray | None) -> ChartCalibration:
+                 lights: Sequence[Spectrum], irradiance: np.ndarray | None,
+                 curves: np.ndarray | None) -> ChartCalibration:
     """The first view's chart, together with those under other lights where the method takes
     several.
     """
     chosen, reference = config.sensitivity, read_chart_reference(config)
     several = curves is None and chosen.method in (None, "prior")
-    shots = [ChartShot(samples, reference, lights[number], irradiance)
+    photos = [ChartPhoto(samples, reference, lights[number], irradiance)
              for number, samples in shown.items() if several or number == 0]
     prior = None if chosen.prior is None else load_prior(config.path(chosen.prior))
-    return calibrate_chart(shots, GRID, CalibrationOptions(chosen.method or "prior", prior,
-                                                           chosen.coefficients, curves))
+    return calibrate_chart(photos, GRID,
+                           CalibrationOptions(chosen.method or "prior", prior, chosen.coefficients,
+                                              curves))
 
 
 def _scale_under(config: SessionConfig, number: int, shown: Mapping[int, PatchSamples],
-                 light: Spectrum,
-                 irradiance: np.ndarray | None, first: ChartCalibration | None,
+                 light: Spectrum, irradiance: np.ndarray | None, first: ChartCalibration | None,
                  curves: np.ndarray) -> LightScale | None:
     """Scale of the light of one view from its own chart photo; None where the geometry is not
     known.
@@ -117,5 +116,5 @@ def _scale_under(config: SessionConfig, number: int, shown: Mapping[int, PatchSa
         return None
     if first is not None and first.prior_fit is not None:
         return scale_of_photo(first.prior_fit, list(shown).index(number))
-    shot = ChartShot(shown[number], read_chart_reference(config), light, irradiance)
-    return calibrate_chart([shot], GRID, CalibrationOptions(curves=curves)).scale
+    photo = ChartPhoto(shown[number], read_chart_reference(config), light, irradiance)
+    return calibrate_chart([photo], GRID, CalibrationOptions(curves=curves)).scale

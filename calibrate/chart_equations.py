@@ -23,7 +23,7 @@ DARK_SHARE = 0.03            # of the brightest patch: below it an error is no l
 
 
 @dataclass(frozen=True, eq=False)
-class ChartPhoto(Record):
+class ChartEquations(Record):
     """Patches of one photo under one light. I patches of any chart; K bands."""
 
     signal: Annotated[np.ndarray, "I K"]
@@ -36,9 +36,9 @@ class ChartPhoto(Record):
     relative_exposure_sd: float | None = None       # of the log, to the first photo; None: unknown
 
 
-def chart_photo(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
-                irradiance: np.ndarray, grid: WavelengthGrid, *, positions: np.ndarray | None = None,
-                glare: bool = True) -> ChartPhoto:
+def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
+                    irradiance: np.ndarray, grid: WavelengthGrid, *,
+                    positions: np.ndarray | None = None, glare: bool = True) -> ChartEquations:
     """One photo in the form that every fit takes.
 
     Parameters
@@ -57,7 +57,7 @@ def chart_photo(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarr
         Whether to allow an unknown offset in each band.
     """
     terms = np.zeros((len(samples.mean), 0)) if positions is None else field_terms(positions)
-    return ChartPhoto(samples.mean, samples.covariance_of_mean, reflectances,
+    return ChartEquations(samples.mean, samples.covariance_of_mean, reflectances,
                       light * grid.weights_nm, irradiance, terms, glare)
 
 
@@ -75,33 +75,33 @@ def field_terms(positions: np.ndarray) -> np.ndarray:
     return (terms - terms.mean(axis=0)) / terms.std(axis=0)
 
 
-def unlit_design(photo: ChartPhoto, basis: np.ndarray) -> np.ndarray:
+def unlit_design(photo: ChartEquations, basis: np.ndarray) -> np.ndarray:
     """Signal (I, N) of each patch for each coefficient of one band.
 
     Before exposure, field and glare.
 
     Parameters
     ----------
-    photo : ChartPhoto
+    photo : ChartEquations
     basis : (P, N) array
         From coefficients to a sensitivity curve.
     """
     return (photo.reflectances * photo.power * (photo.irradiance / np.pi)[:, None]) @ basis
 
 
-def nuisance_sd(photo: ChartPhoto) -> np.ndarray:
+def nuisance_sd(photo: ChartEquations) -> np.ndarray:
     """Prior standard deviations of the field terms and the glare of each band, in this order."""
     glare = GLARE_SD * photo.signal.max(axis=0) if photo.glare else np.zeros(0)
     return np.concatenate([np.full(photo.field_terms.shape[1], FIELD_SD), glare])
 
 
-def predicted_signal(photo: ChartPhoto, design: np.ndarray, coefficients: np.ndarray,
+def predicted_signal(photo: ChartEquations, design: np.ndarray, coefficients: np.ndarray,
                      exposure: float, nuisance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signal (I K,) patch after patch, and its derivatives (I K, K N + 1 + nuisances).
 
     Parameters
     ----------
-    photo : ChartPhoto
+    photo : ChartEquations
     design : (I, N) array
         From ``unlit_design``.
     coefficients : (K, N) array
@@ -124,12 +124,12 @@ def predicted_signal(photo: ChartPhoto, design: np.ndarray, coefficients: np.nda
     return (bare + glare).ravel(), np.hstack([by_curve, by_exposure, by_field, by_glare])
 
 
-def noise_covariance(photo: ChartPhoto, relative_error: float) -> np.ndarray:
+def noise_covariance(photo: ChartEquations, relative_error: float) -> np.ndarray:
     """Covariance (I K, I K) of the signals: that of the pixels, and a relative error.
 
     Parameters
     ----------
-    photo : ChartPhoto
+    photo : ChartEquations
     relative_error : float
         Of every patch and band, independent; of 3 % of the brightest patch where one is darker.
     """
