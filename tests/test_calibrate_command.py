@@ -14,8 +14,8 @@ from spectrabox.calibrate.prior.camera_prior import load_prior
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, read_spectrum
+from spectrabox.session.camera.patch_files import read_patches
 from spectrabox.session.cli import app
-from spectrabox.session.commands.patch_files import read_patches
 
 runner = CliRunner()
 CONTRACT = ("wavelengths_nm", "sensitivities", "lower", "upper", "condition_number",

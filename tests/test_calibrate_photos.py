@@ -28,8 +28,8 @@ from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.session.camera.patch_files import read_patches
 from spectrabox.session.cli import app
-from spectrabox.session.commands.patch_files import read_patches
 
 SURFACES = reflectances()
 

@@ -34,7 +34,7 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     import numpy as np
 
     from spectrabox.calibrate.calibration import ChartPhoto
-    from spectrabox.session.commands.patch_files import read_patches
+    from spectrabox.session.camera.patch_files import read_patches
     charts: list[ChartPhoto] = []
     names: list[tuple[str, ...]] = []
     known_lights = {name: read_light(name, grid) for name in lights}

@@ -1,0 +1,1 @@
+"""What the camera commands read and write."""
