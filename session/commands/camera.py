@@ -6,12 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-<<<<<<< HEAD
-from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command, fail
-from spectrabox.session.commands.camera_inputs import (
-=======
 from spectrabox.session.camera.inputs import (
->>>>>>> 0927d53 (What camera commands read and write has a room of the session)
     facts_of,
     read_light,
     read_measured_curves,
@@ -21,7 +16,7 @@ from spectrabox.session.camera.inputs import (
     write_curves,
     write_draws,
 )
-from spectrabox.session.command_line import Debug, Json, answer, command, fail
+from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command, fail
 
 if TYPE_CHECKING:
     from spectrabox.calibrate.calibration import ChartCalibration
