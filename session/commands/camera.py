@@ -43,9 +43,10 @@ Corners = Annotated[list[str] | None, typer.Option(metavar="'X,Y X,Y X,Y X,Y'", 
                                                    "found.")]
 References = Annotated[list[str], typer.Option(metavar="NAME|CSV", help="Chart reflectances: a "
                                                "published average, or a CSV of 24 columns.")]
-PriorFile = Annotated[Path | None, typer.Option("--prior", metavar="NPZ",
-                                                help="A prior of your own; the shipped one by default.")]
-camera = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="Sensitivities of a camera: fit, prior, preflight.")
+PriorFile = Annotated[Path | None, typer.Option("--prior", metavar="NPZ", help="A prior of your "
+                                                "own; the shipped one by default.")]
+camera = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="Sensitivities of a camera: fit, "
+                     "prior, preflight.")
 
 
 def register(app: typer.Typer) -> None:
