@@ -33,8 +33,8 @@ class Table(BaseModel):
 Item = TypeVar("Item")
 SomeTable = TypeVar("SomeTable", bound=Table)
 ListOf = Annotated[tuple[Item, ...], Field(strict=False)]  # TOML and JSON know lists alone
-TYPE_NAMES = {"string_type": "str", "int_type": "int", "float_type": "float", "bool_type": "bool",
-              "tuple_type": "list", "dict_type": "table"}
+TYPE_NAMES = {"string_type": "str", "int_type": "a whole number", "float_type": "a number",
+              "bool_type": "true or false", "tuple_type": "list", "dict_type": "table"}
 Fault = Mapping[str, Any]   # as pydantic describes one
 
 
@@ -65,10 +65,11 @@ def checked(model: type[SomeTable], written: Any, file: str) -> SomeTable:
     try:
         return model.model_validate(written)
     except ValidationError as error:
-        raise InputError("\n".join(fault_sentences(error, model, file))) from None
+        raise InputError("\n".join(f"{file}: {sentence}"
+                                   for sentence in fault_sentences(error, model))) from None
 
 
-def fault_sentences(error: ValidationError, model: type[Table], file: str) -> list[str]:
+def fault_sentences(error: ValidationError, model: type[Table]) -> list[str]:
     """Every fault of a file in a sentence, place by place."""
     by_place: dict[str, list[tuple[_Place, Fault]]] = {}
     for fault in error.errors(include_url=False):
@@ -79,7 +80,7 @@ def fault_sentences(error: ValidationError, model: type[Table], file: str) -> li
         # Of the kinds that a value may be, the one that was followed furthest was meant.
         deepest = max(len(fault["loc"]) for _, fault in faults)
         sentences.append(_sentence([one for one in faults if len(one[1]["loc"]) == deepest]))
-    return [f"{file}: {sentence}" for sentence in sentences]
+    return sentences
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
@@ -124,6 +125,16 @@ def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
             for name, field in model.model_fields.items()}
 
 
+def _is_model(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _is_table(kind: Any) -> bool:
+    """Whether a kind is written as a table, or as several, by names."""
+    return _is_model(kind) or (typing.get_origin(kind) is dict
+                               and _is_model(typing.get_args(kind)[1]))
+
+
 def _options(kind: Any) -> list[Any]:
     """The kinds that a type allows, None left out."""
     if typing.get_origin(kind) is Annotated:
@@ -140,16 +151,22 @@ def _sentence(faults: list[tuple[_Place, Fault]]) -> str:
         near = nearest(place.names[-1], _fields(place.model))
         return (f"unknown key {place.names[-1]!r}{f' in [{table}]' if table else ''}; "
                 f"did you mean {near!r}?")
-    if kind == "missing":
-        of_names = place.field is not None and typing.get_origin(place.field.annotation) is dict
-        return f"{place.name} is missing" if table else \
-            f"the table [{place.name}]{'.NAME' if of_names else ''} is missing"
+    tables = [option for option in place.options if _is_table(option)]
+    if kind == "missing" or (kind == "too_short" and tables):
+        if not tables:
+            return f"{place.name} is missing"
+        return f"the table [{place.name}{'' if _is_model(tables[0]) else '.NAME'}] is missing"
     if kind == "model_type" or (kind == "dict_type" and len(faults) == 1):
         return f"[{place.name}] must be a table" if table else \
             f"{place.name} must be a table [{place.name}]"
     if kind == "literal_error":
-        choices = ", ".join(typing.get_args(place.options[0]))
-        return f"{place.name} is {value!r}; {choices} are possible"
+        choices = typing.get_args(place.options[0])
+        return (f"{place.name} is {value!r}; {', '.join(choices)} "
+                f"{'are possible' if len(choices) > 1 else 'is needed'}")
+    if kind in ("too_short", "too_long"):
+        whole = "whole " if int in typing.get_args(place.options[0]) else ""
+        count = fault["ctx"].get("min_length", fault["ctx"].get("max_length"))
+        return f"{place.name} is {value!r}; {count} {whole}numbers in brackets are needed"
     if kind in ("greater_than_equal", "less_than_equal", "finite_number"):
         return f"{place.name} is {value:g}; {_limits(place.field)}"
     if all(one["type"] in TYPE_NAMES for _, one in faults):
@@ -165,4 +182,4 @@ def _limits(field: FieldInfo | None) -> str:
               for name in ("ge", "le") if hasattr(limit, name)}
     if limits.keys() == {"ge", "le"}:
         return f"{limits['ge']:g} to {limits['le']:g} is possible"
-    return f"{limits['ge']:g} or more is needed" if limits else "a finite number is needed"
+    return f"{limits['ge']:g} or more is needed" if limits else "a number is needed"

@@ -131,7 +131,7 @@ def test_a_board_lies_where_its_file_says(tmp_path):
                              ("columns = 9\nrows = 7\nsquare = 3\nmarker = 4",
                               "the marker must lie inside its square"),
                              ("columns = 9\nrows = 2\nsquare = 3\nmarker = 2",
-                              "whole numbers of squares"),
+                              "rows is 2; 3 or more is needed"),
                              ("colums = 9", "unknown key 'colums'"),
                              ("columns = 9\nrows = 7\nsquare = 3\nmarker = 2\norigin = [0, 0]",
                               "3 numbers in brackets"),
@@ -148,8 +148,8 @@ def test_a_board_file_that_cannot_be_right_is_refused(tmp_path, text, sentence):
 
 
 @pytest.mark.parametrize("text, sentence", [
-                             ("", "must hold one table"),
-                             ("[points.a]\nscene = [1, 2, 3]", "point 'a' must have scene"),
+                             ("", r"the table \[points.NAME\] is missing"),
+                             ("[points.a]\nscene = [1, 2, 3]", "points.a.px is missing"),
                              ("[points.a]\nscene = [1, 2]\npx = [1, 2]", "points.a.scene is"),
                              ("[points.a]\nscene = [1, 2, nan]\npx = [1, 2]",
                               "a number is needed")])

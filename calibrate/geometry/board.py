@@ -3,19 +3,22 @@ picked in a photo.
 """
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field, model_validator
 
+from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.shaped import Record
 
-BOARD_KEYS = {"columns", "rows", "square", "marker", "dictionary", "legacy", "origin", "right",
-              "down"}
 MIN_SQUARES = 3
+Vector = Annotated[ListOf[float], Field(min_length=3, max_length=3)]
+Pixel = Annotated[ListOf[float], Field(min_length=2, max_length=2)]
+PLACE = ("origin", "right", "down")
+ADVICE = "see docs/how-to/geometry.md"
 SQUARE_ANGLE = 1e-3     # radians: how far from a right angle the two directions of a board may be
 
 
@@ -44,38 +47,74 @@ class ScenePoints(Record):
     points_px: Annotated[np.ndarray, "n 2"]
 
 
+class BoardTable(Table):
+    """A board file."""
+
+    columns: int = Field(ge=MIN_SQUARES)
+    rows: int = Field(ge=MIN_SQUARES)
+    square: float
+    marker: float
+    dictionary: str = Board.dictionary
+    legacy: bool = Board.legacy
+    origin: Vector | None = None
+    right: Vector | None = None
+    down: Vector | None = None
+
+    @model_validator(mode="after")
+    def markers_lie_in_squares(self) -> BoardTable:
+        """Refuse a marker that would not fit."""
+        if not 0 < self.marker < self.square:
+            raise ValueError(f"the marker is {self.marker:g} and the square {self.square:g} wide; "
+                             "the marker must lie inside its square, and both be greater than 0")
+        return self
+
+    @model_validator(mode="after")
+    def edges_are_at_a_right_angle(self) -> BoardTable:
+        """Refuse a place in the scene that is stated in part, or askew."""
+        stated = [name for name in PLACE if getattr(self, name) is not None]
+        if stated and len(stated) < len(PLACE):
+            raise ValueError(f"{', '.join(stated)} alone does not say where the board lies; give "
+                             f"{', '.join(PLACE)}")
+        if stated and self.axes() is None:
+            raise ValueError("right and down must be two directions at a right angle")
+        return self
+
+    def axes(self) -> np.ndarray | None:
+        """Origin and unit directions (3, 3); None where they are not stated or askew."""
+        if self.origin is None or self.right is None or self.down is None:
+            return None
+        axes = np.array([self.origin, self.right, self.down])
+        lengths = np.linalg.norm(axes[1:], axis=1)
+        if not np.all(lengths > 0) or abs(axes[1] @ axes[2]) > SQUARE_ANGLE * lengths.prod():
+            return None
+        axes[1:] /= lengths[:, None]
+        return axes
+
+
+class PointTable(Table):
+    """A point of the scene and where the photo shows it."""
+
+    scene: Vector
+    px: Pixel
+
+
+class PointsFile(Table):
+    """A file of points."""
+
+    points: dict[str, PointTable] = Field(min_length=1)
+
+
 def read_board(path: Path) -> Board:
     """A board as its TOML file describes it.
 
     Raises
     ------
     InputError
-        Naming the key that is unknown, missing or wrong.
+        Naming every key that is unknown, missing or wrong.
     """
-    written = _toml(path)
-    if unknown := sorted(set(written) - BOARD_KEYS):
-        raise InputError(f"{path.name}: unknown key {unknown[0]!r}; known are "
-                         f"{', '.join(sorted(BOARD_KEYS))}")
-    columns, rows = written.get("columns"), written.get("rows")
-    if not (isinstance(columns, int) and isinstance(rows, int) and min(columns, rows)
-            >= MIN_SQUARES):
-        raise InputError(f"{path.name}: columns and rows are {columns} and {rows}; whole numbers "
-                         f"of squares, {MIN_SQUARES} or more, are needed")
-    square, marker = (_number(written.get(name), name, path) for name in ("square", "marker"))
-    if not 0 < marker < square:
-        raise InputError(f"{path.name}: the marker is {marker:g} and the square {square:g} wide; "
-                         "the marker must lie inside its square, and both be greater than 0")
-    place = [written.get(name) for name in ("origin", "right", "down")]
-    axes = None
-    if any(vector is not None for vector in place):
-        axes = np.array([_vector(vector, name, 3, path)
-                         for vector, name in zip(place, ("origin", "right", "down"), strict=True)])
-        lengths = np.linalg.norm(axes[1:], axis=1)
-        if not np.all(lengths > 0) or abs(axes[1] @ axes[2]) > SQUARE_ANGLE * lengths.prod():
-            raise InputError(f"{path.name}: right and down must be two directions at a right angle")
-        axes[1:] /= lengths[:, None]
-    return Board(columns, rows, square, marker, str(written.get("dictionary", Board.dictionary)),
-                 bool(written.get("legacy", False)), axes)
+    table = checked(BoardTable, read_toml(path, ADVICE), path.name)
+    return Board(table.columns, table.rows, table.square, table.marker, table.dictionary,
+                 table.legacy, table.axes())
 
 
 def in_scene(board: Board, places: np.ndarray, name: str) -> np.ndarray:
@@ -100,39 +139,8 @@ def read_points(path: Path) -> ScenePoints:
     Raises
     ------
     InputError
-        Naming the point and what is wrong with it.
+        Naming every point and what is wrong with it.
     """
-    written = _toml(path)
-    points = written.get("points")
-    if not isinstance(points, dict) or not points or set(written) != {"points"}:
-        raise InputError(f"{path.name} must hold one table [points.NAME] for each point, and "
-                         "nothing else")
-    places, pixels = [], []
-    for name, point in points.items():
-        if not isinstance(point, dict) or set(point) != {"scene", "px"}:
-            raise InputError(f"{path.name}: point {name!r} must have scene = [x, y, z] and px = "
-                             "[x, y]")
-        places.append(_vector(point["scene"], f"points.{name}.scene", 3, path))
-        pixels.append(_vector(point["px"], f"points.{name}.px", 2, path))
-    return ScenePoints(tuple(points), np.array(places), np.array(pixels))
-
-
-def _toml(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}); give its right name") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path.name} is not valid TOML: {error}") from None
-
-
-def _number(value: Any, name: str, path: Path) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise InputError(f"{path.name}: {name} is {value!r}; a number is needed")
-    return float(value)
-
-
-def _vector(value: Any, name: str, size: int, path: Path) -> np.ndarray:
-    if not isinstance(value, list) or len(value) != size:
-        raise InputError(f"{path.name}: {name} is {value!r}; {size} numbers in brackets are needed")
-    return np.array([_number(part, name, path) for part in value])
+    points = checked(PointsFile, read_toml(path, ADVICE), path.name).points
+    return ScenePoints(tuple(points), np.array([point.scene for point in points.values()]),
+                       np.array([point.px for point in points.values()]))

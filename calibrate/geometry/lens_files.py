@@ -3,15 +3,41 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field, ValidationError, model_validator
 
 from spectrabox.calibrate.geometry.lens import Lens
+from spectrabox.radiometry.checked_tables import ListOf, Table, fault_sentences
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 
 FORMAT = "spectrabox lens 1"
-ARRAYS = {"matrix": (3, 3), "distortion": (5,), "standard_error": (4,), "distortion_error": (5,)}
+ARRAYS = ("matrix", "distortion", "standard_error", "distortion_error")
+Row = Annotated[ListOf[float], Field(min_length=3, max_length=3)]
+Distortion = Annotated[ListOf[float], Field(min_length=5, max_length=5)]
+
+
+class LensTable(Table):
+    """A lens file."""
+
+    format: Literal["spectrabox lens 1"]
+    width: int
+    height: int
+    matrix: Annotated[ListOf[Row], Field(min_length=3, max_length=3)]
+    distortion: Distortion
+    standard_error: Annotated[ListOf[float], Field(min_length=4, max_length=4)]
+    distortion_error: Distortion
+    rms_px: float
+    source: str
+
+    @model_validator(mode="after")
+    def focal_length_is_positive(self) -> LensTable:
+        """Refuse a lens that would turn pictures inside out."""
+        if not (self.matrix[0][0] > 0 and self.matrix[1][1] > 0):
+            raise ValueError("its focal length is not positive")
+        return self
 
 
 def lens_facts(lens: Lens) -> dict[str, object]:
@@ -35,23 +61,14 @@ def read_lens(path: Path) -> Lens:
         If the file is missing, or is not such a file.
     """
     try:
-        written = json.loads(path.read_text(encoding="utf-8"))
-        if written["format"] != FORMAT:
-            raise ValueError(f"its format is {written['format']!r}")
-        arrays = {name: np.array(written[name], dtype=float) for name in ARRAYS}
-        for name, shape in ARRAYS.items():
-            if arrays[name].shape != shape or not np.all(np.isfinite(arrays[name])):
-                raise ValueError(f"{name} is not {' x '.join(map(str, shape))} numbers")
-        if not (arrays["matrix"][0, 0] > 0 and arrays["matrix"][1, 1] > 0):
-            raise ValueError("its focal length is not positive")
-        return Lens(width=int(written["width"]), height=int(written["height"]),
-                    rms_px=float(written["rms_px"]), source=str(written["source"]), **arrays)
+        written = LensTable.model_validate_json(path.read_bytes())
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); "
                          "write one with 'spectrabox geometry lens'") from None
-    except KeyError as error:
-        reason = f"{error} is missing"
-    except (ValueError, TypeError) as error:
-        reason = str(error)
-    raise InputError(f"{path.name} is no lens file ({reason}); write one with 'spectrabox geometry "
-                     "lens'")
+    except ValidationError as error:
+        reasons = "; ".join(fault_sentences(error, LensTable))
+        raise InputError(f"{path.name} is no lens file ({reasons}); write one with 'spectrabox "
+                         "geometry lens'") from None
+    facts = dict(written) | {name: np.array(getattr(written, name)) for name in ARRAYS}
+    del facts["format"]
+    return Lens(**facts)

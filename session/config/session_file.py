@@ -39,7 +39,8 @@ def try_read_session(folder: Path,
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         return None, [f"{FILE_NAME} is not valid TOML: {error}"]
     except ValidationError as error:
-        return None, fault_sentences(error, SessionTables, FILE_NAME)
+        return None, [f"{FILE_NAME}: {sentence}"
+                      for sentence in fault_sentences(error, SessionTables)]
     config = SessionConfig(folder=folder, allow_outside=allow_outside, **written)
     problems = inconsistencies(config)
     return (None, problems) if problems else (config, [])
