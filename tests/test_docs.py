@@ -1,0 +1,202 @@
+"""Every block of code in README and docs is run, as a reader would run it, on the demo's session.
+
+The info string of a fence says what a block is: ``sh``, ``python``, ``xml``, ``text``; ``toml
+session`` is a part of a session.toml, ``toml NAME`` a file of that name. A further word says why a
+block is not run here (NOT_RUN); its commands and imports must exist all the same.
+"""
+from __future__ import annotations
+
+import ast
+import collections
+import importlib
+import re
+import shlex
+import shutil
+import tomllib
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+from typer.testing import CliRunner
+
+from spectrabox.session.cli import app
+from spectrabox.session.config.session_file import read_session
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+NOT_RUN = {"needs-setup": "sets up an environment", "needs-minutes": "takes minutes",
+           "needs-meter": "needs a spectroradiometer", "needs-photos": "needs photos of one's own",
+           "needs-data": "needs data that do not ship with the project"}
+HOW_MANY_ARE_NOT_RUN = {"needs-setup": 2, "needs-minutes": 1, "needs-meter": 1, "needs-photos": 7,
+                        "needs-data": 4}
+FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+PATH = re.compile(r"`((?:radiometry|capture|calibrate|reconstruct|sampling|session|fixtures|tests"
+                  r"|benchmarks|docs)/[\w./-]*)`")
+SMALL_CHART = "a patch has 56 pixels and 100 are needed"    # in the small photos of these tests
+
+
+@dataclass(frozen=True)
+class Block:
+    """One fenced block of a page."""
+
+    page: str
+    line: int
+    language: str
+    mark: str
+    text: str
+
+
+def name_of(path):
+    return path.relative_to(ROOT).as_posix()
+
+
+def blocks_of(page):
+    text = page.read_text(encoding="utf-8")
+    for fence in FENCE.finditer(text):
+        language, _, mark = fence[1].partition(" ")
+        yield Block(name_of(page), text.count("\n", 0, fence.start()) + 1, language, mark.strip(),
+                    fence[2])
+
+
+BLOCKS = [block for page in PAGES for block in blocks_of(page)]
+RUN = {page: [block for block in BLOCKS if block.page == page and block.mark not in NOT_RUN]
+       for page in dict.fromkeys(block.page for block in BLOCKS)}
+
+
+def commands_in(text):
+    for line in text.replace("\\\n", " ").splitlines():
+        words = shlex.split(line, comments=True)
+        if words:
+            yield words
+
+
+def run_command(words, mark):
+    assert words[0] == "spectrabox", f"a {mark or 'sh'} block runs {words[0]}: mark it"
+    result = CliRunner().invoke(app, words[1:])
+    small = result.exit_code == 4 and words[1] == "chart" and SMALL_CHART in result.output
+    assert result.exit_code == 0 or small, (f"{' '.join(words)} ends in {result.exit_code}\n"
+                                            f"{result.output}\n{result.exception!r}")
+
+
+def as_toml(table, name=""):
+    """Text of a table that tomllib read, its own values before its sub-tables."""
+    parts = {key: value for key, value in table.items() if isinstance(value, dict)}
+    lines = [f"[{name}]"] if name else []
+    lines += [f"{quoted(key)} = {inline(value)}" for key, value in table.items() if key not in parts]
+    return "\n".join(lines + [as_toml(value, f"{name}.{quoted(key)}".lstrip("."))
+                              for key, value in parts.items()])
+
+
+def inline(value):
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{quoted(key)} = {inline(own)}" for key, own in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(inline(own) for own in value) + "]"
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def quoted(key):
+    return f'"{key}"'
+
+
+def read_part_of_a_session(text, folder):
+    """Put the tables of a block in place of the demo's and read the whole."""
+    whole = tomllib.loads((folder / "mybox" / "session.toml").read_text(encoding="utf-8"))
+    for name, table in tomllib.loads(text).items():
+        whole[name] = {**whole.get(name, {}), **table}
+    other = folder / "of-a-block"
+    other.mkdir(exist_ok=True)
+    (other / "session.toml").write_text(as_toml(whole), encoding="utf-8")
+    read_session(other)
+
+
+def run_block(block, folder, names):
+    if block.language == "sh":
+        for words in commands_in(block.text):
+            run_command(words, block.mark)
+    elif block.language == "python":
+        source = "\n" * block.line + block.text
+        exec(compile(source, ROOT / block.page, "exec"), names)  # noqa: S102  our own page
+    elif block.language == "toml" and block.mark == "session":
+        read_part_of_a_session(block.text, folder)
+    elif block.language == "toml" and block.mark == "session.toml":
+        (folder / "alone").mkdir()
+        (folder / "alone" / block.mark).write_text(block.text, encoding="utf-8")
+        read_session(folder / "alone")
+    elif block.language == "toml":
+        assert block.mark.endswith(".toml"), f"{block.page}:{block.line}: which file is this?"
+        tomllib.loads(block.text)
+        (folder / block.mark).write_text(block.text, encoding="utf-8")
+    elif block.language == "xml":
+        ET.fromstring(f"<scene>{block.text}</scene>")
+    else:
+        assert block.language == "text", f"{block.page}:{block.line}: say what this block is"
+
+
+@pytest.fixture
+def reader(_finished, tmp_path, monkeypatch):
+    """A folder with the demo's session, and the repository's transcripts."""
+    shutil.copytree(_finished, tmp_path / "mybox")
+    (tmp_path / "fixtures").symlink_to(ROOT / "fixtures")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", [page for page, blocks in RUN.items() if blocks])
+def test_the_blocks_of_a_page_run_one_after_the_other(page, reader):
+    names = {"__name__": "page"}
+    for block in RUN[page]:
+        run_block(block, reader, names)
+
+
+def test_blocks_that_are_not_run_are_counted():
+    marked = collections.Counter(block.mark for block in BLOCKS if block.mark in NOT_RUN)
+    assert marked == HOW_MANY_ARE_NOT_RUN, sorted(
+        (block.mark, block.page, block.line) for block in BLOCKS if block.mark in NOT_RUN)
+
+
+@pytest.mark.parametrize("block", [block for block in BLOCKS if block.mark in NOT_RUN],
+                         ids=lambda block: f"{block.page}:{block.line}")
+def test_a_block_that_is_not_run_names_commands_and_modules_that_exist(block):
+    if block.language == "python":
+        for node in ast.walk(ast.parse(block.text)):
+            if isinstance(node, ast.ImportFrom):
+                module = importlib.import_module(node.module)
+                assert all(hasattr(module, alias.name) for alias in node.names), ast.unparse(node)
+        return
+    for words in commands_in(block.text):
+        if words[0] == "make":
+            target = (ROOT / "Makefile").read_text(encoding="utf-8")
+            assert all(re.search(rf"^{word}:", target, re.MULTILINE) for word in words[1:])
+        elif words[0] == "spectrabox":
+            command, rest = get_command(app), words[1:]
+            while hasattr(command, "commands"):
+                command, rest = command.commands[rest[0]], rest[1:]
+            known = {option for own in command.params for option in own.opts}
+            assert {word for word in rest if re.match(r"--?[a-z]", word)} <= known, words
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_and_paths_of_a_page_lead_somewhere(page):
+    text = page.read_text(encoding="utf-8")
+    for link in LINK.findall(text):
+        assert link.startswith("http") or (page.parent / link).exists(), link
+    for path in PATH.findall(text):
+        assert (ROOT / path).exists(), path
+
+
+def test_the_index_leads_to_every_page():
+    index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    for page in (ROOT / "docs").glob("*/*.md"):
+        assert f"({page.relative_to(ROOT / 'docs').as_posix()})" in index
+
+
+def test_the_readme_names_every_command():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = text[text.index("## Commands"):]
+    for name, command in get_command(app).commands.items():
+        for own in getattr(command, "commands", {name: command}):
+            assert re.search(rf"\b{own}\b", table), f"{name} {own}"
