@@ -1,5 +1,4 @@
-"""Where the variance of a recovered spectrum comes from: metamerism, photo noise, sensitivities,
-light, rendering.
+"""Where the variance of a recovered spectrum comes from: metamerism, photo noise, light ...
 
 Linear-Gaussian at the posterior: with gain G = S J' Q^-1, Q = J S J' + R, R = sum of R_i,
 
@@ -40,9 +39,10 @@ def error_budget(prior: LogitMixture, measurement: SpectralMeasurement,
         raise InputError("the covariances by cause do not add up to the noise covariance of the "
                          "measurement")
     relative_response = response_on(measurement, GRID)
-    found = posterior(prior, relative_response, measurement.signal[None], measurement.noise_covariance)
-    index = int(np.argmax(found.weights[0]))
-    p = reflectance(found.logits[index, 0])
+    mixture = posterior(prior, relative_response, measurement.signal[None],
+                        measurement.noise_covariance)
+    index = int(np.argmax(mixture.weights[0]))
+    p = reflectance(mixture.logits[index, 0])
     slope = p * (1 - p)
     jacobian = relative_response * slope
     base = prior.covariances[index] @ jacobian.T
@@ -51,8 +51,8 @@ def error_budget(prior: LogitMixture, measurement: SpectralMeasurement,
     rest = np.eye(p.size) - gain @ jacobian
     budget = {METAMERISM: slope**2 * np.einsum("ij,jk,ik->i", rest, prior.covariances[index], rest,
                                                optimize=True)}
-    budget |= {name: slope**2 * np.einsum("pk,kl,pl->p", gain, covariance, gain) for name,
-               covariance in parts.items()}
+    budget |= {name: slope**2 * np.einsum("pk,kl,pl->p", gain, covariance, gain)
+               for name, covariance in parts.items()}
     return budget
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.reconstruct.settings import SPECTRUM_PRIORS, InversionSettings
 
@@ -40,7 +41,7 @@ def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid) -> Spectru
         raise InputError("a learnt prior on spectra needs the mean and covariance of measured "
                          "reflectances: give them, or choose the prior \"smooth\"")
     learnt = settings.learnt
-    between = np.array([np.interp(grid.nm, learnt.nm, unit) for unit in np.eye(learnt.nm.size)]).T
+    between = interpolation_matrix(learnt.nm, grid.nm)
     return learnt_prior(basis_matrix(grid.nm, settings.coefficients), between @ learnt.mean,
                         between @ learnt.covariance @ between.T)
 

@@ -1,5 +1,4 @@
-"""More measurements of the same surface become rows of the measurement: conditioning, never
-ranking.
+"""More measurements of a surface become rows of the measurement: conditioning, never ranking.
 
 The published method ranks draws by how well they agree with an extra measurement (Eq. 9) and keeps
 the best. That is rejection with a loose tolerance: it leaves spectra that contradict the reading
@@ -16,7 +15,7 @@ from scipy.stats import chi2
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement, WavelengthGrid
 
-# chance of a disagreement as large as found, below which two readings contradict each other
+# chance of a disagreement as large as the one seen, below which two readings contradict each other
 CONTRADICTION = 1e-6
 HALF_WIDTH_NM = 2.5     # of the triangular band that a single-wavelength reading stands for
 
@@ -94,17 +93,23 @@ def same_material(measurements: list[SpectralMeasurement]) -> SpectralMeasuremen
     """
     if not measurements:
         raise InputError("no measurement was given; give at least one")
-    if any(one.grid.nm.shape != measurements[0].grid.nm.shape for one in measurements):
+    if any(other.grid.nm.shape != measurements[0].grid.nm.shape for other in measurements):
         raise InputError(
             "the measurements are on different wavelengths; put them on one grid first")
     joined = measurements[0]
-    for one in measurements[1:]:
-        if one.relative_response.shape == joined.relative_response.shape and np.allclose(one.relative_response,
-                                                                       joined.relative_response, atol=1e-9):
-            joined = _averaged(joined, one)
+    for other in measurements[1:]:
+        if same_bands(other, joined):
+            joined = _averaged(joined, other)
         else:
-            joined = _stacked(joined, one.relative_response, one.signal, one.noise_covariance)
+            joined = _stacked(joined, other.relative_response, other.signal,
+                              other.noise_covariance)
     return joined
+
+
+def same_bands(first: SpectralMeasurement, second: SpectralMeasurement) -> bool:
+    """Whether two measurements are by the same camera under the same light."""
+    a, b = first.relative_response, second.relative_response
+    return a.shape == b.shape and np.allclose(a, b, atol=1e-9)
 
 
 def check_agreement(grid: WavelengthGrid, readings: list[Reading]) -> None:
@@ -143,7 +148,8 @@ def _averaged(first: SpectralMeasurement, second: SpectralMeasurement) -> Spectr
         raise InputError("two patches said to be the same material differ by "
                          f"{np.abs(difference).max():.3g} of white, far beyond their noise; they "
                          "are different materials, or the light on them differs")
-    return SpectralMeasurement(first.grid, first.relative_response, first.signal + gain @ difference,
+    return SpectralMeasurement(first.grid, first.relative_response,
+                               first.signal + gain @ difference,
                                first.noise_covariance - gain @ first.noise_covariance)
 
 

@@ -19,6 +19,7 @@ from spectrabox.sampling.further.conditioning import (
     CONTRADICTION,
     Reading,
     condition,
+    same_bands,
     same_material,
 )
 from spectrabox.sampling.measurement import response_on
@@ -48,20 +49,21 @@ def joined(base: SpectralMeasurement, more: list[MoreMeasurement]) -> SpectralMe
     InputError
         If some cannot be true together; they are named.
     """
-    cameras = [base]        # one a camera and light: what came twice is averaged
-    for one in more:
-        if one.measurement is None:
+    photos = [base]        # one a camera and light: what came twice is averaged
+    for further in more:
+        photo = further.measurement
+        if photo is None:
             continue
-        twin = next((index for index, known in enumerate(cameras)
-                     if _alike(known, one.measurement)), None)
+        twin = next((index for index, known in enumerate(photos) if same_bands(known, photo)), None)
         try:
             if twin is None:
-                cameras.append(one.measurement)
+                photos.append(photo)
             else:
-                cameras[twin] = same_material([cameras[twin], one.measurement])
+                photos[twin] = same_material([photos[twin], photo])
         except InputError as error:
-            raise InputError(f"{one.name}: {error}") from None
-    whole = condition(same_material(cameras), [reading for one in more for reading in one.readings])
+            raise InputError(f"{further.name}: {error}") from None
+    readings = [reading for further in more for reading in further.readings]
+    whole = condition(same_material(photos), readings)
     check_possible(base, more)
     return whole
 
@@ -77,10 +79,9 @@ def check_possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> No
     """
     if not more or _possible(base, more):
         return
-    blamed = [one.name for index, one in enumerate(more) if _possible(base,
-                                                                      more[:index]
-                                                                      + more[index + 1:])]
-    names = " or ".join(blamed) if blamed else ", ".join(one.name for one in more)
+    blamed = [further.name for index, further in enumerate(more)
+              if _possible(base, more[:index] + more[index + 1:])]
+    names = " or ".join(blamed) if blamed else ", ".join(further.name for further in more)
     raise InputError(f"{names} contradicts the other measurements: no reflectance between 0 and 1 "
                      "gives all of them within their errors; measure again, state larger errors, "
                      "or leave it out")
@@ -91,38 +92,34 @@ def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: Logi
     """Sentences on measurements that lie far from what the others and the prior let expect (1 in a
     million).
     """
-    found = []
-    for index, one in enumerate(more):
+    sentences = []
+    for index, further in enumerate(more):
         rest = joined(base, more[:index] + more[index + 1:])
-        rows, values, covariance = measured_rows(base, one)
+        rows, values, covariance = measured_rows(base, further)
         spectra, _, _ = prior_spectra(rest, DOUBT_DRAWS, seed, prior)
         expected = spectra @ rows.T
         spread = np.atleast_2d(np.cov(expected, rowvar=False)) + with_floor(covariance)
         away = values - expected.mean(axis=0)
         if away @ np.linalg.solve(spread, away) > chi2.isf(CONTRADICTION, len(away)):
-            most = int(np.argmax(np.abs(away)))
-            found.append(f"{one.name} is hard to believe beside the others: {values[most]:.3g} was "
-                         f"measured and {expected[:, most].mean():.3g} +- "
-                         f"{np.sqrt(spread[most, most]):.2g} expected.")
-    return found
-
-
-def _alike(first: SpectralMeasurement, second: SpectralMeasurement) -> bool:
-    return first.relative_response.shape == second.relative_response.shape and np.allclose(first.relative_response,
-                                                                         second.relative_response, atol=1e-9)
+            worst = int(np.argmax(np.abs(away)))
+            sentences.append(f"{further.name} is hard to believe beside the others: "
+                             f"{values[worst]:.3g} was measured and "
+                             f"{expected[:, worst].mean():.3g} +- "
+                             f"{np.sqrt(spread[worst, worst]):.2g} expected.")
+    return sentences
 
 
 def _possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> bool:
     parts = [(response_on(base, GRID), base.signal, base.noise_covariance),
-             *(measured_rows(base, one) for one in more)]
-    rows, misfit = [], []
+             *(measured_rows(base, further) for further in more)]
+    rows, targets = [], []
     for part, values, covariance in parts:
         whiten = np.linalg.inv(np.linalg.cholesky(with_floor(covariance)))
         rows.append(whiten @ part)
-        misfit.append(whiten @ values)
-    A, y = np.vstack(rows), np.concatenate(misfit)
-    return bool(2 * lsq_linear(A, y, bounds=(0, 1), tol=1e-8).cost < chi2.isf(CONTRADICTION,
-                                                                              y.size))
+        targets.append(whiten @ values)
+    A, y = np.vstack(rows), np.concatenate(targets)
+    misfit = 2 * lsq_linear(A, y, bounds=(0, 1), tol=1e-8).cost
+    return bool(misfit < chi2.isf(CONTRADICTION, y.size))
 
 
 def measured_rows(base: SpectralMeasurement,

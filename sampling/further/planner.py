@@ -57,7 +57,10 @@ def wavelength_candidates(grid: WavelengthGrid, step_nm: float = 10.0,
 
 def photo_candidate(name: str, relative_response: np.ndarray, minutes: float = PHOTO_MINUTES,
                     standard_error: float = PHOTO_ERROR) -> Candidate:
-    """Another photo, of relative response (K, P), rows summing to 1, such as one under another light."""
+    """Another photo, such as one under another light, by its relative response (K, P).
+
+    Rows sum to 1.
+    """
     return Candidate(name, relative_response, standard_error, minutes)
 
 
@@ -86,8 +89,8 @@ def plan(spectra: np.ndarray, candidates: list[Candidate], steps: int = 3) -> li
 def ranked(covariance: np.ndarray, candidates: list[Candidate]) -> list[PlannedStep]:
     """All candidates, best fall per minute first."""
     before = mean_width(covariance)
-    options = [PlannedStep(one.name, before, mean_width(after(covariance, one)),
-                           one.minutes) for one in candidates]
+    options = [PlannedStep(candidate.name, before, mean_width(after(covariance, candidate)),
+                           candidate.minutes) for candidate in candidates]
     return sorted(options, key=lambda option: -option.fall_per_minute)
 
 

@@ -61,7 +61,8 @@ class Certificate:
             return (f"The 95 % bands held {100 * held:.1f} % of wavelengths, but the prior was "
                     "learnt on this library: that says nothing of other spectra.")
         if held >= CERTIFIED:
-            return f"The 95 % bands held {100 * held:.1f} % of wavelengths: they may be trusted on spectra like these."
+            return (f"The 95 % bands held {100 * held:.1f} % of wavelengths: they may be trusted "
+                    "on spectra like these.")
         return (f"The 95 % bands held only {100 * held:.1f} % of wavelengths: they are too narrow "
                 "for spectra like these; train a prior that includes some of them.")
 
@@ -98,11 +99,11 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, relative_response:
         rows = slice(start, start + BATCH)
         clean = truth[rows] @ relative_response.T
         covariance = np.einsum("tk,kl->tkl", (noise * clean)**2, np.eye(len(relative_response)))
-        found = posterior(prior, relative_response, clean * (1 + noise * rng.standard_normal(clean.shape)),
-                          covariance)
-        mean[rows], surprise[rows] = mean_and_spread(found)[0], found.surprise
+        signals = clean * (1 + noise * rng.standard_normal(clean.shape))
+        mixture = posterior(prior, relative_response, signals, covariance)
+        mean[rows], surprise[rows] = mean_and_spread(mixture)[0], mixture.surprise
         for level in LEVELS:
-            raw = central_band(found, level)
+            raw = central_band(mixture, level)
             bands[level][0][rows], bands[level][1][rows] = calibrated_band(prior, mean[rows], *raw,
                                                                            prior.band_factor(level))
         curve[0][rows], curve[1][rows] = calibrated_band(prior, mean[rows], *raw,
@@ -133,12 +134,16 @@ def certificate_page(certificates: list[Certificate], prior: LogitMixture, camer
                "coverage 50 / 80 / 90 / 95 %", "error", "whole curves", "width", "sharpness",
                "Winkler", "unfamiliar"]
     rows = [columns, ["--"] * len(columns)]
-    rows += [[one.name, str(one.curves), f"{100 * one.noise:g} %", f"{one.rmse:.4f}",
-              f"{one.spectral_angle:.3f}", *(f"{one.delta_e00[light]:.2f}" for light in lights),
-              " / ".join(f"{one.coverage[level]:.3f}" for level in LEVELS),
-              f"{one.coverage_error:.3f}", f"{one.curve_coverage:.3f}", f"{one.width:.3f}",
-              f"{one.sharpness:.3f}", f"{one.winkler:.3f}", f"{one.unfamiliar:.3f}"]
-             for one in certificates]
+    rows += [_cells(certificate, lights) for certificate in certificates]
     table = "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
-    verdicts = "\n".join(f"- {one.name}: {one.verdict}" for one in certificates)
+    verdicts = "\n".join(f"- {certificate.name}: {certificate.verdict}"
+                         for certificate in certificates)
     return f"{head}{table}\n\n{verdicts}\n"
+
+
+def _cells(result: Certificate, lights: list[str]) -> list[str]:
+    return [result.name, str(result.curves), f"{100 * result.noise:g} %", f"{result.rmse:.4f}",
+            f"{result.spectral_angle:.3f}", *(f"{result.delta_e00[light]:.2f}" for light in lights),
+            " / ".join(f"{result.coverage[level]:.3f}" for level in LEVELS),
+            f"{result.coverage_error:.3f}", f"{result.curve_coverage:.3f}", f"{result.width:.3f}",
+            f"{result.sharpness:.3f}", f"{result.winkler:.3f}", f"{result.unfamiliar:.3f}"]

@@ -112,7 +112,8 @@ def _npy_shape(archive: zipfile.ZipFile, name: str) -> tuple[tuple[int, ...], in
     """Shape and bytes per value that a member states, without unpacking it."""
     with archive.open(f"{name}.npy") as member:
         version = np.lib.format.read_magic(member)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        read = (np.lib.format.read_array_header_1_0 if version == (1, 0)
+                else np.lib.format.read_array_header_2_0)
         shape, _, kind = read(member)
     return shape, kind.itemsize
 
@@ -128,12 +129,12 @@ def _from_matlab(path: Path, nm: np.ndarray | None, variable: str | None) -> Cub
         _check_size(path.name, *stated[chosen])
         wanted = [chosen, *(name for name in WAVELENGTH_NAMES
                             if name in numeric and np.prod(numeric[name]) <= MOST_BANDS)]
-        found = loadmat(path, variable_names=wanted)
+        arrays = loadmat(path, variable_names=wanted)
     except (*DAMAGE, MatReadError) as error:
         raise InputError(f"{path.name} is no MATLAB file that can be read ({_line(error)}); save "
                          "it again with save(..., '-v7')") from None
-    beside = next((np.asarray(found[name], dtype=float).ravel() for name in wanted[1:]), None)
-    return cube_of_array(path.name, found[chosen], nm if nm is not None else beside)
+    beside = next((np.asarray(arrays[name], dtype=float).ravel() for name in wanted[1:]), None)
+    return cube_of_array(path.name, arrays[chosen], nm if nm is not None else beside)
 
 
 def _from_hdf5(path: Path, nm: np.ndarray | None, variable: str | None) -> Cube:
@@ -188,8 +189,8 @@ def _from_envi(header: Path, nm: np.ndarray | None) -> Cube:
     if values is None:
         raise InputError(f"{header.name} is the header of an ENVI picture; put its values "
                          f"{header.stem}.img beside it")
-    kind = np.dtype((">" if keys.get("byte order", "0") == "1" else "<") + DATA_TYPES[size["data "
-                                                                                           "type"]])
+    byte_order = ">" if keys.get("byte order", "0") == "1" else "<"
+    kind = np.dtype(byte_order + DATA_TYPES[size["data type"]])
     needed = size["header offset"] + size["lines"] * size["samples"] * size["bands"] * kind.itemsize
     if values.stat().st_size < needed:
         raise InputError(f"{values.name} is cut: its header promises {needed} bytes and "
@@ -197,10 +198,8 @@ def _from_envi(header: Path, nm: np.ndarray | None) -> Cube:
     axes = ENVI_AXES[order]
     shape, offset = tuple(size[axis] for axis in axes), size["header offset"]
     order_of_axes = [axes.index(axis) for axis in ("lines", "samples", "bands")]
-    factor, ignored = number(keys.get("reflectance scale factor", "1")), number(keys.get("data "
-                                                                                         "ignore "
-                                                                                         "value",
-                                                                                         ""))
+    factor = number(keys.get("reflectance scale factor", "1"))
+    ignored = number(keys.get("data ignore value", ""))
     if not factor > 0:
         raise InputError(f"{header.name}: the reflectance scale factor {factor:g} cannot be")
 

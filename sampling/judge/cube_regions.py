@@ -71,12 +71,12 @@ def read_regions(path: Path, width: int, height: int,
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path.name} is no TOML file ({error}); write [regions.NAME] and "
                          "rectangle = [x0, y0, x1, y1]") from None
-    found = tables.get("regions")
-    if not isinstance(found, dict) or not found or set(tables) != {"regions"}:
+    regions = tables.get("regions")
+    if not isinstance(regions, dict) or not regions or set(tables) != {"regions"}:
         raise InputError(f"{path.name} holds {', '.join(tables) or 'nothing'}; write "
                          "[regions.NAME] and rectangle = [x0, y0, x1, y1]")
-    return [_region(str(name), keys, path, (width, height), read_mask) for name,
-            keys in found.items()]
+    return [_region(str(name), keys, path, (width, height), read_mask)
+            for name, keys in regions.items()]
 
 
 def point_region(text: str, width: int, height: int) -> Region:
@@ -86,14 +86,14 @@ def point_region(text: str, width: int, height: int) -> Region:
     ------
     InputError
     """
-    name, _, place = text.rpartition("=")
+    name, _, pixel = text.rpartition("=")
     try:
-        x, y = (int(part) for part in place.split(","))
+        x, y = (int(part) for part in pixel.split(","))
     except ValueError:
         raise InputError(
             f"--point {text!r} cannot be read; write x,y or NAME=x,y in pixels") from None
-    return Region(name or place, name or None, _checked((x, y, x + 1, y + 1), name or place,
-                                                        (width, height)), None)
+    box = _checked((x, y, x + 1, y + 1), name or pixel, (width, height))
+    return Region(name or pixel, name or None, box, None)
 
 
 def region_spectra(cube: Cube, regions: list[Region], full_scale: float = 1.0,
@@ -111,20 +111,20 @@ def region_spectra(cube: Cube, regions: list[Region], full_scale: float = 1.0,
         If a region holds no pixel, or none whose values are all numbers.
     """
     rng = np.random.default_rng(seed)
-    sums = [_Sums(cube.nm.size, np.sort(rng.choice(_size(one), min(KEPT, _size(one)), False)))
-            for one in regions]
+    sums = [_Sums(cube.nm.size, np.sort(rng.choice(_size(region), min(KEPT, _size(region)), False)))
+            for region in regions]
     step = max(1, BLOCK_VALUES // (cube.width * cube.nm.size))
-    first, last = min(one.box[1] for one in regions), max(one.box[3] for one in regions)
+    first, last = min(region.box[1] for region in regions), max(region.box[3] for region in regions)
     for top in range(first, last, step):
         bottom = min(top + step, last)
-        touched = [(one, total) for one, total in zip(regions, sums, strict=True)
-                   if one.box[1] < bottom and one.box[3] > top]
+        touched = [(region, total) for region, total in zip(regions, sums, strict=True)
+                   if region.box[1] < bottom and region.box[3] > top]
         if touched:
             with np.errstate(all="ignore"):     # damaged values may overflow: the result says so
                 block = cube.rows(top, bottom) / full_scale
-                for one, total in touched:
-                    total.add(_pixels(block, top, one))
-    return [total.result(one, cube.file) for one, total in zip(regions, sums, strict=True)]
+                for region, total in touched:
+                    total.add(_pixels(block, top, region))
+    return [total.result(region, cube.file) for region, total in zip(regions, sums, strict=True)]
 
 
 class _Sums:

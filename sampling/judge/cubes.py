@@ -43,15 +43,15 @@ def cube_of_channels(file: str, names: Sequence[str], height: int, width: int,
     # Of a spectral EXR's layers the reflectance T is meant; polarised S1 to S3 never are.
     layered = [name for name in names if name.startswith("T.")] or \
         [name for name in names if not re.match(r"S[123]\.", name)]
-    found = [(float(match[1].replace(",", ".")), names.index(name)) for name in layered
+    bands = [(float(match[1].replace(",", ".")), names.index(name)) for name in layered
              if (match := CHANNEL.fullmatch(name))]
-    if len(found) < 2:
+    if len(bands) < 2:
         raise InputError(f"{file} is an ordinary picture ({', '.join(names[:4])}); a hyperspectral "
                          "one has channels such as 560nm or T.560nm")
     check_sides(file, height, width, len(names))
-    places = [place for _, place in found]
-    return cube_of_rows(file, np.array([value for value, _ in found]), height, width,
-                        lambda first, last: rows(first, last)[..., places])
+    channels = [channel for _, channel in bands]
+    return cube_of_rows(file, np.array([nm for nm, _ in bands]), height, width,
+                        lambda first, last: rows(first, last)[..., channels])
 
 
 def parse_wavelengths(text: str) -> np.ndarray:
@@ -80,9 +80,9 @@ def parse_wavelengths(text: str) -> np.ndarray:
 
 def checked_wavelengths(nm: np.ndarray, name: str) -> np.ndarray:
     """The wavelengths (C,), two or more, different from one another and in nm."""
-    if nm.size < 2 or not np.all(np.isfinite(nm)) or np.unique(
-        nm).size != nm.size or nm.min() < 100 or nm.max() > 1e5:
-        raise InputError(f"{name}: {nm.size} wavelengths were found, not all of them different and "
+    if nm.size < 2 or not np.all(np.isfinite(nm)) or np.unique(nm).size != nm.size \
+            or nm.min() < 100 or nm.max() > 1e5:
+        raise InputError(f"{name}: {nm.size} wavelengths were given, not all of them different and "
                          "in nm; at least two are needed, such as 400, 410 ...")
     return nm
 

@@ -52,8 +52,9 @@ def coverage_error(inside: np.ndarray) -> float:
     independent.
     """
     per_curve = inside.mean(axis=1)
-    return float(per_curve.std(ddof=1) / np.sqrt(len(per_curve))) if len(per_curve) > 1 else float(
-        "nan")
+    if len(per_curve) < 2:
+        return float("nan")
+    return float(per_curve.std(ddof=1) / np.sqrt(len(per_curve)))
 
 
 def sharpness(spectra: np.ndarray) -> float:
@@ -92,11 +93,12 @@ def delta_e00_under(lights: Sequence[str], grid: WavelengthGrid, estimate: np.nd
     be adapted.
     """
     fine = visible_grid(1)
-    found = {}
+    differences = {}
     for name in lights:
-        response = named_spectra.relative_response(
-            "CIE 1931 2 Degree Standard Observer", name,
-            fine) @ interpolation_matrix(grid.nm, fine.nm)
-        found[name] = ciede2000(*(lab_from_xyz(np.maximum(spectra @ response.T, 0), np.ones(3))
-                                  for spectra in (estimate, truth)))
-    return found
+        relative_response = named_spectra.relative_response(
+            "CIE 1931 2 Degree Standard Observer", name, fine) \
+            @ interpolation_matrix(grid.nm, fine.nm)
+        differences[name] = ciede2000(
+            *(lab_from_xyz(np.maximum(spectra @ relative_response.T, 0), np.ones(3))
+              for spectra in (estimate, truth)))
+    return differences

@@ -110,7 +110,7 @@ def _any_bands(C, members, components, order, state, weyl):  # type: ignore[no-u
 
 
 @njit(cache=True, parallel=True)
-def run_parallel(starts, members, components, order, states, weyls, out):  # type: ignore[no-untyped-def]
+def run_parallel(starts, members, components, order, states, weyls, out):  # type: ignore
     """Every block of chains through the schedule, blocks over the cores; ``out`` (blocks, N, 256)
     is filled.
     """
@@ -119,7 +119,7 @@ def run_parallel(starts, members, components, order, states, weyls, out):  # typ
 
 
 @njit(cache=True)
-def run_serial(starts, members, components, order, states, weyls, out):  # type: ignore[no-untyped-def]
+def run_serial(starts, members, components, order, states, weyls, out):  # type: ignore
     """The same on one core."""
     for b in range(out.shape[0]):
         _block(starts, members, components, order, states[b], weyls[b], out[b], b)

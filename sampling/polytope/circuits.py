@@ -97,8 +97,8 @@ def schedule(circuits: Circuits, probabilities: np.ndarray, steps: int, coeffici
     possible = np.flatnonzero(probabilities > 0)
     possible = possible[np.argsort(dominant[possible], kind="stable")]
     cumulative = np.cumsum(probabilities[possible]) / probabilities[possible].sum()
-    places = np.searchsorted(cumulative, (np.arange(steps) + rng.random()) / steps)
-    chosen = possible[places.clip(max=len(possible) - 1)]
+    positions = np.searchsorted(cumulative, (np.arange(steps) + rng.random()) / steps)
+    chosen = possible[positions.clip(max=len(possible) - 1)]
     visits = np.zeros(coefficients, dtype=int)
     large = np.abs(circuits.components) > 0.3
     np.add.at(visits, circuits.members[chosen][large[chosen]], 1)

@@ -79,10 +79,11 @@ def tail_shape(weights: np.ndarray) -> float:
         return 0.0  # all alike
     candidates = 30 + int(np.sqrt(count))
     quartile = x[int(count / 4 + 0.5) - 1] or x[-1] / count
-    theta = 1 / x[-1] + (1 - np.sqrt(candidates / (np.arange(1, candidates + 1) - 0.5))) / (3 * quartile)
+    spacing = 1 - np.sqrt(candidates / (np.arange(1, candidates + 1) - 0.5))
+    theta = 1 / x[-1] + spacing / (3 * quartile)
     shape = np.log1p(-theta[:, None] * x).mean(axis=1)
     likelihood = count * (np.log(-theta / shape) - shape - 1)
     belief = np.exp(likelihood - likelihood.max())
     best = float(np.sum(theta * belief) / belief.sum())
-    found = float(np.log1p(-best * x).mean())
-    return (count * found + 5) / (count + 10)
+    fitted = float(np.log1p(-best * x).mean())
+    return (count * fitted + 5) / (count + 10)

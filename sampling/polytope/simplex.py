@@ -47,7 +47,8 @@ def extremes(polytope: Polytope, functions: np.ndarray) -> tuple[np.ndarray, np.
     vertex = _first_vertex(polytope, functions[0])
     highest, vertex = _highest(polytope, functions, vertex)
     lowest, _ = _highest(polytope, -functions, vertex)
-    return None if highest is None or lowest is None else (-lowest, highest)
+    # Not -lowest: a bound of 0 must not read -0.
+    return None if highest is None or lowest is None else (0.0 - lowest, highest)
 
 
 def _highest(polytope: Polytope, functions: np.ndarray,

@@ -96,9 +96,9 @@ def is_reachable(operator: MeasurementOperator) -> bool:
     solver, rows whitened).
     """
     u, singular_values, vt = np.linalg.svd(operator.A, full_matrices=False)
-    found = linprog(np.zeros(vt.shape[1]), A_eq=vt, b_eq=(operator.y @ u) / singular_values,
-                    bounds=(0, 1))
-    return bool(found.status == 0)
+    solution = linprog(np.zeros(vt.shape[1]), A_eq=vt, b_eq=(operator.y @ u) / singular_values,
+                       bounds=(0, 1))
+    return bool(solution.status == 0)
 
 
 def check_operator(operator: MeasurementOperator) -> None:

@@ -1,7 +1,7 @@
 """Numeric columns of a data frame saved by R (.rda), read and never executed.
 
-The XDR serialisation, versions 2 and 3. Layout: "R Internals", section 1.8. Every item starts with a 32-bit word: its type in the low byte,
-bit 9 for attributes, bit 10 for a tag.
+The XDR serialisation, versions 2 and 3. Layout: "R Internals", section 1.8. Every item starts with
+a 32-bit word: its type in the low byte, bit 9 for attributes, bit 10 for a tag.
 """
 from __future__ import annotations
 
@@ -74,7 +74,8 @@ class _Reader:
         if length < 0 or self.position + length * width > len(self.content):
             raise ValueError("it is cut short")
         self.position += length * width
-        return np.frombuffer(self.content, dtype, length, self.position - length * width).astype(float)
+        start = self.position - length * width
+        return np.frombuffer(self.content, dtype, length, start).astype(float)
 
     def item(self) -> Any:
         flags = self.integer()

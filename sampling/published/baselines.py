@@ -42,9 +42,11 @@ def to_tristimulus(relative_response: np.ndarray, signals: np.ndarray) -> np.nda
         If there are fewer than three bands.
     """
     if len(relative_response) < 3:
-        raise InputError(f"{len(relative_response)} bands give no colour; the baselines need three or more")
+        raise InputError(f"{len(relative_response)} bands give no colour; the baselines need three "
+                         "or more")
     known = np.concatenate([*test_reflectances(GRID).values(), np.ones((1000, GRID.nm.size))])
-    matrix = np.linalg.lstsq(known @ relative_response.T, known @ observer_response(GRID).T, rcond=None)[0]
+    matrix = np.linalg.lstsq(known @ relative_response.T, known @ observer_response(GRID).T,
+                             rcond=None)[0]
     return np.clip(signals @ matrix, 0, None)
 
 
@@ -68,11 +70,11 @@ def greedy_draws(operator: MeasurementOperator, draws: int, seed: int,
     for position, j in enumerate(free):
         later = np.r_[free[position + 1:], solved]
         most = operator.A[:, later].sum(axis=1)
+        column = operator.A[:, j]
+        seen = column > 1e-12
         with np.errstate(divide="ignore", invalid="ignore"):
-            high = np.nanmin(np.where(operator.A[:, j] > 1e-12, remaining / operator.A[:, j],
-                                      np.inf), axis=1)
-            low = np.nanmax(np.where(operator.A[:, j] > 1e-12,
-                                     (remaining - most) / operator.A[:, j], -np.inf), axis=1)
+            high = np.nanmin(np.where(seen, remaining / column, np.inf), axis=1)
+            low = np.nanmax(np.where(seen, (remaining - most) / column, -np.inf), axis=1)
         low, high = np.clip(low, 0, 1), np.clip(high, 0, 1)
         c[:, j] = low + np.maximum(high - low, 0) * rng.random(attempts)
         remaining -= c[:, j, None] * operator.A[:, j]

@@ -62,7 +62,7 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     coefficients : int
         N of the splines that are fitted to the draws.
     effective_wanted : float
-        Independent draws that they must be worth: 1000 for a 95 % band.
+        Effective number of the weighted draws: 1000 for a 95 % band.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     problem = joint_problem(transport, response, signal, standard_error, prior or load_prior(),
                             common, known)
     if not problem.materials:
-        raise InputError("every material of the scene is known; leave at least one to be found")
+        raise InputError("every material of the scene is known; leave at least one to be estimated")
     # the matrices are small: several threads take up to ten times as long as one
     with threadpool_limits(1, "blas"):
         modes = find_modes(problem, SAMPLED)
@@ -110,8 +110,8 @@ def shared_errors(signal: np.ndarray, relative_covariance: np.ndarray, scale_err
     surface : (R,) int, optional
         Which surface each region belongs to.
     colour_error, brightness_error : float
-        Relative standard error of the model of each surface: in each band apart, and in all bands
-        alike.
+        Relative standard error of the model of each surface: independent in each band, and common
+        to all bands.
 
     Raises
     ------

@@ -1,16 +1,16 @@
-"""All materials of a scene at once, through its light transport: the likelihood, its modes,
-Laplace.
+"""All materials of a scene at once, through its light transport: likelihood, modes, Laplace.
 
 With the transport traced once (`LightTransport`), signal_rk = sum_e T_re integral response_k prod_m
 rho_m^n_em is a polynomial in the reflectances, and its likelihood costs a fraction of a
-millisecond. Light that has met a second material carries products of spectra, which tell what the
-direct signal of either cannot.
+millisecond. Light that was reflected by a second material carries products of spectra, which tell
+what the direct signal of either cannot. ``response`` here is that of the photo, light scale
+included: its rows sum to the white signal of each band, not to 1.
 
 Unknowns: a component of the prior's mixture for every material (labels, M), and z (M P,), standard
 normal, with logit rho_m = mean of its component + root of its covariance @ z_m: all P wavelengths
 are kept, nothing of the prior is truncated. The noise-weighted transport is reduced to the few rows
 that rise above the noise, after which the cost does not depend on the number of pixels.
-`joint_labels.py` finds the labels.
+`labels.py` chooses the labels.
 """
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class JointProblem:
     prior's parts.
 
     ``materials`` and ``exponents`` (E, M) are those of the unknown materials; ``known`` (E, P) is
-    the product of the known reflectances met. ``means`` (C + 1, P) and ``roots`` (C + 1, P, P): the
-    last is the one Gaussian with the mixture's moments.
+    the product of the known reflectances encountered. ``means`` (C + 1, P) and ``roots`` (C + 1, P,
+    P): the last is the one Gaussian with the mixture's moments.
     """
 
     materials: tuple[str, ...]
@@ -142,8 +142,8 @@ def climb(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes:
     ConvergenceError
         If a cost is not finite.
     """
-    found = [_climb_one(problem, one, start) for one, start in zip(labels, z, strict=True)]
-    z, evidence, still = (np.array(part) for part in zip(*found, strict=True))
+    modes = [_climb_one(problem, chosen, start) for chosen, start in zip(labels, z, strict=True)]
+    z, evidence, still = (np.array(part) for part in zip(*modes, strict=True))
     return Modes(labels, z, evidence, Outcome.CONVERGED if still.all() else Outcome.STEP_LIMIT)
 
 
@@ -197,8 +197,8 @@ def information_bits(problem: JointProblem) -> np.ndarray:
     """
     materials, size = len(problem.materials), problem.means.shape[1]
     labels = np.full(materials, len(problem.means) - 1)
-    found = climb(problem, labels[None], np.zeros((1, materials * size)))
-    covariance = covariance_at(problem, labels, found.z[0])
+    mode = climb(problem, labels[None], np.zeros((1, materials * size))).z[0]
+    covariance = covariance_at(problem, labels, mode)
     blocks = [covariance[m * size:(m + 1) * size, m * size:(m + 1) * size]
               for m in range(materials)]
     return np.array([-np.linalg.slogdet(block)[1] / (2 * np.log(2)) for block in blocks])
@@ -224,7 +224,8 @@ def _climb_one(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> tupl
         trial_cost = float(trial_residual @ trial_residual + trial @ trial) / 2
         fall = cost - trial_cost
         if fall > 0:
-            z, residual, jacobian, cost, damping = trial, trial_residual, trial_jacobian, trial_cost, damping / 10
+            z, residual, jacobian = trial, trial_residual, trial_jacobian
+            cost, damping = trial_cost, damping / 10
             values, vectors = np.linalg.eigh(jacobian @ jacobian.T)
         else:
             damping = max(10 * damping, 1e-3)

@@ -49,7 +49,7 @@ class JointSamples(Record):
 
     materials: tuple[str, ...]
     spectra: Annotated[np.ndarray, "T M P"]
-    effective_samples: float    # independent draws that the weighted proposals are worth
+    effective_samples: float    # effective number of the weighted proposals
     tail: float  # shape of the weights' tail: below 0.7 the effective number can be trusted
     proposals: int
     unsolved: float             # share of proposals without a solution: left out
@@ -87,11 +87,11 @@ def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, k
     problem : JointProblem
     seed : int
     modes : Modes, optional
-        Of many labels; found if not given.
+        Of many labels; by `find_modes` if not given.
     kept : int
         T: resampled from the weighted proposals, so some are drawn more than once.
     effective_wanted : float
-        Independent draws that the weighted proposals must be worth: 1000 for a 95 % band.
+        Effective number of weighted proposals at which to stop: 1000 for a 95 % band.
 
     Raises
     ------
@@ -116,11 +116,11 @@ def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, k
                               + DEFENSIVE / len(belief))
         for number in np.flatnonzero(new):
             for start in range(0, new[number], BLOCK):
-                found, ratio = _propose(problem, proposers[number], min(BLOCK, new[number] - start),
-                                        rng)
-                logits.append(found)
+                proposals, ratio = _propose(problem, proposers[number],
+                                            min(BLOCK, new[number] - start), rng)
+                logits.append(proposals)
                 log_ratios.append(ratio)
-                owners.append(np.full(len(found), number))
+                owners.append(np.full(len(proposals), number))
         counts += new
         owner = np.concatenate(owners)
         # of all rounds as one mixture
@@ -141,9 +141,9 @@ def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, k
     chosen = np.searchsorted(cumulative, (np.arange(kept) + rng.random())
                              / kept).clip(max=len(weights) - 1)
     spectra = reflectance(np.concatenate(logits)[rng.permutation(chosen)])  # else mode after mode
-    proposals = int(counts.sum())
-    return JointSamples(problem.materials, spectra, effective, tail, proposals,
-                        1 - len(weights) / proposals, seed)
+    total = int(counts.sum())
+    return JointSamples(problem.materials, spectra, effective, tail, total,
+                        1 - len(weights) / total, seed)
 
 
 def _proposer(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> _Proposer:
@@ -165,18 +165,18 @@ def _proposer(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> _Prop
                      logit_directions)
 
 
-def _propose(problem: JointProblem, one: _Proposer, count: int,
+def _propose(problem: JointProblem, proposer: _Proposer, count: int,
              rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Logits (n, M, P) and log weights (n,) of proposals; those whose equations have no solution
     are left out.
     """
-    scale = 1 / np.sqrt(1 + one.size**2)
-    free = rng.standard_normal((count, len(one.directions)))
-    free -= (free @ one.directions) @ one.directions.T
-    base = logits_of(problem, one.labels, free)
-    wanted = rng.standard_normal((count, one.size.size))
-    a = one.centre + scale * wanted
-    eta, slope, logits = _equations(problem, one, base, a)
+    scale = 1 / np.sqrt(1 + proposer.size**2)
+    free = rng.standard_normal((count, len(proposer.directions)))
+    free -= (free @ proposer.directions) @ proposer.directions.T
+    base = logits_of(problem, proposer.labels, free)
+    wanted = rng.standard_normal((count, proposer.size.size))
+    a = proposer.centre + scale * wanted
+    eta, slope, logits = _equations(problem, proposer, base, a)
     distance = np.linalg.norm(eta - wanted, axis=1)
     step = np.ones(count)
     for _ in range(NEWTON_STEPS):
@@ -185,7 +185,7 @@ def _propose(problem: JointProblem, one: _Proposer, count: int,
             break
         move = np.linalg.solve(slope[active], (wanted - eta)[active][..., None])[..., 0]
         trial = a[active] + step[active, None] * move
-        new = _equations(problem, one, base[active], trial)
+        new = _equations(problem, proposer, base[active], trial)
         new_distance = np.linalg.norm(new[0] - wanted[active], axis=1)
         better = new_distance < distance[active]
         rows = active[better]
@@ -197,23 +197,24 @@ def _propose(problem: JointProblem, one: _Proposer, count: int,
     a, eta, slope, logits = a[solved], eta[solved], slope[solved], logits[solved]
     received = (products(problem, logits)[1] @ problem.response.T).transpose(0, 2, 1)
     residual = np.tensordot(received, problem.rows, axes=([1, 2], [1, 2])) - problem.targets
-    log_weight = (one.log_weight - np.sum(a**2, axis=1) / 2 - np.sum(residual**2, axis=1) / 2
+    log_weight = (proposer.log_weight - np.sum(a**2, axis=1) / 2 - np.sum(residual**2, axis=1) / 2
                   + np.sum(eta**2, axis=1) / 2 - np.linalg.slogdet(slope)[1])
     return logits, log_weight
 
 
-def _equations(problem: JointProblem, one: _Proposer, base: np.ndarray,
+def _equations(problem: JointProblem, proposer: _Proposer, base: np.ndarray,
                a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """eta (n, r), d eta / d a (n, r, r) and the logits (n, M, P) at a (n, r)."""
     count, r = a.shape
     materials, wavelengths = base.shape[1:]
-    logits = base + (a @ one.logit_directions.T).reshape(base.shape)
+    logits = base + (a @ proposer.logit_directions.T).reshape(base.shape)
     rho, terms = products(problem, logits)
     received = (terms @ problem.response.T).transpose(0, 2, 1)                       # (n, K, E)
-    scale = 1 / np.sqrt(1 + one.size**2)
-    eta = scale * (a + received.reshape(count, -1) @ one.by_product.reshape(r, -1).T - one.target)
-    moved = terms.transpose(2, 0, 1) @ one.by_wavelength                             # (P, n, r M)
+    scale = 1 / np.sqrt(1 + proposer.size**2)
+    explained = received.reshape(count, -1) @ proposer.by_product.reshape(r, -1).T
+    eta = scale * (a + explained - proposer.target)
+    moved = terms.transpose(2, 0, 1) @ proposer.by_wavelength                        # (P, n, r M)
     moved = moved.reshape(wavelengths, count, r, materials).transpose(1, 2, 3,
                                                                       0) * (1 - rho)[:, None]
-    slope = moved.reshape(count * r, -1) @ one.logit_directions
+    slope = moved.reshape(count * r, -1) @ proposer.logit_directions
     return eta, scale[:, None] * (np.eye(r) + slope.reshape(count, r, r)), logits
