@@ -39,6 +39,8 @@ def scale_by_descent(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tup
                      steps: int = STEPS, spp: int = SPP, seed: int = 0) -> LightScale:
     """Factor from the rendered chart to the photo's patches, with its standard error.
 
+    Twelve parameters: nine say what was photographed and how, three have defaults.
+
     Parameters
     ----------
     scene_file : SceneFile
@@ -65,14 +67,13 @@ def scale_by_descent(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tup
     patches = chart_in_place(scene_file, centres_uv, size_uv)
     names = tuple(f"patch_{number:02d}" for number in range(len(centres_uv)))
     paints = [patches.surfaces[name] for name in names]
-    spectra = dict.fromkeys(patches.bsdf_ids, np.full(light.shape, 0.5)) | dict(zip(paints,
-                                                                                    reflectances,
-                                                                                    strict=True))
+    spectra = (dict.fromkeys(patches.bsdf_ids, np.full(light.shape, 0.5))
+               | dict(zip(paints, reflectances, strict=True)))
     scene = load_scene(scene_xml(patches, reflectances=spectra, light=light, size=(FILM, FILM),
                                  bands={f"{band:03d}": curve for band,
                                         curve in enumerate(sensitivities)},
                                  range_nm=(float(grid.nm[0]), float(grid.nm[-1]))))
-    places, count = _pixels_of_patches(scene, names, measured.shape[1])
+    pixels, count = _pixels_of_patches(scene, names, measured.shape[1])
     parameters = mi.traverse(scene)
     keys = [key for key in parameters.keys()  # noqa: SIM118 - not a dict
             if key.endswith(tuple(f".{name}.values" for name in set(EMITTED.values())))]
@@ -80,7 +81,7 @@ def scale_by_descent(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tup
     unscaled = {key: mi.Float(parameters[key]) for key in keys}
 
     def patch_means(image: Any) -> Any:
-        return dr.block_sum(dr.gather(mi.Float, image.array, places), count) / count
+        return dr.block_sum(dr.gather(mi.Float, image.array, pixels), count) / count
 
     first = np.array(patch_means(mi.render(scene, spp=spp, seed=seed * 100003)))
     if not np.all(first > 0):
@@ -137,21 +138,21 @@ def chart_in_place(scene_file: SceneFile, centres_uv: np.ndarray,
     ET.SubElement(sensor, "float", name="near_clip", value=f"{HEIGHT * width:.9g}")
     _matrix(sensor, camera)
     root.insert(0, sensor)
-    worn = {}
+    bsdf_of_patch = {}
     for number, (u, v) in enumerate(centres_uv):
         patch, paint = f"patch_{number:02d}", f"paint_{number:02d}"
         bsdf = ET.SubElement(root, "bsdf", type="diffuse", id=paint)
         ET.SubElement(bsdf, "spectrum", name="reflectance", value="0.5")
         shape = ET.SubElement(root, "shape", type="rectangle", id=patch)
         ET.SubElement(shape, "ref", id=paint)
-        worn[patch] = paint
-        place = np.diag([size_uv[0], size_uv[1], 1.0, 1.0])
-        place[:2, 3] = 2 * u - 1, 1 - 2 * v
-        _matrix(shape, chart_to_world @ place)
+        bsdf_of_patch[patch] = paint
+        pose = np.diag([size_uv[0], size_uv[1], 1.0, 1.0])
+        pose[:2, 3] = 2 * u - 1, 1 - 2 * v
+        _matrix(shape, chart_to_world @ pose)
     others = {shape: bsdf for shape, bsdf in scene_file.surfaces.items() if shape != CHART_SHAPE}
     return dataclasses.replace(scene_file, root=root, max_depth=2,
-                               bsdf_ids=(*scene_file.bsdf_ids, *worn.values()),
-                               surfaces=others | worn)
+                               bsdf_ids=(*scene_file.bsdf_ids, *bsdf_of_patch.values()),
+                               surfaces=others | bsdf_of_patch)
 
 
 def _to_world(scene_file: SceneFile) -> np.ndarray:
@@ -170,15 +171,14 @@ def _matrix(node: ET.Element, matrix: np.ndarray) -> None:
 
 
 def _pixels_of_patches(scene: Any, names: tuple[str, ...], bands: int) -> tuple[Any, int]:
-    """Places in the flat image, patch by patch and band by band, and how many there are of each."""
+    """Indices into the flat image, patch by patch and band by band, and the number of each."""
     import mitsuba as mi
 
     surface = surface_map(scene, names, (FILM, FILM)).ravel()
     pixels = [np.flatnonzero(surface == patch) for patch in range(len(names))]
-    count = min(len(found) for found in pixels)
+    count = min(len(own) for own in pixels)
     if count == 0:
         raise InputError("the chart's rectangle faces away from its own patches, or another shape "
                          "covers them; let nothing lie on the rectangle \"chart\"")
-    chosen = np.array([found[np.linspace(0, len(found) - 1, count).astype(int)]
-                       for found in pixels])
+    chosen = np.array([own[np.linspace(0, len(own) - 1, count).astype(int)] for own in pixels])
     return mi.UInt32((chosen[:, None, :] * bands + np.arange(bands)[None, :, None]).ravel()), count

@@ -100,9 +100,9 @@ def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
     """What errors the surfaces of known materials show, and surfaces of one unknown material among
     themselves.
 
-    Errors of neighbouring blocks are correlated: the pattern within a surface is taken to have as many independent
-    parts as a quadratic field has terms (``FIELD_TERMS``), whatever the number of blocks, so each
-    block weighs less.
+    Errors of neighbouring blocks are correlated: the pattern within a surface is taken to have as
+    many independent parts as a quadratic field has terms (``FIELD_TERMS``), whatever the number of
+    blocks, so each block weighs less.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def model_covariance(agreement: SurfaceAgreement, material: str,
 def scale_from_surfaces(measured: np.ndarray, rendered: np.ndarray, surface: np.ndarray,
                         source: str) -> LightScale:
     """Light scale from the sums over each surface of known spectrum, with every band of every
-    surface counting alike.
+    surface given the same weight.
 
     Sums, not pixels: a fit to single pixels is biased by the noise of the rendering.
 

@@ -53,10 +53,10 @@ def joint_record(views: Sequence[View], records: Sequence[Reconstruction],
     model = np.zeros_like(covariance)
     for number in distinct:
         bands = np.flatnonzero(view_of_band == number)
-        alike = [record for record, other in zip(records, responses, strict=True)
+        same = [record for record, other in zip(records, responses, strict=True)
                  if _same(other, responses[number])]
         for index, name in enumerate(materials):
-            parts = [record.model_covariance[record.materials.index(name)] for record in alike
+            parts = [record.model_covariance[record.materials.index(name)] for record in same
                      if name in record.materials]
             # the mean, not divided by their number: the errors of one model are correlated
             if parts:

@@ -4,9 +4,10 @@ of a hundred.
 Two tests for each surface and band. Level: is the surface as a whole brighter or darker than the
 rendering by more than its noise and the stated error of a surface explain (normal)? Shape: do its
 blocks scatter more than noise and the stated error of the photo explain (chi-square), as a lamp in
-the wrong place or vignetting makes them? The noise of photo and rendering together is read off the
-differences of neighbouring pixels, to which nothing smooth adds. A fit absorbs part of a deviation,
-so the tests err towards silence. Holm's correction (1979) bounds the chance of any false alarm.
+the wrong position or vignetting makes them? The noise of photo and rendering together is read off
+the differences of neighbouring pixels, to which nothing smooth adds. A fit absorbs part of a
+deviation, so the tests rather miss a misfit than invent one. Holm's correction (1979) bounds the
+chance of any false alarm.
 """
 from __future__ import annotations
 

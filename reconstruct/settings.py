@@ -33,7 +33,8 @@ class InversionSettings:
     smoothness: float = 0.1
     engine: Engine = "auto"
     # What follows is for the transport engines alone.
-    brightness_error: float = 0.0   # of each surface, in all bands alike: light profile, geometry
+    # of each surface, the same in all bands: light profile, geometry
+    brightness_error: float = 0.0
     light_error: float = 0.0        # of each light of the scene, traced separately for it
     # of each entry of a band-mixing matrix: photos that went through colour processing
     mixing_error: float = 0.0

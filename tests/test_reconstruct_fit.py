@@ -86,7 +86,8 @@ def test_compressing_the_equations_changes_nothing():
 def test_an_unknown_scale_is_found_from_a_known_material():
     rows, measured, weight, truth = case()
     known = {0: truth[0] @ BASIS.T}
-    fit = fit_spectra(compress(rows, 3.7 * measured, weight / 3.7**2, GROUP), model(known), smoothness=0)
+    system = compress(rows, 3.7 * measured, weight / 3.7**2, GROUP)
+    fit = fit_spectra(system, model(known), smoothness=0)
     # As above: the photo is weighed as good to 1e-4.
     assert fit.views[0].scale == pytest.approx(3.7, rel=3e-4)
 
@@ -106,7 +107,8 @@ def test_monte_carlo_noise_in_the_transport_does_not_darken_the_spectra():
         deviations = (passes - mean) / np.sqrt(12)
         for found, noise in ((plain, None), (corrected, deviations)):
             system = compress(mean, measured, 1 / (0.2 * measured) ** 2, GROUP, noise)
-            signals = fit_spectra(system, model(), smoothness=0, scale=1.0).coefficients @ OPERATOR.T
+            fit = fit_spectra(system, model(), smoothness=0, scale=1.0)
+            signals = fit.coefficients @ OPERATOR.T
             found.append((signals / (truth @ OPERATOR.T)).mean())
     # Variance of the mean of four passes: (0.4^2) / 4 = 4 %. What is left is of second order, the
     # covariance being known from four passes only: below 2 %, and less than half of it.
@@ -136,7 +138,8 @@ def test_the_covariance_of_the_signals_is_that_of_repeated_photos():
         truth = np.random.default_rng(1).uniform(0.2, 0.8, (2, COUNT))
         clean = rows @ model().signals(truth)
         measured = clean * (1 + 0.01 * rng.standard_normal(clean.shape))
-        fit = fit_spectra(compress(rows, measured, 1 / (0.01 * clean) ** 2, GROUP), model(), scale=1.0)
+        system = compress(rows, measured, 1 / (0.01 * clean) ** 2, GROUP)
+        fit = fit_spectra(system, model(), scale=1.0)
         signals, covariance = band_signals(fit, OPERATOR, 2)
         found.append(signals)
         stated.append(np.sqrt(np.einsum("mkk->mk", covariance)))
@@ -166,9 +169,10 @@ def test_what_the_photo_cannot_tell_is_left_to_the_prior_and_said():
     direct = rows * (EXPONENTS.sum(axis=1) == 1)
     for name, transport_rows in (("colour", direct), ("interreflection", rows)):
         y = transport_rows @ model().signals(truth)
-        fit = fit_spectra(compress(transport_rows, y, 1 / (0.0003 * y) ** 2, GROUP), model(), scale=1.0)
+        system = compress(transport_rows, y, 1 / (0.0003 * y) ** 2, GROUP)
+        fit = fit_spectra(system, model(), scale=1.0)
         found = identifiability(fit, ("wall", "block"), OPERATOR)
-        # light that met one material once tells three numbers of it, with three bands
+        # light that was reflected once tells three numbers of it, with three bands
         if name == "colour":
             assert [item.by_photo for item in found] == [3, 3] and [item.by_prior
                                                                     for item in found] == [4, 4]
@@ -302,7 +306,8 @@ def test_a_camera_that_mixes_its_bands_is_unmixed_by_a_known_material():
 
 def test_mixed_bands_and_gains_are_said_in_words():
     rows, measured, weight, _ = case(noise=0.01)
-    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(), scale=1.0, mixing_error=0.1, light_error=0.1)
+    fit = fit_spectra(compress(rows, measured, weight, GROUP), model(), scale=1.0,
+                      mixing_error=0.1, light_error=0.1)
     lights, bands = fit.views[0].sentences(("R", "G", "B"), ("lamp",))
     assert "brighter or darker" in lights and "lamp" in lights and "R = +" in bands
 
@@ -364,13 +369,14 @@ def test_gains_as_unknowns_are_the_same_as_gains_in_the_covariance():
     gains = np.exp(surface_error * rng.standard_normal((6, bands)))
     measured = gains[group] * clean * (1 + 0.01 * rng.standard_normal(clean.shape))
     sigma = 0.01 * np.array([clean[group == name].mean(axis=0) for name in range(6)])[group]
-    fit = fit_spectra(compress(rows, measured, 1 / sigma**2, group), model(), scale=1.0, surface_error=surface_error)
+    fit = fit_spectra(compress(rows, measured, 1 / sigma**2, group), model(), scale=1.0,
+                      surface_error=surface_error)
     slope = np.einsum("re,ekn->rkn", rows, model().signals_and_jacobian(truth)[1]).reshape(-1,
                                                                                            2
                                                                                            * COUNT)
     same = (group[:, None] == group[None, :])[:, None, :, None] * np.eye(bands)[None, :, None, :]
-    covariance = (surface_error**2 * same * np.einsum("rk,sl->rksl", clean, clean)).reshape(clean.size,
-                                                                                         clean.size)
+    covariance = surface_error**2 * same * np.einsum("rk,sl->rksl", clean, clean)
+    covariance = covariance.reshape(clean.size, clean.size)
     weigh = np.linalg.inv(covariance + np.diag(sigma.ravel() ** 2))
     prior = np.kron(np.eye(2), smooth_prior(COUNT, 0.1).precision)
     solved = np.linalg.solve(slope.T @ weigh @ slope + prior,

@@ -21,7 +21,6 @@ from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.tracer import transport
 from spectrabox.reconstruct.tracer.transport import (
     joined,
-    light_transport,
     require_memory,
     shaded_image,
     trace_transport,
@@ -154,16 +153,6 @@ def test_two_traces_join_to_one_of_more_paths(view):
     # each pass.
     np.testing.assert_allclose(whole.coefficients, (first.coefficients + 4 * second.coefficients)
                                / 5, rtol=1e-5, atol=1e-7)
-
-
-def test_the_record_holds_the_monte_carlo_covariance(view):
-    region = np.where(ALL % 2, 0, 1)
-    record = light_transport(traced(view, region, spp=16))
-    assert record.coefficients.shape == (2, len(exponents_up_to(3, 4)))
-    values = np.linalg.eigvalsh(record.covariance[0])
-    # Four passes tell three directions; the others are zero up to round-off.
-    assert np.count_nonzero(values > 1e-9
-                            * values.max()) <= 3 and values.min() > -1e-9 * values.max()
 
 
 def test_many_products_are_pruned_within_the_stated_bound(view, monkeypatch):

@@ -1,1 +1,1 @@
-"""How spectra are found: traced transport, gradients, or one wavelength at a time."""
+"""How spectra are estimated: traced transport, gradients, or one wavelength at a time."""

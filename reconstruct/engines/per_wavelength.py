@@ -136,8 +136,8 @@ def _descend(job: MonochromeJob) -> GradientFit:
 
     for step in range(job.steps):
         optimizer.set_learning_rate(LEARNING_RATE * cosine_rate(step / job.steps))
-        draws = [2 * ((job.seed * 100003 + step) * WAVELENGTHS + place) % 2**32
-                 for place in range(len(job.basis))]
+        draws = [2 * ((job.seed * 100003 + step) * WAVELENGTHS + index) % 2**32
+                 for index in range(len(job.basis))]
         signal = np.zeros(job.measured.shape)
         for wavelength, draw in enumerate(draws):
             with dr.suspend_grad():

@@ -6,8 +6,8 @@ pixels as for 400.
 
 The rows carry Monte Carlo noise, an error in the variables, which would pull every spectrum down by
 its relative variance. The scatter of independent passes gives the noise's share of their Gram
-matrix; ``noise`` carries it, and the fit takes its sum of squares off. The cost is then the unbiased
-product of residuals of different passes.
+matrix; ``noise`` carries it, and the fit takes its sum of squares off. The cost is then the
+unbiased product of residuals of different passes.
 """
 from __future__ import annotations
 

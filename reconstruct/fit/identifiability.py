@@ -1,4 +1,4 @@
-"""What a photo says of each material, apart from any prior; and what only the prior says."""
+"""What a photo says of each material without any prior, and what only the prior says."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -33,10 +33,10 @@ def band_signals(fit: TransportFit, operator: np.ndarray,
     prior, gives.
 
     One more Gauss-Newton step from the solution with the prior on the spectra taken off: free in
-    what the bands see of each material, and only loosely held (``HIDDEN_ERROR``) in what they do not;
-    gains move along. The covariance is that of photo noise and Monte Carlo noise, and of gains of lights
-    and band mixing; gains of surfaces and the light scale are taken as exact: later stages add
-    their errors (``TransportFit.added_later``).
+    what the bands see of each material, and only loosely held (``HIDDEN_ERROR``) in what they do
+    not; gains move along. The covariance is that of photo noise and Monte Carlo noise, and of gains
+    of lights and band mixing; gains of surfaces and the light scale are taken as exact: later
+    stages add their errors (``TransportFit.added_later``).
 
     Parameters
     ----------

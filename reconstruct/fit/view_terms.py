@@ -90,8 +90,8 @@ class ViewFit:
         if np.any(self.light_gains != 1):
             gains = ", ".join(f"{name} {gain:.3g}"
                               for name, gain in zip(lights, self.light_gains, strict=True))
-            corrected.append("lights fitted brighter or darker than the scene says, by the factors: "
-                             f"{gains}")
+            corrected.append("lights fitted brighter or darker than the scene says, by the "
+                             f"factors: {gains}")
         if np.any(self.mixing != np.eye(len(bands))):
             rows = "; ".join(f"{band} = {' '.join(f'{share:+.2f}' for share in row)}"
                              for band, row in zip(bands, self.mixing, strict=True))
@@ -126,7 +126,8 @@ class ViewTerms:
         if self.surfaces.size:
             covariance = (max(given.surface_error, 1e-6) ** 2 * np.eye(self.bands)
                           + given.brightness_error**2)
-            matrix[self.gain, self.gain] = np.kron(np.eye(self.surfaces.size), np.linalg.inv(covariance))
+            precision = np.linalg.inv(covariance)
+            matrix[self.gain, self.gain] = np.kron(np.eye(self.surfaces.size), precision)
         for part, error in ((self.light, given.light_error), (self.mix, given.mixing_error)):
             indices = np.arange(self.size)[part]
             matrix[indices, indices] = 1 / max(error, 1e-9) ** 2

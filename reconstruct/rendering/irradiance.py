@@ -1,4 +1,4 @@
-"""Irradiance on each patch of a chart whose place and light are known (paper Eq. 17, for any
+"""Irradiance on each patch of a chart whose pose and light are known (paper Eq. 17, for any
 emitter).
 """
 from __future__ import annotations
@@ -51,15 +51,14 @@ def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tup
     shape = next(shape for shape in scene.shapes() if shape.id() == CHART_SHAPE)
     rng = np.random.default_rng(seed)
     offset = (rng.random((len(centres_uv), SAMPLES, 2)) - 0.5) * SAMPLED_PART * np.asarray(size_uv)
-    place = (centres_uv[:, None] + offset).reshape(-1, 2)
-    interaction = shape.eval_parameterization(mi.Point2f(place[:, 0], 1.0 - place[:, 1]))
+    uv = (centres_uv[:, None] + offset).reshape(-1, 2)
+    interaction = shape.eval_parameterization(mi.Point2f(uv[:, 0], 1.0 - uv[:, 1]))
     interaction.wavelengths = mi.Spectrum(550.0)
-    direction, weight = scene.sample_emitter_direction(interaction,
-                                                       mi.Point2f(rng.random(len(place)),
-                                                                  rng.random(len(place))), True)
-    cosine = np.maximum(np.array(mi.Float(interaction.n.x * direction.d.x + interaction.n.y
-                                          * direction.d.y
-                                          + interaction.n.z * direction.d.z)), 0.0)
+    numbers = mi.Point2f(rng.random(len(uv)), rng.random(len(uv)))
+    direction, weight = scene.sample_emitter_direction(interaction, numbers, True)
+    normal, towards = interaction.n, direction.d
+    cosine = np.maximum(np.array(mi.Float(normal.x * towards.x + normal.y * towards.y
+                                          + normal.z * towards.z)), 0.0)
     weight = np.array(weight[0]) * _profile(scene, scene_file.profiles, direction)
     irradiance = (weight * cosine).reshape(len(centres_uv), SAMPLES).mean(axis=1)
     if not np.all(irradiance > 0):

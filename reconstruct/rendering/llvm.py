@@ -89,7 +89,8 @@ def ensure_llvm() -> tuple[Path, int]:
     found = find_llvm()
     if found is None:
         chosen = os.environ.get(VARIABLE)
-        what = f"{VARIABLE} points to {chosen}, which is not a usable LLVM" if chosen else "no usable LLVM was found"
+        what = (f"{VARIABLE} points to {chosen}, which is not a usable LLVM" if chosen
+                else "no usable LLVM was found")
         raise EnvironmentProblem(f"{what}: version {oldest_usable()} or newer is needed; {ADVICE}")
     os.environ[VARIABLE] = str(found[0])
     return found

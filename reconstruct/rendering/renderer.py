@@ -1,4 +1,5 @@
-"""The one place that starts Mitsuba: picks the variant, loads a scene, renders it in camera bands.
+"""The only module that starts Mitsuba: it picks the variant, loads a scene, renders it in camera
+bands.
 
 One variant per process; nothing of Mitsuba is touched at import time.
 """
@@ -62,8 +63,8 @@ def all_cores() -> Iterator[None]:
         yield
         return
     before = dr.thread_count()
-    cores = len(os.sched_getaffinity(0)) if hasattr(os,
-                                                    "sched_getaffinity") else os.cpu_count() or 1
+    cores = (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity")
+             else os.cpu_count() or 1)
     dr.set_thread_count(max(cores, 2))  # not 1: Mitsuba's reader of EXR files would wait for ever
     try:
         yield
@@ -72,7 +73,7 @@ def all_cores() -> Iterator[None]:
 
 
 def load_scene(xml: str) -> Any:
-    """Load scene text; identical placeholder materials stay apart.
+    """Load scene text; identical placeholder materials are not merged.
 
     Raises
     ------

@@ -43,8 +43,8 @@ SURFACE_ERROR = 0.01    # relative, of each surface in all bands: uneven paint, 
 PAINT_ERROR = 0.02      # relative, of each material in each band: its known reflectance
 MAX_ERROR = 0.5         # of the same: above, the position is not known at all
 
-UNDETERMINED = ("the photo does not tell where the light is: brightness hardly changes when it moves; "
-          "photograph surfaces nearer to it, in several directions")
+UNDETERMINED = ("the photo does not tell where the light is: brightness hardly changes when it "
+                "moves; photograph surfaces nearer to it, in several directions")
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,9 +164,9 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
         if np.all(np.abs(move) < SMALL_MOVE * np.sqrt(np.diag(fit.covariance))):
             outcome = Outcome.CONVERGED
             break
-    scale = LightScale(float(np.exp(fit.log_scale)),
-                       float(np.exp(fit.log_scale) * fit.log_scale_error),
-                       None, "surfaces of known reflectance, the light's position estimated with it")
+    value = float(np.exp(fit.log_scale))
+    scale = LightScale(value, value * fit.log_scale_error, None,
+                       "surfaces of known reflectance, the light's position estimated with it")
     return LightPosition(scene_file.light_ids[number], offset, np.sqrt(np.diag(fit.covariance)),
                          fit.covariance, scale, before, fit.misfit, np.array(offsets), outcome)
 
@@ -224,11 +224,11 @@ def _usable(photo: LinearImage) -> np.ndarray:
 
 def _require_reflectances(scene_file: SceneFile,
                           reflectances: Mapping[str, np.ndarray]) -> tuple[str, ...]:
-    worn = tuple(dict.fromkeys(scene_file.surfaces.values()))
-    if missing := [bsdf for bsdf in worn if bsdf not in reflectances]:
+    bsdfs = tuple(dict.fromkeys(scene_file.surfaces.values()))
+    if missing := [bsdf for bsdf in bsdfs if bsdf not in reflectances]:
         raise InputError(f"the reflectance of {', '.join(missing)} in {scene_file.path.name} is "
                          "not given; every surface sends light to the others, so all are needed")
     if glossy := not_plain_products(scene_file):
         raise InputError(f"{', '.join(glossy)} of {scene_file.path.name} is coated or glossy; the "
                          "light's position is estimated from diffuse surfaces only")
-    return worn
+    return bsdfs

@@ -32,8 +32,8 @@ def light_number(scene_file: SceneFile, light_id: str | None) -> int:
     kind = list(scene_file.root.iter("emitter"))[number].get("type", "")
     if kind not in POSITIONED:
         raise InputError(f"{scene_file.path.name}: the light {names[number]!r} is of type "
-                         f"{kind!r}, which has no position to be estimated; {', '.join(sorted(POSITIONED))} "
-                         "have")
+                         f"{kind!r}, which has no position to be estimated; "
+                         f"{', '.join(sorted(POSITIONED))} have")
     return number
 
 

@@ -1,5 +1,5 @@
-"""A found camera or light written into a copy of an operator's Mitsuba scene, the rest left as it
-was.
+"""An estimated camera or light written into a copy of an operator's Mitsuba scene, the rest left
+as it was.
 """
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def scene_with_camera(path: Path, camera: Mapping[str, Any], size: tuple[int, in
         film = ET.SubElement(sensor, "film", type="hdrfilm")
     for child in [child for child in sensor if child.get("name") in REPLACED]:
         sensor.remove(child)
-    for place, node in enumerate(_camera_nodes(camera)):
-        sensor.insert(place, node)
+    for index, node in enumerate(_camera_nodes(camera)):
+        sensor.insert(index, node)
     _shape_film(root, film, size)
     ET.indent(sensor, space="    ", level=1)
     return ET.tostring(root, encoding="unicode") + "\n"
@@ -80,8 +80,8 @@ def _parsed(path: Path, folder: Path) -> ET.Element:
                          "is needed")
     named = [node for node in root.iter() if node.get("name") == "filename" or node.get("filename")]
     if named and folder.resolve() != path.parent.resolve():
-        raise InputError(f"{path.name} names other files by their place beside it; write the copy "
-                         f"into {path.parent}")
+        raise InputError(f"{path.name} names other files by paths relative to itself; write the "
+                         f"copy into {path.parent}")
     return root
 
 
@@ -101,11 +101,11 @@ def _shape_film(root: ET.Element, film: ET.Element, size: tuple[int, int]) -> No
     """
     defaults = {f"${node.get('name')}": node.get("value", "") for node in root.iter("default")}
     written = {node.get("name"): node for node in film.iter("integer")}
-    values = [written[name].get("value", "") if name in written else "" for name in ("width",
-                                                                                     "height")]
+    values = [written[name].get("value", "") if name in written else ""
+              for name in ("width", "height")]
     numbers = [defaults.get(value, value) for value in values]
-    if all(number.isdigit() for number in numbers) and int(numbers[0]) * size[1] == int(
-        numbers[1]) * size[0]:
+    if (all(number.isdigit() for number in numbers)
+            and int(numbers[0]) * size[1] == int(numbers[1]) * size[0]):
         return
     for name, pixels in zip(("width", "height"), size, strict=True):
         node = written[name] if name in written else ET.SubElement(film, "integer", name=name)

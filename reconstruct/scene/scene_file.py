@@ -22,7 +22,7 @@ EMITTED = {"area": "radiance", "constant": "radiance", "point": "intensity", "sp
 # its picture gives the radiance by direction; its colours are Mitsuba's, not the light's
 SKY_MAP = "envmap"
 PROFILE = "profile"     # of an area light: a <string> that names its file; no Mitsuba knows it
-# BSDFs kept as they are, and the spectrum of each that is looked for
+# BSDFs kept as they are, and the spectrum of each that is estimated
 SPECTRAL_FACTOR = {"plastic": "diffuse_reflectance", "roughplastic": "diffuse_reflectance",
                    "principled": "base_color", "conductor": "specular_reflectance",
                    "roughconductor": "specular_reflectance"}
@@ -30,9 +30,7 @@ SPECTRAL_FACTOR = {"plastic": "diffuse_reflectance", "roughplastic": "diffuse_re
 
 @dataclass(frozen=True)
 class SceneFile:
-    """What one XML scene says of itself. ``surfaces`` maps each shape id to the BSDF id that it
-    wears.
-    """
+    """What one XML scene says of itself. ``surfaces`` maps each shape id to the id of its BSDF."""
 
     path: Path
     root: ET.Element
@@ -78,7 +76,7 @@ def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
     lights = list(root.iter("emitter"))
     if not lights:
         raise InputError(
-            f"{path.name} has no <emitter>: the scene must hold the light in its place")
+            f"{path.name} has no <emitter>: the scene must hold the light at its position")
     for light in lights:
         if light.get("type") not in (*EMITTED, SKY_MAP):
             raise InputError(f"{path.name}: emitter type {light.get('type')!r} is not supported; "
@@ -95,16 +93,16 @@ def check_materials(scene: SceneFile, bsdf_of_material: Mapping[str, str]) -> li
     when all is well.
     """
     problems = []
-    worn = set(scene.surfaces.values())
+    used = set(scene.surfaces.values())
     for material, bsdf in bsdf_of_material.items():
         if bsdf not in scene.bsdf_ids:
             problems.append(f"material {material!r} names the BSDF {bsdf!r}, which "
                             f"{scene.path.name} lacks; it has "
                             f"{', '.join(scene.bsdf_ids) or 'none with an id'}")
-        elif bsdf not in worn:
-            problems.append(f"material {material!r}: no surface in {scene.path.name} wears the "
+        elif bsdf not in used:
+            problems.append(f"material {material!r}: no surface in {scene.path.name} has the "
                             f"BSDF {bsdf!r}")
-    for bsdf in sorted(worn - set(bsdf_of_material.values())):
+    for bsdf in sorted(used - set(bsdf_of_material.values())):
         shapes = ", ".join(shape for shape, name in scene.surfaces.items() if name == bsdf)
         problems.append(f"{scene.path.name}: the BSDF {bsdf or '(without id)'!r} of {shapes} has "
                         f"no material; add [materials.{bsdf or 'NAME'}] with bsdf = "
@@ -113,12 +111,12 @@ def check_materials(scene: SceneFile, bsdf_of_material: Mapping[str, str]) -> li
 
 
 def not_plain_products(scene: SceneFile) -> tuple[str, ...]:
-    """BSDF ids, worn by surfaces, whose reflected light is not proportional to their reflectance
+    """Ids of BSDFs of surfaces whose reflected light is not proportional to their reflectance
     spectrum.
     """
-    worn = set(scene.surfaces.values())
+    used = set(scene.surfaces.values())
     return tuple(node.get("id", "") for node in scene.root.findall("bsdf")
-                 if node.get("id") in worn and plain_bsdf(node).get("type") in SPECTRAL_FACTOR)
+                 if node.get("id") in used and plain_bsdf(node).get("type") in SPECTRAL_FACTOR)
 
 
 def _parse(path: Path) -> ET.Element:
@@ -156,7 +154,7 @@ def _named_files(root: ET.Element, path: Path, folder: Path | None) -> tuple[Pat
 
 
 def _name_everything(root: ET.Element) -> None:
-    """Give every shape an id, so that each surface can be told from the others."""
+    """Give every shape an id, to tell surfaces from each other."""
     taken = {node.get("id") for node in root.iter() if node.get("id")}
     for number, shape in enumerate(root.iter("shape"), start=1):
         if not shape.get("id"):

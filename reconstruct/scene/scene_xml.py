@@ -41,7 +41,7 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
     Raises
     ------
     InputError
-        If a BSDF has no reflectance spectrum to be found, a light no spectrum, or a light with an
+        If a BSDF has no reflectance spectrum, a light no spectrum, or a light with an
         angular profile or a map of the sky is asked for with any spectrum but 1: a rendering would
         not be of that light.
     """
@@ -54,8 +54,8 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
         if node.get("type") == SKY_MAP:
             continue
         name = EMITTED[node.get("type", "")]
-        for child in [child for child in node if child.tag in SPECTRUM_TAGS and child.get("name")
-                      == name]:
+        for child in [child for child in node
+                      if child.tag in SPECTRUM_TAGS and child.get("name") == name]:
             node.remove(child)
         node.append(_regular(name, _light_of(root, node, light, scene.path.name), range_nm))
     for node in [node for node in root.iter("string") if node.get("name") == "filename"]:
@@ -89,8 +89,7 @@ def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float,
 
 
 def _check_unit_light(root: ET.Element, light: ET.Element,
-                      spectrum: np.ndarray | Mapping[str, np.ndarray],
-                      file: str) -> None:
+                      spectrum: np.ndarray | Mapping[str, np.ndarray], file: str) -> None:
     """Take the profile out of a light; refuse a spectrum where a rendering would not be of that
     light.
     """
@@ -119,13 +118,12 @@ def _light_of(root: ET.Element, node: ET.Element, light: np.ndarray | Mapping[st
 
 def _set_reflectance(node: ET.Element, values: np.ndarray, range_nm: tuple[float, float],
                      file: str) -> None:
-    """Put a spectrum into a BSDF; anything with a plain reflectance becomes diffuse, whatever its
-    plugin is called.
+    """Put a spectrum into a BSDF: coats and metals stay, anything else with a reflectance becomes
+    diffuse, whatever its plugin is called.
     """
     inner = plain_bsdf(node)
-    kind, names = inner.get("type",
-                            ""), [child.get("name") for child in inner
-                                  if child.tag in SPECTRUM_TAGS]
+    kind = inner.get("type", "")
+    names = [child.get("name") for child in inner if child.tag in SPECTRUM_TAGS]
     if kind in SPECTRAL_FACTOR:
         for child in [child for child in inner if child.get("name") == SPECTRAL_FACTOR[kind]]:
             inner.remove(child)
@@ -133,7 +131,7 @@ def _set_reflectance(node: ET.Element, values: np.ndarray, range_nm: tuple[float
         return
     if kind != "diffuse" and "reflectance" not in names:
         raise InputError(f"{file}: the BSDF {node.get('id')!r} is of type {kind!r}, which has no "
-                         "reflectance spectrum to be found; use diffuse, "
+                         "reflectance spectrum to be estimated; use diffuse, "
                          f"{', '.join(SPECTRAL_FACTOR)}")
     for child in list(inner):
         inner.remove(child)

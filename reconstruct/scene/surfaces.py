@@ -26,19 +26,19 @@ def surface_map(scene: Any, names: tuple[str, ...], size: tuple[int, int]) -> np
     width, height = size
     columns, rows = np.meshgrid((np.arange(width * SUBPIXELS) + 0.5) / (width * SUBPIXELS),
                                 (np.arange(height * SUBPIXELS) + 0.5) / (height * SUBPIXELS))
-    place = mi.Point2f(columns.ravel(), rows.ravel())
-    ray, _ = scene.sensors()[0].sample_ray(0.0, 0.5, place, mi.Point2f(0.5))
+    position = mi.Point2f(columns.ravel(), rows.ravel())
+    ray, _ = scene.sensors()[0].sample_ray(0.0, 0.5, position, mi.Point2f(0.5))
     hit = scene.ray_intersect_preliminary(mi.Ray3f(ray))
-    found = np.array(dr.reinterpret_array(mi.UInt32, hit.shape))
-    index_of_shape = {int(np.array(dr.reinterpret_array(mi.UInt32,
-                                                        mi.ShapePtr(shape)))[0]): names.index(
-                          shape.id()) for shape in scene.shapes() if shape.id() in names}
-    lookup = np.full(int(max([found.max(), *index_of_shape])) + 1, -1)
-    for shape, index in index_of_shape.items():
-        lookup[shape] = index
+    numbers = np.array(dr.reinterpret_array(mi.UInt32, hit.shape))
+    shapes = [shape for shape in scene.shapes() if shape.id() in names]
+    index_of_number = {int(np.array(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)))[0]):
+                       names.index(shape.id()) for shape in shapes}
+    lookup = np.full(int(max([numbers.max(), *index_of_number])) + 1, -1)
+    for number, index in index_of_number.items():
+        lookup[number] = index
     valid = np.array(hit.is_valid())
-    surface = np.where(valid, lookup[found], -1)
-    cells = surface.reshape(height, SUBPIXELS, width, SUBPIXELS).swapaxes(1, 2).reshape(height,
-                                                                                        width, -1)
+    surface = np.where(valid, lookup[numbers], -1)
+    rows_of_cells = surface.reshape(height, SUBPIXELS, width, SUBPIXELS)
+    cells = rows_of_cells.swapaxes(1, 2).reshape(height, width, -1)
     pure = (cells == cells[..., :1]).all(axis=-1)
     return np.where(pure, cells[..., 0], -1)

@@ -53,9 +53,9 @@ def add_outline_gradient(scene: Any, image_gradient: np.ndarray, spp: int, seed:
                                                      alpha=1.0)
         interaction = dr.zeros(mi.Interaction3f)
         interaction.p = edge.p
-        place = sensor.sample_direction(interaction, mi.Point2f(0))[0].uv
-        pixel = (mi.UInt32(dr.clip(place.y, 0, height - 1)) * width
-                 + mi.UInt32(dr.clip(place.x, 0, width - 1)))
+        position = sensor.sample_direction(interaction, mi.Point2f(0))[0].uv
+        pixel = (mi.UInt32(dr.clip(position.y, 0, height - 1)) * width
+                 + mi.UInt32(dr.clip(position.x, 0, width - 1)))
         slope = mi.Float(image_gradient.astype(np.float32).ravel())
         weight = sum(jump_in_bands[band] * dr.gather(mi.Float, slope, pixel * bands + band, active)
                      for band in range(bands))

@@ -39,8 +39,8 @@ def icosphere(level: int) -> tuple[np.ndarray, np.ndarray]:
 def subdivided(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same surface with every triangle cut into four at the middles of its edges."""
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    unique, place = np.unique(edges, axis=0, return_inverse=True)
-    ab, bc, ca = len(vertices) + place.reshape(-1, 3).T
+    unique, index = np.unique(edges, axis=0, return_inverse=True)
+    ab, bc, ca = len(vertices) + index.reshape(-1, 3).T
     a, b, c = faces.T
     parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
     return (np.concatenate([vertices, vertices[unique].mean(axis=1)]),

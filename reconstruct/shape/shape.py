@@ -92,9 +92,9 @@ def reconstruct_shape(views: Sequence[View], shape_id: str, settings: ShapeSetti
                 progress((before + step) / total, "moving the mesh")
 
             vertices, coefficients, history = descend(
-                shown, shape_id, vertices, faces, coefficients, replace(
-                    stage, rate=stage.rate * radius),
-                settings.views_per_step, settings.seed * 1009 + number, part)
+                shown, shape_id, vertices, faces, coefficients,
+                replace(stage, rate=stage.rate * radius), settings.views_per_step,
+                settings.seed * 1009 + number, part)
             losses += history
     outcome = Outcome.CONVERGED if stalled(history, len(history) // 2) else Outcome.STEP_LIMIT
     return ShapeReconstruction(vertices, faces, coefficients,
@@ -103,7 +103,7 @@ def reconstruct_shape(views: Sequence[View], shape_id: str, settings: ShapeSetti
 
 
 def with_mesh(view: View, shape_id: str, mesh: Path) -> View:
-    """The view with a mesh file, in the scene's coordinates, in the place of one of its shapes."""
+    """The view with a mesh file, in the scene's coordinates, instead of one of its shapes."""
     root = copy.deepcopy(view.scene_file.root)
     shape = next(node for node in root.iter("shape") if node.get("id") == shape_id)
     for child in [child for child in shape if child.tag != "ref"]:

@@ -1,4 +1,4 @@
-"""What a long trace has found so far, in a file, so that it can be stopped and go on with the same
+"""The sums of a long trace so far, in a file, so that it can be stopped and go on with the same
 bits.
 """
 from __future__ import annotations
@@ -29,9 +29,9 @@ class PassSums:
         """The sums with the next part added; these stay as they are, so an interrupt finds whole
         ones.
         """
-        place = self.done % len(self.passes)
-        return PassSums(self.done + 1, (*self.passes[:place], self.passes[place] + part,
-                                        *self.passes[place + 1:]))
+        turn = self.done % len(self.passes)
+        return PassSums(self.done + 1, (*self.passes[:turn], self.passes[turn] + part,
+                                        *self.passes[turn + 1:]))
 
 
 class TraceCheckpoint:
@@ -89,12 +89,12 @@ def trace_fingerprint(scene: Any, facts: tuple[Any, ...], arrays: tuple[np.ndarr
     """
     import mitsuba as mi
 
-    worn = [(shape.id(), shape.bsdf().id() if shape.bsdf() is not None else "")
-            for shape in scene.shapes()]
-    found = hashlib.sha256(repr((facts, worn)).encode())
+    bsdfs = [(shape.id(), shape.bsdf().id() if shape.bsdf() is not None else "")
+             for shape in scene.shapes()]
+    digest = hashlib.sha256(repr((facts, bsdfs)).encode())
     for name, value in mi.traverse(scene):
-        found.update(name.encode())
-        found.update(np.array(getattr(value, "matrix", value), dtype=np.float64).tobytes())
+        digest.update(name.encode())
+        digest.update(np.array(getattr(value, "matrix", value), dtype=np.float64).tobytes())
     for array in arrays:
-        found.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
-    return found.hexdigest()
+        digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+    return digest.hexdigest()

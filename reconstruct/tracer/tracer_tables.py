@@ -28,10 +28,10 @@ def bsdf_table(scene: Any, material_of_bsdf: Mapping[str, str],
     import drjit as dr
     import mitsuba as mi
 
-    worn = list(dict.fromkeys(shape.bsdf() for shape in scene.shapes()))
-    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.BSDFPtr(worn)))
+    bsdfs = list(dict.fromkeys(shape.bsdf() for shape in scene.shapes()))
+    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.BSDFPtr(bsdfs)))
     table = np.full(numbers.max() + 1, len(materials), dtype=np.uint32)
-    for bsdf, number in zip(worn, numbers, strict=True):
+    for bsdf, number in zip(bsdfs, numbers, strict=True):
         if bsdf.id() in material_of_bsdf:
             table[number] = materials.index(material_of_bsdf[bsdf.id()])
         elif _reflects(bsdf):

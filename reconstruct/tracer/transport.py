@@ -1,9 +1,9 @@
-"""Trace the light of a scene once, apart from every spectrum (docs/explanation/reconstruction.md).
+"""Trace the light of a scene once, without any spectrum (docs/explanation/reconstruction.md).
 
-A path tracer with unit reflectances and unit lights carries along each path which product of
-reflectances it has met, and adds its contribution to (region, light, product). Every rendering,
+A path tracer with unit reflectances and unit lights carries along each path the product of
+reflectances encountered, and adds its contribution to (region, light, product). Every rendering,
 gradient or posterior sample is then a small matrix product (radiometry/interreflection.py). The
-paths are drawn in independent passes, kept apart for their scatter.
+paths are drawn in independent passes, kept separately for their scatter.
 """
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import exponents_up_to, product_count, prune
-from spectrabox.radiometry.records import LightTransport
 from spectrabox.reconstruct.rendering.renderer import all_cores
 from spectrabox.reconstruct.tracer.path_samples import MAX_POINTS
 from spectrabox.reconstruct.tracer.path_tracer import Tracer
@@ -30,7 +29,7 @@ MAX_BYTES = 2 << 30         # of memory for trace and fit; more is refused befor
 PILOT_PATHS = 1 << 19        # of all regions together, by which products are judged before pruning
 BRIGHTEST = 0.9  # reflectance that no material is taken to exceed when products are judged
 DROPPED = 1e-4  # share of the pilot's signal, at that reflectance, whose products are dropped
-PRUNE_ABOVE = 256            # products: below, pruning saves nothing worth its pilot
+PRUNE_ABOVE = 256            # products: below, pruning saves less than its pilot costs
 
 
 @dataclass(frozen=True)
@@ -81,6 +80,9 @@ def trace_transport(scene: Any, material_of_bsdf: Mapping[str, str], size: tuple
                     profiles: Mapping[str, np.ndarray] | None = None) -> TracedTransport:
     """Transport coefficients of every region, for unit reflectances and lights of unit spectrum.
 
+    Thirteen parameters: five describe the open scene and are passed on as they are, the others are
+    options of the trace and go by keyword.
+
     Parameters
     ----------
     scene : mi.Scene
@@ -96,7 +98,7 @@ def trace_transport(scene: Any, material_of_bsdf: Mapping[str, str], size: tuple
     spp : int
         Paths per pixel in all passes together, at the least: each pass draws a power of two.
     passes : int
-        Independent passes A that are kept apart; their scatter is the Monte Carlo noise.
+        Independent passes A that are kept separately; their scatter is the Monte Carlo noise.
     lights : groups of emitter (or light shape) ids, optional
         Each group gets its own coefficients; None puts all lights into one.
     exponents : (E, M) int, optional
@@ -105,8 +107,8 @@ def trace_transport(scene: Any, material_of_bsdf: Mapping[str, str], size: tuple
         File for what has been traced so far. A trace that was stopped goes on from there when it is
         asked for again, and ends with the same bits; the file is removed then. Another trace's file
         is not used.
-    profiles : mapping from the id of an area light's shape to its table of ``light_profile.py``,
-    optional
+    profiles : mapping, optional
+        From the id of an area light's shape to its table of ``light_profile.py``.
 
     Raises
     ------
@@ -152,8 +154,8 @@ def trace_transport(scene: Any, material_of_bsdf: Mapping[str, str], size: tuple
 def joined(first: TracedTransport, second: TracedTransport) -> TracedTransport:
     """Two traces of the same products, each pass of one joined to a pass of the other."""
     spp = first.spp + second.spp
-    passes = (first.passes * np.float32(first.spp / spp) + second.passes
-              * np.float32(second.spp / spp))
+    passes = (first.passes * np.float32(first.spp / spp)
+              + second.passes * np.float32(second.spp / spp))
     return TracedTransport(first.materials, first.exponents, passes, spp, first.seed, first.dropped)
 
 
@@ -163,8 +165,8 @@ def shaded_image(scene: Any, material_of_bsdf: Mapping[str, str], size: tuple[in
                  profiles: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
     """Image (H, W, K) of the scene once the signals (L E, K) of its products are known.
 
-    The same paths as in ``trace_transport``; every band of every path is exact, so there is no
-    noise of colour.
+    The same paths as in ``trace_transport``, and its parameters; every band of every path is exact,
+    so there is no noise of colour.
     """
     width, height = size
     region = np.arange(width * height).reshape(height, width)
@@ -172,21 +174,10 @@ def shaded_image(scene: Any, material_of_bsdf: Mapping[str, str], size: tuple[in
                     region, exponents, lights, profiles)
     count, paths = _schedule(spp, 1, region.size)
     with all_cores():
-        passes = [tracer.trace(bounces, paths, seed * 1013 + number,
-                               signals) for number in range(count)]
+        passes = [tracer.trace(bounces, paths, seed * 1013 + number, signals)
+                  for number in range(count)]
     image = np.mean(passes, axis=0)
     return image.reshape(height, width, signals.shape[1]).astype(float)
-
-
-def light_transport(traced: TracedTransport) -> LightTransport:
-    """The coefficients and their Monte Carlo covariance as the record that stages exchange.
-
-    Several lights stand one after the other as products. The covariance has the rank of the passes
-    less one.
-    """
-    deviations = traced.deviations
-    return LightTransport(traced.materials, np.tile(traced.exponents, (traced.passes.shape[2], 1)),
-                          traced.coefficients, np.einsum("are,arf->ref", deviations, deviations))
 
 
 def require_memory(regions: int, products: int, passes: int, materials: int, bounces: int) -> None:
@@ -216,8 +207,8 @@ def _exponents(scene: Any, material_of_bsdf: Mapping[str, str], materials: tuple
     """Products up to ``bounces``, pruned where they are many, and the share of the signal that is
     lost at most.
 
-    One pilot picks the products, another says what is lost: the first has never met most of what it
-    drops.
+    One pilot picks the products, another says what is lost: the first has never encountered most of
+    what it drops.
     """
     exponents = exponents_up_to(len(materials), bounces)
     if len(exponents) <= PRUNE_ABOVE:

@@ -120,7 +120,8 @@ def sensitivity_covariance(calibrations: Sequence[Calibration], joint: JointReco
     for view in np.unique(joint.view_of_band):
         mine = np.flatnonzero(joint.view_of_band == view)
         weight = spectrum_on_grid(calibrations[view].light, joint.grid) * joint.grid.weights_nm
-        contrast = (joint.spectra[index] - signal[mine, None]) * weight / white_signal(fit.curves * weight)[:, None]
+        white = white_signal(fit.curves * weight)[:, None]
+        contrast = (joint.spectra[index] - signal[mine, None]) * weight / white
         jacobian[mine, np.arange(bands)] = contrast @ fit.basis
     rows = jacobian.reshape(signal.size, -1)
     return rows @ fit.covariance @ rows.T

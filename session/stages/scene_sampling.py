@@ -63,9 +63,11 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
     products = np.exp(regions.transport.exponents.astype(float) @ np.log(np.maximum(spectra, 1e-6)))
     received = regions.transport.coefficients @ products
     signal = received @ response.T
-    known_curves = calibration.sensitivity.covariance is None or calibration.sensitivity.basis is None
-    of_curves = _of_tails(calibration, joint, regions, signal / white_signal(response)) * white_signal(response) \
-        if known_curves else _of_curves(calibration, received, response, view.light_scale.value, joint)
+    fit, white = calibration.sensitivity, white_signal(response)
+    if fit.covariance is None or fit.basis is None:
+        of_curves = _of_tails(calibration, joint, regions, signal / white) * white
+    else:
+        of_curves = _of_curves(calibration, received, response, view.light_scale.value, joint)
     return np.concatenate([of_curves, shared_errors(
         signal, scale_covariance(calibration, joint, 0), 0.0, regions.surface, regions.colour_error,
         regions.brightness_error)])
@@ -84,8 +86,9 @@ def _of_tails(calibration: Calibration, joint: JointReconstruction, regions: Reg
     material = np.array([joint.views[0].agreement.materials[surface]
                          for surface in regions.surface])
     brightest = relative.max(axis=1, keepdims=True)
-    return np.array([np.where((material == name)[:, None], brightest * pattern, 0.0)
-                     for name in np.unique(material) for pattern in patterns]).reshape(-1, *relative.shape)
+    errors = [np.where((material == name)[:, None], brightest * pattern, 0.0)
+              for name in np.unique(material) for pattern in patterns]
+    return np.array(errors).reshape(-1, *relative.shape)
 
 
 def _of_curves(calibration: Calibration, received: np.ndarray, response: np.ndarray, scale: float,
