@@ -129,7 +129,8 @@ def _channels(config: SessionConfig) -> list[int]:
     """Channel of each band, the same in all photos: a scene of other colours may tip the balance
     between two.
     """
-    first = next(iter([view.chart for view in config.views_with_chart] + [config.all_views[0].photo]))
+    charts = [view.chart for view in config.views_with_chart]
+    first = charts[0] if charts else config.all_views[0].photo
     return [strongest_channel(open_any(config.path(files[0]), config.photos.not_linear))
             for files in first.values()]
 
