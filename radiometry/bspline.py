@@ -3,7 +3,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.interpolate import BSpline
-from scipy.optimize import lsq_linear
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import VISIBLE_NM
@@ -12,7 +11,18 @@ DEGREE = 3
 
 
 def knots_nm(coefficients: int) -> np.ndarray:
-    """Uniform knots with the end points repeated (multiplicity 4), for N >= 4 coefficients."""
+    """Uniform knots (N + 4,) with the end points repeated (multiplicity 4).
+
+    Parameters
+    ----------
+    coefficients : int
+        N >= 4.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 4 coefficients.
+    """
     if coefficients <= DEGREE:
         raise InputError(f"a cubic B-spline needs at least 4 coefficients; {coefficients} were "
                          "asked for")
@@ -21,15 +31,19 @@ def knots_nm(coefficients: int) -> np.ndarray:
 
 
 def basis_matrix(nm: np.ndarray, coefficients: int) -> np.ndarray:
-    """Basis functions B (P, N) at wavelengths ``nm`` within 400-700; every row sums to 1 (Eq.
-    2).
+    """Basis functions B (P, N); every row sums to 1 (Eq. 2).
+
+    Parameters
+    ----------
+    nm : (P,) array
+        Within 400-700.
+    coefficients : int
+        N >= 4.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 4 coefficients.
     """
     return BSpline.design_matrix(np.asarray(nm, dtype=float), knots_nm(coefficients),
                                  DEGREE).toarray()
-
-
-def fit_reflectance(nm: np.ndarray, reflectance: np.ndarray, coefficients: int) -> np.ndarray:
-    """Coefficients (N,) in [0, 1] whose spline is nearest to ``reflectance`` (P,) in the
-    least-squares sense.
-    """
-    return lsq_linear(basis_matrix(nm, coefficients), reflectance, bounds=(0.0, 1.0)).x

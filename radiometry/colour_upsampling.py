@@ -12,7 +12,6 @@ from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 
 METHODS = ("Smits 1999", "Meng 2015", "Otsu 2018", "Jakob 2019", "Mallett 2019")
-SLOW = ("Meng 2015",)       # a second and more per colour
 
 
 def observer_response(grid: WavelengthGrid) -> np.ndarray:

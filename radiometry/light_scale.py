@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry.errors import CalibrationError, InputError
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LightScale, LinearImage
 
 SAME_SETTING = 1e-6
@@ -11,7 +11,6 @@ SAME_SETTING = 1e-6
 DIAL_DIGITS = (1, 1.25, 1.3, 1.5, 1.6, 2, 2.5, 3, 3.2, 4, 5, 6, 6.4, 8)
 MAX_FRACTION_S = 0.26
 MAX_ROUNDING_STOPS = 0.1     # 1/60 s is 1/64 s, by 0.093
-MAX_LIGHT_CONDITION = 1e8
 
 
 def exposure_product(photo: LinearImage, name: str) -> float:
@@ -126,36 +125,6 @@ def scale_from_signals(measured: np.ndarray, predicted: np.ndarray, relative_err
     by_region = np.sum(pulls**2) * regions / max(regions - 1, 1)
     return LightScale(float(value), float(np.sqrt(max(misfit / curvature, by_region))), residuals,
                       source)
-
-
-def scales_from_signals(measured: np.ndarray, predicted: np.ndarray,
-                        relative_error: float) -> tuple[np.ndarray, np.ndarray]:
-    """Scales (L,) of several lights that shine together, and their covariance (L, L).
-
-    Parameters
-    ----------
-    measured : (R, K) array
-        Signals, all known to ``relative_error``.
-    predicted : (L, R, K) array
-        Signals that each light alone would give at a scale of 1.
-
-    Raises
-    ------
-    CalibrationError
-        If the regions cannot tell the lights apart.
-    """
-    rows = (predicted / (relative_error * measured)).reshape(len(predicted), -1).T
-    target = np.full(measured.size, 1 / relative_error)
-    normal = rows.T @ rows
-    spread = np.sqrt(np.diag(normal))
-    if np.linalg.cond(normal / np.outer(spread, spread)) > MAX_LIGHT_CONDITION:
-        raise CalibrationError(f"these {measured.shape[0]} regions cannot tell the "
-                               f"{len(predicted)} lights apart; photograph the chart under one "
-                               "light at a time")
-    covariance = np.linalg.inv(normal)
-    values = covariance @ rows.T @ target
-    misfit = np.sum((target - rows @ values) ** 2) / max(measured.size - len(predicted), 1)
-    return values, covariance * max(misfit, 1.0)
 
 
 def light_drift(before: np.ndarray, after: np.ndarray,

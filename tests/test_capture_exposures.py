@@ -9,7 +9,7 @@ from spectrabox.capture.develop.bracket import merge_exposures, near_saturated, 
 from spectrabox.capture.develop.dark import DarkFrame, common_variance, mean_dark, subtract_dark
 from spectrabox.capture.develop.developed import develop_photos
 from spectrabox.capture.photo.linear import linear_image, tile_step
-from spectrabox.capture.photo.noise import PhotonTransfer, transfer_from_pair
+from spectrabox.capture.photo.noise import PhotonTransfer
 from spectrabox.fixtures.dng import X_TRANS, write_dng
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records import LinearImage, PhotoKind, RawFrame
@@ -96,24 +96,6 @@ def test_a_bright_plain_surface_is_not_taken_for_clipping():
     light = np.full((160, 240), 0.1)
     light[40:120, 60:180] = 0.7
     assert not linear_image(frame(light)).saturated.any()
-
-
-# ---- noise ---------------------------------------------------------------------------------------
-
-def test_a_pair_of_photos_tells_the_noise_whatever_the_texture():
-    texture = np.random.default_rng(3).uniform(0.2, 1.0, (160, 240)) * np.linspace(0.02, 0.9, 240)
-    pair = [linear_image(frame(texture, seed)) for seed in (5, 6)]
-    noise = transfer_from_pair(pair[0].signal, pair[1].signal,
-                               pair[0].saturated | pair[1].saturated, 1e-5)
-    # 150 tiles of 63 degrees of freedom: 1.5 % for a mean and about twice that for the slope,
-    # within 4 sigma; green is the mean of two samples.
-    np.testing.assert_allclose(noise.gain, np.array([1, 0.5, 1]) / ELECTRONS, rtol=0.12)
-
-
-def test_a_pair_of_different_scenes_is_refused():
-    a, b = linear_image(frame(scene())), linear_image(frame(scene()[::-1]))
-    with pytest.raises(InputError, match="differ by more than noise"):
-        transfer_from_pair(a.signal, b.signal, a.saturated, 1e-5)
 
 
 # ---- dark frames ---------------------------------------------------------------------------------

@@ -11,15 +11,14 @@ from typer.testing import CliRunner
 from spectrabox.capture.chart.detection import find_chart, locate_chart, patch_gap
 from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.chart.reference import TYPICAL_SIGNALS, typical_signals
-from spectrabox.capture.chart_field import divide_by_field, fit_light_field
 from spectrabox.capture.photo.image_files import read_linear_file, write_linear_exr, write_png
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.preview import encode_srgb8, preview_rgb8
-from spectrabox.fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, homography, mosaic
+from spectrabox.fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, mosaic
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry import chart as published
 from spectrabox.radiometry.chart import PATCH_NAMES
-from spectrabox.radiometry.errors import CalibrationError, CheckError, InputError
+from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.session.cli import app
 
@@ -140,67 +139,6 @@ def test_a_covered_patch_is_named(tmp_path):
     with pytest.raises(CheckError,
                        match=r"patch 15 of the chart reads unlike a ColorChecker Classic"):
         locate_chart(open_photo(chart_photo(tmp_path, signals=signals)), TYPICAL_SIGNALS)
-
-
-# ---- field ---------------------------------------------------------------------------------------
-
-def centres():
-    row, column = np.divmod(np.arange(24), 6)
-    mapped = np.column_stack([np.column_stack([column, row]) * PITCH_MM + 20, np.ones(24)]) \
-        @ homography(UNIT * GRID_MM, PLACE).T
-    return mapped[:, :2] / mapped[:, 2:]
-
-
-def field_at(xy):
-    u, v = ((xy - PLACE.mean(axis=0)) / 400).T
-    return np.exp(0.4 * u - 0.3 * v - 0.2 * u**2 + 0.15 * u * v)
-
-
-def test_a_smooth_field_and_gains_come_back_exactly():
-    gains = np.array([0.5, 2.0, 1.1])
-    light = field_at(centres())
-    field = fit_light_field(gains * light[:, None] * TYPICAL_SIGNALS, TYPICAL_SIGNALS, centres())
-    scale = np.exp(np.log(light).mean())
-    # Gauss-Newton to convergence; steps of 1e-10.
-    np.testing.assert_allclose(field.at(centres()), light / scale, rtol=1e-8)
-    np.testing.assert_allclose(field.gain, gains * scale, rtol=1e-8)
-    assert np.abs(field.residuals).max() < 1e-8
-
-
-def test_the_stated_error_of_the_field_covers_the_truth():
-    rng, light = np.random.default_rng(4), field_at(centres())
-    scale = np.exp(np.log(light).mean())
-    distances = []
-    for _ in range(60):
-        noisy = light[:, None] * TYPICAL_SIGNALS * (1 + 0.02 * rng.normal(size=(24, 3)))
-        field = fit_light_field(noisy, TYPICAL_SIGNALS, centres())
-        distances.append(np.log(field.at(centres()) * scale / light) / field.standard_error)
-    # Relative errors of 2 % are not what the weights assume for bright patches: the rms in sigma is
-    # 1 within 25 %.
-    assert np.sqrt(np.mean(np.square(distances))) == pytest.approx(1, abs=0.25)
-
-
-def test_dividing_by_the_field_evens_out_the_chart(tmp_path):
-    y, x = np.mgrid[:HEIGHT, :WIDTH]
-    light = field_at(np.stack([x, y], -1).reshape(-1, 2)).reshape(HEIGHT, WIDTH, 1)
-    scene = light / light.max() * chart_scene(HEIGHT, WIDTH, SIGNALS, PLACE)
-    image = open_photo(write_photo(tmp_path / "chart.dng", scene))
-    detection = find_chart(image, TYPICAL_SIGNALS)
-    before = judge_chart(image, detection, TYPICAL_SIGNALS, PATCH_NAMES).samples
-    field = fit_light_field(before.mean, TYPICAL_SIGNALS, detection.corners_px.mean(axis=1))
-    after = judge_chart(divide_by_field(image, field), detection, TYPICAL_SIGNALS,
-                        PATCH_NAMES).samples
-    ratio = after.mean / SIGNALS
-    # Shot noise of 300 samples and a quadratic fit: 1 % for bright patches, 3 % for the darkest.
-    np.testing.assert_allclose(ratio / np.median(ratio, axis=0), 1, atol=0.04)
-
-
-def test_predictions_that_are_not_positive_are_refused():
-    with pytest.raises(InputError, match="a predicted patch signal is not positive"):
-        fit_light_field(TYPICAL_SIGNALS, np.zeros((24, 3)), centres())
-    with pytest.raises((CalibrationError, InputError),
-                       match=r"do not fit together|could not be fitted"):
-        fit_light_field(TYPICAL_SIGNALS, TYPICAL_SIGNALS[:, :2], centres())
 
 
 # ---- developed files -----------------------------------------------------------------------------

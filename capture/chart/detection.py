@@ -129,7 +129,7 @@ def _proposals(image: LinearImage, picture: np.ndarray,
     first.
     """
     if corners_px is not None:
-        yield _printed_quads(_homography(GRID_CORNERS_MM,
+        yield _printed_quads(homography(GRID_CORNERS_MM,
                                          np.asarray(corners_px, float))), "corners given by hand"
         return
     for window, side, how_found in _windows(*picture.shape[:2]):
@@ -183,7 +183,7 @@ def _fitted_quads(rgb8: np.ndarray, proposed: np.ndarray) -> np.ndarray:
     filled from its middle, and the centroids of those that come out square-sized give the
     homography.
     """
-    picture_from_mm = _homography(CENTRES_MM, proposed.mean(axis=1))
+    picture_from_mm = homography(CENTRES_MM, proposed.mean(axis=1))
     for _ in range(2):
         centroids_mm, complete = _patch_centroids(rgb8, picture_from_mm)
         if np.count_nonzero(complete) < 12:
@@ -226,7 +226,19 @@ def _printed_quads(target_from_mm: np.ndarray) -> np.ndarray:
     return cv2.perspectiveTransform(squares.reshape(1, 96, 2), target_from_mm).reshape(24, 4, 2)
 
 
-def _homography(source: np.ndarray, target: np.ndarray) -> np.ndarray:
+def homography(source: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Matrix (3, 3) of the projection that takes points nearest to others.
+
+    Parameters
+    ----------
+    source, target : (n, 2) arrays
+        n >= 4; any unit.
+
+    Raises
+    ------
+    InputError
+        If the points lie on one line.
+    """
     matrix, _ = cv2.findHomography(source, target)
     if matrix is None:
         raise InputError("the chart corners lie on one line; give the four outer corners of the "
@@ -287,7 +299,7 @@ def patch_gap(rgb8: np.ndarray, quads: np.ndarray) -> float | None:
     None where fewer than 6 of the 38 gaps can be seen. Blur can only widen a gap or hide it.
     """
     scale = GAP_PX_PER_MM
-    matrix = np.diag([scale, scale, 1.0]) @ _homography(quads.mean(axis=1), CENTRES_MM)
+    matrix = np.diag([scale, scale, 1.0]) @ homography(quads.mean(axis=1), CENTRES_MM)
     width, height = (int(scale * (side + PATCH_MM / 2)) for side in CENTRES_MM[-1])
     grey = cv2.warpPerspective(rgb8, matrix, (width, height), flags=cv2.INTER_LINEAR).mean(axis=2)
     widths = []

@@ -14,10 +14,10 @@ import numpy as np
 from spectrabox.capture.chart.agreement import (
     CENTRES_MM,
     PATCH_MM,
-    PITCH_MM,
     chart_agreement,
     white_excess,
 )
+from spectrabox.capture.chart.detection import homography
 from spectrabox.capture.chart.patches import CLIPPED_LIMIT, image_from_sensor, patches_and_excluded
 from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples, PhotoKind
 
@@ -97,7 +97,7 @@ def edge_width(image: LinearImage, quads_px: np.ndarray) -> float:
     (median).
     """
     quads = image_from_sensor(quads_px, image.sensor_step)
-    picture_from_mm = _homography(CENTRES_MM, quads.mean(axis=1))
+    picture_from_mm = homography(CENTRES_MM, quads.mean(axis=1))
     grey = image.signal
     widths = []
     for patch, outward in (*((patch, (0.0, -1.0)) for patch in range(6)),
@@ -188,16 +188,6 @@ def _values_at(picture: np.ndarray, xy: np.ndarray) -> np.ndarray:
     above = picture[top, left] * (1 - fx) + picture[top, left + 1] * fx
     below = picture[top + 1, left] * (1 - fx) + picture[top + 1, left + 1] * fx
     return above * (1 - fy) + below * fy
-
-
-def _homography(source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Matrix (3, 3) that takes points (N, 2) to others, by linear least squares."""
-    (x, y), (u, v) = source.T / PITCH_MM, target.T
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    equations = np.vstack([np.column_stack([x, y, one, zero, zero, zero, -u * x, -u * y]),
-                           np.column_stack([zero, zero, zero, x, y, one, -v * x, -v * y])])
-    matrix = np.append(np.linalg.lstsq(equations, np.r_[u, v], rcond=None)[0], 1.0).reshape(3, 3)
-    return matrix @ np.diag([1 / PITCH_MM, 1 / PITCH_MM, 1.0])
 
 
 def _project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -1,11 +1,19 @@
-"""The noise of a photo from the photo itself: the photon-transfer line ``variance = read + gain x
-signal``.
+"""The noise of a photo from the photo itself: the photon-transfer line [Janesick 2007, ch. 5].
 
-In a flat part of the picture, second differences of neighbouring pixels hold noise alone, and light
-that changes linearly drops out. Variance and mean are taken tile by tile; among tiles of like
-signal a low quantile is kept, because texture only ever adds, and the quantile's own bias is
-removed (chi-square distribution of a flat tile's variance). Neighbouring pixels must have
-independent noise: interpolated or denoised files look better than they are.
+    variance = read + gain x signal
+
+In a flat part of the picture, second differences d = x(i-1) - 2 x(i) + x(i+1) hold noise alone, of
+variance 6 sigma^2, and light that changes linearly drops out. Mean signal and mean d^2 / 6 are
+taken tile by tile. Texture only ever adds to it: among tiles of like signal the q-quantile is kept,
+q = 0.15, and divided by that of a flat tile, whose variance is sigma^2 chi^2_f / f with f degrees
+of freedom. By Wilson and Hilferty (1931) that quantile is
+
+    chi^2_f(q) / f = (1 - 2 / (9 f) + z(q) sqrt(2 / (9 f)))^3,    z(q) the normal quantile,
+
+right to 1e-4 for the f of these tiles. Neighbouring pixels must have independent noise:
+interpolated or denoised files look better than they are. A gain that comes out negative is 0, read
+noise is at least that of rounding to steps of the file, step^2 / 12, and negative signals count as
+black.
 """
 from __future__ import annotations
 
@@ -19,8 +27,7 @@ LARGE_TILE, SMALL_TILE = 16, 8  # pixels; the small one for pictures with few la
 MANY_TILES, MIN_TILES = 200, 4
 TILES_PER_LEVEL, MAX_LEVELS = 40, 100
 MAX_TILES = 10_000  # of each band, spread over the picture: the line is then known to about 1 %
-# of chi-square by Wilson and Hilferty: right to 1e-4 here, without scipy
-QUANTILE, NORMAL_QUANTILE = 0.15, -1.0364334
+QUANTILE, NORMAL_QUANTILE = 0.15, -1.0364334    # q and z(q)
 # Second differences of white noise are correlated by -2/3 and 1/6 along the row; their mean square
 # has fewer degrees of freedom than terms, by 1 + 2 (4/9 + 1/36).
 TERMS_PER_FREEDOM = 1 + 2 * (4 / 9 + 1 / 36)
@@ -28,15 +35,19 @@ TERMS_PER_FREEDOM = 1 + 2 * (4 / 9 + 1 / 36)
 
 @dataclass(frozen=True, eq=False)
 class PhotonTransfer:
-    """Noise of each band: ``variance = read + gain x signal``, for signals as a fraction of full
-    scale.
-    """
+    """Noise of each band: ``variance = read + gain x signal``, of signals of 0 to 1."""
 
     read: np.ndarray  # (K,) signal squared
     gain: np.ndarray  # (K,) signal per detected electron, as far as the noise tells
 
     def variance(self, signal: np.ndarray) -> np.ndarray:
-        """Variance (H, W, K) float32 of a picture; below black the read noise alone remains."""
+        """Variance (H, W, K) float32 of a picture; below black the read noise alone remains.
+
+        Parameters
+        ----------
+        signal : (H, W, K) array
+            Linear.
+        """
         # so that the reshape below is a view
         variance = np.maximum(signal, 0, dtype=np.float32, order="C")
         # one long row at a time is four times as fast as K numbers
@@ -48,14 +59,18 @@ class PhotonTransfer:
 
 def photon_transfer(signal: np.ndarray, saturated: np.ndarray, quantum: np.ndarray | float,
                     source: str = "") -> PhotonTransfer:
-    """Estimate the photon-transfer line of each band.
+    """The photon-transfer line of each band.
 
     Parameters
     ----------
-    signal : (H, W, K)         linear signal
-    saturated : (H, W, K) bool pixels at the clip point, whose tiles are left out
-    quantum :                  signal of one step of the file, per band or one for all; its rounding error is the least
-                               read noise
+    signal : (H, W, K) array
+        Linear, as a fraction of full scale.
+    saturated : (H, W, K) bool array
+        Pixels at the clip point, whose tiles are left out.
+    quantum : float or (K,) array
+        Signal of one step of the file; its rounding error is the least read noise.
+    source : str
+        Of the photo, for errors.
 
     Raises
     ------
@@ -72,68 +87,6 @@ def photon_transfer(signal: np.ndarray, saturated: np.ndarray, quantum: np.ndarr
     return PhotonTransfer(read=read, gain=gain)
 
 
-def transfer_from_pair(first: np.ndarray, second: np.ndarray, saturated: np.ndarray,
-                       quantum: np.ndarray | float) -> PhotonTransfer:
-    """The photon-transfer line of each band from two photos (H, W, K) of the same scene at the same
-    settings.
-
-    Texture drops out of their difference, so that every tile counts in full and interpolated pixels
-    are no excuse; the light must not have changed and nothing have moved. A change of the light by
-    a common factor is removed.
-
-    Raises
-    ------
-    InputError
-        If the photos differ in size, or show different scenes or too few unsaturated tiles.
-    """
-    if first.shape != second.shape:
-        raise InputError(f"the photos of a pair are {first.shape} and {second.shape}; give two of "
-                         "the same scene")
-    lines = []
-    for band in range(first.shape[2]):
-        a, b = first[..., band], second[..., band]
-        mean, difference = _pair_tiles(a, b, saturated[..., band])
-        floor = float(np.broadcast_to(np.square(quantum, dtype=float) / 12, first.shape[2])[band])
-        lines.append(_line_through(mean, difference, floor))
-    read, gain = np.array(lines).T
-    return PhotonTransfer(read=read, gain=gain)
-
-
-def _pair_tiles(a: np.ndarray, b: np.ndarray, clipped: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of each unsaturated tile of both photos, and half the variance of their difference."""
-    rows, columns = (side // SMALL_TILE for side in a.shape)
-    tiles = [plane[:rows * SMALL_TILE, :columns * SMALL_TILE].reshape(rows, SMALL_TILE, columns,
-                                                                      SMALL_TILE)
-             for plane in (a, b, clipped)]
-    usable = ~tiles[2].any(axis=(1, 3))
-    if np.count_nonzero(usable) < MIN_TILES:
-        raise InputError("the pair of photos is saturated nearly everywhere; give a pair with a "
-                         "shorter exposure")
-    means = [tile.mean(axis=(1, 3), dtype=float) for tile in tiles[:2]]
-    change = means[1][usable].sum() / means[0][usable].sum()
-    difference = tiles[1] - np.float32(change) * tiles[0]
-    half = difference.var(axis=(1, 3), dtype=float, ddof=1) / (1 + change**2)
-    largest = np.abs(means[1] - change * means[0])[usable].max()
-    spread = np.sqrt(2 * np.median(half[usable]) / SMALL_TILE**2)
-    if largest > max(20 * spread, 0.1 * means[0][usable].max()):
-        raise InputError("the photos of the pair differ by more than noise; give two of the same "
-                         "scene and light, with the camera on a tripod")
-    return means[0][usable], half[usable]
-
-
-def _line_through(mean: np.ndarray, variance: np.ndarray, floor: float) -> tuple[float, float]:
-    """Weighted least squares of variance = read + gain x mean, both at least 0, weights from the
-    line itself.
-    """
-    model = np.full(mean.size, max(float(variance.mean()), floor))
-    read, gain = floor, 0.0
-    for _ in range(4):
-        above_floor, gain = _nonnegative_line(mean, variance - floor, model)
-        read = floor + above_floor
-        model = read + gain * np.maximum(mean, 0)
-    return read, gain
-
-
 def _tile_statistics(signal: np.ndarray, saturated: np.ndarray,
                      name: str) -> tuple[np.ndarray, np.ndarray, int]:
     """Mean and variance of each unsaturated tile, and the terms in each variance."""
@@ -146,7 +99,7 @@ def _tile_statistics(signal: np.ndarray, saturated: np.ndarray,
         for plane in (signal, saturated))
     tiles, clipped = tiles.swapaxes(1, 2), np.any(clipped, axis=(1, 3))
     second = tiles[..., :-2] - 2 * tiles[..., 1:-1] + tiles[..., 2:]
-    # 1 + 4 + 1 times that of one pixel
+    # The weights 1, -2, 1 give 6 times the variance of a pixel.
     variance = np.mean(np.square(second), axis=(2, 3), dtype=float) / 6
     mean = tiles.mean(axis=(2, 3), dtype=float)
     if np.count_nonzero(~clipped) < MIN_TILES:
@@ -163,12 +116,12 @@ def _fit_line(mean: np.ndarray, variance: np.ndarray, terms: int,
     flat_quantile = (1 - 2 / (9 * freedom) + NORMAL_QUANTILE * np.sqrt(2 / (9 * freedom))) ** 3
     levels = int(np.clip(mean.size // TILES_PER_LEVEL, 1, MAX_LEVELS))
     in_level = mean.size // levels
-    # the brightest few may be left over
+    # The brightest few may be left over.
     order = np.argsort(mean)[:levels * in_level].reshape(levels, in_level)
     signal = mean[order].mean(axis=1)
     model = np.full(mean.size, max(float(np.median(variance)), floor))
     read, gain = floor, 0.0
-    # the quantile is taken of variance / line, so that a level may span a range of signals
+    # The quantile is taken of variance / line, so that a level may span a range of signals.
     for _ in range(4):
         ratio = np.quantile(variance[order] / model[order], QUANTILE, axis=1) / flat_quantile
         at_level = np.maximum(ratio * model[order].mean(axis=1), floor)

@@ -1,6 +1,4 @@
-"""Sensitivities, lights and test reflectances that colour-science ships, by the names an operator
-would write.
-"""
+"""Sensitivities, lights and test reflectances of colour-science, by the names operators write."""
 from __future__ import annotations
 
 import difflib
@@ -21,27 +19,41 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_on_grid,
 )
 
-TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
 CHARTS = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta", "PMC")
 
 
+def names_a_file(word: str) -> bool:
+    """Whether a word is the name of a file rather than of published data.
+
+    It exists or ends like one; FL3.15 is a light: digits behind a dot are no suffix.
+    """
+    suffix = Path(word).suffix[1:]
+    return Path(word).exists() or (suffix != "" and not suffix.isdigit())
+
+
 def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
-    """Sensitivities (K, P) of a file of curves, or of a camera or observer that colour-science
-    knows by name.
+    """Sensitivities (K, P) of a file of curves, or of a camera or observer by name.
+
+    Parameters
+    ----------
+    name : str
+        A file, or a name that colour-science knows.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
 
     Raises
     ------
     InputError
         If there is neither such a file nor such a name, or the curves do not cover the grid.
     """
-    if _is_file(name):
+    if names_a_file(name):
         nm, _, curves = read_curves(Path(name))
         curves = on_grid(nm, curves, grid, Path(name).name)
     else:
         colour = colour_science()
         known = {**colour.MSDS_CMFS, **colour.MSDS_CAMERA_SENSITIVITIES}
-        found = _by_name(name, known, "camera or observer", "a CSV file with one column per band")
-        curves = on_grid(np.asarray(found.wavelengths), np.asarray(found.values).T, grid, name)
+        listed = _by_name(name, known, "camera or observer", "a CSV file with one column per band")
+        curves = on_grid(np.asarray(listed.wavelengths), np.asarray(listed.values).T, grid, name)
     if not np.all(np.isfinite(curves)) or np.any(curves.max(axis=1) <= 0):
         raise InputError(f"a band of {name} sees nothing of {grid.nm[0]:g}-{grid.nm[-1]:g} nm; "
                          "leave it out")
@@ -49,29 +61,41 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
 
 
 def light(name: str, grid: WavelengthGrid) -> np.ndarray:
-    """Spectrum (P,) of a light from a file, or of a CIE illuminant such as D65, A or LED-B3; E is
-    equal energy.
+    """Spectrum (P,) of a light from a file, or of a CIE illuminant by name.
+
+    Parameters
+    ----------
+    name : str
+        A file, or a name such as D65, A or LED-B3; E is equal energy.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
 
     Raises
     ------
     InputError
         If there is neither such a file nor such a name, or the spectrum is not that of a light.
     """
-    if _is_file(name):
+    if names_a_file(name):
         values = spectrum_on_grid(read_spectrum(Path(name), role=Quantity.RELATIVE), grid)
     else:
         colour = colour_science()
         known = {**colour.SDS_LIGHT_SOURCES, **colour.SDS_ILLUMINANTS}
-        found = _by_name(name, known, "light", "a CSV file of its spectrum")
-        values = on_grid(np.asarray(found.wavelengths), np.asarray(found.values), grid, name)
+        listed = _by_name(name, known, "light", "a CSV file of its spectrum")
+        values = on_grid(np.asarray(listed.wavelengths), np.asarray(listed.values), grid, name)
     if not np.all(np.isfinite(values)) or values.max() <= 0 or values.min() < -0.01 * values.max():
         raise InputError(f"the light {name} is dark or falls below zero; measure it again")
     return np.maximum(values, 0)
 
 
 def test_reflectances(grid: WavelengthGrid) -> dict[str, np.ndarray]:
-    """Sets of reflectances (n, P) by name: charts, and the test colours of CIE 13.3, CIE 224 and
-    NIST CQS.
+    """Sets of reflectances (n, P) by name: charts and published test colours.
+
+    Those of CIE 13.3, CIE 224 and NIST CQS.
+
+    Parameters
+    ----------
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
     """
     colour = colour_science()
     from colour.quality.cfi2017 import load_TCS_CIE2017
@@ -80,18 +104,30 @@ def test_reflectances(grid: WavelengthGrid) -> dict[str, np.ndarray]:
     sets = {name: list(colour.SDS_COLOURCHECKERS[name].values()) for name in CHARTS}
     sets["CIE 13.3 test colours"] = [sd for part in SDS_TCS.values() for sd in part.values()]
     sets["NIST CQS test colours"] = [sd for part in SDS_VS.values() for sd in part.values()]
-    found = {name: np.array([on_grid(np.asarray(sd.wavelengths), np.asarray(sd.values), grid,
-                                     name) for sd in spectra]) for name, spectra in sets.items()}
+    resampled = {
+        name: np.array([on_grid(np.asarray(sd.wavelengths), np.asarray(sd.values), grid, name)
+                        for sd in spectra]) for name, spectra in sets.items()}
     samples = load_TCS_CIE2017(colour.SpectralShape(380, 780, 5))
-    found["CES99"] = on_grid(np.asarray(samples.wavelengths), np.asarray(samples.values).T, grid,
-                             "CES99")
-    return found
+    resampled["CES99"] = on_grid(np.asarray(samples.wavelengths), np.asarray(samples.values).T,
+                                 grid, "CES99")
+    return resampled
 
 
 def relative_response(sensitivity: str, light_name: str,
                       grid: WavelengthGrid | None = None) -> np.ndarray:
-    """Response (K, P), rows summing to 1, of named sensitivities under a named light; at 1 nm by
-    default.
+    """Response (K, P), rows summing to 1, of sensitivities under a light.
+
+    Parameters
+    ----------
+    sensitivity, light_name : str
+        As ``sensitivities`` and ``light`` take them.
+    grid : WavelengthGrid or None
+        None for 400-700 nm in steps of 1 nm.
+
+    Raises
+    ------
+    InputError
+        If a band sees nothing under the light, or a name is not known.
     """
     grid = grid or visible_grid(1)
     response = sensitivities(sensitivity, grid) * light(light_name, grid) * grid.weights_nm
@@ -110,11 +146,6 @@ def _by_name(name: str, known: Any, what: str, instead: str) -> Any:
         nearest = f"; nearest are {', '.join(near)}" if near else ""
         raise InputError(f"{name!r} is no {what} that is known{nearest}; give one of these or "
                          f"{instead}") from None
-
-
-def _is_file(name: str) -> bool:
-    # FL3.15 is a light and no file: a suffix alone does not tell.
-    return Path(name).suffix.lower() in TEXT_SUFFIXES or Path(name).exists()
 
 
 def _names(known: Iterable[str]) -> list[str]:

@@ -60,9 +60,9 @@ def read_light(name: str, grid: WavelengthGrid) -> Spectrum:
     """A light from a spectral file, or by its CIE name."""
     from spectrabox.radiometry.records import Quantity, Spectrum
     from spectrabox.radiometry.spectra.named_spectra import light as named_light
+    from spectrabox.radiometry.spectra.named_spectra import names_a_file
     from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
-    suffix = Path(name).suffix[1:]
-    if Path(name).exists() or (suffix and not suffix.isdigit()):    # FL3.15 is a light and no file
+    if names_a_file(name):
         return read_spectrum(Path(name), role=Quantity.RELATIVE)
     return Spectrum(grid, named_light(name, grid), Quantity.RELATIVE, f"CIE {name}")
 
