@@ -27,7 +27,7 @@ from spectrabox.session.stages.reconstruct_stage import joint_of
 from spectrabox.session.stages.sample_stage import samples_of
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
-BRIGHTEST = 99.5            # percentile of luminance that the picture shows as white
+WHITE_PERCENTILE = 99.5            # percentile of luminance that the picture shows as white
 DRAWS = 400                 # of each material whose colours are compared
 
 
@@ -46,7 +46,7 @@ class ColourSpread:
 
 @dataclass(frozen=True)
 class Relit:
-    """X, Y, Z (H, W, 3), Y being 1 for a perfect white as bright as ``BRIGHTEST``, and the
+    """X, Y, Z (H, W, 3), Y being 1 for a perfect white as bright as ``WHITE_PERCENTILE``, and the
     materials' colours.
     """
 
@@ -77,11 +77,11 @@ def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, obser
     grid = joint.grid
     power = spectrum_on_grid(calibration.light, grid) if light is None else named_light(light, grid)
     matching = named_observer(observer, grid)
-    drawn = {name: samples_of(run.stored, name)[0] for place, name in enumerate(joint.materials)
-             if not joint.known[place]}
+    drawn = {name: samples_of(run.stored, name)[0]
+             for name, known in zip(joint.materials, joint.known, strict=True) if not known}
     means = {name: np.interp(grid.nm, drawn[name].grid.nm, drawn[name].spectra.mean(axis=0))
-             if name in drawn
-             else joint.spectra[place] for place, name in enumerate(joint.materials)}
+             if name in drawn else spectrum
+             for name, spectrum in zip(joint.materials, joint.spectra, strict=True)}
     scene = read_session_scene(config)
     start_mitsuba(device)
     xml = scene_xml(scene, reflectances={config.materials[name].bsdf: np.clip(mean, 0, 1)
@@ -89,7 +89,7 @@ def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, obser
                     light=power, bands=dict(zip("XYZ", matching, strict=True)),
                     range_nm=(grid.nm[0], grid.nm[-1]), size=size)
     xyz, _ = render(load_scene(xml), spp, config.session.seed)
-    xyz = xyz / np.percentile(xyz[..., 1], BRIGHTEST)
+    xyz = xyz / np.percentile(xyz[..., 1], WHITE_PERCENTILE)
     white = _tristimulus(np.ones_like(grid.nm), grid, power, matching)
     colours = tuple(_spread(name, means[name], drawn.get(name), grid, power, matching)
                     for name in means)

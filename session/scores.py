@@ -21,8 +21,10 @@ def score(truth: np.ndarray, inverse_rendering: np.ndarray, summary: SpectrumSum
     lower, upper = (np.interp(summary.grid.nm, samples.grid.nm, ends)
                     for ends in np.quantile(samples.spectra, [0.025, 0.975], axis=0))
     return Scores(
-        rmse_mean=_rmse(summary.mean, truth), rmse_inverse_rendering=_rmse(inverse_rendering, truth),
-        coverage=_share_inside(truth, summary.lower, summary.upper), coverage_95=_share_inside(truth, lower, upper),
+        rmse_mean=_rmse(summary.mean, truth),
+        rmse_inverse_rendering=_rmse(inverse_rendering, truth),
+        coverage=_share_inside(truth, summary.lower, summary.upper),
+        coverage_95=_share_inside(truth, lower, upper),
         coverage_bounds=_share_inside(truth, summary.bound_lower, summary.bound_upper),
         band_width=float(np.mean(summary.upper - summary.lower)),
         delta_e00_mean=delta_e00(summary.grid.nm, summary.mean, truth))

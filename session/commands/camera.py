@@ -58,9 +58,12 @@ def register(app: typer.Typer) -> None:
 
 def fit(light: Lights, chart: Charts = None, patches: Tables = None,
         method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "prior",
-        curves: Annotated[Path | None, typer.Option(metavar="CSV", help="Measured curves, with method file.")] = None,
-        out: Annotated[Path | None, typer.Option(metavar="CSV", help="Write the curves and their band.")] = None,
-        samples: Annotated[Path | None, typer.Option(metavar="NPZ", help="Write 1000 draws of the curves.")] = None,
+        curves: Annotated[Path | None, typer.Option(
+            metavar="CSV", help="Measured curves, with method file.")] = None,
+        out: Annotated[Path | None, typer.Option(
+            metavar="CSV", help="Write the curves and their band.")] = None,
+        samples: Annotated[Path | None, typer.Option(
+            metavar="NPZ", help="Write 1000 draws of the curves.")] = None,
         reference: References = ("BabelColor Average",),  # type: ignore[assignment]
         corners: Corners = None,
         prior_file: PriorFile = None, as_json: Json = False, debug: Debug = False) -> None:
@@ -110,10 +113,12 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
 
 def prior(folder: Annotated[Path, typer.Argument(metavar="FOLDER", show_default=False,
                                                  help="Curves: rawtoaces JSON, camspec TXT, CSV.")],
-          out: Annotated[Path, typer.Option(metavar="NPZ", help="Where to write the prior.", show_default=False)],
-          leave_out: Annotated[list[str] | None, typer.Option(metavar="NAME", help="A camera to leave out; may be "
-                                                              "repeated.")] = None,
-          source: Annotated[str | None, typer.Option(help="Stored with the prior; the folder by default.")] = None,
+          out: Annotated[Path, typer.Option(
+              metavar="NPZ", help="Where to write the prior.", show_default=False)],
+          leave_out: Annotated[list[str] | None, typer.Option(
+              metavar="NAME", help="A camera to leave out; may be repeated.")] = None,
+          source: Annotated[str | None, typer.Option(
+              help="Stored with the prior; the folder by default.")] = None,
           licence: Annotated[str, typer.Option(help="Of the curves.")] = "not stated",
           as_json: Json = False, debug: Debug = False) -> None:
     """A prior on sensitivities from a folder of measured cameras."""

@@ -30,14 +30,14 @@ def register(app: typer.Typer) -> None:
 
 def chart(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False,
                                                 help="Raw, DNG, EXR, TIFF, JPEG or PNG.")],
-          overlay: Annotated[Path | None, typer.Option(metavar="PNG", help="Write the photo with the samples drawn.")]
-          = None,
+          overlay: Annotated[Path | None, typer.Option(
+              metavar="PNG", help="Write the photo with the samples drawn.")] = None,
           corners: Annotated[list[str] | None, typer.Option(
-              metavar="X,Y", help="Four times: outer corners of the patches at dark skin, bluish green, black and "
-              "white, in pixels of the photo.")] = None,
+              metavar="X,Y", help="Four times: outer corners of the patches at dark skin, bluish "
+              "green, black and white, in pixels of the photo.")] = None,
           encoded: Annotated[bool | None, typer.Option(
-              "--encoded/--linear", help="Take an image file as sRGB-encoded, or as linear. Default: JPEG and PNG are "
-              "encoded.")] = None,
+              "--encoded/--linear", help="Take an image file as sRGB-encoded, or as linear. "
+              "Default: JPEG and PNG are encoded.")] = None,
           as_json: Json = False, debug: Debug = False) -> None:
     """Find the chart; patch statistics; is this photo good enough?"""
     with command(as_json, debug):

@@ -1,6 +1,4 @@
-"""Commands about the camera's geometry: its lens, its place in the scene, photos without
-distortion.
-"""
+"""Commands about the camera's geometry: its lens, its pose, photos without distortion."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -57,11 +55,14 @@ def board(board_file: Annotated[Path, typer.Option("--board", metavar="board.tom
                f"markers and write their widths into {board_file.name}")
 
 
-def lens(photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", show_default=False,
-                                                      help="Of the board, tilted in different ways.")],
-         board_file: Annotated[Path, typer.Option("--board", metavar="board.toml", show_default=False)],
+def lens(photos: Annotated[list[Path], typer.Argument(
+             metavar="PHOTO...", show_default=False,
+             help="Of the board, tilted in different ways.")],
+         board_file: Annotated[Path, typer.Option(
+             "--board", metavar="board.toml", show_default=False)],
          out: Annotated[Path, typer.Option("--out", "-o", metavar="lens.json", show_default=False)],
-         overlay: Annotated[Path | None, typer.Option(metavar="DIR", help="Write each photo with its corners.")] = None,
+         overlay: Annotated[Path | None, typer.Option(
+             metavar="DIR", help="Write each photo with its corners.")] = None,
          force: Force = False, as_json: Json = False, debug: Debug = False) -> None:
     """Focal length, principal point and distortion from photos of a ChArUco board, with standard
     errors.
@@ -109,7 +110,7 @@ def pose(photo: Photo,
                                              help="The Mitsuba scene to place the camera in.",
                                              show_default=False)],
          out: Annotated[Path, typer.Option("--out", "-o", metavar="scene.xml", show_default=False,
-                                           help="Where to write its copy with the found camera.")],
+                                           help="Where to write its copy with this camera.")],
          points_file: Annotated[Path | None, typer.Option("--points", metavar="points.toml",
                                                           help="Known points: [points.NAME] scene "
                                                           "= [x, y, z], px = [x, y].")] = None,
@@ -148,10 +149,13 @@ def pose(photo: Photo,
                "\n".join(_pose_lines(found, used, names, lens_file, out, bool(flat))))
 
 
-def undistort(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False,
-                                                    help="Camera raw, DNG, or linear EXR or TIFF.")],
-              lens_file: Annotated[Path, typer.Option("--lens", metavar="lens.json", show_default=False)],
-              out: Annotated[Path, typer.Option("--out", "-o", metavar="OUT.exr", show_default=False)],
+def undistort(photo: Annotated[Path, typer.Argument(
+                  metavar="PHOTO", show_default=False,
+                  help="Camera raw, DNG, or linear EXR or TIFF.")],
+              lens_file: Annotated[Path, typer.Option(
+                  "--lens", metavar="lens.json", show_default=False)],
+              out: Annotated[Path, typer.Option(
+                  "--out", "-o", metavar="OUT.exr", show_default=False)],
               force: Force = False, as_json: Json = False, debug: Debug = False) -> None:
     """The photo as the renderer's pinhole sees it: a linear EXR with its variance."""
     with command(as_json, debug):

@@ -66,17 +66,24 @@ def identify(port: Port, instrument: Meter, as_json: Json = False, debug: Debug 
 
 
 def measure(port: Port, instrument: Meter,
-            folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="The session folder.")] = Path(),
-            role: Annotated[str,
-                            typer.Option("--as", help="light, white (the white standard), paint or chart.")] = "light",
-            name: Annotated[str | None, typer.Option(help="Of a paint: its file becomes spectra/NAME.csv.")] = None,
-            repeat: Annotated[int, typer.Option(min=1, max=999, help="Readings of each thing.")] = 1,
-            integration_ms: Annotated[float | None,
-                                      typer.Option(min=0.1, help="Fixed exposure; default automatic.")] = None,
-            averages: Annotated[int | None, typer.Option(min=1, max=99, help="Inside the instrument.")] = None,
-            sync_hz: Annotated[float | None, typer.Option(min=10, help="Flicker frequency of the light.")] = None,
-            white_reflectance: Annotated[float, typer.Option(min=0.01, max=1.1, help="Of the white standard.")] = 1.0,
-            again: Annotated[bool, typer.Option(help="Start a new series; earlier readings are kept aside.")] = False,
+            folder: Annotated[Path, typer.Argument(
+                metavar="[DIR]", help="The session folder.")] = Path(),
+            role: Annotated[str, typer.Option(
+                "--as", help="light, white (the white standard), paint or chart.")] = "light",
+            name: Annotated[str | None, typer.Option(
+                help="Of a paint: its file becomes spectra/NAME.csv.")] = None,
+            repeat: Annotated[int, typer.Option(
+                min=1, max=999, help="Readings of each thing.")] = 1,
+            integration_ms: Annotated[float | None, typer.Option(
+                min=0.1, help="Fixed exposure; default automatic.")] = None,
+            averages: Annotated[int | None, typer.Option(
+                min=1, max=99, help="Inside the instrument.")] = None,
+            sync_hz: Annotated[float | None, typer.Option(
+                min=10, help="Flicker frequency of the light.")] = None,
+            white_reflectance: Annotated[float, typer.Option(
+                min=0.01, max=1.1, help="Of the white standard.")] = 1.0,
+            again: Annotated[bool, typer.Option(
+                help="Start a new series; earlier readings are kept aside.")] = False,
             wait: Annotated[bool, typer.Option(help="Ask before each patch of a chart.")] = True,
             plot: Annotated[bool, typer.Option(help="Draw the spectrum in the terminal.")] = False,
             png: Png = None, as_json: Json = False, debug: Debug = False) -> None:
@@ -102,9 +109,12 @@ def measure(port: Port, instrument: Meter,
                _measured_text(written, facts, spectrum if plot else None))
 
 
-def replay(transcript: Annotated[Path, typer.Argument(metavar="FILE", help="A transcript.", show_default=False)],
-           speed: Annotated[float, typer.Option(min=0, help="1 as recorded, 10 ten times as fast, 0 at once.")] = 0,
-           over_socket: Annotated[bool, typer.Option(help="Through a socket in place of a pseudo-terminal.")] = False,
+def replay(transcript: Annotated[Path, typer.Argument(
+               metavar="FILE", help="A transcript.", show_default=False)],
+           speed: Annotated[float, typer.Option(
+               min=0, help="1 as recorded, 10 ten times as fast, 0 at once.")] = 0,
+           over_socket: Annotated[bool, typer.Option(
+               help="Through a socket in place of a pseudo-terminal.")] = False,
            plot: Annotated[bool, typer.Option(help="Draw the spectrum in the terminal.")] = False,
            png: Png = None, as_json: Json = False, debug: Debug = False) -> None:
     """Play a recorded transcript to the driver's own code and show what it reads."""
@@ -124,7 +134,8 @@ def replay(transcript: Annotated[Path, typer.Argument(metavar="FILE", help="A tr
         lines = [_reading_line(number, reading) for number, reading in enumerate(played.readings,
                                                                                  1)]
         lines += [f"- {problem}" for problem in played.problems]
-        lines += ["synthetic: built from protocol notes, not recorded from an instrument"] if played.synthetic else []
+        if played.synthetic:
+            lines += ["synthetic: built from protocol notes, not recorded from an instrument"]
         if plot and spectra:
             from spectrabox.capture.meter.measurement_plot import text_plot
             lines.append(text_plot(spectra[-1]))

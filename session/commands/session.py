@@ -28,11 +28,10 @@ def register(app: typer.Typer) -> None:
         app.command()(function)
 
 
-def demo(folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where to write it.")] = Path(
-             "demo-session"),
+def demo(folder: Annotated[Path, typer.Argument(
+             metavar="[DIR]", help="Where to write it.")] = Path("demo-session"),
          seed: Annotated[int, typer.Option(help="Of the synthetic photos.")] = 1,
-         device: Device = "auto",
-         as_json: Json = False, debug: Debug = False) -> None:
+         device: Device = "auto", as_json: Json = False, debug: Debug = False) -> None:
     """Make a synthetic capture session with known truth, run it, write its report."""
     with command(as_json, debug):
         check_device(device)
@@ -72,8 +71,8 @@ def check(folder: Folder, allow_outside: Outside = False, as_json: Json = False,
             raise typer.Exit(min(problem.exit_code for problem in problems))
 
 
-def run(folder: Folder, only: Annotated[str | None, typer.Option(help="One stage alone: "
-                                                                 f"{STAGE_NAMES}.")] = None,
+def run(folder: Folder,
+        only: Annotated[str | None, typer.Option(help=f"One stage alone: {STAGE_NAMES}.")] = None,
         force: Annotated[bool, typer.Option("--force",
                                             help="Run also what is up to date.")] = False,
         device: Device = "auto", allow_outside: Outside = False, as_json: Json = False,
@@ -94,8 +93,7 @@ def status(folder: Folder, allow_outside: Outside = False, as_json: Json = False
         states = stage_states(read_session(folder, allow_outside))
         lines = [f"{state.name:<12} {state.state:<10} "
                  + (f"{state.seconds:.1f} s" if state.state == "done" and state.seconds is not None
-                    else
-                    "; ".join(state.reasons)) for state in states]
+                    else "; ".join(state.reasons)) for state in states]
         report = folder / "report.html"
         lines.append(f"{'report':<12} {'written' if report.exists() else 'missing'}")
         answer(as_json,
@@ -125,15 +123,19 @@ def report(folder: Folder, allow_outside: Outside = False, as_json: Json = False
 
 
 def relight(folder: Folder,
-            light: Annotated[str | None, typer.Option(help="A CIE illuminant such as D65 or FL11, or a file; the "
-                                                           "session's own by default.")] = None,
-            observer: Annotated[str | None, typer.Option(help="Colour-matching functions by name or file; CIE 1931 2 "
-                                                              "degrees by default.")] = None,
-            out: Annotated[Path | None, typer.Option("--out", "-o", metavar="PNG", help="DIR/relit LIGHT.png by "
-                                                     "default; the same as EXR lies beside it.")] = None,
+            light: Annotated[str | None, typer.Option(
+                help="A CIE illuminant such as D65 or FL11, or a file; the session's own by "
+                "default.")] = None,
+            observer: Annotated[str | None, typer.Option(
+                help="Colour-matching functions by name or file; CIE 1931 2 degrees by "
+                "default.")] = None,
+            out: Annotated[Path | None, typer.Option(
+                "--out", "-o", metavar="PNG", help="DIR/relit LIGHT.png by default; the same as "
+                "EXR lies beside it.")] = None,
             width: Annotated[int, typer.Option(min=16, max=4096, help="In pixels.")] = 480,
-            spp: Annotated[int, typer.Option(min=1, max=65536, help="Paths per pixel.")] = 64, device: Device = "auto",
-            allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
+            spp: Annotated[int, typer.Option(min=1, max=65536, help="Paths per pixel.")] = 64,
+            device: Device = "auto", allow_outside: Outside = False, as_json: Json = False,
+            debug: Debug = False) -> None:
     """Render the scene with the recovered spectra under any light, and say how far its colours are
     known there.
     """
@@ -148,8 +150,8 @@ def relight(folder: Folder,
         config = read_session(folder, allow_outside)
         scene = read_session_scene(config)
         size = (width, max(round(width * scene.height / scene.width), 1))
-        made = render_under(config, load_finished(config), light=light, observer=observer
-                            or OBSERVER, size=size, spp=spp, device=device)
+        made = render_under(config, load_finished(config), light=light,
+                            observer=observer or OBSERVER, size=size, spp=spp, device=device)
         label = re.sub(r"[^\w.-]", "-", Path(light or "session").stem)
         png = out or folder / f"relit {label}.png"
         write_png(png, made.picture)
@@ -160,8 +162,8 @@ def relight(folder: Folder,
                     f"   draws within dE00 {colour.delta_e00_median:.2f} (half), "
                     f"{colour.delta_e00_95:.2f} (95 %)")
                  for colour in made.colours]
-        answer(as_json, {"png": str(png), "exr": str(png.with_suffix(".exr")), "light": light
-                         or "session",
+        answer(as_json, {"png": str(png), "exr": str(png.with_suffix(".exr")),
+                         "light": light or "session",
                          "colours": [vars(colour) for colour in made.colours]},
                "\n".join([*lines, f"picture: {png}"]))
 
@@ -208,9 +210,8 @@ def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_o
             return
         finished = load_finished(config) if only is not None else finished
         progress("report", 0.0, "")
-        command_line = ["spectrabox", "run", folder.name, "--device", device, *(["--force"] if force
-                                                                                else []),
-                        *(["--only", only] if only else [])]
+        command_line = ["spectrabox", "run", folder.name, "--device", device,
+                        *(["--force"] if force else []), *(["--only", only] if only else [])]
         results = assemble(config, finished, provenance(command_line, config.session.seed, device))
         path = write_report(results)
         write_outputs(results)

@@ -21,7 +21,7 @@ Files = Annotated[list[Path],
                                  show_default=False)]
 Column = Annotated[str | None, typer.Option(help="Name or number of one column.")]
 WRITTEN = (".csv", ".sp", ".spdx", ".sli")
-MOST_LISTED = 12
+MAX_LISTED = 12
 OUT_HELP = f"A file ({', '.join(WRITTEN)}), or a folder for several files."
 QUANTITY_HELP = "reflectance, radiance, irradiance or relative, where the file does not state it."
 
@@ -35,7 +35,8 @@ def register(app: typer.Typer) -> None:
     app.add_typer(spectrum)
 
 
-def show(files: Files, column: Column = None, plot: Annotated[bool, typer.Option(help="Draw in the terminal.")] = False,
+def show(files: Files, column: Column = None,
+         plot: Annotated[bool, typer.Option(help="Draw in the terminal.")] = False,
          as_json: Json = False, debug: Debug = False) -> None:
     """What a file holds: format, range, quantity, unit, and what to beware of."""
     with command(as_json, debug):
@@ -118,13 +119,13 @@ def _text(table: SpectralTable, facts: dict[str, Any], column: str | None, plot:
              f"{table.nm.size} wavelengths, {len(table.names)} "
              f"{'column' if len(table.names) == 1 else 'columns'}",
              f"source: {facts['source']}", f"quantity: {quantity}"]
-    for entry in facts["spectra"][:MOST_LISTED]:
+    for entry in facts["spectra"][:MAX_LISTED]:
         numbers = [value for value in entry["values"] if value is not None]
         span = f"{min(numbers):.4g} to {max(numbers):.4g}" if numbers else "no numbers"
         stated = entry["quantity"] or "quantity not stated"
         lines.append(f"  {entry['name'] or '(no name)':<28} {span:<24} {stated}")
-    lines += [f"  and {len(facts['spectra']) - MOST_LISTED} more"] if len(
-        facts["spectra"]) > MOST_LISTED else []
+    if len(facts["spectra"]) > MAX_LISTED:
+        lines.append(f"  and {len(facts['spectra']) - MAX_LISTED} more")
     lines += [f"- {note}" for note in table.notes]
     if plot:
         from spectrabox.capture.meter.measurement_plot import text_plot
@@ -155,8 +156,8 @@ def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
 
     table = read_table(path)
     role = _stated_quantity(table, column, quantity)
-    names = [table.names[index] for index in _indices(table, column)] if column is not None or table.main is None \
-        else [table.main]
+    names = [table.main] if column is None and table.main is not None else \
+        [table.names[index] for index in _indices(table, column)]
     names = [name for name in names if not name.startswith("standard_error")]
     spectra = [spectrum_of(table, role=role, column=name) for name in names]
     if any(not np.array_equal(spectrum.grid.nm, spectra[0].grid.nm) for spectrum in spectra):

@@ -27,7 +27,8 @@ SplineCoefficients = Annotated[int, Field(ge=5, le=40)]
 Quadrilaterals = ListOf[ListOf[ListOf[float]]]
 
 
-def by_band(written: str | tuple[str, ...] | Mapping[str, Files] | None) -> dict[str, tuple[str, ...]]:
+def by_band(written: str | tuple[str, ...] | Mapping[str, Files] | None
+            ) -> dict[str, tuple[str, ...]]:
     """Files of a photo by band; of a colour camera's photo under one name."""
     bands = {} if written is None else written if isinstance(written, Mapping) else {
         ONE_PHOTO: written}

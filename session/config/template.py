@@ -76,10 +76,10 @@ bsdf = "wall"                       # its id in the scene
 # truth = "spectra/wall.csv"        # measured, only compared with
 
 [reconstruct]
-engine = "{RECONSTRUCT.engine}"                     # by gradient where a material is coated or glossy
+engine = "{RECONSTRUCT.engine}"                     # "gradient" where a material is coated or glossy
 coefficients = {RECONSTRUCT.coefficients}                   # B-spline coefficients of each spectrum
 width = {RECONSTRUCT.width}                          # pixels of the rendered view
-steps = {RECONSTRUCT.steps}                         # of the gradient engine, with spp paths per pixel each
+steps = {RECONSTRUCT.steps}                         # of the gradient engine, each of spp paths per pixel
 spp = {RECONSTRUCT.spp}
 
 [sampling]

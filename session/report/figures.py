@@ -23,7 +23,7 @@ from spectrabox.session.report.svg import (
 from spectrabox.session.report.words import SUPERSCRIPT, number
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-LONGEST_PX = 1400  # pictures are reduced to this: the page shows no more
+MAX_SIDE_PX = 1400  # pictures are reduced to this: the page shows no more
 
 
 def picture_data_uri(path: Path) -> str:
@@ -42,7 +42,7 @@ def picture_data_uri(path: Path) -> str:
     if not content.startswith(PNG_SIGNATURE):
         raise InputError(
             f"picture {path.name} is not a PNG file; run the stage that makes it again")
-    factor = -(-max(int.from_bytes(content[16:20]), int.from_bytes(content[20:24])) // LONGEST_PX)
+    factor = -(-max(int.from_bytes(content[16:20]), int.from_bytes(content[20:24])) // MAX_SIDE_PX)
     if factor > 1:
         content = _reduced(content, factor)
     return "data:image/png;base64," + base64.b64encode(content).decode("ascii")

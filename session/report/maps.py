@@ -92,6 +92,10 @@ def residual_limit(residuals: np.ndarray) -> float:
     return float(NICE[min(int(np.searchsorted(NICE, reach)), NICE.size - 1)])
 
 
+def _signed_percent(value: float, _: int) -> str:
+    return f"{100 * value:+g} %".replace("-", "−") if value else "0"
+
+
 def residual_figure(name: str, made: Reconstruction, bands: tuple[str, ...]) -> Markup:
     """One signed residual map per band, all on one scale; pixels that were not used are hatched."""
     residuals = residual_maps(made)
@@ -108,11 +112,7 @@ def residual_figure(name: str, made: Reconstruction, bands: tuple[str, ...]) -> 
         image = axes.imshow(residuals[..., k], cmap="RdBu_r", vmin=-limit, vmax=limit)
         _bare(axes, f"Band {plain_line(bands[k], 24)}")
     bar = drawing.colorbar(image, ax=list(grid), location="bottom", aspect=50, fraction=0.05,
-                           extend="both", format=FuncFormatter(lambda value,
-                                                               _: f"{100 * value:+g} %".replace("-",
-                                                                                                "−")
-                                                               if value
-                                                               else "0"))
+                           extend="both", format=FuncFormatter(_signed_percent))
     bar.set_label("(photo − rendering) / photo:   blue, photo darker;   red, photo brighter;   "
                   "hatched, not used")
     bar.outline.set_visible(False)

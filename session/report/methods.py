@@ -65,8 +65,8 @@ def _reconstruction(results: SessionResults) -> str:
     given = [material.name for material in results.materials if material.summary is None]
     spectra = f"reflectances of {listed(unknown)} were" if unknown else "no reflectance was"
     known = f"; {listed(given)} given" if given else ""
-    further = f" and {len(results.views)} more photo(s) in one fit ({listed([view.name for view in results.views])})" \
-        if results.views else ""
+    further = f" and {len(results.views)} more photo(s) in one fit " \
+              f"({listed([view.name for view in results.views])})" if results.views else ""
     nm = made.grid.nm
     return (f"By inverse rendering (engine: {made.engine}; {made.spp} samples per pixel, seed "
             f"{made.seed}), {spectra} found from {int(made.used.sum())} of {made.used.size} "

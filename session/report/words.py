@@ -84,7 +84,8 @@ def disagreement(agreement: SurfaceAgreement, bands: tuple[str, ...]) -> str:
     ratio = agreement.ratio
     measured = np.isfinite(ratio).all(axis=1)
     if not measured.any():
-        return "No surface could be compared, so nothing is known of how well the rendering fits the photo."
+        return ("No surface could be compared, so nothing is known of how well the rendering fits "
+                "the photo.")
     deviation = np.where(measured[:, None], np.abs(ratio - 1), 0.0).max(axis=1)
     off = np.flatnonzero(deviation > OFF)
     missing = [agreement.names[s] for s in np.flatnonzero(~measured)]
@@ -108,6 +109,7 @@ def _shape_of(agreement: SurfaceAgreement, surface: int) -> str:
     """What the pattern over bands hints at for the worst surface."""
     name, ratio = f"“{agreement.names[surface]}”", agreement.ratio[surface]
     if np.ptp(ratio) < 0.3 * np.abs(ratio - 1).max():
-        return (f"On {name} all bands are off alike: geometry, light position or shadow is the "
-                "first suspect, not the spectrum.")
-    return f"On {name} the bands differ: the spectrum of this surface, or of the light it gets, is the first suspect."
+        return (f"On {name} all bands are off by the same factor: geometry, light position or shadow "
+                "is the first suspect, not the spectrum.")
+    return (f"On {name} the bands differ: the spectrum of this surface, or of the light it gets, "
+            "is the first suspect.")

@@ -68,10 +68,10 @@ def relative_errors(calibrations: Sequence[Calibration], joint: JointReconstruct
 def light_covariance(calibrations: Sequence[Calibration], joint: JointReconstruction,
                      index: int) -> np.ndarray:
     """Covariance (J, J) of a signal, relative to white, by the stated errors of each light's
-    readings, all apart.
+    readings, which are independent.
 
-    To first order, as for the curves; zero for lights whose error nobody stated. Photos under one
-    light err alike.
+    To first order, as for the curves; zero for lights whose error nobody stated. Views under the
+    same light share their bands, and these errors with them.
     """
     rows, signal = [], joint.signal[index]
     for view in np.unique(joint.view_of_band):
@@ -107,8 +107,8 @@ def sensitivity_covariance(calibrations: Sequence[Calibration], joint: JointReco
     With a covariance of the curves, to first order: an error dM of a band changes the signal by the
     integral of dM x light x (reflectance - signal), divided by the white signal, since white itself
     is calibrated. The same error acts in the photos under every light. Without one, every band errs
-    by the stated share of the brightest band, and photos err apart: an error of a curve's tail
-    admits light from there.
+    by the stated share of the brightest band, independently in each photo: an error of a curve's
+    tail admits light from there.
     """
     signal, fit = joint.signal[index], calibrations[0].sensitivity
     if fit.covariance is None or fit.basis is None:

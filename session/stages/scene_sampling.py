@@ -78,8 +78,8 @@ def _of_tails(calibration: Calibration, joint: JointReconstruction, regions: Reg
     """Errors (Q, R, K) of measured curves, relative to white, as
     ``error_budget.sensitivity_covariance`` has them.
 
-    Every band errs by the stated share of the material's brightest band; regions of one material
-    err alike.
+    Every band errs by the stated share of the material's brightest band; errors of regions of the
+    same material are fully correlated.
     """
     values, vectors = np.linalg.eigh(calibration.relative_covariance)
     patterns = (vectors * np.sqrt(np.maximum(values, 0))).T[values > 0]

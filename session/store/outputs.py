@@ -17,7 +17,7 @@ from spectrabox.reconstruct.scene.scene_xml import materials_xml
 from spectrabox.session.report.maps import comparison_rgb8
 from spectrabox.session.store.results import MaterialResult, SessionResults
 
-DARKEST = 1e-6  # signal under which a relative residual is not formed
+MIN_SIGNAL = 1e-6  # signal under which a relative residual is not formed
 
 
 def write_outputs(results: SessionResults) -> None:
@@ -48,7 +48,7 @@ def best_spectrum(material: MaterialResult) -> np.ndarray:
 
 def _write_comparison(path: Path, made: Reconstruction, bands: tuple[str, ...]) -> None:
     pictures = {"photo": made.measured, "rendering": made.rendered,
-                "residual": (made.measured - made.rendered) / np.maximum(made.measured, DARKEST)}
+                "residual": (made.measured - made.rendered) / np.maximum(made.measured, MIN_SIGNAL)}
     names = [f"{picture}.{band}" for picture in pictures for band in bands]
     write_exr(path, np.concatenate(list(pictures.values()), axis=2), names)
 
