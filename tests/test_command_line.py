@@ -226,7 +226,7 @@ def test_a_new_session_is_a_commented_template_and_overwrites_nothing(tmp_path):
     folder = tmp_path / "new session"
     assert call("new", folder).exit_code == 0
     assert {path.name for path in folder.iterdir()} == {"photos", "spectra", "scene",
-                                                        "session.toml"}
+                                                        "session.toml", "session.schema.json"}
     again = call("new", folder)
     assert again.exit_code == 3 and "exists already" in again.output
 

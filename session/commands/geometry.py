@@ -79,12 +79,12 @@ def lens(photos: Annotated[list[Path], typer.Argument(
             image = _open(photo)
             sizes[photo.name] = _whole_size(image)
             try:
-                places, points = find_board(printed, _grey(image))
+                positions, points = find_board(printed, _grey(image))
             except CheckError as error:
                 skipped.append(f"{photo.name} is left out: {error}")
                 continue
             names.append(photo.name)
-            views.append((places, _whole_px(points, image)))
+            views.append((positions, _whole_px(points, image)))
             if overlay is not None:
                 _overlay(overlay / f"{photo.stem}.png", image, views[-1][1], views[-1][1][:0])
         if len(set(sizes.values())) > 1:
@@ -96,12 +96,12 @@ def lens(photos: Annotated[list[Path], typer.Argument(
         if len(views) < len(photos) and len(views) < 3:
             raise CheckError(f"{len(views)} of {len(photos)} photos show the board, 3 or more are "
                              f"needed; {skipped[0]}")
-        found, by_view = lens_from_views(views, *next(iter(sizes.values())), source)
-        write_lens(out, found)
-        facts = {**lens_facts(found), "out": str(out), "skipped": skipped,
+        estimate, by_view = lens_from_views(views, *next(iter(sizes.values())), source)
+        write_lens(out, estimate)
+        facts = {**lens_facts(estimate), "out": str(out), "skipped": skipped,
                  "views": [{"photo": name, "corners": len(view[1]), "rms_px": float(rms)}
                            for name, view, rms in zip(names, views, by_view, strict=True)]}
-        answer(as_json, facts, "\n".join([*_lens_lines(found), *skipped, f"wrote {out}: it holds "
+        answer(as_json, facts, "\n".join([*_lens_lines(estimate), *skipped, f"wrote {out}: it holds "
                                           "for this zoom, focus and size of photo"]))
 
 
@@ -130,23 +130,23 @@ def pose(photo: Photo,
         from spectrabox.reconstruct.scene.pose_scene import scene_with_camera
         _require_new(out, force, photo, points_file, board_file, lens_file)
         image = _open(photo)
-        names, places, points = _known_points(image, points_file, board_file)
+        names, positions, points = _known_points(image, points_file, board_file)
         width, height = _whole_size(image)
         if lens_file is None:
-            found, used = pose_and_focal_length(places, points, width, height, names)
+            camera_pose, used = pose_and_focal_length(positions, points, width, height, names)
         else:
             used = read_lens(lens_file)
             _require_size(image, used)
-            found = pose_from_points(places, points, used, names)
-        camera = mitsuba_sensor(used, found)
+            camera_pose = pose_from_points(positions, points, used, names)
+        camera = mitsuba_sensor(used, camera_pose)
         write_text_whole(out, scene_with_camera(scene, camera, (width, height), out.parent))
         if overlay is not None:
-            _overlay(overlay, image, points, points - found.residuals_px)
-        flat = points_file is not None and spread(places)[2] < FLAT
-        facts = {"out": str(out), **_pose_facts(found, names), "camera": {**camera, "to_world":
+            _overlay(overlay, image, points, points - camera_pose.residuals_px)
+        flat = points_file is not None and spread(positions)[2] < FLAT
+        facts = {"out": str(out), **_pose_facts(camera_pose, names), "camera": {**camera, "to_world":
                  camera["to_world"].tolist()}, "lens": lens_facts(used), "in_one_plane": bool(flat)}
         answer(as_json, facts,
-               "\n".join(_pose_lines(found, used, names, lens_file, out, bool(flat))))
+               "\n".join(_pose_lines(camera_pose, used, names, lens_file, out, bool(flat))))
 
 
 def undistort(photo: Annotated[Path, typer.Argument(
@@ -201,8 +201,8 @@ def _whole_size(image: LinearImage) -> tuple[int, int]:
 def _require_size(image: LinearImage, lens: Lens) -> None:
     if _whole_size(image) != (lens.width, lens.height):
         width, height = _whole_size(image)
-        raise InputError(f"photo {image.source} has {width} x {height} pixels, the lens was found "
-                         f"at {lens.width} x {lens.height}; use whole photos of the same camera, "
+        raise InputError(f"photo {image.source} has {width} x {height} pixels, the lens was "
+                         f"calibrated at {lens.width} x {lens.height}; use whole photos of the same camera, "
                          "of one kind of file")
 
 
@@ -218,7 +218,7 @@ def _whole_px(points: np.ndarray, image: LinearImage) -> np.ndarray:
 
 def _known_points(image: LinearImage, points_file: Path | None,
                   board_file: Path | None) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Names, places in the scene and pixels of the whole photo."""
+    """Names, positions in the scene and pixels of the whole photo."""
     from spectrabox.calibrate.geometry.board import in_scene, read_board, read_points
     from spectrabox.calibrate.geometry.projection import find_board
     if (points_file is None) == (board_file is None):
@@ -228,9 +228,9 @@ def _known_points(image: LinearImage, points_file: Path | None,
         return known.names, known.places, known.points_px
     assert board_file is not None
     printed = read_board(board_file)
-    places, points = find_board(printed, _grey(image))
-    numbers = tuple(f"corner {number}" for number in range(1, len(places) + 1))
-    return numbers, in_scene(printed, places, board_file.name), _whole_px(points, image)
+    positions, points = find_board(printed, _grey(image))
+    numbers = tuple(f"corner {number}" for number in range(1, len(positions) + 1))
+    return numbers, in_scene(printed, positions, board_file.name), _whole_px(points, image)
 
 
 def _overlay(path: Path, image: LinearImage, given: np.ndarray, seen: np.ndarray) -> None:
@@ -242,15 +242,15 @@ def _overlay(path: Path, image: LinearImage, given: np.ndarray, seen: np.ndarray
         write_png(path, points_overlay(preview_rgb8(image), given, seen, image.sensor_step))
 
 
-def _pose_facts(found: Pose, names: tuple[str, ...]) -> dict[str, Any]:
+def _pose_facts(pose: Pose, names: tuple[str, ...]) -> dict[str, Any]:
     import numpy as np
 
     from spectrabox.calibrate.geometry.lens import camera_place
-    position, error, direction, angle = camera_place(found)
-    misses = np.linalg.norm(found.residuals_px, axis=1)
+    position, error, direction, angle = camera_place(pose)
+    misses = np.linalg.norm(pose.residuals_px, axis=1)
     return {"position": position.tolist(), "position_standard_error": error.tolist(),
             "direction": direction.tolist(), "direction_standard_error_deg": angle,
-            "rms_px": found.rms_px,
+            "rms_px": pose.rms_px,
             "residuals_px": {name: float(miss) for name, miss in zip(names, misses, strict=True)}}
 
 
@@ -266,15 +266,15 @@ def _lens_lines(lens: Lens) -> list[str]:
     return lines
 
 
-def _pose_lines(found: Pose, lens: Lens, names: tuple[str, ...], lens_file: Path | None, out: Path,
+def _pose_lines(pose: Pose, lens: Lens, names: tuple[str, ...], lens_file: Path | None, out: Path,
                 flat: bool) -> list[str]:
-    facts = _pose_facts(found, names)
+    facts = _pose_facts(pose, names)
     worst = max(facts["residuals_px"], key=facts["residuals_px"].get)
-    place = ", ".join(f"{value:.4g} ({error:.2g})" for value, error in
+    position = ", ".join(f"{value:.4g} ({error:.2g})" for value, error in
                       zip(facts["position"], facts["position_standard_error"], strict=True))
-    lines = [f"camera at {place} in the scene's unit (standard errors in brackets), its direction "
+    lines = [f"camera at {position} in the scene's unit (standard errors in brackets), its direction "
              f"known to {facts['direction_standard_error_deg']:.2f} degrees",
-             f"{len(names)} points, rms {found.rms_px:.2f} pixels, largest "
+             f"{len(names)} points, rms {pose.rms_px:.2f} pixels, largest "
              f"{facts['residuals_px'][worst]:.2f} at {worst}"]
     if lens_file is None:
         lines.append(f"focal length {lens.matrix[0, 0]:.1f} pixels (standard error "

@@ -1,4 +1,4 @@
-"""Command that refines where a light of the scene stands."""
+"""Command that refines the position of a light of the scene."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from spectrabox.reconstruct.scene.light_position import LightPosition
 
-# chi-square per degree of freedom, above which the place found depends on what was allowed for
-SOUND = 2.0
+# per degree of freedom: above it, the position depends on which errors the fit allows for
+MAX_CHI_SQUARE = 2.0
 
 
 def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False,
@@ -45,7 +45,7 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
           force: Annotated[bool, typer.Option("--force",
                                               help="Replace the output where it exists.")] = False,
           device: Device = "auto", as_json: Json = False, debug: Debug = False) -> None:
-    """Refine where a light stands, from a photo of surfaces of known reflectance."""
+    """Refine the position of a light, from a photo of surfaces of known reflectance."""
     with command(as_json, debug):
         check_device(device)
         from spectrabox.capture.photo.binning import bin_image, render_size
@@ -86,13 +86,12 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
         size = render_size(image.signal.shape[1], image.signal.shape[0], width)
         start_mitsuba(device)
         with progress_display(as_json) as show:
-            found = refine_light_position(written, paints, response, bin_image(image, *size),
-                                          light_id=light_id, spp=spp, seed=seed,
-                                          progress=lambda done,
-                                          message: show("light", done, message))
-        write_text_whole(out, scene_with_light_moved(scene, number, found.offset, out.parent))
-        answer(as_json, _facts(found, out), _text(found, out))
-        if found.outcome is Outcome.STEP_LIMIT:
+            estimate = refine_light_position(
+                written, paints, response, bin_image(image, *size), light_id=light_id, spp=spp,
+                seed=seed, progress=lambda done, message: show("light", done, message))
+        write_text_whole(out, scene_with_light_moved(scene, number, estimate.offset, out.parent))
+        answer(as_json, _facts(estimate, out), _text(estimate, out))
+        if estimate.outcome is Outcome.STEP_LIMIT:
             raise typer.Exit(ConvergenceError.exit_code)
 
 
@@ -102,26 +101,24 @@ def _paints(path: Path) -> dict[str, np.ndarray]:
     return read_reflectances(path, visible_grid())
 
 
-def _facts(found: LightPosition, out: Path) -> dict[str, Any]:
-    return {"light": found.light, "offset": found.offset.tolist(),
-            "standard_error": found.standard_error.tolist(),
-            "covariance": found.covariance.tolist(), "light_scale": found.scale.value,
-            "light_scale_standard_error": found.scale.standard_error,
-            "chi_square_before": found.before,
-            "chi_square": found.misfit, "steps": len(found.offsets) - 1,
-            "outcome": found.outcome.value, "out": str(out)}
+def _facts(estimate: LightPosition, out: Path) -> dict[str, Any]:
+    return {"light": estimate.light, "offset": estimate.offset.tolist(),
+            "standard_error": estimate.standard_error.tolist(),
+            "covariance": estimate.covariance.tolist(), "light_scale": estimate.scale.value,
+            "light_scale_standard_error": estimate.scale.standard_error,
+            "chi_square_before": estimate.before,
+            "chi_square": estimate.misfit, "steps": len(estimate.offsets) - 1,
+            "outcome": estimate.outcome.value, "out": str(out)}
 
 
-def _text(found: LightPosition, out: Path) -> str:
+def _text(estimate: LightPosition, out: Path) -> str:
     moved = ", ".join(f"{axis} {value:+.3g} ({error:.2g})" for axis, value, error in
-                      zip("xyz", found.offset, found.standard_error, strict=True))
-    return "\n".join([
-                      f"light {found.light!r} moved by {moved} in the scene's unit (standard "
-                      "errors in brackets)",
-                      f"chi-square per degree of freedom {found.misfit:.2f}, {found.before:.2f} "
-                      "with the light as given",
-                      *([] if found.misfit < SOUND else ["something else than the light's place is "
-                                                         "wrong too (a lamp with a beam, a photo "
-                                                         "that is not linear, geometry): do not "
-                                                         "rely on this place"]),
-                      found.outcome.value, f"wrote {out}"])
+                      zip("xyz", estimate.offset, estimate.standard_error, strict=True))
+    lines = [f"light {estimate.light!r} moved by {moved} in the scene's unit (standard errors in "
+             "brackets)",
+             f"chi-square per degree of freedom {estimate.misfit:.2f}, {estimate.before:.2f} with "
+             "the light as given"]
+    if estimate.misfit >= MAX_CHI_SQUARE:
+        lines.append("something besides the light's position is wrong too (a lamp with a beam, a "
+                     "photo that is not linear, geometry): do not rely on this position")
+    return "\n".join([*lines, estimate.outcome.value, f"wrote {out}"])
