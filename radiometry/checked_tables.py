@@ -41,6 +41,11 @@ Fault = Mapping[str, Any]   # as pydantic describes one
 def read_toml(path: Path, advice: str) -> dict[str, Any]:
     """What a TOML file holds.
 
+    Parameters
+    ----------
+    advice : str
+        What to give in its place, for the message.
+
     Raises
     ------
     InputError
@@ -57,6 +62,14 @@ def read_toml(path: Path, advice: str) -> dict[str, Any]:
 def checked(model: type[SomeTable], written: Any, file: str) -> SomeTable:
     """The table that a file holds.
 
+    Parameters
+    ----------
+    model : subclass of Table
+    written : dict
+        As ``tomllib`` or ``json`` gives it.
+    file : str
+        Name of the file, which begins every sentence.
+
     Raises
     ------
     InputError
@@ -70,7 +83,18 @@ def checked(model: type[SomeTable], written: Any, file: str) -> SomeTable:
 
 
 def fault_sentences(error: ValidationError, model: type[Table]) -> list[str]:
-    """Every fault of a file in a sentence, place by place."""
+    """Every fault of a file in a sentence, place by place.
+
+    Parameters
+    ----------
+    error : ValidationError
+        Of ``model``.
+
+    Returns
+    -------
+    list of str
+        One for each key that is at fault; without the name of the file.
+    """
     by_place: dict[str, list[tuple[_Place, Fault]]] = {}
     for fault in error.errors(include_url=False):
         place = _place_of(fault["loc"], model)

@@ -43,7 +43,18 @@ class Problem:
 
 
 def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
-    """Everything that would stop or spoil a run of this session; empty when it is ready."""
+    """Everything that would stop or spoil a run of this session; empty when it is ready.
+
+    Parameters
+    ----------
+    allow_outside : bool
+        Whether the session may name files outside its folder.
+
+    Returns
+    -------
+    list of Problem
+        Each sentence once, in the order of the inputs.
+    """
     problems: list[Problem] = []
     config, sentences = try_read_session(folder, allow_outside)
     problems += [Problem(sentence, InputError.exit_code) for sentence in sentences]

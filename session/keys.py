@@ -21,6 +21,12 @@ Key = dict[str, Any]
 def stage_keys(config: SessionConfig) -> dict[str, Key]:
     """What each stage of this session is made from.
 
+    Returns
+    -------
+    dict
+        From the name of each stage that this session needs, in order, to its key: "files" (name to
+        SHA-256), "settings", "stages" (fingerprints of those before), "versions" and "code".
+
     Raises
     ------
     InputError

@@ -40,7 +40,13 @@ class FinishedRun:
 
 
 def stage_states(config: SessionConfig) -> list[StageState]:
-    """How far a session has come, and why any stage must be run again."""
+    """How far a session has come, and why any stage must be run again.
+
+    Returns
+    -------
+    list of StageState
+        Of all stages, in order.
+    """
     keys, states = stage_keys(config), []
     for name in STAGES:
         stored = load_stage(config.results_folder, name)

@@ -13,7 +13,13 @@ from spectrabox.session.store.results import MaterialResult, SessionResults
 
 
 def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
-    """The ``--json`` object of ``run`` and ``demo``."""
+    """The ``--json`` object of ``run`` and ``demo``.
+
+    Parameters
+    ----------
+    report : Path
+        Of report.html.
+    """
     agreement = results.reconstruction.agreement
     return {"report": str(report), "spectra": str(report.with_name("spectra.csv")),
             "verdict": judge(results).status.name.lower(), "stages": results.stages,

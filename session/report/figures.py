@@ -66,6 +66,15 @@ def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray
                           limit: float) -> Markup:
     """Residuals (24, K) of the patches: filled as fitted, open where the patch was left out of its
     own fit.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure on its page, unique there.
+    residuals, held_out : (24, K) arrays
+        (photo - predicted) / photo, chart order; the latter None where nothing was left out.
+    limit : float
+        Of a chart that is good; drawn as a grey band.
     """
     drawing = figure(9.6, 3.0)
     axes = drawing.add_subplot()
@@ -88,7 +97,15 @@ def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray
 
 
 def irradiance_figure(name: str, irradiance: np.ndarray) -> Markup:
-    """Relative irradiance (24,) over the chart, four rows of six as printed."""
+    """Relative irradiance (24,) over the chart, four rows of six as printed.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure on its page, unique there.
+    irradiance : (24,) array
+        Relative to the brightest patch, dark skin first.
+    """
     field = 100 * irradiance.reshape(4, 6)
     drawing = figure(3.6, 2.6)
     axes = drawing.add_subplot()
@@ -108,6 +125,13 @@ def irradiance_figure(name: str, irradiance: np.ndarray) -> Markup:
 def loss_figure(name: str, history: np.ndarray) -> Markup | None:
     """Loss against iteration, logarithmic where all losses are positive; None where there is no
     history.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure on its page, unique there.
+    history : (I,) array
+        Loss after each iteration.
     """
     if history.size < 2:
         return None

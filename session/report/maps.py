@@ -21,7 +21,13 @@ UNUSED = "#eceef1"
 
 
 def display_bands(fit: SensitivityFit) -> list[int]:
-    """The bands shown as red, green and blue: longest, middle and shortest mean wavelength."""
+    """The bands shown as red, green and blue: longest, middle and shortest mean wavelength.
+
+    Returns
+    -------
+    list of int
+        Rows of ``fit.curves``, that of the longest mean wavelength first.
+    """
     weights = np.clip(fit.curves, 0, None) * fit.grid.weights_nm
     order = np.argsort(weights @ fit.grid.nm / weights.sum(axis=1))
     return [int(order[-1]), int(order[len(order) // 2]), int(order[0])]
@@ -65,7 +71,17 @@ def _stretched(made: Reconstruction, chosen: list[int]) -> tuple[np.ndarray, np.
 
 def pair_figure(name: str, made: Reconstruction, fit: SensitivityFit,
                 bands: tuple[str, ...]) -> Markup:
-    """Photo and rendering side by side, divided by white and stretched by one common factor."""
+    """Photo and rendering side by side, divided by white and stretched by one common factor.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure on its page, unique there.
+    fit : SensitivityFit
+        Its curves say which bands are shown as red, green and blue.
+    bands : tuple of str
+        K names.
+    """
     chosen = display_bands(fit)
     height, width = made.used.shape
     drawing = figure(WIDTH_IN, _panel_height(WIDTH_IN / 2, height, width) + 0.3)
@@ -86,7 +102,13 @@ def residual_maps(made: Reconstruction) -> np.ndarray:
 
 
 def residual_limit(residuals: np.ndarray) -> float:
-    """End of the common colour scale: the next round number above 98 % of all |residuals|."""
+    """End of the common colour scale: the next round number above 98 % of all |residuals|.
+
+    Parameters
+    ----------
+    residuals : (H, W, K) array
+        Of ``residual_maps``; not a number where a pixel was not used.
+    """
     seen = np.abs(residuals[np.isfinite(residuals)])
     reach = float(np.percentile(seen, 98)) if seen.size else 0.0
     return float(NICE[min(int(np.searchsorted(NICE, reach)), NICE.size - 1)])
@@ -97,7 +119,15 @@ def _signed_percent(value: float, _: int) -> str:
 
 
 def residual_figure(name: str, made: Reconstruction, bands: tuple[str, ...]) -> Markup:
-    """One signed residual map per band, all on one scale; pixels that were not used are hatched."""
+    """One signed residual map per band, all on one scale; pixels that were not used are hatched.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure on its page, unique there.
+    bands : tuple of str
+        K names.
+    """
     residuals = residual_maps(made)
     limit = residual_limit(residuals)
     columns = min(len(bands), 3 if len(bands) != 4 else 4)

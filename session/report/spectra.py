@@ -59,7 +59,19 @@ def material_curves(material: MaterialResult, made: Reconstruction) -> tuple[np.
 
 
 def every_10_nm(nm: np.ndarray, curves: dict[str, np.ndarray]) -> list[list[float]]:
-    """Rows of wavelength and curve values at the multiples of 10 nm."""
+    """Rows of wavelength and curve values at the multiples of 10 nm.
+
+    Parameters
+    ----------
+    nm : (P,) array
+    curves : dict
+        Of (P,) arrays by name.
+
+    Returns
+    -------
+    list of list of float
+        One row a wavelength: nm, then the curves in their order.
+    """
     at = np.arange(np.ceil(nm[0] / 10) * 10, nm[-1] + 1e-6, 10.0)
     return [[float(v) for v in row]
             for row in np.c_[at, *[np.interp(at, nm, y)[:, None] for y in curves.values()]]]
@@ -118,6 +130,13 @@ def error_budget_figure(name: str, material: MaterialResult,
                         bands: tuple[str, ...]) -> Markup | None:
     """Relative standard error of the material's signal per cause and band; None where no cause was
     stated.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure on its page, unique there.
+    bands : tuple of str
+        J names, those of ``material.signal``.
     """
     budget = material.error_budget
     if not budget:
@@ -142,7 +161,17 @@ def error_budget_figure(name: str, material: MaterialResult,
 
 def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
                        truth: tuple[np.ndarray, np.ndarray] | None) -> Markup:
-    """Sensitivities with two standard errors either side, and the measured curves where given."""
+    """Sensitivities with two standard errors either side, and the measured curves where given.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure on its page, unique there.
+    bands : tuple of str
+        K names.
+    truth : (nm, curves) or None
+        Measured curves (K, P) at nm (P,), the highest peak of all being 1.
+    """
     nm = fit.grid.nm
     drawing = figure(5.6, 3.1)
     axes = drawing.add_subplot()

@@ -87,7 +87,13 @@ def root_mean_square(values: np.ndarray | None) -> float | None:
 
 
 def worst_entry(agreement: SurfaceAgreement) -> tuple[int, int] | None:
-    """Surface and band of the largest |ratio - 1|, None where no surface was compared."""
+    """Surface and band of the largest |ratio - 1|, None where no surface was compared.
+
+    Returns
+    -------
+    tuple of int or None
+        Its row and column in ``agreement.ratio``.
+    """
     deviation = np.abs(agreement.ratio - 1)
     if not np.isfinite(deviation).any():
         return None

@@ -13,7 +13,13 @@ SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def percent(share: float | None, decimals: int | None = None) -> str:
-    """A share as per cent, two significant digits unless ``decimals`` is given."""
+    """A share as per cent, two significant digits unless ``decimals`` is given.
+
+    Parameters
+    ----------
+    share : float or None
+        1 is 100 %.
+    """
     if share is None or not math.isfinite(share):
         return "not measured"
     value = 100 * float(share)
@@ -80,7 +86,13 @@ def listed(items: list[str], longest: int = 6) -> str:
 
 
 def disagreement(agreement: SurfaceAgreement, bands: tuple[str, ...]) -> str:
-    """Where photo and rendering disagree and by how much, in plain words."""
+    """Where photo and rendering disagree and by how much, in plain words.
+
+    Parameters
+    ----------
+    bands : tuple of str
+        K names, of the columns of ``agreement.ratio``.
+    """
     ratio = agreement.ratio
     measured = np.isfinite(ratio).all(axis=1)
     if not measured.any():

@@ -40,6 +40,12 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
 
     With the method ``prior`` the charts under all lights are one fit; other methods fit the camera
     to the first.
+
+    Returns
+    -------
+    dict
+        The "calibration" of every view, and of the first chart the "irradiance" (24,) and the
+        "predicted" signals (24, K); None where there is no chart.
     """
     config = task.config
     lights = [read_light(config, view.light) for view in config.all_views]

@@ -20,7 +20,15 @@ DARK = 1e-12             # of the light's strongest wavelength
 
 def measurement_of(calibrations: Sequence[Calibration], joint: JointReconstruction,
                    index: int) -> SpectralMeasurement:
-    """What the photos said of one material, relative to white, with every error that is known."""
+    """What the photos said of one material, relative to white, with every error that is known.
+
+    Parameters
+    ----------
+    calibrations : sequence of Calibration
+        Of every view, in the order of ``joint.views``.
+    index : int
+        Of the material, in ``joint.materials``.
+    """
     covariance = np.sum(list(signal_covariances(calibrations, joint, index).values()), axis=0)
     return SpectralMeasurement(joint.grid, joint.response, joint.signal[index], covariance)
 
@@ -51,6 +59,11 @@ def scale_covariance(calibration: Calibration, joint: JointReconstruction, view:
     A known material sets one scale for all bands. A chart to which the curves are fitted too gives
     every band its own: their errors on white are uncorrelated within what
     benchmarks/bench_white_signal.py can tell.
+
+    Parameters
+    ----------
+    view : int
+        Its index in ``joint.views``.
     """
     scale, bands = joint.views[view].light_scale, int(np.count_nonzero(joint.view_of_band == view))
     relative = 0.0 if scale.standard_error is None else scale.standard_error / scale.value
@@ -60,7 +73,15 @@ def scale_covariance(calibration: Calibration, joint: JointReconstruction, view:
 
 def relative_errors(calibrations: Sequence[Calibration], joint: JointReconstruction,
                     index: int) -> dict[str, np.ndarray]:
-    """Relative standard error (J,) of one material's signal, by cause."""
+    """Relative standard error (J,) of one material's signal, by cause.
+
+    Parameters
+    ----------
+    calibrations : sequence of Calibration
+        Of every view, in the order of ``joint.views``.
+    index : int
+        Of the material, in ``joint.materials``.
+    """
     return {cause: np.sqrt(np.diag(covariance)) / joint.signal[index]
             for cause, covariance in signal_covariances(calibrations, joint, index).items()}
 
@@ -72,6 +93,13 @@ def light_covariance(calibrations: Sequence[Calibration], joint: JointReconstruc
 
     To first order, as for the curves; zero for lights whose error nobody stated. Views under the
     same light share their bands, and these errors with them.
+
+    Parameters
+    ----------
+    calibrations : sequence of Calibration
+        Of every view, in the order of ``joint.views``.
+    index : int
+        Of the material, in ``joint.materials``.
     """
     rows, signal = [], joint.signal[index]
     for view in np.unique(joint.view_of_band):
@@ -93,6 +121,18 @@ def variance_shares(calibrations: Sequence[Calibration], joint: JointReconstruct
     wavelengths.
 
     Metamerism is what would remain if every signal were perfect.
+
+    Parameters
+    ----------
+    calibrations : sequence of Calibration
+        Of every view, in the order of ``joint.views``.
+    index : int
+        Of the material, in ``joint.materials``.
+
+    Returns
+    -------
+    dict
+        From each cause to its share, 0 to 1; they sum to 1.
     """
     budget = error_budget(load_prior(), measurement_of(calibrations, joint, index),
                           signal_covariances(calibrations, joint, index))
@@ -109,6 +149,13 @@ def sensitivity_covariance(calibrations: Sequence[Calibration], joint: JointReco
     is calibrated. The same error acts in the photos under every light. Without one, every band errs
     by the stated share of the brightest band, independently in each photo: an error of a curve's
     tail admits light from there.
+
+    Parameters
+    ----------
+    calibrations : sequence of Calibration
+        Of every view, in the order of ``joint.views``.
+    index : int
+        Of the material, in ``joint.materials``.
     """
     signal, fit = joint.signal[index], calibrations[0].sensitivity
     if fit.covariance is None or fit.basis is None:

@@ -34,6 +34,11 @@ MAX_ASPECT_ERROR = 0.01  # photo against scene film: above, the two do not show 
 def read_light(config: SessionConfig, reference: SpectrumTable | None = None) -> Spectrum:
     """Light spectrum as its file gives it, the session's own unless another is named; covers
     400-700 nm, nowhere negative.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, does not cover 400-700 nm or is negative there.
     """
     reference = reference or config.light.spectrum
     light = _spectrum(config, reference, Quantity.RELATIVE)
@@ -45,14 +50,26 @@ def read_light(config: SessionConfig, reference: SpectrumTable | None = None) ->
 
 
 def read_reflectance(config: SessionConfig, reference: SpectrumTable) -> Spectrum:
-    """Reflectance that covers 400-700 nm."""
+    """Reflectance that covers 400-700 nm.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or does not cover 400-700 nm.
+    """
     spectrum = _spectrum(config, reference, Quantity.REFLECTANCE)
     spectrum_on_grid(spectrum, GRID)
     return spectrum
 
 
 def read_sensitivities(config: SessionConfig) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names and measured curves (K, P) on the working grid, scaled to a largest value of 1."""
+    """Names and measured curves (K, P) on the working grid, scaled to a largest value of 1.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than three curves, or they are negative.
+    """
     source = config.sensitivity.source
     nm, names, curves = read_curves(config.path(source.file), source.columns,
                                     source.wavelength_column)
@@ -105,6 +122,17 @@ def read_photo(config: SessionConfig, photo: dict[str, tuple[str, ...]]) -> tupl
     One of several bands is stacked; its bands are brought to the shortest of their exposures where
     all state one. Notes say what was found on the way: hot pixels, measured exposure ratios, a file
     that is not linear.
+
+    Parameters
+    ----------
+    photo : dict
+        Files by band; under ``ONE_PHOTO`` those of a colour camera. Several files are an exposure
+        bracket.
+
+    Returns
+    -------
+    image : LinearImage
+    notes : tuple of str
     """
     darks, flats = [config.path(name) for name in config.photos.dark_files], config.photos.flats
     images, notes = [], []
@@ -138,6 +166,11 @@ def _channels(config: SessionConfig) -> list[int]:
 def require_exposed(photo: LinearImage, name: str) -> None:
     """Refuse an object photo of which too little is left to compare with a rendering.
 
+    Parameters
+    ----------
+    name : str
+        Of the photo's file, for the message.
+
     Raises
     ------
     ClippedPhotoError
@@ -151,6 +184,11 @@ def require_exposed(photo: LinearImage, name: str) -> None:
 
 def check_aspect(photo: LinearImage, scene: SceneFile, name: str) -> None:
     """Refuse a photo whose shape is not that of the scene's film.
+
+    Parameters
+    ----------
+    name : str
+        Of the photo's file, for the message.
 
     Raises
     ------
@@ -169,6 +207,11 @@ def check_aspect(photo: LinearImage, scene: SceneFile, name: str) -> None:
 def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:
     """Refuse a scene whose BSDFs are not those of the session's materials.
 
+    Parameters
+    ----------
+    bsdfs : dict
+        From the name of each material to the id of its BSDF.
+
     Raises
     ------
     InputError
@@ -185,6 +228,11 @@ def _spectrum(config: SessionConfig, reference: SpectrumTable, role: Quantity) -
 
 def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
     """Names of the camera's bands.
+
+    Parameters
+    ----------
+    bands : int
+        Of the photo.
 
     Raises
     ------

@@ -37,7 +37,19 @@ THUMBNAIL_WIDTH = 48     # pixels: a chart photo is kept only for its exposure a
 
 
 def find_and_sample_charts(task: StageTask) -> dict[str, Any]:
-    """Chart photos to patch statistics."""
+    """Chart photos to patch statistics.
+
+    Returns
+    -------
+    dict
+        "notes", and of every view with a chart its "detection", "samples" and "thumbnail"; of the
+        first also the signals of the "references" where the session names some.
+
+    Raises
+    ------
+    CheckError
+        If a chart is not found, or a patch is clipped.
+    """
     config = task.config
     records: dict[str, Any] = {"notes": ()}
     for index, view in enumerate(config.views_with_chart):
@@ -69,7 +81,21 @@ def _find_and_sample_chart(config: SessionConfig, view: ViewInputs, folder: Path
 
 
 def bin_object_photos(task: StageTask) -> dict[str, Any]:
-    """Object photos to linear signal at the render's size."""
+    """Object photos to linear signal at the render's size.
+
+    Returns
+    -------
+    dict
+        "notes", and the "photo" of every view; of the first also the signals of the "references"
+        where the session names some.
+
+    Raises
+    ------
+    ClippedPhotoError
+        If most of a photo is saturated.
+    InputError
+        If its shape is not that of its scene.
+    """
     config = task.config
     records: dict[str, Any] = {"notes": ()}
     for index, view in enumerate(config.all_views):

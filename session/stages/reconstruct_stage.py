@@ -52,6 +52,11 @@ def invert_photos(task: StageTask) -> dict[str, Any]:
 
     A drift of the light between the first view's chart and photo corrects its scale and widens its
     errors. A trace that was stopped goes on from its checkpoint among the results.
+
+    Returns
+    -------
+    dict
+        "joint", a JointReconstruction, and the "drift" of the light, a LightDrift or None.
     """
     config, stored = task.config, task.stored
     start_mitsuba(task.device)

@@ -24,7 +24,13 @@ from spectrabox.session.store.store import StoredStage
 
 
 def sample_materials(task: StageTask) -> dict[str, Any]:
-    """Draws from all spectra behind each unknown material's signal, and their summary."""
+    """Draws from all spectra behind each unknown material's signal, and their summary.
+
+    Returns
+    -------
+    dict
+        Of every unknown material its "samples NAME" and "summary NAME".
+    """
     chosen, seed = task.config.sampling, task.config.session.seed
     calibrations, joint = calibrations_of(task.config, task.stored), joint_of(task.stored)
     records: dict[str, Any] = {}

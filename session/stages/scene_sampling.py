@@ -28,6 +28,18 @@ def draw_through_transport(calibration: Calibration, joint: JointReconstruction,
     """Draws of every unknown material, interreflection, noise, calibration and model errors
     included.
 
+    Parameters
+    ----------
+    draws : int
+        Spectra of each material.
+    coefficients : int
+        Of the splines that the draws are stored with.
+
+    Returns
+    -------
+    dict
+        From the name of each unknown material to its draws.
+
     Raises
     ------
     InputError

@@ -17,7 +17,15 @@ def versions(names: tuple[str, ...] = PACKAGES) -> dict[str, str]:
 
 
 def provenance(command: list[str], seed: int, device: str) -> dict[str, Any]:
-    """Versions, command, seed, time and kind of machine; no paths and no names of machines."""
+    """Versions, command, seed, time and kind of machine; no paths and no names of machines.
+
+    Parameters
+    ----------
+    command : list of str
+        As the operator could type it again, without paths.
+    device : str
+        Where Mitsuba rendered.
+    """
     return {"versions": versions() | {"python": platform.python_version()}, "command": command,
             "seed": seed,
             "device": device, "machine": platform.machine(), "system": platform.system(),

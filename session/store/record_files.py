@@ -18,7 +18,16 @@ from spectrabox.radiometry.shaped import Record, array_fields
 
 
 def pack(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
-    """JSON-able form of a record; its arrays are put into ``arrays`` under dotted names."""
+    """JSON-able form of a record; its arrays are put into ``arrays`` under dotted names.
+
+    Parameters
+    ----------
+    value : record, array, enumeration, tuple, or what JSON holds
+    name : str
+        Of the value; parts of a record add theirs after a dot.
+    arrays : dict
+        Takes the arrays; the only argument that is changed.
+    """
     if isinstance(value, Record):
         return {f.name: pack(getattr(value, f.name), f"{name}.{f.name}", arrays)
                 for f in dataclasses.fields(value)}  # type: ignore[arg-type]
@@ -33,7 +42,16 @@ def pack(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
 
 
 def unpack(kind: Any, node: Any, arrays: typing.Mapping[str, np.ndarray]) -> Any:
-    """The value of type ``kind`` that ``pack`` wrote."""
+    """The value of type ``kind`` that ``pack`` wrote.
+
+    Parameters
+    ----------
+    kind : type
+        Of a record's field, or of the record.
+    node : what ``pack`` returned, after JSON
+    arrays : mapping
+        From dotted names to arrays.
+    """
     if node is None:
         return None
     if isinstance(kind, types.UnionType) or typing.get_origin(kind) is typing.Union:

@@ -67,7 +67,15 @@ def import_graph(contents: Mapping[str, bytes]) -> dict[str, frozenset[str]]:
 
 
 def imported_files(source: str, contents: Mapping[str, bytes]) -> Iterator[str]:
-    """The modules of ours that a source imports, and the packages around them."""
+    """The modules of ours that a source imports, and the packages around them.
+
+    Parameters
+    ----------
+    source : str
+        Of a module.
+    contents : mapping
+        Whose names are the files of the package.
+    """
     if "TYPE_CHECKING" in source:
         source = FOR_TYPES.sub("", source)
     for module, names in IMPORT.findall(source):
@@ -82,7 +90,15 @@ def imported_files(source: str, contents: Mapping[str, bytes]) -> Iterator[str]:
 
 
 def files_behind(entry: str, graph: Mapping[str, frozenset[str]]) -> set[str]:
-    """Every file that the module ``entry`` depends on, itself among them."""
+    """Every file that the module ``entry`` depends on, itself among them.
+
+    Parameters
+    ----------
+    entry : str
+        Name of a module, with its package.
+    graph : mapping
+        Of ``import_graph``.
+    """
     waiting, reached = ["/".join(entry.split(".")[1:]) + MODULE], set()
     while waiting:
         file = waiting.pop()

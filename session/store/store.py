@@ -96,7 +96,19 @@ def stage_folder(results: Path, stage: str) -> Iterator[Path]:
 
 def save_stage(folder: Path, key: dict[str, Any], records: dict[str, Any], seconds: float,
                more: dict[str, Any]) -> None:
-    """Write a stage's records and facts into its (temporary) folder."""
+    """Write a stage's records and facts into its (temporary) folder.
+
+    Parameters
+    ----------
+    folder : Path
+        From ``stage_folder``.
+    key : dict
+        What the results are made from, as JSON gives it back.
+    records : dict
+        Records, arrays, tuples of words and None, by name.
+    more : dict
+        Further facts to keep beside them.
+    """
     arrays: dict[str, Any] = {}
     packed = {name: pack(record, name, arrays) for name, record in records.items()}
     save_arrays(folder / ARRAYS, arrays)
@@ -105,7 +117,13 @@ def save_stage(folder: Path, key: dict[str, Any], records: dict[str, Any], secon
 
 
 def why_stale(stored: dict[str, Any], current: dict[str, Any]) -> list[str]:
-    """What differs between two keys, in words."""
+    """What differs between two keys, in words.
+
+    Parameters
+    ----------
+    stored, current : dict
+        Keys of a stage: parts by name, each a dictionary.
+    """
     reasons = []
     for part in sorted(stored.keys() | current.keys()):
         before, now = stored.get(part, {}), current.get(part, {})
