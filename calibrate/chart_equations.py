@@ -90,7 +90,12 @@ def unlit_design(photo: ChartEquations, basis: np.ndarray) -> np.ndarray:
 
 
 def nuisance_sd(photo: ChartEquations) -> np.ndarray:
-    """Prior standard deviations of the field terms and the glare of each band, in this order."""
+    """Prior standard deviations of the field terms and the glare of each band, in this order.
+
+    Parameters
+    ----------
+    photo : ChartEquations
+    """
     glare = GLARE_SD * photo.signal.max(axis=0) if photo.glare else np.zeros(0)
     return np.concatenate([np.full(photo.field_terms.shape[1], FIELD_SD), glare])
 

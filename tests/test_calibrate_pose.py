@@ -7,7 +7,7 @@ import pytest
 from geometry_views import TILTS, TRUE, seen, view
 
 from spectrabox.calibrate.geometry.board import Board, in_scene, read_board, read_points
-from spectrabox.calibrate.geometry.lens import Lens, camera_place
+from spectrabox.calibrate.geometry.lens import Lens, camera_position
 from spectrabox.calibrate.geometry.pose import (
     lens_of_focal_length,
     pose_and_focal_length,
@@ -43,7 +43,7 @@ def test_the_pose_comes_back_from_exact_points():
 def test_the_focal_length_comes_back_with_the_pose():
     pose, lens = pose_and_focal_length(*box_view(lens=PLAIN), 640, 480)
     assert lens.matrix[0, 0] == pytest.approx(700, rel=1e-6)  # Gauss-Newton's own stop
-    np.testing.assert_allclose(camera_place(pose)[0], true_place()[0], atol=1e-6)
+    np.testing.assert_allclose(camera_position(pose)[0], true_place()[0], atol=1e-6)
 
 
 @pytest.mark.parametrize("free_focal", [False, True])
@@ -53,9 +53,9 @@ def test_the_stated_errors_are_the_scatter_of_repeated_clicks(free_focal):
         places, points = box_view(rng, lens=PLAIN)
         if free_focal:
             pose, lens = pose_and_focal_length(places, points, 640, 480)
-            found.append((*camera_place(pose), lens.matrix[0, 0], lens.standard_error[0]))
+            found.append((*camera_position(pose), lens.matrix[0, 0], lens.standard_error[0]))
         else:
-            found.append((*camera_place(pose_from_points(places, points, PLAIN)), 700.0, 1.0))
+            found.append((*camera_position(pose_from_points(places, points, PLAIN)), 700.0, 1.0))
     position, error, direction, angle, focal, focal_error = (np.array(column)
                                                              for column in zip(*found, strict=True))
     # 100 draws of three numbers know a standard deviation to 4 to 7 %: 4 sigma.
@@ -70,10 +70,10 @@ def test_the_stated_errors_are_the_scatter_of_repeated_clicks(free_focal):
 
 def test_an_uncertain_lens_widens_the_pose():
     places, points = box_view(np.random.default_rng(1))
-    known = camera_place(pose_from_points(places, points, TRUE))[1]
+    known = camera_position(pose_from_points(places, points, TRUE))[1]
     unsure = Lens(**{**vars(TRUE), "standard_error": np.array([20.0, 20, 5, 5])})
     # 20 of 700 pixels of focal length are 3 % of the distance of 0.9.
-    assert known.max() < 0.01 < camera_place(pose_from_points(places, points, unsure))[1].max()
+    assert known.max() < 0.01 < camera_position(pose_from_points(places, points, unsure))[1].max()
 
 
 def test_points_that_do_not_tell_are_refused():
@@ -95,13 +95,13 @@ def test_points_that_do_not_tell_are_refused():
 def test_a_small_plane_that_may_be_turned_over_is_refused():
     tiny = 0.01 * np.array([[x, y, 0.0] for x in (-1, 0, 1) for y in (-1, 1)])
     points = seen(tiny, (0.3, 0, 0), (0, 0, 1.5), np.random.default_rng(1), 0.3, PLAIN)
-    with pytest.raises(CheckError, match="two places of the camera explain the points alike"):
+    with pytest.raises(CheckError, match="two poses of the camera explain the points equally well"):
         pose_from_points(tiny, points, PLAIN)
 
 
 def test_what_is_wrong_with_points_is_said():
     places, points = box_view()
-    with pytest.raises(CheckError, match="no place of the camera explains the points"):
+    with pytest.raises(CheckError, match="no pose of the camera explains the points"):
         pose_from_points(places, np.random.default_rng(1).permutation(points), TRUE)
     mirrored = points * [-1, 1] + [639, 0]
     with pytest.raises(CheckError, match="with left and right exchanged they fit"):

@@ -1,6 +1,4 @@
-"""A printed ChArUco board and where it lies in the scene; points of the scene that an operator
-picked in a photo.
-"""
+"""A printed ChArUco board and its pose in the scene; points of the scene picked in a photo."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -17,7 +15,7 @@ from spectrabox.radiometry.shaped import Record
 MIN_SQUARES = 3
 Vector = Annotated[ListOf[float], Field(min_length=3, max_length=3)]
 Pixel = Annotated[ListOf[float], Field(min_length=2, max_length=2)]
-PLACE = ("origin", "right", "down")
+POSE_KEYS = ("origin", "right", "down")
 ADVICE = "see docs/how-to/geometry.md"
 SQUARE_ANGLE = 1e-3     # radians: how far from a right angle the two directions of a board may be
 
@@ -31,19 +29,16 @@ class Board(Record):
     square: float
     marker: float
     dictionary: str = "DICT_5X5_100"
-    legacy: bool = False  # printed with the pattern of OpenCV before 4.6
-    # rows: origin, direction to the right, direction down
-    axes: Annotated[np.ndarray, "3 3"] | None = None
+    legacy: bool = False                            # with the pattern of OpenCV before 4.6
+    axes: Annotated[np.ndarray, "3 3"] | None = None    # rows: origin, to the right, down
 
 
 @dataclass(frozen=True, eq=False)
 class ScenePoints(Record):
-    """Points that are known in the scene and seen in a photo; (0, 0) is the centre of its top-left
-    pixel.
-    """
+    """Points known in the scene and seen in a photo; (0, 0) is the centre of its first pixel."""
 
     names: tuple[str, ...]
-    places: Annotated[np.ndarray, "n 3"]                    # the scene's unit
+    positions: Annotated[np.ndarray, "n 3"]         # the scene's unit
     points_px: Annotated[np.ndarray, "n 2"]
 
 
@@ -70,11 +65,11 @@ class BoardTable(Table):
 
     @model_validator(mode="after")
     def edges_are_at_a_right_angle(self) -> BoardTable:
-        """Refuse a place in the scene that is stated in part, or askew."""
-        stated = [name for name in PLACE if getattr(self, name) is not None]
-        if stated and len(stated) < len(PLACE):
+        """Refuse a pose in the scene that is stated in part, or askew."""
+        stated = [name for name in POSE_KEYS if getattr(self, name) is not None]
+        if stated and len(stated) < len(POSE_KEYS):
             raise ValueError(f"{', '.join(stated)} alone does not say where the board lies; give "
-                             f"{', '.join(PLACE)}")
+                             f"{', '.join(POSE_KEYS)}")
         if stated and self.axes() is None:
             raise ValueError("right and down must be two directions at a right angle")
         return self
@@ -107,6 +102,10 @@ class PointsFile(Table):
 def read_board(path: Path) -> Board:
     """A board as its TOML file describes it.
 
+    Parameters
+    ----------
+    path : Path
+
     Raises
     ------
     InputError
@@ -117,8 +116,16 @@ def read_board(path: Path) -> Board:
                  table.legacy, table.axes())
 
 
-def in_scene(board: Board, places: np.ndarray, name: str) -> np.ndarray:
-    """Places (n, 3) in the board's plane as places of the scene.
+def in_scene(board: Board, positions: np.ndarray, name: str) -> np.ndarray:
+    """Positions (n, 3) in the scene of points in the board's plane.
+
+    Parameters
+    ----------
+    board : Board
+    positions : (n, 3) array
+        In the board's plane, the scene's unit; the third coordinate is 0.
+    name : str
+        Of the board's file, for errors.
 
     Raises
     ------
@@ -129,12 +136,16 @@ def in_scene(board: Board, places: np.ndarray, name: str) -> np.ndarray:
         raise InputError(f"{name} does not say where the board lies in the scene; add origin = [x, "
                          "y, z] (its top-left corner as printed), right = [x, y, z] and down = [x, "
                          "y, z] (the directions of its edges)")
-    return board.axes[0] + places[:, :2] @ board.axes[1:]
+    return board.axes[0] + positions[:, :2] @ board.axes[1:]
 
 
 def read_points(path: Path) -> ScenePoints:
     """Points from a TOML file: ``[points.NAME]`` with ``scene = [x, y, z]`` and ``px = [x, y]``
     each.
+
+    Parameters
+    ----------
+    path : Path
 
     Raises
     ------

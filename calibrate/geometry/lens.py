@@ -1,4 +1,4 @@
-"""A camera's lens and place as records, and as the numbers of Mitsuba's ``perspective`` sensor.
+"""A camera's lens and pose as records, and as the numbers of Mitsuba's ``perspective`` sensor.
 
 OpenCV's camera looks along +z with x to the right and y down; (0, 0) is the centre of the top-left
 pixel. Mitsuba's ``perspective`` sensor looks along +z with x to the left and y up, has square
@@ -21,9 +21,7 @@ STEP = 1e-6             # of rotations in radians, and of shifts as a share of t
 
 @dataclass(frozen=True, eq=False)
 class Lens(Record):
-    """Pinhole and distortion of one camera, zoom and focus. A standard error of 0: taken as given,
-    not estimated.
-    """
+    """Pinhole and distortion of a camera at a zoom and focus; standard errors of 0: assumed."""
 
     width: int                                          # pixels of the whole photo
     height: int
@@ -31,24 +29,34 @@ class Lens(Record):
     distortion: Annotated[np.ndarray, "D"]              # k1 k2 p1 p2 k3 of OpenCV
     standard_error: Annotated[np.ndarray, "4"]          # of fx, fy, cx, cy in pixels
     distortion_error: Annotated[np.ndarray, "D"]
-    rms_px: float  # distance of the points from where the lens puts them
+    rms_px: float                                       # of the points' reprojection errors
     source: str
 
 
 @dataclass(frozen=True, eq=False)
 class Pose(Record):
-    """Where the camera stands: world (the scene's unit) to OpenCV camera coordinates."""
+    """The camera's pose: world (the scene's unit) to OpenCV camera coordinates."""
 
     world_to_camera: Annotated[np.ndarray, "4 4"]
-    # of a small turn (radians, camera axes) and of the shift
-    covariance: Annotated[np.ndarray, "6 6"]
+    covariance: Annotated[np.ndarray, "6 6"]            # small turn (rad, camera axes), shift
     residuals_px: Annotated[np.ndarray, "n 2"]          # photo - reprojection
     rms_px: float
 
 
-def camera_place(pose: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Position (3,) in the scene, its standard error (3,), viewing direction (3,) and its error in
-    degrees.
+def camera_position(pose: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Position (3,) in the scene and viewing direction (3,), with their standard errors.
+
+    Parameters
+    ----------
+    pose : Pose
+
+    Returns
+    -------
+    position, standard_error : (3,) arrays
+        The scene's unit.
+    direction : (3,) array
+    error_deg : float
+        Of the direction.
     """
     def seen(step: np.ndarray) -> np.ndarray:
         rotation = _turn(step[:3]) @ pose.world_to_camera[:3, :3]
@@ -65,8 +73,11 @@ def camera_place(pose: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]
 
 
 def pinhole(lens: Lens) -> np.ndarray:
-    """Camera matrix (3, 3) of the undistorted photo: square pixels, the principal point where it
-    was.
+    """Camera matrix (3, 3) of the undistorted photo: square pixels, the same principal point.
+
+    Parameters
+    ----------
+    lens : Lens
     """
     matrix = lens.matrix.copy()
     matrix[1, 1] = matrix[0, 0]
@@ -74,8 +85,14 @@ def pinhole(lens: Lens) -> np.ndarray:
 
 
 def mitsuba_sensor(lens: Lens, pose: Pose) -> dict[str, Any]:
-    """What a ``perspective`` sensor needs: ``to_world`` (4, 4), ``fov`` in degrees along x,
-    principal point offsets.
+    """Parameters of a ``perspective`` sensor.
+
+    ``to_world`` (4, 4), ``fov`` in degrees along x, principal point offsets.
+
+    Parameters
+    ----------
+    lens : Lens
+    pose : Pose
     """
     matrix = pinhole(lens)
     return {"to_world": np.linalg.inv(pose.world_to_camera) @ OPENCV_TO_MITSUBA,

@@ -41,19 +41,35 @@ class LensTable(Table):
 
 
 def lens_facts(lens: Lens) -> dict[str, object]:
-    """What the file holds, in pixels of the whole photo."""
+    """What the file holds, in pixels of the whole photo.
+
+    Parameters
+    ----------
+    lens : Lens
+    """
     return {"format": FORMAT, "width": lens.width, "height": lens.height,
             **{name: getattr(lens, name).tolist() for name in ARRAYS}, "rms_px": lens.rms_px,
             "source": lens.source}
 
 
 def write_lens(path: Path, lens: Lens) -> None:
-    """Write the lens, whole or not at all."""
+    """Write the lens, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    lens : Lens
+    """
     write_text_whole(path, json.dumps(lens_facts(lens), indent=1) + "\n")
 
 
 def read_lens(path: Path) -> Lens:
     """A lens that ``write_lens`` wrote.
+
+    Parameters
+    ----------
+    path : Path
+        JSON.
 
     Raises
     ------

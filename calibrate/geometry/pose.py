@@ -1,7 +1,6 @@
-"""Where the camera stands, from known points of the scene: least squares of their reprojection,
-with standard errors.
+"""The camera's pose from known points of the scene: least squares of their reprojection errors.
 
-Without a lens the focal length is found too; the principal point is then the photo's middle and
+Without a lens the focal length is estimated too; the principal point is then the photo's middle and
 nothing is distorted.
 """
 from __future__ import annotations
@@ -33,31 +32,52 @@ FAR_PX = 1e6                # stands for a point that cannot be projected
 FOCAL_RANGE = (0.4, 10.0)   # of the photo's width, tried in 10 steps
 
 
-def pose_from_points(places: np.ndarray, points_px: np.ndarray, lens: Lens,
+def pose_from_points(positions: np.ndarray, points_px: np.ndarray, lens: Lens,
                      names: Sequence[str] = ()) -> Pose:
     """Pose of a camera of known lens, from points (n, 3) of the scene and their pixels (n, 2).
 
     The covariance is that of the residuals' scatter and of the lens' stated errors.
+
+    Parameters
+    ----------
+    positions : (n, 3) array
+        In the scene, any unit.
+    points_px : (n, 2) array
+        The same points in pixels of the whole photo.
+    lens : Lens
+    names : sequence of str
+        Of the points, for errors; empty numbers them.
 
     Raises
     ------
     InputError
         If there are fewer than 6 points, they lie on one line or outside the photo.
     CheckError
-        If no place of the camera explains them, or two do.
+        If no pose of the camera explains them, or two do.
     """
-    _require_usable(places, points_px, lens)
-    fits = sorted((_refined(places, points_px, lens, start, False)
-                   for start in likely_poses(places, points_px, lens)), key=lambda fit: fit[2])
-    if not fits or not _explains(fits[0][2], len(places), lens):
-        _refuse(places, points_px, lens, False, names)
-    _require_one(fits, len(places))
-    return _pose(places, points_px, fits[0][0], lens, False)
+    _require_usable(positions, points_px, lens)
+    fits = sorted((_refined(positions, points_px, lens, start, False)
+                   for start in likely_poses(positions, points_px, lens)), key=lambda fit: fit[2])
+    if not fits or not _explains(fits[0][2], len(positions), lens):
+        _refuse(positions, points_px, lens, False, names)
+    _require_one(fits, len(positions))
+    return _pose(positions, points_px, fits[0][0], lens, False)
 
 
-def pose_and_focal_length(places: np.ndarray, points_px: np.ndarray, width: int, height: int,
+def pose_and_focal_length(positions: np.ndarray, points_px: np.ndarray, width: int, height: int,
                           names: Sequence[str] = ()) -> tuple[Pose, Lens]:
     """Pose and focal length of a camera of which nothing is known but its photo's size.
+
+    Parameters
+    ----------
+    positions : (n, 3) array
+        In the scene, any unit.
+    points_px : (n, 2) array
+        The same points in pixels of the whole photo.
+    width, height : int
+        Of the whole photo, pixels.
+    names : sequence of str
+        Of the points, for errors; empty numbers them.
 
     Raises
     ------
@@ -65,22 +85,22 @@ def pose_and_focal_length(places: np.ndarray, points_px: np.ndarray, width: int,
         As ``pose_from_points``; also if the points do not tell the focal length from the distance.
     """
     middle = lens_of_focal_length(float(width), width, height)
-    _require_usable(places, points_px, middle)
-    fit = _with_focal(places, points_px, middle)
-    if fit is None or not _explains(fit[2], len(places), middle):
-        _refuse(places, points_px, middle, True, names)
+    _require_usable(positions, points_px, middle)
+    fit = _with_focal(positions, points_px, middle)
+    if fit is None or not _explains(fit[2], len(positions), middle):
+        _refuse(positions, points_px, middle, True, names)
     lens = lens_of_focal_length(fit[1], width, height)
-    jacobian = _jacobian(places, fit[0], lens, True)
+    jacobian = _jacobian(positions, fit[0], lens, True)
     relative = np.inf
     if np.linalg.cond(jacobian / np.linalg.norm(jacobian, axis=0)) < 1 / FLAT**2:
-        noise = max(fit[2] / (2 * len(places) - 7), MIN_NOISE_PX**2)
+        noise = max(fit[2] / (2 * len(positions) - 7), MIN_NOISE_PX**2)
         relative = float(np.sqrt(noise * np.linalg.inv(jacobian.T @ jacobian)[6, 6]))
     if not relative < MAX_FOCAL_ERROR:
-        where = "they lie in one plane: " if spread(places)[2] < FLAT else ""
+        where = "they lie in one plane: " if spread(positions)[2] < FLAT else ""
         raise CheckError(f"the points leave the focal length open by {min(relative, 9.99):.0%} "
                          f"({MAX_FOCAL_ERROR:.0%} is the most), for it cannot be told from the "
                          f"distance; {where}give points at different depths, or the lens (--lens)")
-    pose = _pose(places, points_px, fit[0], lens, True)
+    pose = _pose(positions, points_px, fit[0], lens, True)
     error = fit[1] * relative
     return pose, Lens(width, height, lens.matrix, lens.distortion, np.array([error, error, 0, 0]),
                       np.zeros(5), pose.rms_px, "focal length from the points of the pose; "
@@ -88,17 +108,24 @@ def pose_and_focal_length(places: np.ndarray, points_px: np.ndarray, width: int,
 
 
 def lens_of_focal_length(focal_px: float, width: int, height: int) -> Lens:
-    """A pinhole without distortion that looks through the middle of the photo."""
+    """A pinhole without distortion that looks through the middle of the photo.
+
+    Parameters
+    ----------
+    focal_px : float
+    width, height : int
+        Of the whole photo, pixels.
+    """
     matrix = np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]])
     return Lens(width, height, matrix, np.zeros(5), np.zeros(4), np.zeros(5), 0.0, "assumed")
 
 
-def _require_usable(places: np.ndarray, points_px: np.ndarray, lens: Lens) -> None:
-    if len(places) < MIN_POINTS:
-        raise InputError(f"{len(places)} points cannot determine a pose reliably; give "
+def _require_usable(positions: np.ndarray, points_px: np.ndarray, lens: Lens) -> None:
+    if len(positions) < MIN_POINTS:
+        raise InputError(f"{len(positions)} points cannot determine a pose reliably; give "
                          f"{MIN_POINTS} or more")
-    if spread(places)[1] < FLAT:
-        raise InputError(f"the {len(places)} points lie on one line, about which the camera may "
+    if spread(positions)[1] < FLAT:
+        raise InputError(f"the {len(positions)} points lie on one line, about which the camera may "
                          "stand anywhere; give points of a surface, better of two")
     outside = np.flatnonzero(np.any((points_px < -0.5)
                                     | (points_px > [lens.width - 0.5, lens.height - 0.5]), axis=1))
@@ -114,58 +141,56 @@ def _explains(squares: float, points: int, lens: Lens) -> bool:
 
 
 def _require_one(fits: list[tuple[np.ndarray, float, float]], points: int) -> None:
-    """Refuse a second pose that explains the points about as well (a small or distant plane turns
-    over).
-    """
+    """Refuse a second pose that explains the points as well (a small, distant plane turns over)."""
     noise = max(fits[0][2] / (2 * points - 6), MIN_NOISE_PX**2)
     for parameters, _, squares in fits[1:]:
         turned = rotation_matrix(parameters[:3]) @ rotation_matrix(fits[0][0][:3]).T
         if np.trace(turned) < 3 - FLAT and squares - fits[0][2] < DIFFERENT**2 * noise:
-            raise CheckError("two places of the camera explain the points alike, for they lie in "
-                             "one plane that looks small or frontal; give points at different "
-                             "depths")
+            raise CheckError("two poses of the camera explain the points equally well, for they "
+                             "lie in one plane that looks small or frontal; give points at "
+                             "different depths")
 
 
-def _refuse(places: np.ndarray, points_px: np.ndarray, lens: Lens, free_focal: bool,
+def _refuse(positions: np.ndarray, points_px: np.ndarray, lens: Lens, free_focal: bool,
             names: Sequence[str]) -> NoReturn:
     """Say what is most likely wrong with points that no pose explains."""
     def squares(kept: np.ndarray, points: np.ndarray) -> float:
         if free_focal:
-            fit = _with_focal(places[kept], points[kept], lens)
+            fit = _with_focal(positions[kept], points[kept], lens)
             return np.inf if fit is None else fit[2]
-        return min((_refined(places[kept], points[kept], lens, start, False)[2]
-                    for start in likely_poses(places[kept], points[kept], lens)), default=np.inf)
+        return min((_refined(positions[kept], points[kept], lens, start, False)[2]
+                    for start in likely_poses(positions[kept], points[kept], lens)), default=np.inf)
 
-    everyone = np.arange(len(places))
-    rms = np.sqrt(squares(everyone, points_px) / len(places))
-    found = (f"no place of the camera explains the points (rms {rms:.1f} pixels, at most "
+    everyone = np.arange(len(positions))
+    rms = np.sqrt(squares(everyone, points_px) / len(positions))
+    refusal = (f"no pose of the camera explains the points (rms {rms:.1f} pixels, at most "
              f"{ACCEPTED_SHARE * lens.width:.1f} is accepted); ")
-    if _explains(squares(everyone, np.abs([lens.width - 1, 0] - points_px)), len(places), lens):
-        raise CheckError(found + "with left and right exchanged they fit: the photo is mirrored, "
+    if _explains(squares(everyone, np.abs([lens.width - 1, 0] - points_px)), len(positions), lens):
+        raise CheckError(refusal + "with left and right exchanged they fit: the photo is mirrored, "
                          "or the points are matched as in a mirror")
-    if len(places) > MIN_POINTS:
+    if len(positions) > MIN_POINTS:
         without = [squares(np.delete(everyone, index), points_px) for index in everyone]
         worst = int(np.argmin(without))
-        if _explains(without[worst], len(places) - 1, lens):
+        if _explains(without[worst], len(positions) - 1, lens):
             name = repr(names[worst]) if names else f"number {worst + 1}"
-            raise CheckError(found + f"without point {name} the others fit: correct it")
-    raise CheckError(found + "check their order, and that all places are in one unit")
+            raise CheckError(refusal + f"without point {name} the others fit: correct it")
+    raise CheckError(refusal + "check their order, and that all positions are in one unit")
 
 
-def _with_focal(places: np.ndarray, points_px: np.ndarray,
+def _with_focal(positions: np.ndarray, points_px: np.ndarray,
                 middle: Lens) -> tuple[np.ndarray, float, float] | None:
     """The best fit from the likeliest of a range of focal lengths."""
     starts = []
     for focal in np.geomspace(*FOCAL_RANGE, 10) * middle.width:
         lens = lens_of_focal_length(focal, middle.width, middle.height)
-        starts += [(float(np.sum((projected(places, start, lens)[0] - points_px) ** 2)), lens,
-                    start) for start in likely_poses(places, points_px, lens)]
+        starts += [(float(np.sum((projected(positions, start, lens)[0] - points_px) ** 2)), lens,
+                    start) for start in likely_poses(positions, points_px, lens)]
     likeliest = sorted(starts, key=lambda one: one[0])[:STARTS]
-    return min((_refined(places, points_px, lens, start, True) for _, lens, start in likeliest),
+    return min((_refined(positions, points_px, lens, start, True) for _, lens, start in likeliest),
                key=lambda fit: fit[2], default=None)
 
 
-def _refined(places: np.ndarray, points_px: np.ndarray, lens: Lens, start: np.ndarray,
+def _refined(positions: np.ndarray, points_px: np.ndarray, lens: Lens, start: np.ndarray,
              free_focal: bool) -> tuple[np.ndarray, float, float]:
     """Rotation vector and shift (6,), focal length, and the sum of squared residuals (px
     squared).
@@ -177,28 +202,28 @@ def _refined(places: np.ndarray, points_px: np.ndarray, lens: Lens, start: np.nd
                                     lens.height)
 
     def misses(parameters: np.ndarray) -> np.ndarray:
-        seen = projected(places, parameters[:6], at(parameters))[0] - points_px
+        seen = projected(positions, parameters[:6], at(parameters))[0] - points_px
         return np.where(np.isfinite(seen), seen, FAR_PX).ravel()
 
     def slope(parameters: np.ndarray) -> np.ndarray:
-        derivative = projected(places, parameters[:6], at(parameters))[1]
+        derivative = projected(positions, parameters[:6], at(parameters))[1]
         log_focal = derivative[:, 6:8] @ np.diag(at(parameters).matrix)[:2]
         return np.column_stack([derivative[:, :6], log_focal]) if free_focal else derivative[:, :6]
 
-    found = least_squares(misses, np.append(start, 0.0) if free_focal else start, slope,
+    solution = least_squares(misses, np.append(start, 0.0) if free_focal else start, slope,
                           x_scale="jac", method="lm", max_nfev=MAX_STEPS)
-    behind = (places @ rotation_matrix(found.x[:3]).T + found.x[3:6])[:, 2] <= 0
-    return (found.x[:6], float(at(found.x).matrix[0, 0]), np.inf if behind.any()
-            else float(2 * found.cost))
+    behind = (positions @ rotation_matrix(solution.x[:3]).T + solution.x[3:6])[:, 2] <= 0
+    return (solution.x[:6], float(at(solution.x).matrix[0, 0]), np.inf if behind.any()
+            else float(2 * solution.cost))
 
 
-def _pose(places: np.ndarray, points_px: np.ndarray, parameters: np.ndarray, lens: Lens,
+def _pose(positions: np.ndarray, points_px: np.ndarray, parameters: np.ndarray, lens: Lens,
           free_focal: bool) -> Pose:
-    seen, derivative = projected(places, parameters, lens)
+    seen, derivative = projected(positions, parameters, lens)
     residuals = points_px - seen
-    jacobian = _jacobian(places, parameters, lens, free_focal)
+    jacobian = _jacobian(positions, parameters, lens, free_focal)
     inverse = np.linalg.inv(jacobian.T @ jacobian)
-    noise = float(np.sum(residuals**2)) / (2 * len(places) - jacobian.shape[1])
+    noise = float(np.sum(residuals**2)) / (2 * len(positions) - jacobian.shape[1])
     follows = inverse @ jacobian.T @ derivative[:, 6:10]  # how the pose follows fx, fy, cx, cy
     covariance = noise * inverse + follows @ np.diag(lens.standard_error**2) @ follows.T
     world_to_camera = np.eye(4)
@@ -208,15 +233,16 @@ def _pose(places: np.ndarray, points_px: np.ndarray, parameters: np.ndarray, len
                 float(np.sqrt(np.mean(np.sum(residuals**2, axis=1)))))
 
 
-def _jacobian(places: np.ndarray, parameters: np.ndarray, lens: Lens,
+def _jacobian(positions: np.ndarray, parameters: np.ndarray, lens: Lens,
               free_focal: bool) -> np.ndarray:
     """Of the pixels (2 n) by a small turn in camera axes, the shift, and the focal length's log
     where it is free.
     """
-    _, derivative = projected(places, parameters, lens)
+    _, derivative = projected(positions, parameters, lens)
     shift = derivative[:, 3:6]
-    turned = np.repeat(places @ rotation_matrix(parameters[:3]).T, 2, axis=0)
-    columns = [np.cross(turned, shift), shift]  # shift . (turn x place) = turn . (place x shift)
+    turned = np.repeat(positions @ rotation_matrix(parameters[:3]).T, 2, axis=0)
+    # shift . (turn x position) = turn . (position x shift)
+    columns = [np.cross(turned, shift), shift]
     if free_focal:
         columns.append((derivative[:, 6:8] @ np.diag(lens.matrix)[:2])[:, None])
     return np.concatenate(columns, axis=1)

@@ -1,5 +1,4 @@
-"""Lens and place of the camera from a ChArUco board or known points of the scene, and photos
-without distortion.
+"""The lens from views of a ChArUco board, projection of points, and photos without distortion.
 
 The records and the renderer's terms are in ``lens.py``.
 """
@@ -28,14 +27,25 @@ GREEN, RED, BLACK = (60, 220, 60), (255, 40, 40), (0, 0, 0)
 
 
 def board_picture(board: Board, square_px: int) -> np.ndarray:
-    """The board (H, W) uint8 for printing, half a square of white around it."""
+    """The board (H, W) uint8 for printing, half a square of white around it.
+
+    Parameters
+    ----------
+    board : Board
+    square_px : int
+        Side of a square.
+    """
     size = ((board.columns + 1) * square_px, (board.rows + 1) * square_px)
     return np.asarray(_charuco(board).generateImage(size, marginSize=square_px // 2))
 
 
 def find_board(board: Board, grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of the board that a picture (H, W) uint8 shows: places (n, 3) in the board's plane
-    and (n, 2) in pixels.
+    """Corners of the board in a picture: (n, 3) in the board's plane and (n, 2) in pixels.
+
+    Parameters
+    ----------
+    board : Board
+    grey : (H, W) uint8 array
 
     Raises
     ------
@@ -46,19 +56,27 @@ def find_board(board: Board, grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     corners, identities, _, markers = cv2.aruco.CharucoDetector(charuco).detectBoard(grey)
     seen = 0 if corners is None else len(corners)
     if seen < MIN_CORNERS:
-        found = 0 if markers is None else len(markers)
-        raise CheckError(f"{seen} corners of the ChArUco board are seen, and {found} of its "
+        detected = 0 if markers is None else len(markers)
+        raise CheckError(f"{seen} corners of the ChArUco board are seen, and {detected} of its "
                          f"markers; {MIN_CORNERS} corners are needed: bring the board nearer, "
                          "light it evenly, do not mirror the photo, and check that columns, rows "
                          "and dictionary are those of the print")
-    places, points = charuco.matchImagePoints(corners, identities)
-    return places.reshape(-1, 3).astype(float), points.reshape(-1, 2).astype(float)
+    positions, points = charuco.matchImagePoints(corners, identities)
+    return positions.reshape(-1, 3).astype(float), points.reshape(-1, 2).astype(float)
 
 
 def lens_from_views(views: Sequence[tuple[np.ndarray, np.ndarray]], width: int, height: int,
                     source: str = "views of a board") -> tuple[Lens, np.ndarray]:
-    """Lens from several views of a board, each (n, 3) in its plane and (n, 2) in pixels, and rms of
-    each [Zhang 2000].
+    """Lens from several views of a board, and the rms (V,) of each in pixels [Zhang 2000].
+
+    Parameters
+    ----------
+    views : sequence of pairs
+        Corners (n, 3) in the board's plane and (n, 2) in pixels, of each photo.
+    width, height : int
+        Of the whole photo, pixels.
+    source : str
+        Stored with the lens.
 
     Raises
     ------
@@ -70,10 +88,10 @@ def lens_from_views(views: Sequence[tuple[np.ndarray, np.ndarray]], width: int, 
     if len(views) < MIN_VIEWS:
         raise InputError(f"{len(views)} views of the board cannot determine a lens; take "
                          f"{MIN_VIEWS} or more, tilted in different ways")
-    places = [view[0].astype(np.float32) for view in views]
+    positions = [view[0].astype(np.float32) for view in views]
     points = [view[1].astype(np.float32) for view in views]
     rms, matrix, distortion, turns, _, errors, _, by_view = cv2.calibrateCameraExtended(
-        places, points, (width, height), None, None)
+        positions, points, (width, height), None, None)
     by_view, errors = np.ravel(by_view), np.ravel(errors)
     if not np.isfinite(rms) or rms > LENS_RMS_PX:
         raise CheckError(f"no lens explains the views of the board (rms {rms:.1f} pixels, at most "
@@ -82,13 +100,14 @@ def lens_from_views(views: Sequence[tuple[np.ndarray, np.ndarray]], width: int, 
                          "board is flat and that zoom and focus were not touched, or leave that "
                          "view out")
     normals = np.array([rotation_matrix(turn)[:, 2] for turn in turns])
-    apart = float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min())))
+    separation_deg = float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min())))
     relative = float(errors[0] / matrix[0, 0])
     # OpenCV states no error along what is singular
-    if apart < MIN_TILT_DEG or not relative < MAX_FOCAL_ERROR:
+    if separation_deg < MIN_TILT_DEG or not relative < MAX_FOCAL_ERROR:
         raise CheckError(f"the views leave the focal length open (error {relative:.1%}, the "
-                         f"board's directions are {apart:.0f} degrees apart, {MIN_TILT_DEG:g} are "
-                         "needed); tilt the board by some 30 degrees, each time to another side")
+                         f"board's directions are {separation_deg:.0f} degrees apart, "
+                         f"{MIN_TILT_DEG:g} are needed); tilt the board by some 30 degrees, each "
+                         "time to another side")
     return Lens(width, height, np.asarray(matrix), np.ravel(distortion)[:5], errors[:4],
                 errors[4:9], float(rms), source), by_view
 
@@ -102,6 +121,12 @@ def undistorted(image: LinearImage, lens: Lens) -> LinearImage:
     share their noise, and it is the mean over a block of pixels whose variance has to come out
     right.
 
+    Parameters
+    ----------
+    image : LinearImage
+        A whole photo, binned or not.
+    lens : Lens
+
     Raises
     ------
     InputError
@@ -111,8 +136,8 @@ def undistorted(image: LinearImage, lens: Lens) -> LinearImage:
     step = image.sensor_step
     if abs(width * step - lens.width) >= step or abs(height * step - lens.height) >= step:
         raise InputError(f"photo {image.source} has {round(width * step)} x {round(height * step)} "
-                         f"pixels, the lens was found at {lens.width} x {lens.height}; use whole "
-                         "photos of the same camera")
+                         f"pixels, the lens was calibrated at {lens.width} x {lens.height}; use "
+                         "whole photos of the same camera")
     across, down = cv2.initUndistortRectifyMap(_at_step(lens.matrix, step), lens.distortion,
                                                np.eye(3), _at_step(pinhole(lens), step),
                                                (width, height), cv2.CV_32FC1)
@@ -131,14 +156,20 @@ def undistorted(image: LinearImage, lens: Lens) -> LinearImage:
                                source=f"{image.source}, undistorted")
 
 
-def likely_poses(places: np.ndarray, points_px: np.ndarray, lens: Lens) -> list[np.ndarray]:
-    """Rotation vectors and shifts (6,) to refine: every solution of SQPnP, and both of a plane
-    (IPPE).
+def likely_poses(positions: np.ndarray, points_px: np.ndarray, lens: Lens) -> list[np.ndarray]:
+    """Rotation vectors and shifts (6,) to refine: all solutions of SQPnP, and of a plane IPPE's.
+
+    Parameters
+    ----------
+    positions : (n, 3) array
+    points_px : (n, 2) array
+    lens : Lens
     """
     starts = []
-    for method in (cv2.SOLVEPNP_SQPNP, *((cv2.SOLVEPNP_IPPE,) if spread(places)[2] < FLAT else ())):
+    for method in (cv2.SOLVEPNP_SQPNP,
+                   *((cv2.SOLVEPNP_IPPE,) if spread(positions)[2] < FLAT else ())):
         try:
-            _, turns, shifts, *_ = cv2.solvePnPGeneric(places, points_px, lens.matrix,
+            _, turns, shifts, *_ = cv2.solvePnPGeneric(positions, points_px, lens.matrix,
                                                        lens.distortion, flags=method)
         except cv2.error:  # points that no camera could see so
             continue
@@ -147,39 +178,57 @@ def likely_poses(places: np.ndarray, points_px: np.ndarray, lens: Lens) -> list[
     return [start for start in starts if np.all(np.isfinite(start))]
 
 
-def spread(places: np.ndarray) -> np.ndarray:
-    """Extent (3,) of points along their principal axes relative to the largest: a plane ends in 0,
-    a line in 0, 0.
+def spread(positions: np.ndarray) -> np.ndarray:
+    """Extent (3,) of points along their principal axes, relative to the largest.
+
+    A plane ends in 0, a line in 0, 0.
+
+    Parameters
+    ----------
+    positions : (n, 3) array
     """
-    extent = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    extent = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False)
     return np.asarray(extent / max(float(extent[0]), np.finfo(float).tiny))
 
 
-def projected(places: np.ndarray, parameters: np.ndarray,
+def projected(positions: np.ndarray, parameters: np.ndarray,
               lens: Lens) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (n, 2) of places (n, 3) for a rotation vector and shift (6,), and their derivative (2
-    n, 10 + D).
+    """Pixels (n, 2) of positions, and their derivative (2 n, 10 + D).
 
-    The derivative is by the six, by fx, fy, cx, cy, and by the distortion.
+    The derivative is by the six parameters, by fx, fy, cx, cy, and by the distortion.
+
+    Parameters
+    ----------
+    positions : (n, 3) array
+    parameters : (6,) array
+        Rotation vector and shift, world to camera.
+    lens : Lens
     """
-    seen, derivative = cv2.projectPoints(places, parameters[:3], parameters[3:6], lens.matrix,
+    seen, derivative = cv2.projectPoints(positions, parameters[:3], parameters[3:6], lens.matrix,
                                          lens.distortion)
     return seen.reshape(-1, 2), np.asarray(derivative)
 
 
 def rotation_matrix(vector: np.ndarray) -> np.ndarray:
-    """Matrix (3, 3) of a rotation vector."""
+    """Matrix (3, 3) of a rotation vector.
+
+    Parameters
+    ----------
+    vector : (3,) array
+        Axis times angle in radians.
+    """
     return np.asarray(cv2.Rodrigues(vector)[0])
 
 
 def points_overlay(rgb8: np.ndarray, given_px: np.ndarray, seen_px: np.ndarray,
                    step: float) -> np.ndarray:
-    """Picture (H, W, 3) uint8 with the points as given or detected (green rings) and as reprojected
-    (red crosses).
+    """Picture (H, W, 3) uint8 with points as detected (green rings) and reprojected (red crosses).
 
     Parameters
     ----------
-    given_px, seen_px : (n, 2) in pixels of the whole photo
+    rgb8 : (H, W, 3) uint8 array
+    given_px, seen_px : (n, 2) arrays
+        In pixels of the whole photo: detected, and reprojected.
     step : float
         Pixels of the photo per pixel of ``rgb8``.
     """

@@ -1,4 +1,4 @@
-"""Do 24 places in a photo look like a ColorChecker Classic, and in which order?
+"""Whether 24 quadrilaterals in a photo look like a ColorChecker Classic, and in which order.
 
 First up to the gain of each band, the contrast of the file, and light that changes evenly across
 the chart: this finds the order of the patches. Then up to any mixture of the reference's three
@@ -19,12 +19,10 @@ PATCH_MM, PITCH_MM = 40.0, 43.5  # printed size and distance of the patches
 COLUMNS_MM, ROWS_MM = (PITCH_MM * np.arange(count) + PATCH_MM / 2 for count in (6, 4))
 CENTRES_MM = np.stack(np.meshgrid(COLUMNS_MM, ROWS_MM), axis=-1).reshape(24, 2)
 
-ACCEPTED_RESIDUAL = 0.45  # relative rms; photos of charts reach 0.35, other colours begin at 1.1
-# of one patch in a raw: 0.37 in 99 of 100 charts, 0.72 in half of the covered patches
-WORST_PATCH = 0.65
-# of one patch in a file that may have been through a tone curve and a colour matrix
-WORST_ENCODED_PATCH = 1.3
-DARKEST_SHARE = 0.03  # of the brightest patch, added to the denominator of relative misfits
+ACCEPTED_RESIDUAL = 0.45         # relative rms; charts reach 0.35, other colours begin at 1.1
+WORST_PATCH = 0.65               # in a raw: 0.37 in 99 of 100 charts, 0.72 in half of the covered
+WORST_ENCODED_PATCH = 1.3        # in a file that may have a tone curve and a colour matrix in it
+DARKEST_SHARE = 0.03             # of the brightest patch, in the denominator of relative misfits
 MIN_RANK_CORRELATION = 0.8       # of the six neutral patches
 NEUTRALS = slice(18, 24)
 LEFT_OUT = 0.1                   # of the log residuals, the worst
@@ -44,15 +42,21 @@ class Agreement(NamedTuple):
 
     residual: float      # relative rms of the patches, the two worst left out
     contrast: float      # power of the light: 1 in a linear photo
-    order: np.ndarray    # (24,) which of the proposed places holds dark skin, light skin, ...
+    order: np.ndarray    # (24,) index of the proposed quadrilateral of dark skin, light skin, ...
     misfit: np.ndarray   # (24,) relative misfit of each patch, in chart order
-    # (24,) light on each patch as far as it changes evenly, its geometric mean being 1
-    light: np.ndarray
+    light: np.ndarray    # (24,) on each patch as far as it changes evenly, geometric mean 1
 
 
 def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndarray) -> Agreement:
-    """Agreement of the signals in the quadrilaterals (24, 4, 2) with ``reference`` (24, K), in the
-    best order.
+    """Agreement of the signals of 24 patches with a reference, in the order that fits best.
+
+    Parameters
+    ----------
+    image : LinearImage
+    quads_px : (24, 4, 2) array
+        Quadrilaterals in sensor pixels.
+    reference : (24, K) array
+        Signals that an ordinary camera would read, dark skin first.
     """
     medians = _patch_medians(image, quads_px)
     if medians is None:
@@ -98,8 +102,8 @@ def _log_fit(signals: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
     # dark patches may read 0 or less
     floor = 1e-3 * np.maximum(signals.max(axis=0), np.finfo(np.float32).tiny)
     logs = np.log(np.maximum(signals, floor)).ravel()
-    place = np.repeat(CENTRES_MM / CENTRES_MM.max(), bands, axis=0)
-    terms = np.column_stack([np.log(reference).ravel(), np.tile(np.eye(bands), (24, 1)), place])
+    position = np.repeat(CENTRES_MM / CENTRES_MM.max(), bands, axis=0)
+    terms = np.column_stack([np.log(reference).ravel(), np.tile(np.eye(bands), (24, 1)), position])
     solution = np.linalg.lstsq(terms, logs, rcond=None)[0]
     contrast = float(solution[0])
     if contrast <= MIN_CONTRAST:
@@ -110,8 +114,7 @@ def _log_fit(signals: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
 
 def _mixture_fit(signals: np.ndarray, reference: np.ndarray,
                  contrast: float) -> tuple[np.ndarray, np.ndarray]:
-    """Relative misfit (24,) of each patch, and the light (24,) on it, where every band may mix
-    those of the reference.
+    """Relative misfit (24,) of each patch and the light (24,) on it, bands mixing the reference's.
 
     Alternates between the mixture, by least squares of relative errors in which misfits count less
     (Huber's weights at twice the median), and a light that changes exponentially across the chart.
@@ -148,20 +151,26 @@ def _rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def white_excess(signals: np.ndarray, reference: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """White light (24,) on top of what each patch should read, as a share of the white patch:
-    glare.
+    """White light (24,) added to each patch, as a share of the white patch's signal: glare.
 
     The least of the bands counts: a reflection of the lamp adds to all of them. Where the whole
     chart is veiled the mixture takes up part of it, so that veiling glare is underestimated.
+
+    Parameters
+    ----------
+    signals : (24, K) array
+        Linear, dark skin first.
+    reference : (24, K) array
+        Signals that an ordinary camera would read.
+    light : (24,) array
+        On each patch, as ``Agreement.light``.
     """
     misfit = _signed_misfit(signals, reference, light)
     return np.maximum(misfit.min(axis=1), 0.0)
 
 
 def _signed_misfit(signals: np.ndarray, reference: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """(signal - prediction) / signal of the white patch (24, K), prediction from the mixture of the
-    bands.
-    """
+    """(signal - prediction) / signal of the white patch (24, K), predicted by mixing the bands."""
     lit = light[:, None] * reference
     white = signals[NEUTRALS.start]
     weights = np.ones_like(signals)

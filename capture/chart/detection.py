@@ -1,5 +1,4 @@
-"""Find a ColorChecker Classic in a photo and say how well it agrees with one (OpenCV's ``mcc``
-module).
+"""A ColorChecker Classic detected in a photo, and how well it agrees (OpenCV's ``mcc`` module).
 
 OpenCV proposes where the patches lie; the proposal is fitted to the patches' outlines and accepted
 only if the 24 signals agree with those of a chart (capture/chart/agreement.py), each patch for
@@ -28,10 +27,10 @@ from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, InputEr
 from spectrabox.radiometry.records import ChartDetection, LinearImage, PhotoKind
 
 QUAD_SHARE = 0.6                         # of a patch's side that is sampled
-PICTURE_SIDES = (1600, 1000, 2400)  # px, long side of the picture to search, in the order tried
+PICTURE_SIDES = (1600, 1000, 2400)       # px, long side of the picture searched, in this order
 REGION_SHARE = 0.55                      # of the picture's sides, for a search of its parts
 MAX_MAGNIFIED = 2.0                      # more only blurs
-ACCEPTED_CONTRAST = (0.6, 1.9)  # power of the light; an sRGB-encoded file taken as linear has 0.5
+ACCEPTED_CONTRAST = (0.6, 1.9)           # power of the light; sRGB taken as linear has 0.5
 CONFIDENCE_SCALE = 0.25                  # confidence = exp(-residual / 0.25)
 RECTIFIED_PX_PER_MM, RECTIFIED_BORDER_MM = 2.0, 20.0
 SAME_PATCH_CODES = 10                    # sRGB code values, for what belongs to one patch
@@ -39,7 +38,7 @@ SAME_PATCH_CODES = 10                    # sRGB code values, for what belongs to
 # ones; cards of other makers with the same colours have 0.02.
 MIN_GAP = 0.05
 GAP_PX_PER_MM, GAP_STRIP_MM = 3.0, 12.0  # sampling of the strip that joins two patches
-MIN_GAP_DEPTH = 15  # sRGB code values by which a gap must be darker than both patches
+MIN_GAP_DEPTH = 15                       # sRGB code values by which a gap is darker than patches
 MIN_GAPS = 6                             # of 38
 OVERLAY_SIDE = 1600                      # px
 
@@ -49,13 +48,16 @@ GRID_CORNERS_MM = np.array([CENTRES_MM[patch] for patch in (0, 5, 23, 18)]) + SQ
 
 def find_chart(image: LinearImage, reference: np.ndarray,
                corners_px: np.ndarray | None = None) -> ChartDetection:
-    """Find the chart, or check that it lies where the operator says.
+    """The chart's patches, detected or checked at the corners that the operator gave.
 
     Parameters
     ----------
-    reference : (24, K)        signals that an ordinary camera would read, in any unit, dark skin first
-    corners_px : (4, 2)        outer corners of the patch grid in sensor pixels, at dark skin, bluish green, black and
-                               white; None to search the photo
+    image : LinearImage
+    reference : (24, K) array
+        Signals that an ordinary camera would read, in any unit, dark skin first.
+    corners_px : (4, 2) array or None
+        Outer corners of the patch grid in sensor pixels, at dark skin, bluish green, black and
+        white; None to search the photo.
 
     Raises
     ------
@@ -73,7 +75,17 @@ def find_chart(image: LinearImage, reference: np.ndarray,
 
 def locate_chart(image: LinearImage, reference: np.ndarray,
                  corners_px: np.ndarray | None = None) -> ChartDetection:
-    """As ``find_chart``, but a mirrored chart is returned and marked."""
+    """As ``find_chart``, but a mirrored chart is returned and marked.
+
+    Parameters
+    ----------
+    image, reference, corners_px
+        As in ``find_chart``.
+
+    Raises
+    ------
+    ChartNotFoundError, CheckError, InputError
+    """
     if reference.shape != (24, image.signal.shape[2]):
         raise InputError(f"photo {image.source} has {image.signal.shape[2]} bands and the chart "
                          f"reference is {reference.shape}; one reference signal per patch and band "
@@ -90,7 +102,7 @@ def locate_chart(image: LinearImage, reference: np.ndarray,
                 _require_linear(image, agreement.contrast)
                 _require_every_patch(image, agreement)
                 _require_gaps(image, picture, ordered)
-            except CheckError as error:  # the patches may be better placed in the next proposal
+            except CheckError as error:  # the next proposal may fit the patches better
                 refusal = refusal or error
                 continue
             return ChartDetection(corners_px=ordered,
@@ -102,8 +114,12 @@ def locate_chart(image: LinearImage, reference: np.ndarray,
 
 
 def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:
-    """Picture (H, W, 3) uint8 of the photo with the 24 sampled quadrilaterals drawn and numbered
-    from 1.
+    """Picture (H, W, 3) uint8 of the photo with the 24 sampled quadrilaterals, numbered from 1.
+
+    Parameters
+    ----------
+    image : LinearImage
+    detection : ChartDetection
     """
     picture, scale = _resized(preview_rgb8(image), OVERLAY_SIDE)
     picture = np.ascontiguousarray(picture)
@@ -113,10 +129,10 @@ def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:
         outline = np.rint(quad).astype(np.int32)[None]
         cv2.polylines(picture, outline, True, (0, 0, 0), 3, cv2.LINE_AA)
         cv2.polylines(picture, outline, True, (255, 255, 255), 1, cv2.LINE_AA)
-        place = tuple(int(value)
-                      for value in np.rint(quad.mean(axis=0) + np.array([-0.3, 0.2]) * size))
+        origin = tuple(int(value)
+                       for value in np.rint(quad.mean(axis=0) + np.array([-0.3, 0.2]) * size))
         for colour, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
-            cv2.putText(picture, str(number), place, cv2.FONT_HERSHEY_SIMPLEX, max(size / 60, 0.3),
+            cv2.putText(picture, str(number), origin, cv2.FONT_HERSHEY_SIMPLEX, max(size / 60, 0.3),
                         colour, thickness, cv2.LINE_AA)
     return picture
 
@@ -125,9 +141,7 @@ def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:
 
 def _proposals(image: LinearImage, picture: np.ndarray,
                corners_px: np.ndarray | None) -> Iterator[tuple[np.ndarray, str]]:
-    """Quadrilaterals (24, 4, 2) in sensor pixels with a word on where they come from, the likeliest
-    first.
-    """
+    """Quadrilaterals (24, 4, 2) in sensor pixels and their source in words, the likeliest first."""
     if corners_px is not None:
         yield _printed_quads(homography(GRID_CORNERS_MM,
                                          np.asarray(corners_px, float))), "corners given by hand"
@@ -166,11 +180,11 @@ def _mcc_quads(rgb8: np.ndarray) -> list[np.ndarray]:
     detector.setColorChartType(cv2.mcc.MCC24)
     detector.setUseDnnModel(False)
     try:
-        found = detector.process(np.ascontiguousarray(rgb8[..., ::-1]), 1)
+        detected = detector.process(np.ascontiguousarray(rgb8[..., ::-1]), 1)
     # OpenCV 5.0.0 fails an assertion of its own on some pictures; others of the series may do
     except cv2.error:
         return []
-    if not found:
+    if not detected:
         return []
     return [np.array(chart.getColorCharts(), float).reshape(24, 4, 2)
             for chart in detector.getListColorChecker()]
@@ -198,9 +212,7 @@ def _fitted_quads(rgb8: np.ndarray, proposed: np.ndarray) -> np.ndarray:
 
 def _patch_centroids(rgb8: np.ndarray,
                      picture_from_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where each patch really lies in mm (24, 2), and whether its filled area is that of a
-    patch.
-    """
+    """True centre of each patch in mm (24, 2), and whether its filled area is that of a patch."""
     scale, border = RECTIFIED_PX_PER_MM, RECTIFIED_BORDER_MM
     mm_from_px = np.array([[1 / scale, 0, 0.5 / scale - border],
                            [0, 1 / scale, 0.5 / scale - border], [0, 0, 1]])
@@ -249,9 +261,7 @@ def homography(source: np.ndarray, target: np.ndarray) -> np.ndarray:
 # ---- verdicts ------------------------------------------------------------------------------------
 
 def _is_mirrored(quads_px: np.ndarray) -> bool:
-    """Whether the way from dark skin by bluish green to black turns left; a true chart turns right,
-    y pointing down.
-    """
+    """Whether the way from dark skin by bluish green to black turns left, y pointing down."""
     dark_skin, bluish_green, black = (quads_px[patch].mean(axis=0) for patch in (0, 5, 23))
     (ax, ay), (bx, by) = bluish_green - dark_skin, black - bluish_green
     return bool(ax * by - ay * bx < 0)
@@ -283,20 +293,24 @@ def _require_gaps(image: LinearImage, picture: np.ndarray, quads_px: np.ndarray)
     """Refuse a card whose patches stand closer than on any ColorChecker Classic."""
     gap = patch_gap(picture, image_from_sensor(quads_px, image.sensor_step))
     if gap is None or gap < MIN_GAP:
-        raise CheckError(f"photo {image.source} shows a card with the colours of a ColorChecker Classic, but its "
-                         f"patches "
-                         f"stand {'at no visible distance' if gap is None else f'only {gap:.1%} of their pitch'} "
-                         f"apart, "
-                         "8 % or more on a Classic: it is another maker's card, of other reflectances, or out of "
-                         "focus; "
-                         "photograph a ColorChecker Classic in focus")
+        distance = ("at no visible distance" if gap is None
+                    else f"only {gap:.1%} of their pitch")
+        raise CheckError(f"photo {image.source} shows a card with the colours of a ColorChecker "
+                         f"Classic, but its patches stand {distance} apart, 8 % or more on a "
+                         "Classic: it is another maker's card, of other reflectances, or out of "
+                         "focus; photograph a ColorChecker Classic in focus")
 
 
 def patch_gap(rgb8: np.ndarray, quads: np.ndarray) -> float | None:
-    """Median width of the dark gaps between neighbouring patches / distance of their centres, at
-    half depth.
+    """Median width of the dark gaps between patches / distance of their centres, at half depth.
 
     None where fewer than 6 of the 38 gaps can be seen. Blur can only widen a gap or hide it.
+
+    Parameters
+    ----------
+    rgb8 : (H, W, 3) uint8 array
+    quads : (24, 4, 2) array
+        Patches in pixels of that picture.
     """
     scale = GAP_PX_PER_MM
     matrix = np.diag([scale, scale, 1.0]) @ homography(quads.mean(axis=1), CENTRES_MM)
@@ -312,9 +326,7 @@ def patch_gap(rgb8: np.ndarray, quads: np.ndarray) -> float | None:
 
 
 def _gap_width(profile: np.ndarray) -> float | None:
-    """Share of a profile from patch centre to patch centre that lies below half the depth of its
-    gap.
-    """
+    """Share of a profile between patch centres below half the depth of its gap."""
     inner = slice(profile.size * 3 // 10, profile.size * 7 // 10)
     ends = min(float(np.median(part)) for part in (profile[:profile.size // 5],
                                                    profile[-(profile.size // 5):]))
@@ -325,15 +337,16 @@ def _gap_width(profile: np.ndarray) -> float | None:
 
 
 def _not_found(image: LinearImage, residual: float, by_hand: bool) -> str:
+    limit = f"at most {ACCEPTED_RESIDUAL} is accepted"
     if by_hand:
-        found = f"disagree with a chart by {residual:.2f}" if np.isfinite(
-            residual) else "are nothing like a chart"
-        return (f"photo {image.source}: the patches at the given corners {found} (relative rms, at "
-                f"most {ACCEPTED_RESIDUAL} is accepted); give corners_px as the outer corners of "
-                "the patch grid at dark skin, bluish green, black and white")
-    nearest = ("" if not np.isfinite(residual)
-               else (f" (the likeliest place disagrees by {residual:.2f}, at most "
-                     f"{ACCEPTED_RESIDUAL} is accepted)"))
+        said = (f"disagree with a chart by {residual:.2f}" if np.isfinite(residual)
+                else "are nothing like a chart")
+        return (f"photo {image.source}: the patches at the given corners {said} (relative rms, "
+                f"{limit}); give corners_px as the outer corners of the patch grid at dark skin, "
+                "bluish green, black and white")
+    nearest = ""
+    if np.isfinite(residual):
+        nearest = f" (the likeliest place disagrees by {residual:.2f}, {limit})"
     return (f"no ColorChecker was found in photo {image.source}{nearest}; let the chart fill at "
             "least a quarter of the frame in even light without glare, or give its corners as "
             "corners_px in session.toml")

@@ -1,4 +1,4 @@
-"""Statistics of the 24 patches of a chart that was found in a photo."""
+"""Statistics of the 24 patches of a chart that was detected in a photo."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -23,6 +23,11 @@ def sample_patches(image: LinearImage, detection: ChartDetection) -> PatchSample
     The covariance of the mean is that of the residuals about the plane divided by their number, so
     uneven light does not count as noise.
 
+    Parameters
+    ----------
+    image : LinearImage
+    detection : ChartDetection
+
     Raises
     ------
     CheckError
@@ -33,8 +38,12 @@ def sample_patches(image: LinearImage, detection: ChartDetection) -> PatchSample
 
 def patches_and_excluded(image: LinearImage,
                          detection: ChartDetection) -> tuple[PatchSamples, np.ndarray]:
-    """As ``sample_patches``, and the share (24,) of the samples of each patch that were left out as
-    dust or glints.
+    """As ``sample_patches``, and the share (24,) of samples left out as dust or glints.
+
+    Parameters
+    ----------
+    image : LinearImage
+    detection : ChartDetection
     """
     patches = [_one_patch(image, quad, number)
                for number, quad in enumerate(detection.corners_px, start=1)]
@@ -46,6 +55,13 @@ def patches_and_excluded(image: LinearImage,
 
 def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: str) -> None:
     """Refuse a chart photo with more than 1 % of the samples of any patch at the clip point.
+
+    Parameters
+    ----------
+    samples : PatchSamples
+    names : sequence of 24 str
+        Of the patches.
+    photo_name : str
 
     Raises
     ------
@@ -61,8 +77,16 @@ def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: s
 
 def pixels_inside(quad_px: np.ndarray, sensor_step: float, height: int,
                   width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of the image pixels whose centre lies in a convex quadrilateral (4, 2) of
-    sensor pixels.
+    """Rows and columns of the image pixels whose centre lies in a convex quadrilateral.
+
+    Parameters
+    ----------
+    quad_px : (4, 2) array
+        Corners in sensor pixels, in either sense.
+    sensor_step : float
+        Sensor pixels per image pixel.
+    height, width : int
+        Of the image.
     """
     corners = image_from_sensor(quad_px, sensor_step)
     last = np.array([width - 1, height - 1])
@@ -79,14 +103,28 @@ def pixels_inside(quad_px: np.ndarray, sensor_step: float, height: int,
 
 
 def image_from_sensor(xy: np.ndarray, sensor_step: float) -> np.ndarray:
-    """Image coordinates of points in sensor pixels; image pixel i is centred at (i + 0.5) x step -
-    0.5.
+    """Image coordinates (..., 2); image pixel i is centred at (i + 0.5) x step - 0.5.
+
+    Parameters
+    ----------
+    xy : (..., 2) array
+        Sensor pixels.
+    sensor_step : float
+        Sensor pixels per image pixel.
     """
     return (np.asarray(xy, dtype=float) + 0.5) / sensor_step - 0.5
 
 
 def sensor_from_image(xy: np.ndarray, sensor_step: float) -> np.ndarray:
-    """Sensor pixels of points in image coordinates; undoes ``image_from_sensor``."""
+    """Sensor pixels of points in image coordinates; undoes ``image_from_sensor``.
+
+    Parameters
+    ----------
+    xy : (..., 2) array
+        Image coordinates.
+    sensor_step : float
+        Sensor pixels per image pixel.
+    """
     return (np.asarray(xy, dtype=float) + 0.5) * sensor_step - 0.5
 
 

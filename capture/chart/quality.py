@@ -1,5 +1,4 @@
-"""Is this chart photo good enough to calibrate with? Good, or re-shoot with the reasons and what to
-do.
+"""The verdict on a chart photo: good, or re-shoot, with the reasons and what to do.
 
 Clipping, under-exposure, uneven light, glare, tilt, blur and size, each against a stated limit. The
 limits are ours: they are set where the error of a patch mean, or of what follows from it, reaches
@@ -22,15 +21,13 @@ from spectrabox.capture.chart.patches import CLIPPED_LIMIT, image_from_sensor, p
 from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples, PhotoKind
 
 WHITE_PATCH, BLACK_PATCH = 18, 23
-# of full scale in the brightest band: black-level errors are then 1 % of grey patches
-MIN_WHITE_SIGNAL = 0.05
+MIN_WHITE_SIGNAL = 0.05          # of full scale: black-level errors are then 1 % of grey patches
 MAX_RELATIVE_ERROR = 0.05        # standard error / mean of the black patch in its best band
-MAX_UNEVEN = 0.40  # change of the light over the chart that a smooth field takes out to about 2 %
-# white light on a patch, of the white patch: 0.013 at most without glare, 40 cameras
-MAX_GLARE = 0.03
+MAX_UNEVEN = 0.40                # of the light over the chart: a smooth field leaves 2 % of it
+MAX_GLARE = 0.03                 # of the white patch: 0.013 at most without glare, 40 cameras
 MAX_EXCLUDED = 0.10              # of the samples of a patch
 MAX_TILT_DEG = 40.0              # beyond it paints shine
-MAX_BLUR = 0.20  # of the side of a patch, from 10 to 90 %: the sampled middle is then still clean
+MAX_BLUR = 0.20                  # of a patch's side, 10 to 90 %: the sampled middle is still clean
 MIN_PIXELS = 100                 # of each patch
 PROFILE_POINTS = 61
 HALF_EDGE_MM = 15.0              # of the profile across the outer edge of a patch
@@ -46,7 +43,7 @@ class ChartVerdict:
     excluded: np.ndarray             # (24,) share of samples left out as dust or glints
     white_signal: float              # of the white patch in its brightest band, of full scale
     uneven: float                    # largest / smallest light over the chart - 1
-    glare: float  # largest white light added to a patch / signal of the white patch
+    glare: float                     # largest white light added to a patch / white patch's signal
     tilt_deg: float
     blur: float                      # width of an edge, of the side of a patch
     pixels: int                      # samples of the smallest patch
@@ -58,8 +55,12 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
 
     Parameters
     ----------
-    reference : (24, K)        signals that an ordinary camera would read, dark skin first
-    names : (24,)              of the patches, for the reasons
+    image : LinearImage
+    detection : ChartDetection
+    reference : (24, K) array
+        Signals that an ordinary camera would read, dark skin first.
+    names : tuple of 24 str
+        Of the patches, for the reasons.
 
     Raises
     ------
@@ -83,8 +84,12 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
 
 
 def tilt_deg(quads_px: np.ndarray) -> float:
-    """Angle between the card and the sensor, from the affine part of its outline (weak
-    perspective).
+    """Angle between the card and the sensor in degrees, 0 to 90 (weak perspective).
+
+    Parameters
+    ----------
+    quads_px : (24, 4, 2) array
+        Of the patches, in chart order.
     """
     centres = quads_px.mean(axis=1)
     affine = np.linalg.lstsq(np.column_stack([CENTRES_MM, np.ones(24)]), centres, rcond=None)[0][:2]
@@ -93,8 +98,13 @@ def tilt_deg(quads_px: np.ndarray) -> float:
 
 
 def edge_width(image: LinearImage, quads_px: np.ndarray) -> float:
-    """Width from 10 to 90 % of the outer edges of the bright outer patches, in sides of a patch
-    (median).
+    """Median width from 10 to 90 % of the outer edges of bright patches, in sides of a patch.
+
+    Parameters
+    ----------
+    image : LinearImage
+    quads_px : (24, 4, 2) array
+        Of the patches in sensor pixels, in chart order.
     """
     quads = image_from_sensor(quads_px, image.sensor_step)
     picture_from_mm = homography(CENTRES_MM, quads.mean(axis=1))

@@ -13,7 +13,13 @@ MIN_SIGNAL_TO_NOISE = 10    # of a region's mean
 
 
 def region_signals(image: LinearImage, corners_px: np.ndarray) -> np.ndarray:
-    """Mean signal (R, K) inside each of R quadrilaterals (R, 4, 2), in pixels of the whole photo.
+    """Mean signal (R, K) inside each of R quadrilaterals.
+
+    Parameters
+    ----------
+    image : LinearImage
+    corners_px : (R, 4, 2) array
+        Corner after corner, in pixels of the whole photo.
 
     Raises
     ------

@@ -1,6 +1,4 @@
-"""Multispectral capture: photos of one scene, each behind its own filter or under its own light, as
-one image.
-"""
+"""Multispectral capture: photos behind different filters or under different lights as one image."""
 from __future__ import annotations
 
 import dataclasses
@@ -21,11 +19,15 @@ def stack_bands(images: Sequence[LinearImage], names: Sequence[str],
 
     Parameters
     ----------
-    images :                   one linear photo per band, of one camera in one place
-    names : (K,)               what makes each band: "450 nm", "blue LED"
-    channels : (K,)            which channel of each photo to take; None for the one that sees most light
-    exposures_s : (K,)         exposure to bring each band to; None leaves each at its own, which a calibration takes up
-                               as a gain of the band, provided it is the same for all scenes
+    images : sequence of LinearImage
+        A photo for each band, of one camera that did not move.
+    names : sequence of K str
+        What makes each band: "450 nm", "blue LED".
+    channels : sequence of K int or None
+        Which channel of each photo to take; None for the one that sees most light.
+    exposures_s : sequence of K float or None
+        Exposure to bring each band to; None leaves each at its own, which a calibration takes up as
+        a gain of the band, provided it is the same for all scenes.
 
     Raises
     ------
@@ -49,17 +51,16 @@ def stack_bands(images: Sequence[LinearImage], names: Sequence[str],
          for wanted, image, name in zip(exposures_s, images, names, strict=True)]
     pick = list(zip(images, chosen, scales, strict=True))
     exposures = {image.exposure_s for image in images} if exposures_s is None else set(exposures_s)
-    return dataclasses.replace(first,
-                               signal=np.stack([image.signal[..., channel] * np.float32(scale)
-                                                for image, channel, scale in pick], -1),
-                               variance=np.stack([image.variance[..., channel]
-                                                  * np.float32(scale**2)
-                                                  for image, channel, scale in pick], -1),
-                               saturated=np.stack([image.saturated[..., channel]
-                                                   for image, channel, _ in pick], -1),
-                               exposure_s=exposures.pop() if len(exposures) == 1 else None,
-                               source="; ".join(f"{name}: {image.source}"
-                                                for name, image in zip(names, images, strict=True)))
+    return dataclasses.replace(
+        first,
+        signal=np.stack([image.signal[..., channel] * np.float32(scale)
+                         for image, channel, scale in pick], -1),
+        variance=np.stack([image.variance[..., channel] * np.float32(scale**2)
+                           for image, channel, scale in pick], -1),
+        saturated=np.stack([image.saturated[..., channel] for image, channel, _ in pick], -1),
+        exposure_s=exposures.pop() if len(exposures) == 1 else None,
+        source="; ".join(f"{name}: {image.source}"
+                         for name, image in zip(names, images, strict=True)))
 
 
 def _exposure_like(image: LinearImage, first: LinearImage, name: str) -> float:
@@ -80,7 +81,12 @@ def _said(setting: float | None) -> str:
 
 
 def strongest_channel(image: LinearImage) -> int:
-    """The channel that sees most light in the bright parts of the photo."""
+    """The channel that sees most light in the bright parts of the photo.
+
+    Parameters
+    ----------
+    image : LinearImage
+    """
     stride = max(1, int(np.sqrt(image.signal[..., 0].size / 100_000)))
     return int(np.argmax(np.percentile(image.signal[::stride, ::stride], WELL_EXPOSED_PERCENTILE,
                                        axis=(0, 1))))

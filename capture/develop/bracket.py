@@ -17,14 +17,11 @@ import numpy as np
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records import LinearImage
 
-MAX_DISAGREEMENT = 0.05   # of the ratio of two exposures: nominal times are rounded by up to 2.4 %
-# between the ratios of dark and bright halves: above, the sensor or the file is not linear
-MAX_CURVATURE = 0.03
-# of full scale in the shorter exposure: below it black-level errors disturb the ratio
-MIN_SIGNAL = 0.02
+MAX_DISAGREEMENT = 0.05      # of the ratio of two exposures: stated times are rounded by 2.4 %
+MAX_CURVATURE = 0.03         # between ratios of dark and bright halves: more is not linear
+MIN_SIGNAL = 0.02            # of full scale, in the shorter: below, black-level errors disturb
 MIN_READ_SIGMAS = 70.0       # 20 steps of the file where nothing but its steps makes read noise
-# of the picture saturated in some band: what charge spills from there reaches everywhere
-MAX_FLOODED_SHARE = 0.25
+MAX_FLOODED_SHARE = 0.25     # of the picture saturated in some band: charge spills everywhere
 MIN_SHARED = 200             # samples seen well in both exposures
 
 
@@ -37,9 +34,12 @@ def merge_exposures(images: Sequence[LinearImage],
 
     Parameters
     ----------
-    spills :                   leave out a pixel and its neighbours in all bands where one is saturated: for CCDs, whose
-                               charge spills into pixels of other colours, and for photos that were
-                               scaled down
+    images : sequence of LinearImage
+        Of one camera at one ISO and f-number.
+    spills : bool
+        Whether to leave out a pixel and its neighbours in all bands where one is saturated: for
+        CCDs, whose charge spills into pixels of other colours, and for photos that were scaled
+        down.
 
     Raises
     ------
@@ -94,8 +94,12 @@ def _left_out(flooded: Sequence[str]) -> tuple[str, ...]:
 
 
 def variance_line(image: LinearImage) -> tuple[np.ndarray, np.ndarray]:
-    """Read noise and gain (K,) of an image whose variance is read + gain x signal, as
-    ``linear_image`` makes it.
+    """Read noise and gain (K,) of an image whose variance is read + gain x signal.
+
+    Parameters
+    ----------
+    image : LinearImage
+        As ``linear_image`` makes it.
     """
     bands = image.signal.shape[2]
     read, gain = np.empty(bands, np.float32), np.empty(bands, np.float32)
@@ -117,8 +121,13 @@ def variance_line(image: LinearImage) -> tuple[np.ndarray, np.ndarray]:
 
 
 def near_saturated(saturated: np.ndarray, spills: bool = False) -> np.ndarray:
-    """Saturated pixels (H, W, K) and their eight neighbours in the same band, or in all bands where
-    charge spills.
+    """Saturated pixels (H, W, K) and their eight neighbours in the same band.
+
+    Parameters
+    ----------
+    saturated : (H, W, K) bool array
+    spills : bool
+        Whether charge spills: then neighbours in all bands.
     """
     if spills:
         saturated = np.broadcast_to(saturated.any(axis=2, keepdims=True), saturated.shape)
@@ -142,9 +151,7 @@ def _exposure_weighted(images: Sequence[LinearImage], scales: Sequence[float],
 
 
 def _agreement(shorter: LinearImage, longer: LinearImage, spills: bool) -> tuple[float, str]:
-    """Ratio of two exposures and a note on it: as measured, or as stated where they share too few
-    samples.
-    """
+    """Ratio of two exposures and a note; as stated where they share too few samples."""
     stated = float(longer.exposure_s or 1) / float(shorter.exposure_s or 1)
     read_sigma = np.sqrt(variance_line(shorter)[0])
     least = np.maximum(MIN_SIGNAL, MIN_READ_SIGMAS * read_sigma)

@@ -42,8 +42,10 @@ def mean_dark(frames: Sequence[RawFrame], cut_off_dn: float = 0.0) -> DarkFrame:
 
     Parameters
     ----------
-    cut_off_dn :               what a photo lost to cut-off digits and a dark frame that reads 0 did not: 0.5 where 12
-                               bits were cut to 8, 0 where values are as the sensor gave them
+    frames : sequence of RawFrame
+    cut_off_dn : float
+        What a photo lost to cut-off digits and a dark frame that reads 0 did not: 0.5 where 12 bits
+        were cut to 8, 0 where values are as the sensor gave them.
 
     Raises
     ------
@@ -80,12 +82,18 @@ def mean_dark(frames: Sequence[RawFrame], cut_off_dn: float = 0.0) -> DarkFrame:
 
 def subtract_dark(frame: RawFrame, dark: DarkFrame,
                   noise: PhotonTransfer | None = None) -> LinearImage:
-    """Linear signal of a photo with the dark frame in place of its black level, hot pixels filled
-    from neighbours.
+    """Linear signal of a photo with the dark frame in place of its black level.
 
     A hot pixel takes the mean of the nearest pixels of its colour to the left and right that are
     not hot. The variance includes that of the dark frame, which photos that share a dark frame have
     in common (``common_variance``).
+
+    Parameters
+    ----------
+    frame : RawFrame
+    dark : DarkFrame
+    noise : PhotonTransfer or None
+        None to take it from the photo itself.
 
     Raises
     ------
@@ -107,8 +115,13 @@ def subtract_dark(frame: RawFrame, dark: DarkFrame,
 
 
 def common_variance(frame: RawFrame, dark: DarkFrame) -> np.ndarray:
-    """Variance (K,) of the signal by the dark frame: the same error in every photo from which it
-    was subtracted.
+    """Variance (K,) of the signal by the dark frame, the same error in every photo that uses it.
+
+    Parameters
+    ----------
+    frame : RawFrame
+        A photo from which it was subtracted.
+    dark : DarkFrame
     """
     step = tile_step(frame.cfa, frame.file)
     share = np.zeros(int(frame.cfa.max()) + 1)
@@ -121,9 +134,7 @@ def common_variance(frame: RawFrame, dark: DarkFrame) -> np.ndarray:
 
 
 def _filled(plane: np.ndarray, hot: np.ndarray, period: int) -> np.ndarray:
-    """The plane with hot pixels replaced by the mean of the nearest good ones of their colour in
-    the row.
-    """
+    """The plane with hot pixels replaced by the mean of the nearest good ones of their colour."""
     filled = plane.copy()
     width = plane.shape[1]
     for y, x in np.argwhere(hot):
@@ -138,9 +149,7 @@ def _filled(plane: np.ndarray, hot: np.ndarray, period: int) -> np.ndarray:
 
 
 def _spatial_variance(level: np.ndarray, cfa: np.ndarray) -> float:
-    """Variance of one frame's pixels from differences along the row: all that one frame can
-    tell.
-    """
+    """Variance of one frame's pixels from differences along the row."""
     difference = level[:, cfa.shape[1]:] - level[:, :-cfa.shape[1]]
     # The median of whole numbers is coarse (0 or 1 for a sigma of 1.5), good only to tell hot
     # pixels from the rest.

@@ -1,6 +1,4 @@
-"""Photos, dark frames, a flat field and a bracket to one linear image: what ``spectrabox develop``
-does.
-"""
+"""Photos, dark frames, a flat field and a bracket to one linear image (``spectrabox develop``)."""
 from __future__ import annotations
 
 import dataclasses
@@ -24,10 +22,19 @@ NOT_LINEAR = "NOT LINEAR: decoded as sRGB, colour matrix and tone curve remain"
 
 def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | None,
                    not_linear: bool = False) -> tuple[LinearImage, tuple[str, ...]]:
-    """One linear image from photos of one scene, and notes on what was found on the way.
+    """One linear image from photos of one scene, and notes on dark frames and exposures.
 
     Dark frames are averaged by exposure and subtracted from the photos of theirs; photos of several
     exposures are merged; the flat is divided out last.
+
+    Parameters
+    ----------
+    photos, darks : sequences of Path
+        Raw files where dark frames are given, else any photos.
+    flat : Path or None
+        Photo of a white card in the same position.
+    not_linear : bool
+        As in ``open_any``.
 
     Raises
     ------
@@ -76,8 +83,17 @@ def _mean_over_one_dark(
 
 
 def open_any(path: Path, not_linear: bool = False) -> LinearImage:
-    """As ``open_photo``; with ``not_linear`` also JPEG, PNG and 8-bit files, decoded as sRGB and
-    marked as such.
+    """As ``open_photo``, and where allowed also files that are not linear, marked as such.
+
+    Parameters
+    ----------
+    path : Path
+    not_linear : bool
+        Whether to take JPEG, PNG and 8-bit files too, decoded as sRGB.
+
+    Raises
+    ------
+    InputError
     """
     try:
         return open_photo(path)
@@ -90,7 +106,13 @@ def open_any(path: Path, not_linear: bool = False) -> LinearImage:
 
 
 def write_developed(path: str | os.PathLike[str], image: LinearImage) -> None:
-    """Write the linear image with variance and saturation as EXR; the pipeline and ``spectrabox
-    chart`` read it.
+    """Write the linear image with variance and saturation as EXR.
+
+    The pipeline and ``spectrabox chart`` read it.
+
+    Parameters
+    ----------
+    path : path
+    image : LinearImage
     """
     write_linear_exr(path, image)

@@ -1,4 +1,4 @@
-"""Even out lens shading and uneven light with a photo of a white card in the same place.
+"""Even out lens shading and uneven light with a photo of a white card in the same position.
 
 The card's log signal is smoothed by a polynomial in the picture's coordinates, so that neither its
 noise nor its texture enters the result.
@@ -17,12 +17,16 @@ BLOCKS = 24                  # block means along each side, at most
 CLIPPED_LIMIT = 0.01         # of a block: a few hot pixels do not spoil it
 MIN_SIGNAL = 0.02            # of full scale: below it black-level errors exceed 1 % of the card
 MAX_ROUGH = 0.05             # of a block against the smooth card: holes, shadows, writing
-# a polynomial must not be trusted over more of the picture than this leaves out
-MIN_USABLE_BLOCKS = 0.75
+MIN_USABLE_BLOCKS = 0.75     # of all: a polynomial must not be trusted over more than the rest
 
 
 def divide_by_flat(image: LinearImage, flat: LinearImage) -> LinearImage:
     """The photo divided by the smoothed card, which is 1 in each band where it is brightest.
+
+    Parameters
+    ----------
+    image, flat : LinearImage
+        The photo, and that of the white card, of one camera and size.
 
     Raises
     ------
@@ -46,7 +50,13 @@ def divide_by_flat(image: LinearImage, flat: LinearImage) -> LinearImage:
 
 
 def smooth_flat(flat: LinearImage) -> np.ndarray:
-    """Smoothed card (H, W, K) float32, 1 in each band where it is brightest."""
+    """Smoothed card (H, W, K) float32, 1 in each band where it is brightest.
+
+    Parameters
+    ----------
+    flat : LinearImage
+        Photo of a white card.
+    """
     height, width, bands = flat.signal.shape
     y, x, means, usable = _block_means(flat)
     if np.mean(usable) < MIN_USABLE_BLOCKS:

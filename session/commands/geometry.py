@@ -225,7 +225,7 @@ def _known_points(image: LinearImage, points_file: Path | None,
         raise typer.BadParameter("give either --points or --board", param_hint="--points / --board")
     if points_file is not None:
         known = read_points(points_file)
-        return known.names, known.places, known.points_px
+        return known.names, known.positions, known.points_px
     assert board_file is not None
     printed = read_board(board_file)
     positions, points = find_board(printed, _grey(image))
@@ -245,8 +245,8 @@ def _overlay(path: Path, image: LinearImage, given: np.ndarray, seen: np.ndarray
 def _pose_facts(pose: Pose, names: tuple[str, ...]) -> dict[str, Any]:
     import numpy as np
 
-    from spectrabox.calibrate.geometry.lens import camera_place
-    position, error, direction, angle = camera_place(pose)
+    from spectrabox.calibrate.geometry.lens import camera_position
+    position, error, direction, angle = camera_position(pose)
     misses = np.linalg.norm(pose.residuals_px, axis=1)
     return {"position": position.tolist(), "position_standard_error": error.tolist(),
             "direction": direction.tolist(), "direction_standard_error_deg": angle,

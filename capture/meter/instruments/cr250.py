@@ -11,7 +11,6 @@ import numpy as np
 
 from spectrabox.capture.meter.instruments.errors import LineFaultError
 from spectrabox.capture.meter.instruments.interface import (
-    UNITS,
     HeldResult,
     Identity,
     Instrument,
@@ -104,20 +103,16 @@ class Cr250(Instrument):
         values = np.array([numbers(row, 1, self.line.name)[0] for row in rows])
         xyz, radiometric, exposure = (self._ask(f"RM {key}")
                                       for key in ("XYZ", "Radiometric", "Exposure"))
-        kind = int(numbers(radiometric.split(",")[0], 1, self.line.name)[0])
-        if kind not in UNITS:
-            raise LineFaultError(f"{self.line.name}: quantity {kind} is neither radiance (0) nor "
-                                 "irradiance (1); mount an accessory for one of them")
+        unit = numbers(radiometric.split(",")[0], 1, self.line.name)[0]
+        quantity = self.quantity_of(int(unit), "mount an accessory for one of them")
         milliseconds = numbers(exposure.removesuffix(" msec"), 1, self.line.name)[0]
-        return HeldResult(nm, values, UNITS[kind], numbers(xyz, 3, self.line.name)[1], milliseconds,
+        return HeldResult(nm, values, quantity, numbers(xyz, 3, self.line.name)[1], milliseconds,
                           (header, *rows, xyz, radiometric, exposure))
 
     def leave(self) -> None:
         if self.busy:
             self.line.drain(0.5)
-        for command in reversed(self.found.restore):
-            self.line.send(command)
-            self.line.drain(0.1)
+        self.put_back(0.1)
 
     def longest_measurement_s(self) -> float:
         return MEASURE_S * self.averages + 10
@@ -128,17 +123,17 @@ class Cr250(Instrument):
             # a toggle without an answer: off now, on again when the instrument is left
             self.line.send(b"E\r")
             self.line.drain(0.3)
-            self.found.restore.append(b"E\r")
+            self.restore.append(b"E\r")
         self.entered = True
 
     def _set(self, key: str, value: str) -> None:
-        found = agreed(self._ask, f"RS {key}").split(" ")[0]
-        if found == value:
+        before = agreed(self._ask, f"RS {key}").split(" ")[0]
+        if before == value:
             return
-        if not re.fullmatch(r"-?\d+(\.\d+)?", found):
-            raise LineFaultError(f"{self.line.name}: {key} is set to {found!r}, which could not be "
-                                 f"put back afterwards; set {key} on the instrument itself")
-        self.found.restore.append(f"SM {key} {found}\r".encode())
+        if not re.fullmatch(r"-?\d+(\.\d+)?", before):
+            raise LineFaultError(f"{self.line.name}: {key} is set to {before!r}, which could not "
+                                 f"be put back afterwards; set {key} on the instrument itself")
+        self.restore.append(f"SM {key} {before}\r".encode())
         self._ask(f"SM {key} {value}")
 
     def _ask(self, command: str) -> str:
@@ -159,6 +154,5 @@ class Cr250(Instrument):
         words = command.split(" ")
         known = {command, " ".join(words[:2]), words[min(1, len(words) - 1)]}
         if match is None or match[3] not in known or (match[1] == "OK") == (int(match[2]) < 0):
-            raise LineFaultError(f"{self.line.name}: {reply[:60]!r} is no reply to {command!r}; "
-                                 "measure again, and check the cable")
+            raise self.no_reply(reply, command)
         return int(match[2]), match[4].strip()

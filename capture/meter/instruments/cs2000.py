@@ -120,7 +120,7 @@ class Cs2000(Instrument):
         if self.busy:
             self.line.send(b"MEAS,0\n")
             self.line.drain(2.0)
-        for command in (*self.found.restore, b"MSWE,1\n"):
+        for command in (*self.restore, b"MSWE,1\n"):
             self.line.send(command)
             self.line.drain(0.2)
         self.line.send(b"RMTS,0\n")
@@ -139,8 +139,8 @@ class Cs2000(Instrument):
         self._ask("MSWE,0")  # with the body's button enabled, reading a result clears it
 
     def _remember(self, command: str, question: str) -> None:
-        found = agreed(lambda asked: ",".join(self._ask(asked)), question)
-        self.found.restore.append(f"{command},{found}\n".encode())
+        before = agreed(lambda asked: ",".join(self._ask(asked)), question)
+        self.restore.append(f"{command},{before}\n".encode())
 
     def _ask(self, command: str) -> list[str]:
         """Fields of the reply after OK00."""
@@ -154,8 +154,7 @@ class Cs2000(Instrument):
         reply = self.line.read_line(limit_s)
         match = re.fullmatch(r"(OK|ER)(\d\d)(,.*)?", reply)
         if match is None or (match[1] == "OK") != (match[2] == "00" and not reply.startswith("ER")):
-            raise LineFaultError(f"{self.line.name}: {reply[:60]!r} is no reply to {command}; "
-                                 "measure again, and check the cable")
+            raise self.no_reply(reply, command)
         if match[1] == "ER":
             if command.startswith("MEAS") and int(match[2]) in OUTCOMES:
                 return int(match[2]), []

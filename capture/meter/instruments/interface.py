@@ -1,12 +1,10 @@
-"""What every driver offers: identify, settings, measure, read, close; and what they share to do
-it.
-"""
+"""What every driver offers: identify, settings, measure, read, close; and what drivers share."""
 from __future__ import annotations
 
 import abc
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,6 +26,8 @@ LANGUAGES = (  # what a reply of each family looks like, to name the instrument 
     (r"REMOTE MODE|^\d{5},", "a Photo Research PR-655 or PR-670 (pr655)"),
     (r"SDCM3|DCM3_JETI|PECFIRM", "a JETI spectraval or specbos 2501 (specbos2501)"),
     (r"JETI|SB05|^[\x06\x15]", "a JETI specbos 1211 (specbos1211)"))
+MAX_POINTS = 5000
+RANGE_NM = (100, 3000)
 UNITS = {0: Quantity.RADIANCE, 1: Quantity.IRRADIANCE}
 
 
@@ -59,9 +59,7 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class HeldResult:
-    """One reading of the held result. ``raw`` are the reply bytes, to be compared with a second
-    reading.
-    """
+    """One reading of the held result; ``raw`` are the replies, to compare with a second reading."""
 
     nm: np.ndarray
     values: np.ndarray
@@ -70,13 +68,6 @@ class HeldResult:
     integration_ms: float | None
     raw: tuple[str, ...]
     flags: tuple[str, ...] = ()
-
-
-@dataclass
-class Found:
-    """How the instrument was found: commands that put it back, sent when it is closed."""
-
-    restore: list[bytes] = field(default_factory=list)
 
 
 class Instrument(abc.ABC):
@@ -88,9 +79,9 @@ class Instrument(abc.ABC):
 
     def __init__(self, line: SerialLine) -> None:
         self.line = line
-        self.found = Found()
+        self.restore: list[bytes] = []      # commands that undo what was set, sent on leaving
         self.entered = False
-        self.busy = False  # a measurement was started and has not been reported as ended
+        self.busy = False                   # a measurement has started and not been seen to end
 
     @abc.abstractmethod
     def identify(self) -> Identity:
@@ -98,7 +89,12 @@ class Instrument(abc.ABC):
 
     @abc.abstractmethod
     def settings(self, wanted: MeterSettings) -> None:
-        """Set what is wanted; what was found is noted and put back by ``close``."""
+        """Change settings; those before are noted and put back by ``close``.
+
+        Parameters
+        ----------
+        wanted : MeterSettings
+        """
 
     @abc.abstractmethod
     def measure(self) -> Measured:
@@ -118,9 +114,7 @@ class Instrument(abc.ABC):
             if self.entered:
                 self.leave()
         except InstrumentError:
-            # the line is gone or mute: whoever called already has the error, or its readings are
-            # complete
-            pass
+            pass    # the line is lost or mute: the caller has the error, or all its readings
         finally:
             self.line.close()
 
@@ -128,18 +122,70 @@ class Instrument(abc.ABC):
         """Seconds after which a measurement has failed."""
         return 240.0
 
+    def put_back(self, quiet_s: float) -> None:
+        """Send the commands that undo what was set, last first.
+
+        Parameters
+        ----------
+        quiet_s : float
+            For which the line must be quiet after each.
+        """
+        for command in reversed(self.restore):
+            self.line.send(command)
+            self.line.drain(quiet_s)
+
+    def no_reply(self, reply: str, command: str) -> LineFaultError:
+        """The error for bytes that cannot be the answer to ``command``.
+
+        Parameters
+        ----------
+        reply, command : str
+        """
+        return LineFaultError(f"{self.line.name}: {reply[:60]!r} is no reply to {command!r}; "
+                              "measure again, and check the cable")
+
+    def quantity_of(self, unit: float, remedy: str) -> Quantity:
+        """Radiance or irradiance, from the code 0 or 1 that the instrument states.
+
+        Parameters
+        ----------
+        unit : float
+        remedy : str
+            What the operator should mount instead, for the error.
+
+        Raises
+        ------
+        LineFaultError
+            At any other code.
+        """
+        if unit not in UNITS:
+            raise LineFaultError(f"{self.line.name}: unit code {unit:g} is neither radiance (0) "
+                                 f"nor irradiance (1); {remedy}")
+        return UNITS[int(unit)]
+
     def wrong(self, reply: str) -> WrongInstrumentError:
-        """The error for a reply in another instrument's language."""
+        """The error for a reply in another instrument's language.
+
+        Parameters
+        ----------
+        reply : str
+        """
         other = next((name for pattern, name in LANGUAGES if re.search(pattern, reply)), None)
-        hint = f"this looks like {other}: name it with --instrument" if other else \
-            "name the instrument that is on this port, or choose its port from 'spectrabox meter list'"
+        hint = (f"this looks like {other}: name it with --instrument" if other
+                else "name the instrument that is on this port, or choose its port from "
+                     "'spectrabox meter list'")
         return WrongInstrumentError(f"{self.line.name}: {self.family} was asked for, but "
                                     f"{shown(reply.encode())} answers; {hint}")
 
 
 def agreed(ask: Callable[[str], str], command: str) -> str:
-    """The answer to a question asked twice, for facts that enter the record or are put back
-    afterwards.
+    """The answer to a question asked twice, for facts that are recorded or put back afterwards.
+
+    Parameters
+    ----------
+    ask : function of a command
+        Sends it and gives the answer.
+    command : str
 
     Raises
     ------
@@ -154,14 +200,32 @@ def agreed(ask: Callable[[str], str], command: str) -> str:
 
 
 def refused(instrument: Instrument, command: str, code: int, table: dict[int, str]) -> RefusedError:
-    """The error for an instrument's own error code, in the words of its table."""
+    """The error for an instrument's own error code, in the words of its table.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    command : str
+    code : int
+        The instrument's own.
+    table : dict
+        Sentences by code.
+    """
     sentence = table.get(code, "an error that its protocol notes do not list; see the instrument's "
                          "manual")
     return RefusedError(f"{instrument.family} refused {command!r} with error {code}: {sentence}")
 
 
 def numbers(text: str, count: int, line_name: str, separator: str = ",") -> list[float]:
-    """Exactly ``count`` numbers.
+    """Exactly ``count`` numbers of a reply.
+
+    Parameters
+    ----------
+    text : str
+    count : int
+    line_name : str
+        For errors.
+    separator : str
 
     Raises
     ------
@@ -180,13 +244,21 @@ def stated_grid(points: float, first: float, last: float, step: float,
                 line_name: str) -> np.ndarray:
     """Wavelengths (P,) in nm that the instrument states it uses.
 
+    Parameters
+    ----------
+    points, first, last, step : float
+        As the instrument states them, nm.
+    line_name : str
+        For errors.
+
     Raises
     ------
     LineFaultError
         If the four numbers contradict each other or are no spectrum's.
     """
-    if points < 2 or points > 5000 or points != int(points) or step <= 0 or not 100 <= first < last <= 3000 \
-            or abs(first + (points - 1) * step - last) > 0.01 * step:
+    possible = 2 <= points <= MAX_POINTS and points == int(points) and step > 0
+    if not (possible and RANGE_NM[0] <= first < last <= RANGE_NM[1]
+            and abs(first + (points - 1) * step - last) <= 0.01 * step):
         raise LineFaultError(f"{line_name}: the instrument states {points:g} points from {first:g} "
                              f"to {last:g} nm in steps of {step:g} nm, which cannot be; measure "
                              "again, and check the cable")

@@ -1,12 +1,10 @@
-"""What all JETI instruments share: one-byte answers to commands, error numbers, text answers to
-queries.
-"""
+"""What all JETI instruments share: one-byte answers, error numbers, text answers to queries."""
 from __future__ import annotations
 
 import re
 
 from spectrabox.capture.meter.instruments.errors import LineFaultError, NoReplyError
-from spectrabox.capture.meter.instruments.interface import NUMBER, Instrument, refused
+from spectrabox.capture.meter.instruments.interface import NUMBER, Instrument, Measured, refused
 from spectrabox.capture.meter.serial_line import SerialLine, ascii_text, shown
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
@@ -40,7 +38,13 @@ OUTCOMES = {120: ReadingOutcome.TOO_BRIGHT, 121: ReadingOutcome.TOO_DARK,
 
 
 def find_speed(line: SerialLine, speeds: tuple[int, ...]) -> str:
-    """Ask ``*idn?`` at each speed in turn; gives the answer of the first that is understood.
+    """The answer to ``*idn?`` at the first speed that is understood, which the line keeps.
+
+    Parameters
+    ----------
+    line : SerialLine
+    speeds : tuple of int
+        Baud, to try in turn.
 
     Raises
     ------
@@ -62,8 +66,39 @@ def find_speed(line: SerialLine, speeds: tuple[int, ...]) -> str:
                        "the instrument is on and that this is its port")
 
 
+def identified(instrument: Instrument, speeds: tuple[int, ...], models: str) -> str:
+    """The model as the instrument names itself, after finding its speed where that is to do.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    speeds : tuple of int
+        Baud, to try in turn.
+    models : str
+        Pattern of the models that the driver knows, whatever the case.
+
+    Raises
+    ------
+    WrongInstrumentError, NoReplyError, LineFaultError
+    """
+    if not instrument.entered:
+        reply = find_speed(instrument.line, speeds)
+        if not re.search(models, reply, re.IGNORECASE):
+            raise instrument.wrong(reply)
+        instrument.entered = True
+    model = ask(instrument, "*idn?")
+    if not re.search(models, model, re.IGNORECASE):
+        raise instrument.wrong(model)
+    return model
+
+
 def ask(instrument: Instrument, command: str) -> str:
     """The text answer to a query, without its line end.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    command : str
 
     Raises
     ------
@@ -82,14 +117,45 @@ def ask(instrument: Instrument, command: str) -> str:
 
 
 def set_to(instrument: Instrument, command: str) -> None:
-    """Send a command that is answered with one byte."""
+    """Send a command that is answered with one byte.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    command : str
+
+    Raises
+    ------
+    RefusedError, NoReplyError, LineFaultError
+    """
     instrument.line.write(command.encode() + b"\r")
     if instrument.line.read_byte(ACK + NAK, REPLY_S, skip=ENQ) == NAK:
         raise refused(instrument, command, error_number(instrument), ERRORS)
 
 
-def measure(instrument: Instrument, command: str, limit_s: float) -> int:
-    """Start a measurement and wait for its end: 0, or the number of the instrument's error."""
+def measure(instrument: Instrument, command: str, limit_s: float) -> Measured:
+    """How a measurement ended, once it has.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    command : str
+        That starts it.
+    limit_s : float
+        Until the end is reported.
+
+    Raises
+    ------
+    RefusedError, NoReplyError, LineFaultError
+    """
+    code = _ended(instrument, command, limit_s)
+    if code and code not in OUTCOMES:
+        raise refused(instrument, command, code, ERRORS)
+    return Measured(OUTCOMES.get(code, ReadingOutcome.MEASURED))
+
+
+def _ended(instrument: Instrument, command: str, limit_s: float) -> int:
+    """0, or the number of the instrument's error."""
     instrument.line.write(command.encode() + b"\r")
     instrument.busy = True
     for wanted, limit in ((ACK, REPLY_S), (BEL, limit_s)):
@@ -101,7 +167,13 @@ def measure(instrument: Instrument, command: str, limit_s: float) -> int:
 
 
 def error_number(instrument: Instrument) -> int:
-    """The number behind the last NAK."""
+    """The number of the instrument's last error.
+
+    Raises
+    ------
+    LineFaultError
+        If it states none.
+    """
     instrument.line.write(b"*stat:err?\r")
     reply = ascii_text(instrument.line.read_until((b"\r",), REPLY_S).lstrip(ENQ),
                        instrument.line.name)
@@ -114,6 +186,13 @@ def error_number(instrument: Instrument) -> int:
 
 def labelled(text: str, label: str, line_name: str) -> float:
     """The number after ``label`` in ``X: 1 Y: 2``.
+
+    Parameters
+    ----------
+    text : str
+    label : str
+    line_name : str
+        For errors.
 
     Raises
     ------

@@ -17,7 +17,6 @@ from spectrabox.capture.meter.instruments.errors import (
     UntrustedReadingError,
 )
 from spectrabox.capture.meter.instruments.interface import (
-    UNITS,
     HeldResult,
     Identity,
     Instrument,
@@ -34,6 +33,7 @@ REPLY_S = 10.0
 EXPOSURE_S = 6.0
 POINTS = 101
 MAX_EMPTY_LINES = 20
+INTEGRAL_RTOL = 0.01
 ERRORS = {
     1: "no end of scan at the start", 3: "no start signal", 4: "no end of scan for the integration",
     5: "its DMA failed",
@@ -99,17 +99,18 @@ class Pr650(Instrument):
             raise refused(self, "d5", int(quality), ERRORS)
         pairs = np.array([numbers(row, 2, self.line.name) for row in rows])
         total = numbers(integral, 1, self.line.name)[0]
-        if not np.array_equal(pairs[:, 0],
-                              nm) or abs(pairs[:, 1].sum() * step - total) > 0.01 * abs(total):
+        fits_integral = abs(pairs[:, 1].sum() * step - total) <= INTEGRAL_RTOL * abs(total)
+        if not (np.array_equal(pairs[:, 0], nm) and fits_integral):
             raise UntrustedReadingError(f"{self.line.name}: the spectrum does not fit the grid and "
                                         "the integral that the instrument states; measure again, "
                                         "and check the cable")
         colour = self._ask("d1")
-        if unit not in UNITS or numbers(colour, 5, self.line.name)[1] != unit:
-            raise LineFaultError(f"{self.line.name}: unit code {unit:g} is neither radiance (0) "
-                                 "nor irradiance (1); mount a calibrated accessory")
-        return HeldResult(nm, pairs[:, 1], UNITS[int(unit)], numbers(colour, 5, self.line.name)[2],
-                          None, (grid, header, integral, *rows, colour))
+        quantity = self.quantity_of(unit, "mount a calibrated accessory")
+        _, colour_unit, luminance, _, _ = numbers(colour, 5, self.line.name)
+        if colour_unit != unit:
+            raise self.no_reply(colour, "d1")
+        return HeldResult(nm, pairs[:, 1], quantity, luminance, None,
+                          (grid, header, integral, *rows, colour))
 
     def leave(self) -> None:
         """Nothing to send: it leaves remote mode when it is switched off."""
@@ -137,8 +138,7 @@ class Pr650(Instrument):
         if not re.fullmatch(r"\d{3}|-\d+", reply):
             if command == "b1":
                 raise self.wrong(reply)
-            raise LineFaultError(f"{self.line.name}: {reply[:60]!r} is no reply to {command}; "
-                                 "measure again, and check the cable")
+            raise self.no_reply(reply, command)
         return int(reply)
 
     def _ask(self, command: str) -> str:

@@ -12,7 +12,6 @@ import numpy as np
 from spectrabox.capture.meter.instruments.errors import LineFaultError, UntrustedReadingError
 from spectrabox.capture.meter.instruments.interface import (
     NUMBER,
-    UNITS,
     HeldResult,
     Identity,
     Instrument,
@@ -56,22 +55,22 @@ class Pr655(Instrument):
         return Identity(model, self._ask("D110").strip(), self._ask("D114").strip())
 
     def settings(self, wanted: MeterSettings) -> None:
-        found = agreed(self._ask, "D602").split(",")
-        if len(found) < 10:
-            raise LineFaultError(f"{self.line.name}: {','.join(found)!r} is not a list of "
+        before = agreed(self._ask, "D602").split(",")
+        if len(before) < 10:
+            raise LineFaultError(f"{self.line.name}: {','.join(before)!r} is not a list of "
                                  "settings; check the cable")
-        if found[5].strip().lower() == "english":
+        if before[5].strip().lower() == "english":
             self._set("SU1", "SU0")
         if wanted.integration_ms is not None:
-            before = (0 if found[6].strip().lower() == "adaptive"
-                      else _leading_integer(found[7], self.line.name))
-            self._set(f"SE{round(wanted.integration_ms):05d}", f"SE{before:05d}")
+            exposure_ms = (0 if before[6].strip().lower() == "adaptive"
+                           else _leading_integer(before[7], self.line.name))
+            self._set(f"SE{round(wanted.integration_ms):05d}", f"SE{exposure_ms:05d}")
         if wanted.averages is not None:
             self._set(f"SN{wanted.averages:02d}",
-                      f"SN{_leading_integer(found[9], self.line.name):02d}")
+                      f"SN{_leading_integer(before[9], self.line.name):02d}")
             self.averages = wanted.averages
         if wanted.sync_hz is not None:
-            if len(found) < 13 or found[12].strip().lower() != "no sync":
+            if len(before) < 13 or before[12].strip().lower() != "no sync":
                 raise LineFaultError(f"{self.line.name}: the sync found could not be put back; set "
                                      "it on the instrument")
             self._set("SS3", "SS0")
@@ -106,18 +105,16 @@ class Pr655(Instrument):
                                         f"{pairs[:, 1].sum() * step:.4g}, the instrument states "
                                         f"{integral:.4g}; measure again, and check the cable")
         colour, exposure = self._ask("D1"), self._ask("D13")
-        if unit not in UNITS or not colour.startswith(f"{unit:.0f},"):
-            raise LineFaultError(f"{self.line.name}: unit code {unit:g} is neither radiance (0) "
-                                 "nor irradiance (1); mount an accessory for one of them")
-        return HeldResult(nm, pairs[:, 1], UNITS[int(unit)], numbers(colour, 4, self.line.name)[1],
+        quantity = self.quantity_of(unit, "mount an accessory for one of them")
+        if not colour.startswith(f"{unit:.0f},"):
+            raise self.no_reply(colour, "D1")
+        return HeldResult(nm, pairs[:, 1], quantity, numbers(colour, 4, self.line.name)[1],
                           _last_number(exposure), (grid, header, *rows, colour, exposure))
 
     def leave(self) -> None:
         if self.busy:
             self.line.drain(1.0)
-        for command in reversed(self.found.restore):
-            self.line.send(command)
-            self.line.drain(0.2)
+        self.put_back(0.2)
         self.line.send(b"Q")
 
     def longest_measurement_s(self) -> float:
@@ -135,13 +132,13 @@ class Pr655(Instrument):
         reply = self.line.read_line(REPLY_S)
         if "D111" in reply:  # echo was left on: a toggle; put back when the instrument is left
             self.line.drain(0.5)
-            self.found.restore.append(b"E\r")
+            self.restore.append(b"E\r")
             self.line.send(b"E\r")
             self.line.drain(0.5)
 
     def _set(self, command: str, back: str | None) -> None:
         if back is not None:
-            self.found.restore.append(back.encode() + b"\r")
+            self.restore.append(back.encode() + b"\r")
         code = self._exchange_codes(command)
         if code:
             raise refused(self, command, code, ERRORS)
@@ -162,8 +159,7 @@ class Pr655(Instrument):
         if match is None and command == "D111":
             raise self.wrong(reply)
         if match is None:
-            raise LineFaultError(f"{self.line.name}: {reply[:60]!r} is no reply to {command}; "
-                                 "measure again, and check the cable")
+            raise self.no_reply(reply, command)
         return int(match[1]), match[2] or ""
 
 
@@ -176,5 +172,5 @@ def _leading_integer(text: str, line_name: str) -> int:
 
 
 def _last_number(text: str) -> float | None:
-    found = re.findall(NUMBER, text)
-    return float(found[-1]) if found else None
+    stated = re.findall(NUMBER, text)
+    return float(stated[-1]) if stated else None

@@ -24,9 +24,9 @@ from spectrabox.capture.meter.instruments.interface import (
 )
 from spectrabox.capture.meter.serial_line import LineSettings, ascii_text
 from spectrabox.radiometry.records import Quantity
-from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 SPEEDS = (921600, 115200, 38400)
+MODELS = r"SB05|SB12|JETI_SB|SPECTROCAL"
 FIRST_NM, LAST_NM, STEP_NM = 380, 780, 1
 EXPOSURE_S = 60.0
 SPECTRUM_S = 10.0
@@ -44,14 +44,7 @@ class Specbos1211(Instrument):
     integration_ms: float | None = None
 
     def identify(self) -> Identity:
-        if not self.entered:
-            reply = jeti.find_speed(self.line, SPEEDS)
-            if not re.search(r"SB05|SB12|JETI_SB|SPECTROCAL", reply.upper()):
-                raise self.wrong(reply)
-            self.entered = True
-        model = jeti.ask(self, "*idn?")
-        if not re.search(r"SB05|SB12|JETI_SB|SPECTROCAL", model.upper()):
-            raise self.wrong(model)
+        model = jeti.identified(self, SPEEDS, MODELS)
         serial = jeti.ask(self, "*para:spnum?")
         firmware = jeti.ask(self, "*vers?")
         self.line.drain(0.1)  # old firmware says its version on two lines
@@ -73,10 +66,7 @@ class Specbos1211(Instrument):
             jeti.set_to(self, command)
 
     def measure(self) -> Measured:
-        code = jeti.measure(self, "*INIT", self.longest_measurement_s())
-        if code and code not in jeti.OUTCOMES:
-            raise refused(self, "*INIT", code, jeti.ERRORS)
-        return Measured(jeti.OUTCOMES.get(code, ReadingOutcome.MEASURED))
+        return jeti.measure(self, "*INIT", self.longest_measurement_s())
 
     def read(self) -> HeldResult:
         head = jeti.ask(self, "*CONTR:MHEAD?")

@@ -25,7 +25,6 @@ from spectrabox.capture.meter.instruments.interface import (
 )
 from spectrabox.capture.meter.serial_line import LineSettings, ascii_text
 from spectrabox.radiometry.records import Quantity
-from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 SPEEDS = (921600, 115200)
 EXPOSURE_S = 60.0
@@ -44,14 +43,7 @@ class Specbos2501(Instrument):
     integration_ms: float | None = None
 
     def identify(self) -> Identity:
-        if not self.entered:
-            reply = jeti.find_speed(self.line, SPEEDS)
-            if not re.search(MODELS, reply):
-                raise self.wrong(reply)
-            self.entered = True
-        model = jeti.ask(self, "*idn?")
-        if not re.search(MODELS, model):
-            raise self.wrong(model)
+        model = jeti.identified(self, SPEEDS, MODELS)
         return Identity(model, jeti.ask(self, "*para:spnum?").rpartition(":")[2].strip(),
                         jeti.ask(self, "*vers?"))
 
@@ -65,10 +57,7 @@ class Specbos2501(Instrument):
 
     def measure(self) -> Measured:
         command = f"*MEAS:LIGHT {self.integration_ms or 0:g} {self.averages} 0"
-        code = jeti.measure(self, command, self.longest_measurement_s())
-        if code and code not in jeti.OUTCOMES:
-            raise refused(self, command, code, jeti.ERRORS)
-        return Measured(jeti.OUTCOMES.get(code, ReadingOutcome.MEASURED))
+        return jeti.measure(self, command, self.longest_measurement_s())
 
     def read(self) -> HeldResult:
         grid = jeti.ask(self, "*para:wran?")
@@ -101,17 +90,15 @@ class Specbos2501(Instrument):
         if self.busy:
             self.line.send(jeti.ESC)
             self.line.drain(0.5)
-        for command in reversed(self.found.restore):
-            self.line.send(command)
-            self.line.drain(0.1)
+        self.put_back(0.1)
 
     def longest_measurement_s(self) -> float:
         return 20 + self.averages * 2 * EXPOSURE_S
 
     def _set(self, key: str, value: str) -> None:
-        found = agreed(partial(jeti.ask, self), f"*para:{key}?").rpartition(":")[2].strip()
-        if not re.fullmatch(r"\d+(\.\d+)?", found):
-            raise LineFaultError(f"{self.line.name}: {key} is {found!r}, which could not be put "
+        before = agreed(partial(jeti.ask, self), f"*para:{key}?").rpartition(":")[2].strip()
+        if not re.fullmatch(r"\d+(\.\d+)?", before):
+            raise LineFaultError(f"{self.line.name}: {key} is {before!r}, which could not be put "
                                  "back afterwards")
-        self.found.restore.append(f"*para:{key} {found}\r".encode())
+        self.restore.append(f"*para:{key} {before}\r".encode())
         jeti.set_to(self, f"*para:{key} {value}")
