@@ -42,6 +42,9 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     """Draws of every unknown material of a scene, by name; row t of all of them belongs to the same
     scene.
 
+    Eleven parameters: the five before ``draws`` are the likelihood, the others have the defaults of
+    a session.
+
     Parameters
     ----------
     transport : LightTransport
