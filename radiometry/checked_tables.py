@@ -134,6 +134,8 @@ def _place_of(loc: tuple[int | str, ...], model: type[BaseModel]) -> _Place:
         kind = options[0] if options else None
         if isinstance(step, str):
             names = (*names, step)
+        elif any(_is_model(part) for part in typing.get_args(kind)):
+            names = (*names[:-1], f"{names[-1]} {step + 1}")    # of several tables of one name
         if isinstance(kind, type) and issubclass(kind, BaseModel):
             model, field = kind, _fields(kind).get(str(step))
             options = _options(field.annotation) if field else []
@@ -193,6 +195,11 @@ def _sentence(faults: list[tuple[_Place, Fault]]) -> str:
         return f"{place.name} is {value!r}; {count} {whole}numbers in brackets are needed"
     if kind in ("greater_than_equal", "less_than_equal", "finite_number"):
         return f"{place.name} is {value:g}; {_limits(place.field)}"
+    items = typing.get_args(place.options[0]) if len(place.options) == 1 else ()
+    if kind == "tuple_type" and any(_is_model(item) for item in items):
+        return f"write [[{place.name}]] with two brackets, once for each"
+    if kind == "tuple_type" and float in items:
+        return f"{place.name} is {value!r}; a list of numbers is needed"
     if all(one["type"] in TYPE_NAMES for _, one in faults):
         wanted = " or ".join(dict.fromkeys(TYPE_NAMES[one["type"]] for _, one in faults))
         return f"{place.name} is {value!r}; {wanted} is needed"

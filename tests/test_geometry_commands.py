@@ -233,7 +233,7 @@ def test_what_is_wrong_is_said_and_nothing_is_written(folder):
     points = points_file(folder, seen(CORNERS, TURN, BOX_SHIFT))
     said = call("pose", small, "--scene", scene, "--points", points, "--lens", folder / "lens.json",
                 "--out", out, code=3)
-    assert "has 64 x 48 pixels, the lens was found at 640 x 480" in said.stderr
+    assert "has 64 x 48 pixels, the lens was calibrated at 640 x 480" in said.stderr
     assert "0 of 3 photos show the board" in call("lens", blank, blank, blank, "--board", board,
                                                   "--out", folder / "none.json", code=4).stderr
     assert not out.exists() and not (folder / "none.json").exists()

@@ -189,13 +189,15 @@ def test_masks_choose_pixels_by_their_label(values, tmp_path):
 
 @pytest.mark.parametrize("text, message", [
     ("[regions.a]\nrectangle = [0, 0, 9, 2]", "the picture has 5 x 6 pixels"),
-    ("[regions.a]\nrectangle = [0, 0, 2]", "give whole numbers of pixels"),
-    ("[regions.a]\npoint = [0.5, 1]", "give whole numbers of pixels"),
-    ("[regions.a]\nrectange = [0, 0, 1, 1]", "needs one of rectangle"),
-    ("[regions.a]\npoint = [0, 1]\ntrue = 'x'", "unknown key 'true'; the nearest is 'truth'"),
+    ("[regions.a]\nrectangle = [0, 0, 2]", "4 whole numbers in brackets"),
+    ("[regions.a]\npoint = [0.5, 1]", "a whole number is needed"),
+    ("[regions.a]\nrectange = [0, 0, 1, 1]", "did you mean 'rectangle'"),
+    ("[regions.a]\nlabel = 2", "needs one of rectangle"),
+    ("[regions.a]\npoint = [0, 1]\ntrue = 'x'", r"unknown key 'true' in \[regions.a\]; did you mean 'truth'"),
     ("[regions.a]\nmask = '../m.png'", "lies outside the folder"),
     ("[regions.a]\nmask = 'm.png'\nlabel = 9", "has no pixel for region 'a'; its values are 0, 1"),
-    ("[regions.a", "is no TOML file"), ("[region.a]\npoint = [0, 1]", "holds region; write"),
+    ("[regions.a", "is not valid TOML"),
+    ("[region.a]\npoint = [0, 1]", "did you mean 'regions'"),
 ])
 def test_regions_that_cannot_be_are_errors(tmp_path, text, message):
     (tmp_path / "r.toml").write_text(text)

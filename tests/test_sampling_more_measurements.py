@@ -171,20 +171,22 @@ def test_what_the_prior_finds_hard_to_believe_is_said():
 
 
 @pytest.mark.parametrize("text, message", [
-                             ("[[reading]]\nnm = 500", "lacks reflectance"),
+                             ("[[reading]]\nnm = 500", "reading 1.reflectance is missing"),
                              ("[[reading]]\nnm = 500\nreflectanse = 0.3",
-                              "unknown key 'reflectanse'; the nearest is 'reflectance'"),
+                              r"unknown key 'reflectanse' in \[reading 1\]; did you mean 'reflectance'"),
                              ("[[reading]]\nnm = 'x'\nreflectance = 0.3",
-                              "nm = 'x'; a number is needed"),
+                              "nm is 'x'; a number is needed"),
                              ("[reading]\nnm = 500", r"write \[\[reading\]\] with two brackets"),
                              ("[[raeding]]\nnm = 500",
-                              r"the nearest that is known is \[\[reading\]\]"),
+                              "unknown key 'raeding'; did you mean 'reading'"),
                              ("[[photo]]\nlight = 'A'\nsignal = [0.1, 'b']",
+                              "photo 1.signal is 'b'; a number is needed"),
+                             ("[[photo]]\nlight = 'A'\nsignal = 0.1",
                               "a list of numbers is needed"),
                              ("[[photo]]\nlight = 'A'\nsignal = [0.1, 0.2]",
                               "has 2 values; the sensitivities have 3 bands"),
                              ("[[spot]]\nfile = 'none.csv'", "none.csv is missing"),
-                             ("[[photo]", "is no TOML file")])
+                             ("[[photo]", "is not valid TOML")])
 def test_files_of_measurements_that_cannot_be_are_errors(tmp_path, text, message):
     (tmp_path / "more.toml").write_text(text)
     with pytest.raises(InputError, match=message):

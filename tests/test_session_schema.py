@@ -43,7 +43,8 @@ def test_the_schema_accepts_what_we_write(text):
 @pytest.mark.parametrize("before, after", [
     ("[photos]", "[photo]"), ("seed = 1", "sed = 1"), ("seed = 1", "seed = -1"),
     ("draws = 4000", "draws = \"many\""), ("level = 0.95", "level = 95"),
-    ('bsdf = "white"', 'bsfd = "white"'), ('from = "chart"                     # fit', "from = 3 #"),
+    ('bsdf = "white"', 'bsfd = "white"'),
+    ('from = "chart"                     # fit', "from = 3 #"),
     ("[reconstruct]", "[reconstruct]\nengine = \"warp\"")])
 def test_schema_and_reader_refuse_the_same(tmp_path, before, after):
     assert before in DEMO

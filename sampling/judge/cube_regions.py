@@ -3,22 +3,46 @@ memory stays flat.
 """
 from __future__ import annotations
 
-import difflib
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field, model_validator
 
+from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.judge.cubes import Cube
 
 BLOCK_VALUES = 4_000_000        # of the picture, read at once
 KEPT = 2000                     # spectra of a region that are kept, at random
-KEYS = ("rectangle", "point", "mask", "label", "truth")
-WHERE = ("rectangle", "point", "mask")
+Rectangle = Annotated[ListOf[int], Field(min_length=4, max_length=4)]
+Pixel = Annotated[ListOf[int], Field(min_length=2, max_length=2)]
+
+
+class RegionTable(Table):
+    """A region in a file."""
+
+    rectangle: Rectangle | None = None
+    point: Pixel | None = None
+    mask: str | None = None
+    label: int | None = None
+    truth: str | None = None
+
+    @model_validator(mode="after")
+    def lies_somewhere(self) -> RegionTable:
+        """Refuse a region of no pixels or of two kinds."""
+        if sum(each is not None for each in (self.rectangle, self.point, self.mask)) != 1:
+            raise ValueError("a region needs one of rectangle = [x0, y0, x1, y1], point = [x, y] "
+                             "or mask = \"file.png\"")
+        return self
+
+
+class RegionsFile(Table):
+    """A file of regions."""
+
+    regions: dict[str, RegionTable] = Field(min_length=1)
 
 
 @dataclass(frozen=True)
@@ -63,20 +87,10 @@ def read_regions(path: Path, width: int, height: int,
     ------
     InputError
     """
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"{path} cannot be read ({error.strerror}); give a TOML file of regions") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path.name} is no TOML file ({error}); write [regions.NAME] and "
-                         "rectangle = [x0, y0, x1, y1]") from None
-    regions = tables.get("regions")
-    if not isinstance(regions, dict) or not regions or set(tables) != {"regions"}:
-        raise InputError(f"{path.name} holds {', '.join(tables) or 'nothing'}; write "
-                         "[regions.NAME] and rectangle = [x0, y0, x1, y1]")
-    return [_region(str(name), keys, path, (width, height), read_mask)
-            for name, keys in regions.items()]
+    advice = "write [regions.NAME] and rectangle = [x0, y0, x1, y1]"
+    regions = checked(RegionsFile, read_toml(path, advice), path.name).regions
+    return [_region(name, table, path, (width, height), read_mask)
+            for name, table in regions.items()]
 
 
 def point_region(text: str, width: int, height: int) -> Region:
@@ -179,37 +193,23 @@ def _size(region: Region) -> int:
     return (x1 - x0) * (y1 - y0) if region.mask is None else int(region.mask.sum())
 
 
-def _region(name: str, keys: Any, path: Path, size: tuple[int, int],
+def _region(name: str, table: RegionTable, path: Path, size: tuple[int, int],
             read_mask: Callable[[Path], np.ndarray]) -> Region:
-    if not isinstance(keys, dict) or sum(key in keys for key in WHERE) != 1:
-        raise InputError(f"{path.name}: region {name!r} needs one of rectangle = [x0, y0, x1, y1], "
-                         "point = [x, y] or mask = \"file.png\"")
-    for key in keys:
-        if key not in KEYS:
-            near = difflib.get_close_matches(key, KEYS, n=1, cutoff=0) or list(KEYS)
-            raise InputError(f"{path.name}: region {name!r} has the unknown key {key!r}; the "
-                             f"nearest is {near[0]!r}")
-    truth = keys.get("truth")
-    if truth is not None and not isinstance(truth, str):
-        raise InputError(f"{path.name}: truth of region {name!r} is {truth!r}; give the name of a "
-                         "column")
-    if "mask" in keys:
-        box, mask = _masked(name, keys, path, size, read_mask)
-        return Region(name, truth, box, mask)
-    numbers = keys.get("rectangle", keys.get("point"))
-    if not isinstance(numbers, list) or len(numbers) != (4 if "rectangle" in keys else 2) \
-            or not all(type(value) is int for value in numbers):
-        raise InputError(f"{path.name}: region {name!r} has {numbers!r}; give whole numbers of "
-                         "pixels, x before y")
-    corners = numbers if len(numbers) == 4 else [*numbers, numbers[0] + 1, numbers[1] + 1]
-    return Region(name, truth, _checked((corners[0], corners[1], corners[2], corners[3]), name,
-                                        size), None)
+    if table.mask is not None:
+        return Region(name, table.truth, *_masked(name, table.mask, table.label, path, size,
+                                                  read_mask))
+    if table.rectangle is not None:
+        x0, y0, x1, y1 = table.rectangle
+    else:
+        x0, y0 = table.point or (0, 0)
+        x1, y1 = x0 + 1, y0 + 1
+    return Region(name, table.truth, _checked((x0, y0, x1, y1), name, size), None)
 
 
-def _masked(name: str, keys: dict[str, Any], path: Path, size: tuple[int, int],
-            read_mask: Callable[[Path], np.ndarray]) -> tuple[tuple[int, int, int, int],
-                                                              np.ndarray]:
-    file = (path.parent / str(keys["mask"])).resolve()
+def _masked(name: str, mask: str, label: int | None, path: Path, size: tuple[int, int],
+            read_mask: Callable[[Path], np.ndarray]
+            ) -> tuple[tuple[int, int, int, int], np.ndarray]:
+    file = (path.parent / mask).resolve()
     if not file.is_relative_to(path.parent.resolve()):
         raise InputError(f"{path.name}: the mask of region {name!r} lies outside the folder of "
                          f"{path.name}; put it beside it")
@@ -217,7 +217,7 @@ def _masked(name: str, keys: dict[str, Any], path: Path, size: tuple[int, int],
     if labels.shape != size[::-1]:
         raise InputError(f"mask {file.name} has {labels.shape[1]} x {labels.shape[0]} pixels and "
                          f"the picture {size[0]} x {size[1]}; draw the mask on the picture itself")
-    chosen = labels > 0 if "label" not in keys else labels == keys["label"]
+    chosen = labels > 0 if label is None else labels == label
     if not chosen.any():
         raise InputError(f"mask {file.name} has no pixel for region {name!r}; its values are "
                          f"{', '.join(map(str, np.unique(labels)[:12]))}")

@@ -101,8 +101,9 @@ def lens(photos: Annotated[list[Path], typer.Argument(
         facts = {**lens_facts(estimate), "out": str(out), "skipped": skipped,
                  "views": [{"photo": name, "corners": len(view[1]), "rms_px": float(rms)}
                            for name, view, rms in zip(names, views, by_view, strict=True)]}
-        answer(as_json, facts, "\n".join([*_lens_lines(estimate), *skipped, f"wrote {out}: it holds "
-                                          "for this zoom, focus and size of photo"]))
+        answer(as_json, facts, "\n".join([
+            *_lens_lines(estimate), *skipped,
+            f"wrote {out}: it holds for this zoom, focus and size of photo"]))
 
 
 def pose(photo: Photo,
@@ -143,8 +144,9 @@ def pose(photo: Photo,
         if overlay is not None:
             _overlay(overlay, image, points, points - camera_pose.residuals_px)
         flat = points_file is not None and spread(positions)[2] < FLAT
-        facts = {"out": str(out), **_pose_facts(camera_pose, names), "camera": {**camera, "to_world":
-                 camera["to_world"].tolist()}, "lens": lens_facts(used), "in_one_plane": bool(flat)}
+        facts = {"out": str(out), **_pose_facts(camera_pose, names),
+                 "camera": {**camera, "to_world": camera["to_world"].tolist()},
+                 "lens": lens_facts(used), "in_one_plane": bool(flat)}
         answer(as_json, facts,
                "\n".join(_pose_lines(camera_pose, used, names, lens_file, out, bool(flat))))
 
@@ -202,8 +204,8 @@ def _require_size(image: LinearImage, lens: Lens) -> None:
     if _whole_size(image) != (lens.width, lens.height):
         width, height = _whole_size(image)
         raise InputError(f"photo {image.source} has {width} x {height} pixels, the lens was "
-                         f"calibrated at {lens.width} x {lens.height}; use whole photos of the same camera, "
-                         "of one kind of file")
+                         f"calibrated at {lens.width} x {lens.height}; use whole photos of the same "
+                         "camera, of one kind of file")
 
 
 def _grey(image: LinearImage) -> np.ndarray:
@@ -272,8 +274,8 @@ def _pose_lines(pose: Pose, lens: Lens, names: tuple[str, ...], lens_file: Path 
     worst = max(facts["residuals_px"], key=facts["residuals_px"].get)
     position = ", ".join(f"{value:.4g} ({error:.2g})" for value, error in
                       zip(facts["position"], facts["position_standard_error"], strict=True))
-    lines = [f"camera at {position} in the scene's unit (standard errors in brackets), its direction "
-             f"known to {facts['direction_standard_error_deg']:.2f} degrees",
+    lines = [f"camera at {position} in the scene's unit (standard errors in brackets), its "
+             f"direction known to {facts['direction_standard_error_deg']:.2f} degrees",
              f"{len(names)} points, rms {pose.rms_px:.2f} pixels, largest "
              f"{facts['residuals_px'][worst]:.2f} at {worst}"]
     if lens_file is None:

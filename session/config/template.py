@@ -76,11 +76,11 @@ bsdf = "wall"                       # its id in the scene
 # truth = "spectra/wall.csv"        # measured, only compared with
 
 [reconstruct]
-engine = "{RECONSTRUCT.engine}"                     # "gradient" where a material is coated or glossy
+engine = "{RECONSTRUCT.engine}"                     # "gradient" where a material has a coat
 coefficients = {RECONSTRUCT.coefficients}                   # B-spline coefficients of each spectrum
 width = {RECONSTRUCT.width}                          # pixels of the rendered view
-steps = {RECONSTRUCT.steps}                         # of the gradient engine, each of spp paths per pixel
-spp = {RECONSTRUCT.spp}
+steps = {RECONSTRUCT.steps}                         # of the gradient engine
+spp = {RECONSTRUCT.spp}                            # paths per pixel of each step
 
 [sampling]
 method = "{SAMPLING.method}"                    # from measured reflectances; or "uniform", "paper"

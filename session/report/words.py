@@ -121,7 +121,7 @@ def _shape_of(agreement: SurfaceAgreement, surface: int) -> str:
     """What the pattern over bands hints at for the worst surface."""
     name, ratio = f"“{agreement.names[surface]}”", agreement.ratio[surface]
     if np.ptp(ratio) < 0.3 * np.abs(ratio - 1).max():
-        return (f"On {name} all bands are off by the same factor: geometry, light position or shadow "
-                "is the first suspect, not the spectrum.")
+        return (f"On {name} all bands are off by the same factor: geometry, light position or "
+                "shadow is the first suspect, not the spectrum.")
     return (f"On {name} the bands differ: the spectrum of this surface, or of the light it gets, "
             "is the first suspect.")

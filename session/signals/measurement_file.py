@@ -1,14 +1,11 @@
 """More measurements as they are written: options of the command line, and a small TOML file."""
 from __future__ import annotations
 
-import difflib
-import tomllib
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Quantity, SpectralMeasurement
@@ -32,15 +29,59 @@ from spectrabox.session.signals.signal_options import (
 )
 
 SPOT_STEP_NM = 10.0
-KEYS = {"reading": ("nm", "reflectance", "error", "fwhm_nm"),
-        "band": ("curve", "column", "reflectance", "error"),
-        "spot": ("file", "column", "error", "step_nm"),
-        "photo": ("light", "signal", "noise", "white", "sensitivity"),
-        "same": ("signal", "noise", "white")}
-NEEDED = {"reading": ("nm", "reflectance"), "band": ("curve", "reflectance"), "spot": ("file",),
-          "photo": ("light", "signal"), "same": ("signal",)}
-TEXTS = ("curve", "column", "file", "light", "sensitivity")
-LISTS = ("signal", "noise", "white")
+Numbers = ListOf[float]
+
+
+class ReadingTable(Table):
+    """[[reading]]: the reflectance at one wavelength."""
+
+    nm: float
+    reflectance: float
+    error: float = READING_ERROR
+    fwhm_nm: float = 0.0
+
+
+class BandTable(Table):
+    """[[band]]: the reflectance through a filter."""
+
+    curve: str
+    reflectance: float
+    column: str | None = None
+    error: float = READING_ERROR
+
+
+class SpotTable(Table):
+    """[[spot]]: a measured spectrum."""
+
+    file: str
+    column: str | None = None
+    error: float | None = None      # None: as the file states, else that of a reading
+    step_nm: float = SPOT_STEP_NM
+
+
+class SignalTable(Table):
+    """[[same]]: another patch of the same material."""
+
+    signal: Numbers
+    noise: Numbers | None = None
+    white: Numbers | None = None
+
+
+class PhotoTable(SignalTable):
+    """[[photo]]: another photo, under another light or by another camera."""
+
+    light: str
+    sensitivity: str | None = None
+
+
+class MeasurementsFile(Table):
+    """A file of further measurements."""
+
+    reading: ListOf[ReadingTable] = ()
+    band: ListOf[BandTable] = ()
+    spot: ListOf[SpotTable] = ()
+    photo: ListOf[PhotoTable] = ()
+    same: ListOf[SignalTable] = ()
 
 
 def further_measurements(readings: tuple[str, ...], photos: tuple[str, ...], same: tuple[str, ...],
@@ -114,123 +155,72 @@ def read_more(path: Path, sensitivity: str, relative_response: np.ndarray) -> li
     InputError
         Naming the table and key, with the nearest that is known.
     """
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}); give a TOML file of "
-                         "measurements") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path.name} is no TOML file ({error}); write [[reading]], nm = 700, "
-                         "reflectance = 0.35") from None
-    measurements = []
-    for kind, entries in tables.items():
-        if kind not in KEYS:
-            raise InputError(f"{path.name} holds [[{kind}]]; the nearest that is known is "
-                             f"[[{_nearest(kind, KEYS)}]]")
-        if not isinstance(entries, list):
-            raise InputError(f"{path.name}: write [[{kind}]] with two brackets, once for every "
-                             "measurement")
-        for number, entry in enumerate(entries, 1):
-            checked = _checked(kind, number, entry, path)
-            if kind == "reading":
-                measurements.append(_reading(checked))
-            elif kind == "band":
-                measurements.append(_band(checked, path.parent))
-            elif kind == "spot":
-                measurements.append(_spot(checked, path.parent))
-            elif kind == "same":
-                measured = _measurement(checked, relative_response, "same")
-                measurements.append(_patch(number, measured))
-            else:
-                measurements.append(_photo(checked, sensitivity, path.parent))
-    return measurements
+    written = read_toml(path, "write [[reading]], nm = 700, reflectance = 0.35")
+    tables, folder = checked(MeasurementsFile, written, path.name), path.parent
+    by_kind = {
+        "reading": [_reading(table) for table in tables.reading],
+        "band": [_band(table, folder) for table in tables.band],
+        "spot": [_spot(table, folder) for table in tables.spot],
+        "photo": [_photo(table, sensitivity, folder) for table in tables.photo],
+        "same": [_patch(number, _measurement(table, relative_response, "same"))
+                 for number, table in enumerate(tables.same, 1)]}
+    return [measurement for kind in written for measurement in by_kind[kind]]
 
 
-def _reading(entry: dict[str, Any]) -> MoreMeasurement:
-    reading = reading_at(float(entry["nm"]), float(entry["reflectance"]),
-                         float(entry.get("error", READING_ERROR)), float(entry.get("fwhm_nm", 0)))
+def _reading(table: ReadingTable) -> MoreMeasurement:
+    reading = reading_at(table.nm, table.reflectance, table.error, table.fwhm_nm)
     return MoreMeasurement(reading.name, (reading,))
 
 
-def _band(entry: dict[str, Any], folder: Path) -> MoreMeasurement:
-    table, grid = read_table(folder / entry["curve"]), visible_grid(GRID_NM)
-    column = column_index(table, entry.get("column"))
-    curve = on_grid(table.nm, np.maximum(table.values[column], 0), grid, table.file)
-    name = f"the band {table.names[column]} of {table.file}"
-    return MoreMeasurement(name, (Reading(name, grid.nm, curve, float(entry["reflectance"]),
-                                          float(entry.get("error", READING_ERROR))),))
+def _band(table: BandTable, folder: Path) -> MoreMeasurement:
+    curves, grid = read_table(folder / table.curve), visible_grid(GRID_NM)
+    column = column_index(curves, table.column)
+    curve = on_grid(curves.nm, np.maximum(curves.values[column], 0), grid, curves.file)
+    name = f"the band {curves.names[column]} of {curves.file}"
+    return MoreMeasurement(name, (Reading(name, grid.nm, curve, table.reflectance, table.error),))
 
 
-def _photo(entry: dict[str, Any], sensitivity: str, folder: Path) -> MoreMeasurement:
-    camera, light = str(entry.get("sensitivity", sensitivity)), str(entry["light"])
-    name = f"the photo under {light}" + (f" by {camera}" if "sensitivity" in entry else "")
+def _photo(table: PhotoTable, sensitivity: str, folder: Path) -> MoreMeasurement:
+    name = f"the photo under {table.light}"
+    if table.sensitivity is not None:
+        name += f" by {table.sensitivity}"
     relative_response = named_spectra.relative_response(
-        _beside(camera, folder), _beside(light, folder), visible_grid(GRID_NM))
-    return MoreMeasurement(name, measurement=_measurement(entry, relative_response, "photo"))
+        _beside(table.sensitivity or sensitivity, folder), _beside(table.light, folder),
+        visible_grid(GRID_NM))
+    return MoreMeasurement(name, measurement=_measurement(table, relative_response, "photo"))
 
 
 def _patch(number: int, measurement: SpectralMeasurement) -> MoreMeasurement:
     return MoreMeasurement(f"patch {number} said to be the same material", measurement=measurement)
 
 
-def _measurement(entry: dict[str, Any], relative_response: np.ndarray,
+def _measurement(table: SignalTable, relative_response: np.ndarray,
                  name: str) -> SpectralMeasurement:
-    signal, white, noise = (
-        per_band(np.array(entry[key], dtype=float), len(relative_response), option)
-        if key in entry else None
-        for key, option in (("signal", name), ("white", "white"), ("noise", "noise")))
-    assert signal is not None       # checked with the other keys of the table
-    return measurement_of_signal(relative_response, signal, white, noise)
+    def by_band(numbers: tuple[float, ...], option: str) -> np.ndarray:
+        return per_band(np.array(numbers), len(relative_response), option)
+
+    return measurement_of_signal(relative_response, by_band(table.signal, name),
+                                 None if table.white is None else by_band(table.white, "white"),
+                                 None if table.noise is None else by_band(table.noise, "noise"))
 
 
-def _spot(entry: dict[str, Any], folder: Path) -> MoreMeasurement:
-    spectrum = spectrum_of(read_table(folder / entry["file"]), role=Quantity.REFLECTANCE,
-                           column=entry.get("column"))
-    step = max(float(entry.get("step_nm", SPOT_STEP_NM)), SPOT_STEP_NM)
+def _spot(table: SpotTable, folder: Path) -> MoreMeasurement:
+    spectrum = spectrum_of(read_table(folder / table.file), role=Quantity.REFLECTANCE,
+                           column=table.column)
+    step = max(table.step_nm, SPOT_STEP_NM)
     nm = np.arange(400, 701, step)
     nm = nm[(nm >= spectrum.grid.nm[0]) & (nm <= spectrum.grid.nm[-1])]
     if not nm.size:
-        raise InputError(f"{entry['file']} holds nothing of 400-700 nm; leave the spot out")
+        raise InputError(f"{table.file} holds nothing of 400-700 nm; leave the spot out")
     values = np.interp(nm, spectrum.grid.nm, spectrum.values)
-    errors = np.full(nm.size, float(entry.get("error", READING_ERROR)))
-    if spectrum.standard_error is not None and "error" not in entry:
+    errors = np.full(nm.size, READING_ERROR if table.error is None else table.error)
+    if spectrum.standard_error is not None and table.error is None:
         errors = np.interp(nm, spectrum.grid.nm, spectrum.standard_error)
     readings = [reading_at(float(at_nm), float(value), float(error))
                 for at_nm, value, error in zip(nm, values, errors, strict=True)]
-    return MoreMeasurement(f"the spot of {entry['file']}", tuple(readings))
-
-
-def _checked(kind: str, number: int, entry: Any, path: Path) -> dict[str, Any]:
-    where = f"{path.name}: [[{kind}]] number {number}"
-    if not isinstance(entry, dict):
-        raise InputError(f"{where} is no table; write its keys below it")
-    for key, value in entry.items():
-        if key not in KEYS[kind]:
-            raise InputError(f"{where} has the unknown key {key!r}; the nearest is "
-                             f"{_nearest(key, KEYS[kind])!r}")
-        wanted = "a list of numbers" if key in LISTS else "a text" if key in TEXTS else "a number"
-        if not _fits(key, value):
-            raise InputError(f"{where}: {key} = {value!r}; {wanted} is needed")
-    missing = [key for key in NEEDED[kind] if key not in entry]
-    if missing:
-        raise InputError(f"{where} lacks {' and '.join(missing)}")
-    return entry
-
-
-def _fits(key: str, value: Any) -> bool:
-    if key in LISTS:
-        return isinstance(value, list) and all(_is_number(part) for part in value)
-    return isinstance(value, str) if key in TEXTS else _is_number(value)
-
-
-def _is_number(value: Any) -> bool:
-    return (isinstance(value, int | float) and not isinstance(value, bool)
-            and bool(np.isfinite(value)))
+    return MoreMeasurement(f"the spot of {table.file}", tuple(readings))
 
 
 def _beside(name: str, folder: Path) -> str:
     return str(folder / name) if (folder / name).is_file() else name
 
-
-def _nearest(key: str, known: Iterable[str]) -> str:
-    return (difflib.get_close_matches(key, list(known), n=1, cutoff=0) or list(known))[0]
