@@ -17,6 +17,8 @@ MIN_SHIFT = 0.5          # pixels
 # correlation of the edges of photo and rendering, below which they show different things
 MIN_CORRELATION = 0.3
 MIN_GAIN = 0.05          # of that correlation, by which a shift must be better than none
+STATED_FREEDOM = 1       # deviations of surfaces for which a stated error counts
+TAIL = 0.025             # on either side of what a covariance from few deviations must hold
 BLOCK = 4                # pixels: blocks over which the spread of photo / rendering is taken
 
 
@@ -65,14 +67,21 @@ def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measur
                             np.array(spreads).reshape(-1, bands))
 
 
-def surface_covariance(agreement: SurfaceAgreement, known: frozenset[str]) -> np.ndarray:
+def surface_covariance(agreement: SurfaceAgreement, known: frozenset[str],
+                       stated_error: float) -> np.ndarray:
     """Covariance (K, K) between surfaces of log(photo / rendering): errors of light, pose and
     geometry.
 
     A material that was fitted absorbs the mean error of its surfaces, so it tells only by the
     differences between them; a known material tells by every surface. The covariance is pooled over
-    the scene, since such errors are common to all surfaces. Zeros where the scene has no surface to
-    tell from.
+    the scene, since such errors are common to all surfaces.
+
+    Parameters
+    ----------
+    agreement : SurfaceAgreement
+    known : names of the materials whose spectrum was given
+    stated_error : float
+        Standard deviation of a surface's log brightness in each band, before any is seen.
     """
     offset = np.log(agreement.ratio)
     total, freedom = np.zeros((offset.shape[1],) * 2), 0
@@ -81,7 +90,40 @@ def surface_covariance(agreement: SurfaceAgreement, known: frozenset[str]) -> np
         deviation = own if material in known else own - own.mean(axis=0)
         total += deviation.T @ deviation
         freedom += len(own) - (material not in known)
-    return total / freedom if freedom else total
+    return covariance_from_few(total, freedom, stated_error)
+
+
+def covariance_from_few(scatter: np.ndarray, freedom: int, stated_error: float) -> np.ndarray:
+    """Covariance (K, K) whose central 95 % hold the next deviation, estimated from few.
+
+    Three remedies against few degrees of freedom nu. What is stated counts as one deviation more
+    that was seen (``STATED_FREEDOM``). The matrix is drawn towards one of equal variances and
+    correlations of 1/2, as far from bands that err alike as from bands that err apart, by all of
+    its weight at nu = 1, where a single pair has rank 1 and promises that other colours hold no
+    error, and by (K + 1) / (nu + K) beyond. And it is widened by the quotient of Student's and the
+    normal quantile.
+
+    Parameters
+    ----------
+    scatter : (K, K) array
+        Sum of the outer products of the deviations.
+    freedom : int
+        nu, of the scatter; 0 leaves what is stated.
+    stated_error : float
+        Standard deviation in each band.
+    """
+    from scipy.stats import norm, t
+
+    bands = len(scatter)
+    even = (np.eye(bands) + 1) / 2
+    stated = stated_error**2 * even
+    if freedom == 0:
+        return stated
+    own = (freedom - 1) / (freedom + bands)
+    shrunk = own * scatter + (1 - own) * np.trace(scatter) / bands * even
+    count = STATED_FREEDOM + freedom
+    widening = t.isf(TAIL, count) / norm.isf(TAIL)
+    return np.asarray(widening**2 * (STATED_FREEDOM * stated + shrunk) / count)
 
 
 @dataclass(frozen=True)
@@ -130,8 +172,8 @@ def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
                        within * float(np.sqrt(max(regions / len(deviation) / FIELD_TERMS, 1.0))))
 
 
-def model_covariance(agreement: SurfaceAgreement, material: str,
-                     known: frozenset[str]) -> np.ndarray:
+def model_covariance(agreement: SurfaceAgreement, material: str, known: frozenset[str],
+                     stated_error: float) -> np.ndarray:
     """Relative covariance (K, K) of one material's signal by which photo and model disagree.
 
     Three parts: the scatter between the scene's surfaces, divided by the number of this material's;
@@ -145,7 +187,8 @@ def model_covariance(agreement: SurfaceAgreement, material: str,
     weight = agreement.pixels[own] / agreement.pixels[own].sum()
     mean = weight @ np.log(agreement.ratio[own])
     within = np.einsum("s,sk,sl->kl", weight, agreement.spread[own], agreement.spread[own])
-    return surface_covariance(agreement, known) / len(own) + np.outer(mean, mean) + within
+    between = surface_covariance(agreement, known, stated_error)
+    return between / len(own) + np.outer(mean, mean) + within
 
 
 def scale_from_surfaces(measured: np.ndarray, rendered: np.ndarray, surface: np.ndarray,

@@ -91,9 +91,10 @@ def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Re
     shown = (view.measured, rendered, view.surface, view.used)
     names, materials = tuple(view.scene_file.surfaces), view.surface_materials
     agreement = surface_agreement(names, materials, *shown)
+    stated_error = float(np.hypot(settings.surface_error, settings.brightness_error))
     tests = surface_tests([f"{material} / {name}"
                            for name, material in zip(names, materials, strict=True)], *shown,
-                          float(np.hypot(settings.surface_error, settings.brightness_error)))
+                          stated_error)
     shift = shift_sentence(view.measured, rendered)
     spectra, basis = view.spectra(answer.coefficients), view.basis(settings.coefficients)
     white = white_signal(view.response)
@@ -109,7 +110,7 @@ def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Re
         known=tuple(not is_unknown for is_unknown in unknown), grid=view.grid, basis=basis,
         coefficients=coefficients, spectra=spectra, white_signal=white, signal=signal,
         signal_covariance=covariance,
-        model_covariance=np.array([model_covariance(agreement, material.name, known)
+        model_covariance=np.array([model_covariance(agreement, material.name, known, stated_error)
                                    for material in view.scene_materials]),
         measured=view.measured, rendered=rendered, used=view.used, surface=view.surface,
         agreement=agreement, light_scale=scale, loss_history=answer.loss_history,

@@ -15,11 +15,13 @@ from spectrabox.fixtures.demo_scenes import (
 )
 from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import SurfaceAgreement
 from spectrabox.reconstruct.agreement import (
     edge_shift,
     scale_from_surfaces,
     shift_sentence,
     surface_agreement,
+    surface_covariance,
     usable_pixels,
 )
 from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
@@ -151,3 +153,54 @@ def test_a_light_behind_the_chart_is_refused(tmp_path):
                     encoding="utf-8")
     with pytest.raises(InputError, match="the light does not reach 24 of the 24 patches"):
         patch_irradiance(read_scene(path), patch_centres_uv(), patch_size_uv())
+
+
+def of_surfaces(rng, covariance, freedom):
+    """Two surfaces of each of ``freedom`` unknown paints, whose errors have this covariance."""
+    logs = rng.multivariate_normal(np.zeros(3), covariance, 2 * freedom)
+    paints = tuple(f"paint {number // 2}" for number in range(2 * freedom))
+    return SurfaceAgreement(paints, paints, np.full(2 * freedom, 99), np.exp(logs),
+                            np.zeros((2 * freedom, 3)))
+
+
+DIRECTIONS = {"one band": (1, 0, 0), "brightness": (1, 1, 1), "colour": (1, -1, 0)}
+
+
+@pytest.mark.parametrize("freedom", [1, 2, 5, 20])
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.95])
+def test_the_error_of_the_next_surface_is_held_however_few_were_seen(freedom, correlation):
+    rng = np.random.default_rng(11)
+    cases = 800
+    for size, held_at_least in ((0.01, 0.92), (0.03, 0.85)):   # as stated, and three times as much
+        truth = size**2 * (correlation + (1 - correlation) * np.eye(3))
+        held = dict.fromkeys(DIRECTIONS, 0)
+        for error in rng.multivariate_normal(np.zeros(3), truth, cases):
+            stated = surface_covariance(of_surfaces(rng, truth, freedom), frozenset(), 0.01)
+            for name, direction in DIRECTIONS.items():
+                row = np.array(direction)
+                held[name] += abs(row @ error) < 1.96 * np.sqrt(row @ stated @ row)
+        # 0.95 is aimed at; 800 cases tell a share to 0.8 % (1 sigma), so 0.92 is 4 sigma away.
+        # Beyond what was stated one pair says less than the widening supposes: 0.85 to 0.9.
+        assert min(held.values()) / cases > held_at_least, (size, held)
+
+
+def test_a_single_pair_does_not_promise_that_other_colours_hold_no_error():
+    ratio = np.exp(np.array([[0.05, 0.0, 0.0], [-0.05, 0.0, 0.0]]))
+    pair = SurfaceAgreement(("a", "b"), ("white", "white"), np.array([9, 9]), ratio,
+                            np.zeros((2, 3)))
+    stated = surface_covariance(pair, frozenset(), 0.01)
+    # The pair's scatter, 0.05^2 x 2, is spread over three bands: 4 % each, more by the widening.
+    assert np.sqrt(np.diag(stated)).min() > 0.04
+    assert np.linalg.eigvalsh(stated)[0] > 0.1 * np.linalg.eigvalsh(stated)[-1]
+
+
+def test_many_surfaces_are_taken_at_their_word_and_none_leaves_what_is_stated():
+    rng = np.random.default_rng(12)
+    truth = 0.02**2 * np.array([[1.0, 0.9, 0.2], [0.9, 1.0, 0.0], [0.2, 0.0, 0.3]])
+    stated = surface_covariance(of_surfaces(rng, truth, 2000), frozenset(), 0.01)
+    # 2000 differences tell an entry to 3 % of the largest (1 sigma).
+    np.testing.assert_allclose(stated, truth, atol=0.12 * 0.02**2)
+    alone = SurfaceAgreement(("a",), ("white",), np.array([9]), np.ones((1, 3)), np.zeros((1, 3)))
+    stated = surface_covariance(alone, frozenset(), 0.01)
+    # Round-off.
+    np.testing.assert_allclose(np.sqrt(np.diag(stated)), 0.01)
