@@ -10,7 +10,13 @@ import numpy as np
 from scipy.stats import chi2
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.light_scale import exposure_ratio, light_drift, rounding_error
+from spectrabox.radiometry.light_scale import (
+    DRIFT,
+    exposure_ratio,
+    light_drift,
+    rounding_error,
+    with_common_error,
+)
 from spectrabox.radiometry.records import LightScale, LinearImage
 from spectrabox.radiometry.shaped import Record
 
@@ -71,12 +77,11 @@ def scale_after_drift(scale: LightScale, drift: LightDrift) -> LightScale:
     """The light scale of the object photo once the light's level has drifted, the drift's error in
     its own.
     """
-    known = 0.0 if scale.standard_error is None else scale.standard_error / scale.value
-    value = scale.value * drift.level
-    error = (None if scale.standard_error is None
-             else value * float(np.hypot(known, drift.level_error / drift.level)))
-    return LightScale(value, error, scale.residuals, f"{scale.source}, times {drift.level:.4g} for "
-                      "the light's drift")
+    error = None if scale.standard_error is None else scale.standard_error * drift.level
+    drifted = LightScale(scale.value * drift.level, error, scale.residuals,
+                         f"{scale.source}, times {drift.level:.4g} for the light's drift",
+                         scale.common_errors)
+    return with_common_error(drifted, DRIFT, drift.level_error / drift.level)
 
 
 def drift_covariance(drift: LightDrift) -> np.ndarray:

@@ -1,16 +1,23 @@
 """The factor between a rendering and a photo, carried from one exposure to another."""
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LightScale, LinearImage
+from spectrabox.radiometry.records import CommonError, LightScale, LinearImage
 
 SAME_SETTING = 1e-6
 # of the times that cameras state: 1/125, 1/60
 DIAL_DIGITS = (1, 1.25, 1.3, 1.5, 1.6, 2, 2.5, 3, 3.2, 4, 5, 6, 6.4, 8)
 MAX_FRACTION_S = 0.26
 MAX_ROUNDING_STOPS = 0.1     # 1/60 s is 1/64 s, by 0.093
+# causes of errors that all bands of a photo share
+REPEATABILITY = "light and shutter repeat"
+ROUNDED_EXPOSURES = "rounded exposures"
+DRIFT = "drift of the light"
+LAMP_AT_CHART = "lamp position at chart"
 
 
 def exposure_product(photo: LinearImage, name: str) -> float:
@@ -94,14 +101,42 @@ def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: Linear
     """
     ratio = exposure_ratio(calibrated_on, photo)
     rounded = 0.0 if compared else rounding_error(calibrated_on, photo)
-    error = scale.standard_error
-    if error is not None:
-        error = float(np.hypot(error, rounded * scale.value)) * ratio
+    error = None if scale.standard_error is None else scale.standard_error * ratio
     how = (scale.source if abs(ratio - 1) < SAME_SETTING
            else f"{scale.source}, times {ratio:.4g} for the exposure")
     if rounded > SAME_SETTING:
         how += f", which is known to {rounded:.1%} as cameras round the settings they state"
-    return LightScale(scale.value * ratio, error, scale.residuals, how)
+    carried = LightScale(scale.value * ratio, error, scale.residuals, how, scale.common_errors)
+    return with_common_error(carried, ROUNDED_EXPOSURES, rounded)
+
+
+def with_common_error(scale: LightScale, cause: str, relative: float) -> LightScale:
+    """The scale with one more error, independent of its others, that all bands share.
+
+    Parameters
+    ----------
+    scale : LightScale
+    cause : str
+    relative : float
+        Standard error; 0 leaves the scale as it is.
+    """
+    if relative == 0:
+        return scale
+    error = scale.standard_error
+    if error is not None:
+        error = float(np.hypot(error, relative * scale.value))
+    return dataclasses.replace(scale, standard_error=error, common_errors=(
+        *scale.common_errors, CommonError(cause, relative)))
+
+
+def error_of_each_band(scale: LightScale) -> float:
+    """Relative standard error of the scale in one band without what all bands share; 0 where
+    nobody stated it.
+    """
+    if scale.standard_error is None:
+        return 0.0
+    common = sum(error.relative**2 for error in scale.common_errors)
+    return float(np.sqrt(max((scale.standard_error / scale.value) ** 2 - common, 0.0)))
 
 
 def scale_from_signals(measured: np.ndarray, predicted: np.ndarray, relative_error: float,

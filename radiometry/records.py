@@ -165,13 +165,22 @@ class SensitivityFit(Record):
 
 
 @dataclass(frozen=True, eq=False)
+class CommonError(Record):
+    """An error of a light scale that all bands of a photo share."""
+
+    cause: str
+    relative: float                                 # standard error
+
+
+@dataclass(frozen=True, eq=False)
 class LightScale(Record):
     """Factor from a rendered signal, of sensitivities peaking at 1, to that of the photo."""
 
     value: float
-    standard_error: float | None
+    standard_error: float | None                    # of any one band, ``common_errors`` included
     residuals: Annotated[np.ndarray, "R K"] | None  # (photo - scale x rendered) / photo
     source: str
+    common_errors: tuple[CommonError, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,6 +94,7 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
                      "lights by id": [list(view.lights_by_id) for view in views],
                      "reconstruct": _plain(config.reconstruct), "learnt prior": _learnt(config),
                      "scale": config.scale.source,
+                     "repeatability": _plain(config.repeatability),
                      "seed": config.session.seed},
         "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}} | made_by(
         "reconstruct")

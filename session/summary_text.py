@@ -28,7 +28,9 @@ def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
                          for name, ratio in zip(agreement.names, agreement.ratio, strict=True)],
             "median_surface_error": median_surface_error(agreement),
             "light_scale": {"value": results.light_scale.value,
-                            "standard_error": results.light_scale.standard_error},
+                            "standard_error": results.light_scale.standard_error,
+                            "common_errors": {error.cause: error.relative for error
+                                              in results.light_scale.common_errors}},
             "warnings": results.warnings}
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.light_scale import with_common_error
 from spectrabox.radiometry.records import (
     Calibration,
     JointReconstruction,
@@ -164,3 +165,22 @@ def test_the_error_of_a_lights_readings_is_that_of_signals_under_perturbed_readi
     # grid, 1 to 2 % apart.
     np.testing.assert_allclose(np.sqrt(np.diag(stated)), np.sqrt(np.diag(scatter)), rtol=0.04)
     np.testing.assert_array_equal(stated[:3, 3:], 0)
+
+
+def test_what_the_light_did_between_the_photos_befalls_all_bands_of_a_photo_and_no_other():
+    coefficients, covariance = curves_and_covariance()
+    calibrations = [dataclasses.replace(calibration(light, coefficients, covariance),
+                                        light_scale=LightScale(2.0, 0.02, None, "chart"))
+                    for light in LIGHTS]
+    answer = joint(coefficients)
+    scales = (with_common_error(answer.views[0].light_scale, "lamp", 0.04),
+              answer.views[1].light_scale)
+    answer = dataclasses.replace(answer, views=tuple(SimpleNamespace(light_scale=scale)
+                                                     for scale in scales))
+    parts = signal_covariances(calibrations, answer, 0)
+    signal = answer.signal[0]
+    # Round-off. Curves that were fitted give every band its own scale; the lamp's error is common.
+    np.testing.assert_allclose(parts["lamp"][:3, :3], 0.04**2 * np.outer(signal[:3], signal[:3]))
+    np.testing.assert_array_equal(parts["lamp"][3:], 0)
+    np.testing.assert_allclose(parts["light scale"][:3, :3],
+                               np.diag((SCALE_ERRORS[0] * signal[:3]) ** 2))

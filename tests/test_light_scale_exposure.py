@@ -5,7 +5,13 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.light_scale import rounding_error, scale_for_photo
+from spectrabox.radiometry.light_scale import (
+    ROUNDED_EXPOSURES,
+    error_of_each_band,
+    rounding_error,
+    scale_for_photo,
+    with_common_error,
+)
 from spectrabox.radiometry.records import LightScale, LinearImage, PhotoKind
 
 SCALE = LightScale(2.0, 0.01, None, "chart photo")
@@ -62,3 +68,14 @@ def test_equal_and_exact_times_are_taken_as_stated(before, after):
 def test_settings_that_one_photo_does_not_state_are_asked_for(changes, message):
     with pytest.raises(InputError, match=message):
         scale_for_photo(SCALE, photo(), photo(**changes))
+
+
+def test_a_common_error_adds_to_the_whole_and_not_to_that_of_each_band():
+    scale = with_common_error(with_common_error(SCALE, "lamp", 0.012), "shutter", 0.009)
+    # Round-off.
+    assert scale.standard_error / scale.value == pytest.approx(np.hypot(0.005, 0.015), rel=1e-12)
+    assert error_of_each_band(scale) == pytest.approx(0.005, rel=1e-12)
+    carried = scale_for_photo(scale, photo(1 / 60), photo(1 / 250))
+    assert error_of_each_band(carried) == pytest.approx(0.005, rel=1e-9)
+    assert [error.cause for error in carried.common_errors] == ["lamp", "shutter",
+                                                                ROUNDED_EXPOSURES]

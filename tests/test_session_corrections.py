@@ -17,10 +17,17 @@ from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.lamp import radiance
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.light_scale import DRIFT, REPEATABILITY
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished, run_stages
-from spectrabox.session.stages.reconstruct_stage import joint_of, reconstruction_of
+from spectrabox.session.stages.calibrate_stage import calibrations_of
+from spectrabox.session.stages.photo_stages import chart_of
+from spectrabox.session.stages.reconstruct_stage import (
+    joint_of,
+    reconstruction_of,
+    scale_of_view,
+)
 
 SIZE = (208, 312)
 # of the box's white back wall and, in the chart photo, a patch
@@ -92,10 +99,33 @@ def test_a_lamp_that_dimmed_between_the_photos_is_found_by_a_reference_in_both(c
     drift = f"\n[drift]\nchart_px = {CARD}\nobject_px = {CARD}\nrelative_error = 0.002\n"
     before = run(append(captured, drift))
     found = joint_of(before).views[0].light_scale
+    # The reference says how the photos compare, and to what: nothing needs to be assumed.
+    assert [error.cause for error in found.common_errors] == [DRIFT]
+    assert found.common_errors[0].relative == pytest.approx(np.sqrt(2) * 0.002, rel=1e-6)
     dim(captured, 0.9)
     after = joint_of(run(read_session(captured))).views[0]
     assert after.light_scale.value / found.value == pytest.approx(0.9, abs=0.005)
     assert any("in the object photo than in the chart photo" in note for note in after.notes)
+
+
+def test_without_a_reference_light_and_shutter_are_taken_to_repeat_as_stated(finished):
+    config = read_session(finished)
+    scale = joint_of(load_finished(config).stored).views[0].light_scale
+    errors = {error.cause: error.relative for error in scale.common_errors}
+    # Round-off: 1.2 % of the light and 0.9 % of the shutter.
+    assert errors[REPEATABILITY] == pytest.approx(0.015, rel=1e-12)
+    assert scale.standard_error / scale.value >= 0.015
+
+
+def test_a_chart_in_the_object_photo_itself_has_seen_the_same_light(captured, finished):
+    stored = load_finished(read_session(finished)).stored
+    calibration, = calibrations_of(read_session(captured), stored)
+    path = captured / "session.toml"
+    path.write_text(path.read_text().replace("photos/box.dng", "photos/chart.dng"))
+    config = read_session(captured)
+    scale = scale_of_view(config, config.all_views[0], chart_of(stored)[2], calibration, stored,
+                          None)
+    assert REPEATABILITY not in [error.cause for error in scale.common_errors]
 
 
 def test_references_in_one_photo_only_are_refused(captured):

@@ -5,6 +5,7 @@ The meanings are what editors show; ``docs/reference/session.md`` says more. Def
 """
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -127,6 +128,21 @@ class DriftSection(Table):
                                   "to its place and angle")
 
 
+class RepeatabilitySection(Table):
+    """How well what two photos have in common comes back: standard errors that no photo tells."""
+
+    light: RelativeError = Field(0.012, description="relative: of the light's strength, from the "
+                                 "chart photo to the object photo; references of [drift] replace "
+                                 "it")
+    shutter: RelativeError = Field(0.009, description="relative: of the exposure at one setting, "
+                                   "from photo to photo; references of [drift] replace it")
+
+    @property
+    def relative_error(self) -> float:
+        """Of the exposure by light and shutter together."""
+        return math.hypot(self.light, self.shutter)
+
+
 class LightSection(Table):
     """Spectra of the lights."""
 
@@ -245,6 +261,7 @@ class SessionTables(Table):
     chart: ChartSection = ChartSection()
     camera: CameraSection = CameraSection()
     drift: DriftSection = DriftSection()
+    repeatability: RepeatabilitySection = RepeatabilitySection()
     light: LightSection
     sensitivity: SensitivitySection = SensitivitySection()
     scale: ScaleSection = ScaleSection()

@@ -12,6 +12,7 @@ from spectrabox.session.config.session_schema import (
     FILE_NAME,
     ChartSection,
     ReconstructSection,
+    RepeatabilitySection,
     SamplingSection,
     SessionSection,
     SessionTables,
@@ -19,6 +20,7 @@ from spectrabox.session.config.session_schema import (
 
 SCHEMA_NAME = "session.schema.json"
 SESSION, CHART = SessionSection(), ChartSection()
+REPEATABILITY = RepeatabilitySection()
 RECONSTRUCT, SAMPLING = ReconstructSection(), SamplingSection()
 SESSION_TEMPLATE = f'''#:schema ./{SCHEMA_NAME}
 # A spectrabox session. Every file name is relative to this folder. Lines with # are comments.
@@ -50,6 +52,10 @@ scene = "scene/chart.xml"           # light and chart in place; the chart is a r
 # [drift]                           # did the light change between the photos? Neutral references
 # chart_px = [[[x, y], [x, y], [x, y], [x, y]]]
 # object_px = [[[x, y], [x, y], [x, y], [x, y]]]
+
+# [repeatability]                   # from chart photo to object photo; [drift] measures it instead
+# light = {REPEATABILITY.light}
+# shutter = {REPEATABILITY.shutter}
 
 [light]
 spectrum = "spectra/light.csv"      # {{ file = "spectra/all.csv", column = 2 }} for one of several

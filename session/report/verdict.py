@@ -8,6 +8,7 @@ from enum import Enum
 
 import numpy as np
 
+from spectrabox.radiometry.light_scale import REPEATABILITY
 from spectrabox.radiometry.records import Outcome, SurfaceAgreement
 from spectrabox.session.report.words import deviation_words, percent
 from spectrabox.session.store.results import SessionResults
@@ -63,7 +64,8 @@ def judge(results: SessionResults) -> Verdict:
                   view.bands) for view in results.views]
     criteria = (*(_median_surface(agreement, where) for where, agreement, _ in compared),
                 *(_worst_surface(agreement, bands, where) for where, agreement, bands in compared),
-                _chart(results), _clipped(results), *_outcomes(results), _coverage(results))
+                _chart(results), _clipped(results), *_outcomes(results), *_between_photos(results),
+                _coverage(results))
     status = max((c.status for c in criteria), key=lambda s: s.value)
     reasons = [c.says for c in criteria if c.status is status]
     if status in (Status.WARN, Status.FAIL):
@@ -171,6 +173,23 @@ def _outcomes(results: SessionResults) -> list[Criterion]:
 def outcome_status(outcome: Outcome) -> Status:
     """How serious an outcome of a fit or a sampler is."""
     return GRADES.get(outcome, Status.WARN)
+
+
+def _between_photos(results: SessionResults) -> list[Criterion]:
+    """What it costs that nobody measured the light and the shutter between the photos."""
+    stated = [error.relative for error in results.light_scale.common_errors
+              if error.cause == REPEATABILITY]
+    if not stated:
+        return []
+    shares = [material.variance_shares[REPEATABILITY] for material in results.materials
+              if REPEATABILITY in material.variance_shares]
+    cost = (f", which makes {percent(float(np.mean(shares)))} of the variance of the spectra (up to "
+            f"{percent(max(shares))} of a material's)" if shares else "")
+    return [Criterion("Light and shutter from chart photo to object photo", stated[0],
+                      percent(stated[0]), "stated, not measured", Status.INFO,
+                      f"Light and shutter are taken to repeat within {percent(stated[0])}{cost}. A "
+                      "grey reference that both photos show ([drift]) measures it instead and "
+                      "narrows every band.")]
 
 
 def _coverage(results: SessionResults) -> Criterion:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.light_scale import error_of_each_band
 from spectrabox.radiometry.records import Calibration, JointReconstruction, SpectralMeasurement
 from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
@@ -16,6 +17,7 @@ from spectrabox.sampling.error_budget import error_budget
 from spectrabox.sampling.prior.mixture import load_prior
 
 DARK = 1e-12             # of the light's strongest wavelength
+SCALE = "light scale"    # what is left of its error beside causes of their own name
 
 
 def measurement_of(calibrations: Sequence[Calibration], joint: JointReconstruction,
@@ -45,20 +47,25 @@ def signal_covariances(calibrations: Sequence[Calibration], joint: JointReconstr
     """
     signal = joint.signal[index]
     both = np.outer(signal, signal)
+    views = np.unique(joint.view_of_band)
+    by_view = [scale_covariances(calibrations[view], joint, view) for view in views]
+    scales = {cause: block_diag(*(parts.get(cause, np.zeros_like(parts[SCALE]))
+                                  for parts in by_view)) * both
+              for cause in dict.fromkeys(cause for parts in by_view for cause in parts)}
     return {"photo and rendering noise": joint.signal_covariance[index],
             "sensitivities": sensitivity_covariance(calibrations, joint, index),
-            "light spectrum": light_covariance(calibrations, joint, index),
-            "light scale": block_diag(*(scale_covariance(calibrations[view], joint, view)
-                                        for view in np.unique(joint.view_of_band))) * both,
+            "light spectrum": light_covariance(calibrations, joint, index), **scales,
             "photo and model disagree": joint.model_covariance[index] * both}
 
 
-def scale_covariance(calibration: Calibration, joint: JointReconstruction, view: int) -> np.ndarray:
-    """Relative covariance (K, K) of what the bands of one view read of white.
+def scale_covariances(calibration: Calibration, joint: JointReconstruction,
+                      view: int) -> dict[str, np.ndarray]:
+    """Relative covariance (K, K) of what the bands of one view read of white, by cause.
 
     A known material sets one scale for all bands. A chart to which the curves are fitted too gives
     every band its own: their errors on white are uncorrelated within what
-    benchmarks/bench_white_signal.py can tell.
+    benchmarks/bench_white_signal.py can tell. What befell the light or the shutter between the
+    photos befell all bands.
 
     Parameters
     ----------
@@ -66,9 +73,10 @@ def scale_covariance(calibration: Calibration, joint: JointReconstruction, view:
         Its index in ``joint.views``.
     """
     scale, bands = joint.views[view].light_scale, int(np.count_nonzero(joint.view_of_band == view))
-    relative = 0.0 if scale.standard_error is None else scale.standard_error / scale.value
     fitted = calibration.light_scale is not None and calibration.sensitivity.covariance is not None
-    return relative**2 * (np.eye(bands) if fitted else np.ones((bands, bands)))
+    alike = np.ones((bands, bands))
+    own = error_of_each_band(scale)**2 * (np.eye(bands) if fitted else alike)
+    return {SCALE: own} | {error.cause: error.relative**2 * alike for error in scale.common_errors}
 
 
 def relative_errors(calibrations: Sequence[Calibration], joint: JointReconstruction,

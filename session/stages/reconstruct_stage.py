@@ -13,7 +13,7 @@ from spectrabox.radiometry.light_drift import (
     drift_covariance,
     scale_after_drift,
 )
-from spectrabox.radiometry.light_scale import scale_for_photo
+from spectrabox.radiometry.light_scale import REPEATABILITY, scale_for_photo, with_common_error
 from spectrabox.radiometry.records import (
     Calibration,
     JointReconstruction,
@@ -68,8 +68,7 @@ def invert_photos(task: StageTask) -> dict[str, Any]:
                                           calibrations_of(config, stored), strict=True):
         scene = read_session_scene(config, inputs.scene)
         drifted = drift if not inputs.name else None
-        scale = _scale_of(config, photo, calibration, _chart_under_light(config, stored, inputs),
-                          drifted)
+        scale = scale_of_view(config, inputs, photo, calibration, stored, drifted)
         lights = {light: read_light(config, spectrum)
                   for light, spectrum in inputs.lights_by_id.items()}
         views.append(View(inputs.name or FIRST_VIEW, scene, photo, calibration, bands,
@@ -118,13 +117,12 @@ def _drift(config: SessionConfig, stored: Mapping[str, StoredStage]) -> LightDri
                          reference_signals(stored["photo"]), config.drift.relative_error)
 
 
-def _chart_under_light(config: SessionConfig, stored: Mapping[str, StoredStage],
-                       view: ViewInputs) -> LinearImage | None:
-    """The view's own chart photo, else the first view's where the light is the same."""
+def view_of_chart(config: SessionConfig, view: ViewInputs) -> ViewInputs | None:
+    """The view whose chart photo sets a view's light scale: its own, else the first where the light
+    is the same.
+    """
     first = config.all_views[0]
-    chart = chart_of(stored, view) or (chart_of(stored, first) if view.light == first.light
-                                       else None)
-    return None if chart is None else chart[2]
+    return view if view.chart else first if first.chart and view.light == first.light else None
 
 
 def _widened(joint: JointReconstruction, drift: LightDrift) -> JointReconstruction:
@@ -144,12 +142,20 @@ def _learnt_spectra(spectrum_prior: str) -> LearntSpectra | None:
                                                     *reflectance_moments(prior))
 
 
-def _scale_of(config: SessionConfig, photo: LinearImage, calibration: Calibration,
-              chart: LinearImage | None, drift: LightDrift | None) -> LightScale | None:
+def scale_of_view(config: SessionConfig, view: ViewInputs, photo: LinearImage,
+              calibration: Calibration, stored: Mapping[str, StoredStage],
+              drift: LightDrift | None) -> LightScale | None:
     """Light scale of a photo from the chart under its light, corrected by the drift between them;
     None leaves it to the materials.
     """
+    with_chart = view_of_chart(config, view)
+    chart = None if with_chart is None else chart_of(stored, with_chart)
     if chart is None or calibration.light_scale is None or config.scale.source != "chart":
         return None
-    scale = scale_for_photo(calibration.light_scale, chart, photo, drift is not None)
-    return scale if drift is None else scale_after_drift(scale, drift)
+    scale = scale_for_photo(calibration.light_scale, chart[2], photo, drift is not None)
+    if drift is not None:
+        return scale_after_drift(scale, drift)
+    assert with_chart is not None
+    if with_chart.chart_files == view.photo_files:
+        return scale
+    return with_common_error(scale, REPEATABILITY, config.repeatability.relative_error)

@@ -17,7 +17,7 @@ from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.scene.draws import draw_scene, shared_errors
-from spectrabox.session.stages.error_budget import scale_covariance
+from spectrabox.session.stages.error_budget import scale_covariances
 
 KEPT = 1e-4              # of the largest variance of a direction of the sensitivities' error
 
@@ -81,8 +81,8 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
     else:
         of_curves = _of_curves(calibration, received, response, view.light_scale.value, joint)
     return np.concatenate([of_curves, shared_errors(
-        signal, scale_covariance(calibration, joint, 0), 0.0, regions.surface, regions.colour_error,
-        regions.brightness_error)])
+        signal, np.sum(list(scale_covariances(calibration, joint, 0).values()), axis=0), 0.0,
+        regions.surface, regions.colour_error, regions.brightness_error)])
 
 
 def _of_tails(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
