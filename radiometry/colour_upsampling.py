@@ -15,12 +15,27 @@ METHODS = ("Smits 1999", "Meng 2015", "Otsu 2018", "Jakob 2019", "Mallett 2019")
 
 
 def observer_response(grid: WavelengthGrid) -> np.ndarray:
-    """Response (3, P) of the CIE 1931 observer under D65, rows summing to 1."""
+    """Response (3, P) of the CIE 1931 observer under D65, rows summing to 1.
+
+    Parameters
+    ----------
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    """
     return relative_response("CIE 1931 2 Degree Standard Observer", "D65", grid)
 
 
 def upsampled(relative_xyz: np.ndarray, grid: WavelengthGrid, method: str) -> np.ndarray:
-    """Spectrum (P,) for tristimulus values (3,) relative to white (white is 1, 1, 1) under D65.
+    """Spectrum (P,) that a published method gives for a colour.
+
+    Parameters
+    ----------
+    relative_xyz : (3,) array
+        Tristimulus values over those of the perfect reflector, under D65.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    method : str
+        One of ``METHODS``.
 
     Raises
     ------

@@ -14,6 +14,10 @@ from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 def sha256_of(path: Path) -> str:
     """SHA-256 of a file's content.
 
+    Parameters
+    ----------
+    path : Path
+
     Raises
     ------
     InputError
@@ -30,8 +34,13 @@ def sha256_of(path: Path) -> str:
 
 
 def write_text_whole(path: Path, text: str) -> None:
-    """Write a text file that is on disk, whole, when this returns; a crash leaves the old one or
-    none.
+    """Write a text file that is on disk, whole, when this returns; a crash leaves the old one.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder is made where it is missing.
+    text : str
 
     Raises
     ------
@@ -65,7 +74,17 @@ def sync_folder(folder: Path) -> None:
 
 @contextlib.contextmanager
 def writable(folder: Path) -> Iterator[None]:
-    """Turn a refused write below ``folder`` into one sentence."""
+    """Turn a refused write below a folder into one sentence.
+
+    Parameters
+    ----------
+    folder : Path
+        Made where it is missing.
+
+    Raises
+    ------
+    EnvironmentProblem
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         yield

@@ -11,6 +11,11 @@ VISIBLE_NM = (400.0, 700.0)  # the range used throughout, as in the paper (Sec. 
 def trapezoid_weights_nm(nm: np.ndarray) -> np.ndarray:
     """Weights (P,) such that ``weights @ f(nm)`` is the trapezoid rule, for ascending
     wavelengths.
+
+    Parameters
+    ----------
+    nm : (P,) array
+        Ascending, P >= 2.
     """
     gaps = np.diff(nm)
     weights = np.zeros_like(nm, dtype=float)
@@ -21,6 +26,11 @@ def trapezoid_weights_nm(nm: np.ndarray) -> np.ndarray:
 
 def grid_from_nm(nm: np.ndarray) -> WavelengthGrid:
     """Grid of the given ascending wavelengths, (P,) in nm, P >= 2.
+
+    Parameters
+    ----------
+    nm : (P,) array
+        Ascending, P >= 2.
 
     Raises
     ------
@@ -37,11 +47,23 @@ def interpolation_matrix(from_nm: np.ndarray, to_nm: np.ndarray) -> np.ndarray:
     """Matrix (P', P) that interpolates values linearly from wavelengths (P,) to others (P',).
 
     Beyond the ends the first and the last value hold.
+
+    Parameters
+    ----------
+    from_nm : (P,) array
+        Ascending.
+    to_nm : (P',) array
     """
     return np.array([np.interp(to_nm, from_nm, unit) for unit in np.eye(from_nm.size)]).T
 
 
 def visible_grid(step_nm: float = 1.0) -> WavelengthGrid:
-    """400 to 700 nm in steps of ``step_nm``, which must divide 300."""
+    """400 to 700 nm in steps of ``step_nm``, which must divide 300.
+
+    Parameters
+    ----------
+    step_nm : float
+        Must divide 300.
+    """
     intervals = round((VISIBLE_NM[1] - VISIBLE_NM[0]) / step_nm)
     return grid_from_nm(np.linspace(*VISIBLE_NM, intervals + 1))

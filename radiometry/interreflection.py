@@ -1,14 +1,14 @@
 """Evaluate a traced light transport for any reflectances, with its derivative (NumPy alone).
 
 Where the spectrum of every material only multiplies, the light along a path is (spectrum of the
-light) x (product of the reflectances met) x (geometry). The geometry has no wavelength, so a signal
-is a polynomial in the reflectances:
+light) x (product of the reflectances encountered) x (geometry). The geometry has no wavelength, so
+a signal is a polynomial in the reflectances:
 
     signal_rk = sum over e of coefficients_re * integral of sensitivity_k light prod_m
     reflectance_m^exponents_em dnm
 
-with e over the products (how often each material was met). Symbols: E products, M materials, P
-wavelengths, K bands.
+with e over the products (how often the path encounters each material). Symbols: E products, M
+materials, P wavelengths, K bands.
 """
 from __future__ import annotations
 
@@ -19,16 +19,29 @@ import numpy as np
 
 
 def product_count(materials: int, bounces: int) -> int:
-    """Number E of products of up to ``bounces`` reflectances, counting the one of no reflection."""
+    """Number E of products of reflectances, counting that of no reflection.
+
+    Parameters
+    ----------
+    materials : int
+    bounces : int
+        Reflections at most.
+    """
     return math.comb(materials + bounces, materials)
 
 
 def exponents_up_to(materials: int, bounces: int) -> np.ndarray:
-    """Exponents (E, M) of every product of up to ``bounces`` reflectances, fewest reflections
-    first.
+    """Exponents (E, M) of every product of reflectances, fewest reflections first.
 
     The first row is no reflection (the light seen directly). Within one degree the order is
     lexicographic.
+
+    Parameters
+    ----------
+    materials : int
+        M.
+    bounces : int
+        Reflections at most.
     """
     rows: list[tuple[int, ...]] = [(0,) * materials]
     shell = rows
@@ -40,12 +53,13 @@ def exponents_up_to(materials: int, bounces: int) -> np.ndarray:
 
 
 def met_next(exponents: np.ndarray) -> np.ndarray:
-    """Index (E + 1, M) of the product after one more reflection; E, which leads to itself, where it
-    is not kept.
+    """Index (E + 1, M) of the product after one more reflection.
+
+    E, which leads to itself, where that product is not kept.
 
     Parameters
     ----------
-    exponents : (E, M) int
+    exponents : (E, M) int array
         With every product's lower products among them, as ``exponents_up_to`` and ``prune`` give.
     """
     count, materials = exponents.shape
@@ -58,8 +72,12 @@ def met_next(exponents: np.ndarray) -> np.ndarray:
 
 
 def lower_products(exponents: np.ndarray) -> np.ndarray:
-    """Index (E, M) of the product with one reflection off m less; E where there is none to take
-    away.
+    """Index (E, M) of the product with one reflection off m less; E where there is none.
+
+    Parameters
+    ----------
+    exponents : (E, M) int array
+        As ``exponents_up_to`` and ``prune`` give.
     """
     following = met_next(exponents)
     count, materials = exponents.shape
@@ -72,8 +90,12 @@ def lower_products(exponents: np.ndarray) -> np.ndarray:
 
 
 def products(exponents: np.ndarray, reflectances: np.ndarray) -> np.ndarray:
-    """Product (E, P) of reflectances (M, P) for each row of exponents; exact where a reflectance is
-    0.
+    """Product (E, P) of reflectances for each row of exponents; exact where a reflectance is 0.
+
+    Parameters
+    ----------
+    exponents : (E, M) int array
+    reflectances : (M, P) array
     """
     values = np.ones((len(exponents) + 1, reflectances.shape[1]))
     for level, parent, material in _recurrence(exponents.tobytes(), exponents.shape):
@@ -83,8 +105,14 @@ def products(exponents: np.ndarray, reflectances: np.ndarray) -> np.ndarray:
 
 def band_products(exponents: np.ndarray, reflectances: np.ndarray,
                   response: np.ndarray) -> np.ndarray:
-    """Signal G (E, K) of each product: the integral of response (K, P) x product, weights in nm
-    included in it.
+    """Signal (E, K) of each product of reflectances.
+
+    Parameters
+    ----------
+    exponents : (E, M) int array
+    reflectances : (M, P) array
+    response : (K, P) array
+        Sensitivity x light x integration weight.
     """
     return products(exponents, reflectances) @ response.T
 
@@ -92,35 +120,41 @@ def band_products(exponents: np.ndarray, reflectances: np.ndarray,
 def band_products_jacobian(exponents: np.ndarray, reflectances: np.ndarray, response: np.ndarray,
                            basis: np.ndarray,
                            unknown: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Signal (E, K) of each product and its derivative (E, K, U, N) by the spline coefficients of
-    unknown materials.
+    """Signal (E, K) of each product, and its derivative (E, K, U, N) by spline coefficients.
 
     Parameters
     ----------
-    exponents : (E, M) int
-    reflectances : (M, P)
-    response : (K, P)          sensitivity x light x integration weight
-    basis : (P, N)
-    unknown : U material indices
+    exponents : (E, M) int array
+    reflectances : (M, P) array
+    response : (K, P) array
+        Sensitivity x light x integration weight.
+    basis : (P, N) array
+    unknown : tuple of U int
+        Indices of the materials whose coefficients vary.
     """
     values = np.vstack([products(exponents, reflectances), np.zeros(reflectances.shape[1])])
     lower = lower_table(exponents)
     bands, coefficients = response.shape[0], basis.shape[1]
     carrier = (response.T[:, :, None] * basis[:, None, :]).reshape(len(basis), bands * coefficients)
     jacobian = np.empty((len(exponents), bands, len(unknown), coefficients))
-    for place, m in enumerate(unknown):
+    for column, m in enumerate(unknown):
         derivative = exponents[:, m, None] * values[lower[:, m]]
-        jacobian[:, :, place] = (derivative @ carrier).reshape(len(exponents), bands, coefficients)
+        jacobian[:, :, column] = (derivative @ carrier).reshape(len(exponents), bands, coefficients)
     return values[:-1] @ response.T, jacobian
 
 
 def signal(coefficients: np.ndarray, exponents: np.ndarray, reflectances: np.ndarray,
            response: np.ndarray) -> np.ndarray:
-    """Signal (R, K) of R regions from transport coefficients (R, E), or (R, L, E) with response (L,
-    K, P).
+    """Signal (R, K) of R regions.
 
-    Several lights: their transports are traced apart, each has its own response, and their signals
-    add.
+    Parameters
+    ----------
+    coefficients : (R, E) array, or (R, L, E) for L lights
+        Of the transport. The transports of several lights are traced apart, and their signals add.
+    exponents : (E, M) int array
+    reflectances : (M, P) array
+    response : (K, P) array, or (L, K, P)
+        Sensitivity x light x integration weight, of each light.
     """
     if coefficients.ndim == 2:
         return coefficients @ band_products(exponents, reflectances, response)
@@ -130,7 +164,12 @@ def signal(coefficients: np.ndarray, exponents: np.ndarray, reflectances: np.nda
 
 
 def lower_table(exponents: np.ndarray) -> np.ndarray:
-    """``lower_products``, remembered: a fit asks for the same table at every step."""
+    """``lower_products``, kept: a fit asks for the same table at every step.
+
+    Parameters
+    ----------
+    exponents : (E, M) int array
+    """
     return _lower_table(exponents.tobytes(), exponents.shape)
 
 

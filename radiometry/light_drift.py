@@ -1,6 +1,4 @@
-"""What the light did between the chart photo and the object photo, from neutral references that
-both show.
-"""
+"""Drift of the light from chart photo to object photo, from neutral references in both."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -21,8 +19,7 @@ from spectrabox.radiometry.records import LightScale, LinearImage
 from spectrabox.radiometry.shaped import Record
 
 NOTABLE_ROUNDING = 0.001
-# of a change of colour: a sound pair of photos is called changed once in a thousand
-SIGNIFICANCE = 1e-3
+SIGNIFICANCE = 1e-3         # of a change of colour, falsely in one pair of photos of a thousand
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +37,16 @@ class LightDrift(Record):
 
 def drift_between(chart_photo: LinearImage, chart_signals: np.ndarray, object_photo: LinearImage,
                   object_signals: np.ndarray, relative_error: float) -> LightDrift:
-    """Drift from signals (R, K) of the same R references, standing alike towards the light, in the
-    two photos.
+    """Drift of the light from signals of the same references in two photos.
 
     Parameters
     ----------
+    chart_photo, object_photo : LinearImage
+        For their exposures.
+    chart_signals, object_signals : (R, K) arrays
+        Of the same R neutral references, at the same angle to the light.
     relative_error : float
-        Of each signal: how well a reference returns to its place and angle.
+        Of each signal: how well a reference returns to its position and angle.
 
     Raises
     ------
@@ -74,8 +74,13 @@ def drift_between(chart_photo: LinearImage, chart_signals: np.ndarray, object_ph
 
 
 def scale_after_drift(scale: LightScale, drift: LightDrift) -> LightScale:
-    """The light scale of the object photo once the light's level has drifted, the drift's error in
-    its own.
+    """The light scale of the object photo after a drift of the light's level, errors included.
+
+    Parameters
+    ----------
+    scale : LightScale
+        By the exposures alone.
+    drift : LightDrift
     """
     error = None if scale.standard_error is None else scale.standard_error * drift.level
     drifted = LightScale(scale.value * drift.level, error, scale.residuals,
@@ -85,16 +90,20 @@ def scale_after_drift(scale: LightScale, drift: LightDrift) -> LightScale:
 
 
 def drift_covariance(drift: LightDrift) -> np.ndarray:
-    """Relative covariance (K, K) to add to that of predicted signals: a change of colour that no
-    scale undoes.
+    """Relative covariance (K, K) of predicted signals by a change of colour that no scale undoes.
+
+    Parameters
+    ----------
+    drift : LightDrift
     """
     return np.outer(drift.colour,
                     drift.colour) if drift.colour_changed else np.zeros((drift.ratio.size,) * 2)
 
 
 def _colour_error(before: np.ndarray, after: np.ndarray, relative_error: float) -> np.ndarray:
-    """Of one band's log ratio apart from the others': its scatter over the references, at least the
-    stated error.
+    """Standard error of each band's log ratio relative to the bands' mean.
+
+    From its scatter over the references, at least the stated error.
     """
     logs = np.log(after / before)
     own = logs - logs.mean(axis=1, keepdims=True)

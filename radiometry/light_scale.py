@@ -9,7 +9,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import CommonError, LightScale, LinearImage
 
 SAME_SETTING = 1e-6
-# of the times that cameras state: 1/125, 1/60
+# Of the times that cameras state: 1/125, 1/60.
 DIAL_DIGITS = (1, 1.25, 1.3, 1.5, 1.6, 2, 2.5, 3, 3.2, 4, 5, 6, 6.4, 8)
 MAX_FRACTION_S = 0.26
 MAX_ROUNDING_STOPS = 0.1     # 1/60 s is 1/64 s, by 0.093
@@ -22,6 +22,12 @@ LAMP_AT_CHART = "lamp position at chart"
 
 def exposure_product(photo: LinearImage, name: str) -> float:
     """Exposure time x ISO / f-number squared, to which a linear signal is proportional.
+
+    Parameters
+    ----------
+    photo : LinearImage
+    name : str
+        Of the photo, for errors.
 
     Raises
     ------
@@ -38,7 +44,11 @@ def exposure_product(photo: LinearImage, name: str) -> float:
 
 
 def exposure_ratio(before: LinearImage, after: LinearImage) -> float:
-    """Exposure of a photo relative to that of another, both by the same settings.
+    """Exposure of a photo relative to that of another, by their stated settings.
+
+    Parameters
+    ----------
+    before, after : LinearImage
 
     Raises
     ------
@@ -53,11 +63,15 @@ def exposure_ratio(before: LinearImage, after: LinearImage) -> float:
 
 
 def rounding_error(before: LinearImage, after: LinearImage) -> float:
-    """Relative error of ``exposure_ratio`` where a camera rounds what it states: 1/60 s for 1/64 s,
-    f/11 for f/11.3.
+    """Relative error of ``exposure_ratio`` by the rounding of stated settings.
 
-    The difference to the ratio of the nearest thirds of a stop. It is 0 at equal settings, and of
-    times where one of them stands on no dial: those are measured or exact.
+    A camera states 1/60 s for 1/64 s, f/11 for f/11.3: the error is the difference to the ratio of
+    the nearest thirds of a stop. It is 0 at equal settings, and of times where one of them is on no
+    dial: those are measured or exact.
+
+    Parameters
+    ----------
+    before, after : LinearImage
     """
     stops = 0.0
     if before.exposure_s and after.exposure_s and _on_dial(before.exposure_s) and _on_dial(
@@ -75,9 +89,7 @@ def _on_dial(exposure_s: float) -> bool:
 
 
 def _off_third(value: float) -> float:
-    """Stops from the nearest third of a stop; 0 where that is further than cameras round, as with
-    half stops.
-    """
+    """Stops from the nearest third of a stop; 0 where further than cameras round (half stops)."""
     stops = float(np.log2(value))
     off = stops - round(3 * stops) / 3
     return off if abs(off) < MAX_ROUNDING_STOPS else 0.0
@@ -89,10 +101,13 @@ def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: Linear
 
     Parameters
     ----------
+    scale : LightScale
+        Of the photo ``calibrated_on``.
+    calibrated_on, photo : LinearImage
+        For their exposures.
     compared : bool
-        A reference that both photos show will tell how the exposures compare
-        (``light_drift.scale_after_drift``), so that the rounding of what the camera states is no
-        error.
+        Whether a reference in both photos will tell how the exposures compare
+        (``light_drift.scale_after_drift``), so that the rounding of stated settings is no error.
 
     Raises
     ------
@@ -141,13 +156,20 @@ def error_of_each_band(scale: LightScale) -> float:
 
 def scale_from_signals(measured: np.ndarray, predicted: np.ndarray, relative_error: float,
                        source: str) -> LightScale:
-    """Closed-form weighted least squares of measured (R, K) against predicted (R, K), all known to
-    ``relative_error``.
+    """Closed-form weighted least squares of measured against predicted signals.
 
     The signal is linear in the light: a render at 2.5 times the light is 2.5 times the image. The
-    standard error is the largest of what ``relative_error`` says, what the scatter of all signals
-    says, and what that of the regions says: the bands of one region err together where its place,
-    angle or paint is not as predicted, and count as one.
+    standard error is the largest of three: by ``relative_error``, by the scatter of all signals,
+    and by that of the regions. Errors of the bands of a region are correlated where its position,
+    angle or paint is not as predicted; the bands then count as one signal.
+
+    Parameters
+    ----------
+    measured, predicted : (R, K) arrays
+    relative_error : float
+        Of every signal.
+    source : str
+        Stored with the scale.
     """
     weight = 1 / (relative_error * measured) ** 2
     curvature = np.sum(weight * predicted**2)

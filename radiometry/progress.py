@@ -3,4 +3,5 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-Progress = Callable[[float, str], None]  # share of the work that is done, 0 to 1; what is being done
+# Of the share of the work that is done, 0 to 1, and of what is being done.
+Progress = Callable[[float, str], None]

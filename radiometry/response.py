@@ -12,17 +12,36 @@ from spectrabox.radiometry.records import WavelengthGrid
 
 def response_matrix(grid: WavelengthGrid, sensitivities: np.ndarray,
                     light: np.ndarray) -> np.ndarray:
-    """M (K, P) of Eq. 8 from sensitivities (K, P) and light (P,) on the grid."""
+    """M (K, P) of Eq. 8.
+
+    Parameters
+    ----------
+    grid : WavelengthGrid
+    sensitivities : (K, P) array
+    light : (P,) array
+        Its spectrum, any unit.
+    """
     return sensitivities * light * grid.weights_nm
 
 
 def white_signal(response: np.ndarray) -> np.ndarray:
-    """Signal (K,) of a surface of reflectance 1 at every wavelength."""
+    """White signal (K,) of each band: that of a reflectance of 1 at every wavelength.
+
+    Parameters
+    ----------
+    response : (K, P) array
+        As ``response_matrix`` gives it.
+    """
     return response.sum(axis=1)
 
 
 def relative_operator(response: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """A (K, N) of Eq. 4, with each band divided by its white signal: coefficients of 1 give a
-    signal of 1.
+    """A (K, N) of Eq. 4 over the white signal of each band: coefficients of 1 give a signal of 1.
+
+    Parameters
+    ----------
+    response : (K, P) array
+        As ``response_matrix`` gives it.
+    basis : (P, N) array
     """
     return response @ basis / white_signal(response)[:, None]

@@ -1,7 +1,7 @@
 """Frozen records whose arrays are checked against letters and kept read-only.
 
 A field is declared as ``mean: Annotated[np.ndarray, "24 K"]``. A letter is any size, the same
-wherever it stands in the record; a number is that size. ``None`` passes where the annotation allows
+throughout the record; a number is that size. ``None`` passes where the annotation allows
 it.
 """
 from __future__ import annotations
@@ -15,9 +15,7 @@ import numpy as np
 
 
 class Record:
-    """Base of the frozen records: checks shapes, makes read-only copies of what could be changed
-    from outside.
-    """
+    """Base of the frozen records: checks shapes, copies arrays that could be changed outside."""
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
@@ -44,8 +42,8 @@ def array_fields(record: Any) -> dict[str, str]:
 def _letters(hint: Any) -> str | None:
     if typing.get_origin(hint) is typing.Annotated:
         return hint.__metadata__[0]
-    found = [letters for part in typing.get_args(hint) if (letters := _letters(part)) is not None]
-    return found[0] if found else None
+    inner = [letters for part in typing.get_args(hint) if (letters := _letters(part)) is not None]
+    return inner[0] if inner else None
 
 
 def _check_shape(record: str, field: str, shape: tuple[int, ...], letters: list[str],

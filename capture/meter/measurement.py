@@ -1,5 +1,4 @@
-"""One trusted reading: measured once, read twice, compared with itself and with the instrument's
-own luminance.
+"""A trusted reading: measured once, read twice, compared with the instrument's own luminance.
 
 No instrument's text protocol has a checksum. A changed digit is caught by reading the held result
 twice and comparing byte for byte, and by the integral of the spectrum against the luminance that
@@ -45,8 +44,20 @@ VISIBLE_NM = (400.0, 700.0)
 @contextlib.contextmanager
 def open_instrument(name: str, port: str, log: Log,
                     pace: Pace | None = None) -> Iterator[Instrument]:
-    """A driver on an open line; the instrument is left as found however the block ends, Ctrl-C
-    included.
+    """A driver on an open line; the instrument is left as it was, however the block ends.
+
+    Ctrl-C included.
+
+    Parameters
+    ----------
+    name : str
+        As ``driver_named`` takes it.
+    port : str
+        As ``open_line`` takes it.
+    log : function of (direction, bytes)
+        Called with everything that passes.
+    pace : Pace or None
+        None for real time.
 
     Raises
     ------
@@ -63,6 +74,10 @@ def open_instrument(name: str, port: str, log: Log,
 
 def trusted_identity(instrument: Instrument) -> Identity:
     """Who answers, asked twice: a changed digit in a serial number would otherwise go unseen.
+
+    Parameters
+    ----------
+    instrument : Instrument
 
     Raises
     ------
@@ -117,7 +132,20 @@ def take_reading(instrument: Instrument, identity: Identity, *,
 
 def measure_once(name: str, port: str, wanted: MeterSettings, log: Log, *, pace: Pace | None = None,
                  transcript: str = "") -> SpectralReading:
-    """Open, identify, set, measure, read, verify and leave one instrument; see ``take_reading``."""
+    """Open, identify, set, measure, read, verify and leave an instrument.
+
+    Parameters
+    ----------
+    name, port, log, pace
+        As in ``open_instrument``.
+    wanted : MeterSettings
+    transcript : str
+        Name of the file in which the exchange is kept, for the record.
+
+    Raises
+    ------
+    InputError, InstrumentError
+    """
     with open_instrument(name, port, log, pace) as instrument:
         identity = trusted_identity(instrument)
         instrument.settings(wanted)

@@ -22,7 +22,14 @@ FACTS = ("instrument", "serial_number", "firmware", "integration_ms", "luminance
 
 
 def readings_folder(spectra: Path, name: str) -> Path:
-    """Where the readings of one thing lie, such as spectra/readings/light.
+    """Folder of the readings of a target, such as spectra/readings/light.
+
+    Parameters
+    ----------
+    spectra : Path
+        The session's folder of spectra.
+    name : str
+        Of the target.
 
     Raises
     ------
@@ -41,7 +48,13 @@ def stored_readings(folder: Path) -> list[SpectralReading]:
 
 
 def store_reading(folder: Path, reading: SpectralReading) -> Path:
-    """Write the next reading of a folder; gives its file."""
+    """Write the next reading of a folder; gives its file.
+
+    Parameters
+    ----------
+    folder : Path
+    reading : SpectralReading
+    """
     number = max((number for number, _ in _numbered(folder)), default=0) + 1
     path = folder / f"{number:03d}.json"
     write_text_whole(path, json.dumps(reading_facts(reading), allow_nan=False, indent=1) + "\n")
@@ -49,7 +62,12 @@ def store_reading(folder: Path, reading: SpectralReading) -> Path:
 
 
 def set_aside(folder: Path) -> Path:
-    """Rename a folder of readings so that a new series can start; nothing is deleted."""
+    """Rename a folder of readings so that a new series can start; nothing is deleted.
+
+    Parameters
+    ----------
+    folder : Path
+    """
     number = 1
     while (aside := folder.with_name(f"{folder.name}.before-{number}")).exists():
         number += 1
@@ -76,6 +94,10 @@ def reading_facts(reading: SpectralReading) -> dict[str, Any]:
 
 def read_reading(path: Path) -> SpectralReading:
     """A stored reading.
+
+    Parameters
+    ----------
+    path : Path
 
     Raises
     ------

@@ -12,8 +12,14 @@ BLOCKS = " ▁▂▃▄▅▆▇█"
 
 
 def text_plot(spectrum: Spectrum, width: int = 72, height: int = 12) -> str:
-    """Columns of block characters, the largest value filling the height; negative values stay
-    empty.
+    """A spectrum as columns of block characters; negative values stay empty.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Its largest value fills the height.
+    width, height : int
+        Characters.
     """
     nm, values = spectrum.grid.nm, spectrum.values
     at = np.linspace(nm[0], nm[-1], width)
@@ -30,6 +36,11 @@ def text_plot(spectrum: Spectrum, width: int = 72, height: int = 12) -> str:
 
 def png_plot(spectrum: Spectrum, path: Path) -> None:
     """Write a picture of the spectrum with its standard error as a band.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+    path : Path
 
     Raises
     ------

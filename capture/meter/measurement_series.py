@@ -12,7 +12,7 @@ from spectrabox.radiometry.spectra.readings import ReadingOutcome, ReadingSeries
 
 DRIFT_SIGMA = 3.0           # a drift counts where it stands out of its own error by this
 DRIFT_RELATIVE = 0.005      # and is larger than this over the series
-LOW_SIGNAL = 0.02           # of the white's largest value: below, a ratio is mostly noise
+LOW_SIGNAL = 0.02           # of the standard's largest value: below, a ratio is mostly noise
 
 
 def series_of(readings: Sequence[SpectralReading], name: str) -> ReadingSeries:
@@ -52,19 +52,26 @@ def series_of(readings: Sequence[SpectralReading], name: str) -> ReadingSeries:
 
 
 def series_spectrum(series: ReadingSeries, source: str) -> Spectrum:
-    """The mean with its standard error, which is None for a single reading."""
+    """The mean with its standard error, which is None for a single reading.
+
+    Parameters
+    ----------
+    series : ReadingSeries
+    source : str
+        Stored with the spectrum.
+    """
     error = series.spread / np.sqrt(series.readings) if series.readings > 1 else None
     return Spectrum(series.grid, series.mean, series.quantity, source, error)
 
 
 def reflectance_from(target: Spectrum, white: Spectrum, white_reflectance: float,
                      source: str) -> Spectrum:
-    """Reflectance of a surface: its light over that of a white standard in the same place.
+    """Reflectance of a surface: its radiance over that of a white standard in the same position.
 
     Parameters
     ----------
     target, white : Spectrum
-        Radiances from the same instrument, place and light.
+        Radiances of the surface and of the white standard, by one instrument in one position.
     white_reflectance : float
         Of the standard, about 0.99 for sintered PTFE.
 
@@ -96,9 +103,9 @@ def reflectance_from(target: Spectrum, white: Spectrum, white_reflectance: float
                     Quantity.REFLECTANCE, source, error)
 
 
-def _run_around(usable: np.ndarray, place: int) -> slice:
+def _run_around(usable: np.ndarray, index: int) -> slice:
     holes = np.flatnonzero(~usable)
-    below, above = holes[holes < place], holes[holes > place]
+    below, above = holes[holes < index], holes[holes > index]
     return slice(below[-1] + 1 if below.size else 0, above[0] if above.size else usable.size)
 
 

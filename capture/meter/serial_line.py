@@ -41,15 +41,19 @@ class LineSettings:
 
 @dataclass(frozen=True)
 class Pace:
-    """How fast time runs for limits and pauses: 1 with instruments, less when a transcript is
-    played faster.
-    """
+    """How fast time runs for limits and pauses: 1 with instruments, less for played transcripts."""
 
     scale: float = 1.0
     shortest_limit_s: float = 0.0
 
     def limit_s(self, seconds: float) -> float:
-        """A deadline, never shorter than what the computer itself may need."""
+        """A deadline, never shorter than what the computer itself may need.
+
+        Parameters
+        ----------
+        seconds : float
+            Of the instrument.
+        """
         return max(seconds * self.scale, self.shortest_limit_s)
 
     def sleep(self, seconds: float) -> None:
@@ -58,9 +62,7 @@ class Pace:
 
 
 class SerialLine:
-    """Bytes to and from one instrument. Everything that passes goes to ``log`` as (">" or "<",
-    bytes).
-    """
+    """Bytes to and from an instrument; all that pass go to ``log`` as (">" or "<", bytes)."""
 
     def __init__(self, port: Any, name: str, settings: LineSettings, log: Log, pace: Pace) -> None:
         self.name = name
@@ -72,6 +74,10 @@ class SerialLine:
 
     def write(self, command: bytes) -> None:
         """Send a command, character by character where the instrument needs that.
+
+        Parameters
+        ----------
+        command : bytes
 
         Raises
         ------
@@ -89,7 +95,12 @@ class SerialLine:
         self.send(command)
 
     def send(self, command: bytes) -> None:
-        """Send without looking at what waits; for leaving and for flushing."""
+        """Send without looking at what waits; for leaving and for flushing.
+
+        Parameters
+        ----------
+        command : bytes
+        """
         self._log(">", command)
         with self._lost():
             if not self.settings.pace_s:
@@ -102,6 +113,12 @@ class SerialLine:
     def read_until(self, ends: tuple[bytes, ...], limit_s: float) -> bytes:
         """Bytes up to and including the first of ``ends``.
 
+        Parameters
+        ----------
+        ends : tuple of bytes
+        limit_s : float
+            Wall clock.
+
         Raises
         ------
         NoReplyError
@@ -109,21 +126,39 @@ class SerialLine:
         """
         deadline = time.monotonic() + self.pace.limit_s(limit_s)
         while True:
-            places = [place + len(end) for end in ends if (place := self._buffer.find(end)) >= 0]
-            if places:
-                taken = bytes(self._buffer[:min(places)])
-                del self._buffer[:min(places)]
+            after = [at + len(end) for end in ends if (at := self._buffer.find(end)) >= 0]
+            if after:
+                taken = bytes(self._buffer[:min(after)])
+                del self._buffer[:min(after)]
                 return taken
             if time.monotonic() > deadline:
                 raise self._no_reply(limit_s)
             self._take(wait=True)
 
     def read_line(self, limit_s: float, ends: tuple[bytes, ...] = (b"\n",)) -> str:
-        """One line of ASCII without its end; see ``read_until``."""
+        """One line of ASCII without its end.
+
+        Parameters
+        ----------
+        limit_s : float
+            Wall clock.
+        ends : tuple of bytes
+
+        Raises
+        ------
+        NoReplyError, LineFaultError
+        """
         return ascii_text(self.read_until(ends, limit_s), self.name).strip("\r\n")
 
     def read_byte(self, wanted: bytes, limit_s: float, skip: bytes = b"") -> bytes:
         """The next byte that is one of ``wanted``; bytes of ``skip`` are passed over.
+
+        Parameters
+        ----------
+        wanted, skip : bytes
+            Any of each.
+        limit_s : float
+            Wall clock.
 
         Raises
         ------
@@ -136,16 +171,22 @@ class SerialLine:
                 if byte in wanted:
                     return byte
                 if byte not in skip:
-                    raise LineFaultError(f"{self.name}: {shown(byte + bytes(self._buffer))} stands "
-                                         f"where one of {shown(wanted)} is needed; check speed and "
-                                         "cable")
+                    raise LineFaultError(
+                        f"{self.name}: {shown(byte + bytes(self._buffer))} arrived where one of "
+                        f"{shown(wanted)} is needed; check speed and cable")
             if time.monotonic() > deadline:
                 raise self._no_reply(limit_s)
             self._take(wait=True)
 
     def drain(self, quiet_s: float, limit_s: float = 5.0) -> bytes:
-        """Drop what arrives until the line has been quiet for ``quiet_s``; gives the bytes
-        dropped.
+        """Drop what arrives until the line is quiet; gives the bytes dropped.
+
+        Parameters
+        ----------
+        quiet_s : float
+            For which nothing may arrive.
+        limit_s : float
+            After which draining ends all the same.
         """
         dropped = bytearray()
         deadline = time.monotonic() + self.pace.limit_s(limit_s)
@@ -165,7 +206,13 @@ class SerialLine:
         self._buffer.clear()
 
     def pulse_rts(self, low_s: float) -> None:
-        """Lower and raise RTS, where the line has it: resets a PR-650."""
+        """Lower and raise RTS, where the line has it: resets a PR-650.
+
+        Parameters
+        ----------
+        low_s : float
+            For which it stays low.
+        """
         with suppress(OSError):  # a pseudo-terminal has no RTS
             self._port.rts = False
             self.pace.sleep(low_s)
@@ -253,6 +300,12 @@ def shown(data: bytes) -> str:
 def ascii_text(data: bytes, name: str) -> str:
     """Printable ASCII as text.
 
+    Parameters
+    ----------
+    data : bytes
+    name : str
+        Of the line, for errors.
+
     Raises
     ------
     LineFaultError
@@ -271,8 +324,8 @@ def _port_error(port: str, error: Exception) -> PortError:
     if number in (errno.EBUSY, errno.EAGAIN) or "lock" in str(error):
         return PortError(f"{port} is in use by another program; close that program, then try again")
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or "FileNotFound" in str(error):
-        found = ", ".join(str(entry["port"]) for entry in list_ports()) or "none"
-        return PortError(f"there is no port {port}; ports of this computer: {found}. Plug the "
+        present = ", ".join(str(entry["port"]) for entry in list_ports()) or "none"
+        return PortError(f"there is no port {port}; ports of this computer: {present}. Plug the "
                          "instrument in, switch it on and see 'spectrabox meter list'")
     return PortError(f"{port} cannot be opened ({error}); see 'spectrabox meter list' for the "
                      "ports of this computer")

@@ -12,11 +12,16 @@ ASPECT_ROUND_OFF = 1e-9
 
 
 def render_size(width: int, height: int, target_width: int) -> tuple[int, int]:
-    """Width and height near the wanted width whose aspect is nearest that of a photo of ``width`` x
-    ``height``.
+    """Width and height near the wanted width whose aspect is nearest that of a photo.
 
     Widths from 0.75 to 1.25 of the target are tried; of equal aspects the width nearest the target
     is taken.
+
+    Parameters
+    ----------
+    width, height : int
+        Of the photo.
+    target_width : int
     """
     lowest, highest = (max(1, round(share * target_width)) for share in SIZE_RANGE)
     widths = np.arange(lowest, highest + 1)
@@ -32,6 +37,12 @@ def bin_image(image: LinearImage, width: int, height: int) -> LinearImage:
 
     The variance follows by the squared weights, for independent pixels. A pixel is saturated where
     any that contributes is.
+
+    Parameters
+    ----------
+    image : LinearImage
+    width, height : int
+        At most those of the image.
     """
     down = area_weights(image.signal.shape[0], height)
     across = area_weights(image.signal.shape[1], width)
@@ -43,7 +54,13 @@ def bin_image(image: LinearImage, width: int, height: int) -> LinearImage:
 
 
 def area_weights(source: int, target: int) -> np.ndarray:
-    """Weights (target, source) of the mean over each target pixel; every row sums to 1."""
+    """Weights (target, source) of the mean over each target pixel; every row sums to 1.
+
+    Parameters
+    ----------
+    source, target : int
+        Pixels along a side, before and after.
+    """
     # In units of 1 / (source x target) of the side all edges are integers, so that no pixel is
     # touched by round-off.
     left, start = np.arange(target)[:, None] * source, np.arange(source) * target

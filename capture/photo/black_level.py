@@ -15,14 +15,20 @@ import numpy as np
 from spectrabox.capture.photo.metadata import PhotoMetadata
 
 COLOUR_INDEX = {"R": 0, "G": 1, "B": 2}
-MIN_MASKED = 256  # samples at each position of the tile: an error of 0.06 of the read noise
+MIN_MASKED = 256             # samples of each position: an error of 0.06 of the read noise
 OUTLIER_SIGMA = 4.0          # of masked pixels: hot pixels and light that leaks in at the edge
 SIGMA_PER_MAD = 1.4826       # of a normal distribution
 
 
 def tile_of(raw: Any, metadata: PhotoMetadata) -> tuple[np.ndarray, np.ndarray]:
-    """Colour and black level (a, b) of the tile that starts at the first visible pixel of an opened
-    raw.
+    """Colour (a, b) and black level (a, b), DN, of the tile that starts at the first visible pixel.
+
+    Parameters
+    ----------
+    raw : rawpy.RawPy
+        Opened.
+    metadata : PhotoMetadata
+        Of the same file.
     """
     origin = (raw.sizes.top_margin, raw.sizes.left_margin)
     pattern = (1, 1) if raw.num_colors == 1 else raw.raw_pattern.shape
@@ -39,8 +45,14 @@ def tile_of(raw: Any, metadata: PhotoMetadata) -> tuple[np.ndarray, np.ndarray]:
 
 
 def full_colour_black(raw: Any, metadata: PhotoMetadata) -> np.ndarray:
-    """Black level (3,) of the full-colour pixels of an opened linear DNG: the tag's, with its
-    fractions.
+    """Black level (3,), DN, of the pixels of a linear DNG: the tag's, with its fractions.
+
+    Parameters
+    ----------
+    raw : rawpy.RawPy
+        Opened.
+    metadata : PhotoMetadata
+        Of the same file.
     """
     by_libraw = np.asarray(raw.black_level_per_channel, dtype=float)[:3]
     if metadata.black_level is None or len(metadata.black_level) not in (1, 3):
@@ -57,22 +69,26 @@ def _black(raw: Any, metadata: PhotoMetadata, origin: tuple[int, int],
     stated = _stated_black(metadata, origin, by_libraw.shape)
     if stated is None:
         return by_libraw
-    # The tag may belong to another picture in the file: LibRaw must have found the same levels, but
-    # for the fraction.
+    # The tag may belong to another picture in the file: LibRaw must give the same levels, but for
+    # the fraction.
     same = np.all(np.abs(np.sort(stated, axis=None) - np.sort(by_libraw, axis=None)) < 1)
     return stated if same or metadata.masked_areas else by_libraw
 
 
 def masked_black(whole: np.ndarray, areas: tuple[tuple[int, ...], ...], origin: tuple[int, int],
                  shape: tuple[int, ...]) -> np.ndarray | None:
-    """Mean (a, b) of the masked pixels at each position of the tile, or None where they are too
-    few.
+    """Mean (a, b) of the masked pixels at each position of the tile; None where they are too few.
 
     Parameters
     ----------
-    whole : (H, W) DN          the whole mosaic, with its margins
-    areas :                    top, left, bottom, right of each masked area
-    origin :                   row and column of the first visible pixel, where the tile starts
+    whole : (H, W) array
+        DN, the whole mosaic with its margins.
+    areas : tuple of (top, left, bottom, right)
+        Of each masked area.
+    origin : (row, column)
+        Of the first visible pixel, where the tile starts.
+    shape : (a, b)
+        Of the tile.
     """
     samples: list[list[np.ndarray]] = [[] for _ in range(shape[0] * shape[1])]
     for top, left, bottom, right in areas:

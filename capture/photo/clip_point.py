@@ -1,5 +1,4 @@
-"""Where a sensor really clips, from the histogram: the white level that a file states may be wrong
-for this ISO.
+"""Where a sensor really clips, from the histogram: a stated white level may be wrong for this ISO.
 
 Where light noise spreads one brightness over several DN, many samples at one DN at the very top of
 the histogram, and few just below, can only be clipping.
@@ -20,16 +19,26 @@ MIN_SIGMA_DN = 1.5           # noise that would have spread the pile
 
 
 def clip_points(frame: RawFrame) -> np.ndarray:
-    """DN (K,) at which each colour seems to clip: the white level, or a pile of samples below
-    it.
+    """DN (K,) at which each colour seems to clip: the white level, or a pile of samples below it.
+
+    Parameters
+    ----------
+    frame : RawFrame
     """
     return np.array([_pile(_some_samples(frame, band), frame.white_level)
                      for band in range(int(frame.cfa.max()) + 1)])
 
 
 def piles_up(frame: RawFrame, clip: float, band: int, noise: PhotonTransfer) -> bool:
-    """Whether noise would have spread the samples found at ``clip``, so that the pile is
-    clipping.
+    """Whether noise would have spread the samples at ``clip``, so that the pile is clipping.
+
+    Parameters
+    ----------
+    frame : RawFrame
+    clip : float
+        DN.
+    band : int
+    noise : PhotonTransfer
     """
     if clip >= frame.white_level:
         return True

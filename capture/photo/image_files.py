@@ -26,14 +26,19 @@ VARIANCE, SATURATED = "variance.", "saturated."  # channels of a developed photo
 
 
 def is_image_file(path: Path) -> bool:
-    """Whether a file is for this module: by its suffix, else by what it begins with."""
+    """Whether a file is for this module: by its suffix, else by what it begins with.
+
+    Parameters
+    ----------
+    path : Path
+    """
     if path.suffix.lower() in IMAGE_SUFFIXES:
         return True
     if not path.is_file():
         return False
     with path.open("rb") as file:
         start = file.read(8)
-    # a TIFF header may begin a raw
+    # Not TIFF: its header may begin a raw.
     return start.startswith((b"\x76\x2f\x31\x01", b"\x89PNG", b"\xff\xd8\xff"))
 
 
@@ -44,6 +49,10 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
     dropped. Saturated are values from 0.98 of full scale in integer files, and in float files whose
     values all lie up to 1; a float file that goes beyond 1 states no clip point, and nothing is
     marked. The variance comes from the picture (noise.py).
+
+    Parameters
+    ----------
+    path : path
 
     Raises
     ------
@@ -77,7 +86,11 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
 
 
 def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
-    """Read a JPEG, PNG or TIFF as sRGB-encoded: good for finding a chart, never for measuring.
+    """A JPEG, PNG or TIFF decoded as sRGB: good for detecting a chart, never for measuring.
+
+    Parameters
+    ----------
+    path : path
 
     Raises
     ------
@@ -94,8 +107,12 @@ def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
 
 
 def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, str]:
-    """Values (H, W) as stored in a file of one band, such as the mosaic of an industrial camera;
-    exposure, camera.
+    """Values (H, W) as stored in a file of one band, its exposure in s and its camera.
+
+    Parameters
+    ----------
+    path : path
+        Such as the mosaic of an industrial camera.
 
     Raises
     ------
@@ -116,8 +133,13 @@ def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, 
 
 def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
                                                          Callable[[int, int], np.ndarray]]:
-    """Channel names of a picture, its height and width, and a function that reads rows (last -
-    first, W, C) of it.
+    """Channel names of a picture, its height and width, and a function that reads rows.
+
+    The function takes the first and the last row (exclusive) and gives (rows, W, C).
+
+    Parameters
+    ----------
+    path : path
 
     Raises
     ------
@@ -142,8 +164,12 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
 
 
 def write_linear_exr(path: str | os.PathLike[str], image: LinearImage) -> None:
-    """Write a linear image with its variance and saturation as float EXR; ``read_linear_file``
-    gives it back whole.
+    """Write a linear image with its variance and saturation; ``read_linear_file`` gives it back.
+
+    Parameters
+    ----------
+    path : path
+    image : LinearImage
 
     Raises
     ------
@@ -201,6 +227,14 @@ def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Se
               exposure_s: float | None = None) -> None:
     """Write an image (H, W, C) as float EXR with named channels, whole or not at all.
 
+    Parameters
+    ----------
+    path : path
+    image : (H, W, C) array
+    channel_names : sequence of C str
+    exposure_s : float or None
+        Stated in the file where given.
+
     Raises
     ------
     InputError
@@ -219,6 +253,11 @@ def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Se
 
 def write_png(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
     """Write a picture (H, W, 3) uint8, already encoded for the screen, as PNG.
+
+    Parameters
+    ----------
+    path : path
+    rgb8 : (H, W, 3) uint8 array
 
     Raises
     ------

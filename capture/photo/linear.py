@@ -1,8 +1,7 @@
-"""From a mosaic to linear camera signal, without demosaicing: each tile of colour filters becomes
-one pixel.
+"""From a mosaic to linear camera signal: each tile of colour filters becomes a pixel.
 
-A tile is 2 x 2 samples of a Bayer sensor, 3 x 3 of an X-Trans sensor (2 red, 5 green, 2 blue), 1 of
-a monochrome one.
+Nothing is demosaiced. A tile is 2 x 2 samples of a Bayer sensor, 3 x 3 of an X-Trans sensor (2 red,
+5 green, 2 blue), 1 of a monochrome one.
 """
 from __future__ import annotations
 
@@ -29,8 +28,12 @@ ROWS_AT_ONCE = 32       # of tiles
 
 
 def open_photo(path: str | os.PathLike[str]) -> LinearImage:
-    """Linear signal of a camera raw or of a linear EXR or TIFF, told apart by suffix, else by
-    content.
+    """Linear signal of a camera raw or of a linear EXR or TIFF.
+
+    Parameters
+    ----------
+    path : path
+        Told apart by suffix, else by content.
 
     Raises
     ------
@@ -46,8 +49,9 @@ def open_photo(path: str | os.PathLike[str]) -> LinearImage:
 def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,
                  dark: np.ndarray | None = None,
                  dark_variance: np.ndarray | None = None) -> LinearImage:
-    """Signal (DN - black) / (white - black) of each tile of colour filters: the mean of its samples
-    of each colour.
+    """Signal (DN - black level) / (white level - black level) of each tile of colour filters.
+
+    The mean of its samples of each colour.
 
     Negative signals stay, so that means over dark areas are unbiased. A pixel is saturated where
     any contributing sample reaches 0.98 of the clip point: the white level, or where the histogram
@@ -55,10 +59,14 @@ def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,
 
     Parameters
     ----------
-    noise :                    noise of each band; None to take it from the photo itself (capture/photo/noise.py)
-    dark : (H, W) DN           mean dark frame to subtract in place of the black level (capture/develop/dark.py)
-    dark_variance : (H, W)     its variance, DN squared, which is added to a given noise: noise taken from the photo
-                               is measured after the subtraction and holds it already
+    frame : RawFrame
+    noise : PhotonTransfer or None
+        Noise of each band; None to take it from the photo itself (capture/photo/noise.py).
+    dark : (H, W) array or None
+        DN, mean dark frame to subtract in place of the black level (capture/develop/dark.py).
+    dark_variance : (H, W) array or None
+        Its variance, DN squared, which is added to a given noise: noise taken from the photo is
+        measured after the subtraction and holds it already.
 
     Raises
     ------
@@ -92,13 +100,13 @@ def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,
     quantum = np.sqrt(variance_of_rounding / tiles)
     clips = clip_points(frame)
     saturated = _saturated(frame, positions, signal.shape, clips)
-    found = noise or photon_transfer(signal, saturated, quantum, frame.file)
-    believed = np.array([clip if piles_up(frame, clip, band, found) else frame.white_level
+    transfer = noise or photon_transfer(signal, saturated, quantum, frame.file)
+    believed = np.array([clip if piles_up(frame, clip, band, transfer) else frame.white_level
                          for band, clip in enumerate(clips)])
     if np.any(believed != clips):
         saturated = _saturated(frame, positions, signal.shape, believed)
-        found = noise or photon_transfer(signal, saturated, quantum, frame.file)
-    variance = found.variance(signal)
+        transfer = noise or photon_transfer(signal, saturated, quantum, frame.file)
+    variance = transfer.variance(signal)
     if dark_part is not None:
         variance += dark_part
     return _image(frame, signal, variance, saturated, float(step), PhotoKind.RAW)
@@ -109,6 +117,10 @@ def full_colour_image(frame: FullColourFrame) -> LinearImage:
 
     Marked as an image file taken as linear: whoever wrote it has interpolated, and perhaps
     denoised, so that its noise looks smaller than it is.
+
+    Parameters
+    ----------
+    frame : FullColourFrame
     """
     signal = (frame.pixels - frame.black_level.astype(np.float32))
     signal /= (frame.white_level - frame.black_level).astype(np.float32)
@@ -119,8 +131,14 @@ def full_colour_image(frame: FullColourFrame) -> LinearImage:
 
 
 def tile_step(cfa: np.ndarray, source: str = "") -> int:
-    """Side of the smallest square of samples that, wherever it stands on its own grid, holds every
-    colour.
+    """Side of the smallest square of samples that holds every colour, anywhere on its own grid.
+
+    Parameters
+    ----------
+    cfa : (a, b) int array
+        Index of the colour at each position of the tile.
+    source : str
+        Of the photo, for errors.
 
     Raises
     ------
@@ -142,9 +160,7 @@ def tile_step(cfa: np.ndarray, source: str = "") -> int:
 
 
 class _Position(NamedTuple):
-    """One position of the tile: which samples of the mosaic go to which pixels of the picture, and
-    how they count.
-    """
+    """A position of the tile: which samples go to which pixels of the picture, and their weight."""
 
     y: int
     x: int
@@ -156,9 +172,7 @@ class _Position(NamedTuple):
 
     def within(self, rows: slice, height: int,
                width: int) -> tuple[tuple[slice, slice], tuple[slice, slice, int]]:
-        """Slices of the mosaic and of the picture for some rows of the picture that begin with a
-        whole tile.
-        """
+        """Slices of the mosaic and of the picture for rows that begin with a whole tile."""
         samples = (slice(rows.start * self.step + self.y, min(rows.stop, height) * self.step,
                          self.tile[0]), slice(self.x, width * self.step, self.tile[1]))
         pixels = (slice(rows.start + self.y // self.step, min(rows.stop, height),
@@ -179,9 +193,7 @@ def _positions(frame: RawFrame, step: int) -> list[_Position]:
 
 
 def _over_rows(work: Callable[[slice], None], height: int, rows_of_tile: int) -> None:
-    """Do the work for blocks of rows that fit in the cache, on all cores: numpy lets go of Python's
-    lock.
-    """
+    """Do the work for blocks of rows that fit in the cache, on all cores."""
     block = ROWS_AT_ONCE * rows_of_tile
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         for _ in pool.map(work, (slice(start, start + block) for start in range(0, height, block))):

@@ -43,15 +43,13 @@ class PhotoMetadata:
     make: str
     model: str
     serial: str
-    black_level: tuple[Fraction, ...] | None  # DN, as the DNG tag lists them
-    # rows and columns of that list, from the first active pixel
-    black_repeat: tuple[int, int] = (1, 1)
-    active_origin: tuple[int, int] = (0, 0)   # row and column of that pixel in the whole mosaic
+    black_level: tuple[Fraction, ...] | None        # DN, as the DNG tag lists them
+    black_repeat: tuple[int, int] = (1, 1)          # rows, columns, from the first active pixel
+    active_origin: tuple[int, int] = (0, 0)         # row, column of that pixel in the whole mosaic
     masked_areas: tuple[tuple[int, ...], ...] = ()  # top, left, bottom, right in the whole mosaic
     is_dng: bool = False
-    varying_black: bool = False  # black level that changes from column to column or row to row
-    # of an uncompressed mosaic: as its size says, as its strips say
-    stated_bytes: tuple[int, int] | None = None
+    varying_black: bool = False                     # from column to column or row to row
+    stated_bytes: tuple[int, int] | None = None     # of a plain mosaic: by its size, by its strips
 
     @property
     def camera(self) -> str:
@@ -62,8 +60,11 @@ class PhotoMetadata:
 
 
 def photo_metadata(path: Path) -> PhotoMetadata:
-    """Read the metadata of a raw, TIFF or JPEG file; every field is empty where the file has no
-    EXIF.
+    """Metadata of a raw, TIFF or JPEG file; every field is empty where the file has no EXIF.
+
+    Parameters
+    ----------
+    path : Path
 
     Raises
     ------

@@ -16,6 +16,10 @@ def preview_rgb8(image: LinearImage) -> np.ndarray:
 
     The scaling removes the green cast of camera signal and lifts underexposed photos; colours are
     not measured by it. Of more than three bands the first, the middle and the last are shown.
+
+    Parameters
+    ----------
+    image : LinearImage
     """
     bands = image.signal.shape[2]
     shown = (0, bands // 2, bands - 1)
@@ -40,8 +44,12 @@ def _encoded(plane: np.ndarray, white: float) -> np.ndarray:
 
 
 def encode_srgb8(linear: np.ndarray) -> np.ndarray:
-    """sRGB code values (uint8) of linear values; those outside 0 to 1 are clipped (IEC
-    61966-2-1).
+    """sRGB code values (uint8) of linear values (IEC 61966-2-1).
+
+    Parameters
+    ----------
+    linear : (...) array
+        Clipped to 0 to 1.
     """
     clipped = np.clip(linear, 0, 1)
     encoded = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)

@@ -23,9 +23,8 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.radiometry.records import RawFrame
 
-# of the white level: places of one tile differ by less than 0.1 % of it in cameras
-MAX_BLACK_SPREAD = 0.02
-# what LibRaw prints where it goes on regardless
+MAX_BLACK_SPREAD = 0.02     # of the white level: in cameras positions differ by less than 0.1 %
+# What LibRaw prints where it goes on regardless.
 TROUBLE = ("unexpected end of file", "data corrupted", "corrupt")
 
 
@@ -45,7 +44,11 @@ class FullColourFrame:
 
 
 def read_raw(path: str | os.PathLike[str]) -> RawFrame:
-    """Decode the visible mosaic of a Bayer, X-Trans or monochrome raw file, in sensor orientation.
+    """The visible mosaic of a Bayer, X-Trans or monochrome raw file, in sensor orientation.
+
+    Parameters
+    ----------
+    path : path
 
     Raises
     ------
@@ -61,7 +64,16 @@ def read_raw(path: str | os.PathLike[str]) -> RawFrame:
 
 
 def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
-    """As ``read_raw``, but full-colour pixels of a linear DNG are returned as such."""
+    """As ``read_raw``, but full-colour pixels of a linear DNG are returned as such.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+    """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"photo {path} does not exist; check its name in session.toml")
@@ -174,9 +186,7 @@ def _require_known_sensor(raw: rawpy.RawPy, metadata: PhotoMetadata, path: Path)
 
 def _require_plausible_tile(cfa: np.ndarray, black_level: np.ndarray, white_level: float,
                             path: Path) -> None:
-    """Refuse what only damage makes: a colour with too many or too few places, black levels far
-    apart.
-    """
+    """Refuse what only damage makes: a colour too often or too rarely, black levels far apart."""
     counts = np.bincount(cfa.ravel(), minlength=3) / cfa.size
     bayer, x_trans = (0.25, 0.5, 0.25), (8 / 36, 20 / 36, 8 / 36)
     if cfa.max() > 0 and not any(np.allclose(counts, known) for known in (bayer, x_trans)):

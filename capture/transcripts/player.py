@@ -1,7 +1,7 @@
 """Plays a transcript to a driver's own serial code, through a pseudo-terminal or a loopback socket.
 
 The line's settings are read from the pseudo-terminal itself, so that a driver at the wrong speed
-gets garbage. A fault can be laid over a clean recording (transcript_faults.py).
+gets garbage. A fault can be laid over a clean recording (faults.py).
 """
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ class TranscriptPlayer:
                 return self._advance(step)
         if any(events[step].data.startswith(self._pending) for step in asked):
             return False
-        cut = min((place + 1 for end in (b"\r", b"\n") if (place := self._pending.find(end)) >= 0),
+        cut = min((at + 1 for end in (b"\r", b"\n") if (at := self._pending.find(end)) >= 0),
                   default=1)
         self.problems.append(f"not in the recording: {self._pending[:cut]!r}")
         self._pending = self._pending[cut:]
@@ -214,9 +214,8 @@ class _TerminalEnd:
     def speed(self) -> int | None:
         import termios
         code = termios.tcgetattr(self._master)[5]
-        names = {getattr(termios,
-                         name): int(name[1:]) for name in dir(termios) if name[0] == "B"
-                 and name[1:].isdigit()}
+        names = {getattr(termios, name): int(name[1:]) for name in dir(termios)
+                 if name[0] == "B" and name[1:].isdigit()}
         return names.get(code, code)
 
     def close(self) -> None:

@@ -33,7 +33,20 @@ class Played:
 
 @contextlib.contextmanager
 def record(folder: Path, instrument: str, wanted: MeterSettings) -> Iterator[TranscriptWriter]:
-    """A transcript of one run, named after its time, in a folder."""
+    """A transcript of a run, named after its time, in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+    instrument : str
+        As ``driver_named`` takes it.
+    wanted : MeterSettings
+        Stored in the transcript.
+
+    Raises
+    ------
+    InputError, EnvironmentProblem
+    """
     driver = driver_named(instrument)
     now = datetime.now(UTC)
     line = driver.line_settings
@@ -89,6 +102,10 @@ def settings_text(wanted: MeterSettings) -> str:
 
 def settings_of(transcript: Transcript) -> MeterSettings:
     """The settings that the operator asked for when the recording was made.
+
+    Parameters
+    ----------
+    transcript : Transcript
 
     Raises
     ------

@@ -84,7 +84,12 @@ class TranscriptWriter:
         self._last = now
 
     def note(self, key: str, value: str) -> None:
-        """Add a fact that is known only now; the last of a name counts."""
+        """Add a fact that is known only now; the last of a name counts.
+
+        Parameters
+        ----------
+        key, value : str
+        """
         self._stream.write(f"# {key}: {value}\n")
         self._stream.flush()
 
@@ -113,24 +118,28 @@ def unescaped(text: str) -> bytes:
         At an escape that is not one of those written.
     """
     data = bytearray()
-    place = 0
-    while place < len(text):
-        if text[place] != "\\":
-            data += text[place].encode("ascii")
-            place += 1
-        elif text[place + 1] == "x":
-            data.append(int(text[place + 2:place + 4], 16))
-            place += 4
-        elif text[place + 1] in UNESCAPES:
-            data += UNESCAPES[text[place + 1]]
-            place += 2
+    at = 0
+    while at < len(text):
+        if text[at] != "\\":
+            data += text[at].encode("ascii")
+            at += 1
+        elif text[at + 1] == "x":
+            data.append(int(text[at + 2:at + 4], 16))
+            at += 4
+        elif text[at + 1] in UNESCAPES:
+            data += UNESCAPES[text[at + 1]]
+            at += 2
         else:
-            raise ValueError(f"unknown escape \\{text[place + 1]}")
+            raise ValueError(f"unknown escape \\{text[at + 1]}")
     return bytes(data)
 
 
 def read_transcript(path: Path) -> Transcript:
     """A transcript from its file; a last line that was cut by a crash is left out.
+
+    Parameters
+    ----------
+    path : Path
 
     Raises
     ------

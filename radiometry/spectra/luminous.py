@@ -24,15 +24,26 @@ EFFICIENCY = np.array([
 
 
 def luminance_of(nm: np.ndarray, values: np.ndarray) -> float:
-    """Luminance in cd m-2 of a radiance (P,) in W m-2 sr-1 nm-1, or lx of an irradiance in W m-2
-    nm-1.
+    """Luminance in cd m-2 of a radiance, or illuminance in lx of an irradiance.
+
+    Parameters
+    ----------
+    nm : (P,) array
+        Ascending.
+    values : (P,) array
+        W m-2 sr-1 nm-1, or W m-2 nm-1.
     """
     return float(LUMENS_PER_WATT * np.sum(trapezoid_weights_nm(nm) * luminous_efficiency(nm)
                                           * values))
 
 
 def luminous_efficiency(nm: np.ndarray) -> np.ndarray:
-    """V(lambda) (P,), 0 outside 380-780 nm."""
+    """V(lambda) (P,), 0 outside 380-780 nm.
+
+    Parameters
+    ----------
+    nm : (P,) array
+    """
     inside = (nm >= EFFICIENCY_NM[0]) & (nm <= EFFICIENCY_NM[-1])
     return np.where(inside,
                     PchipInterpolator(EFFICIENCY_NM, EFFICIENCY)(np.where(inside, nm, 560.0)), 0.0)

@@ -26,6 +26,10 @@ def names_a_file(word: str) -> bool:
     """Whether a word is the name of a file rather than of published data.
 
     It exists or ends like one; FL3.15 is a light: digits behind a dot are no suffix.
+
+    Parameters
+    ----------
+    word : str
     """
     suffix = Path(word).suffix[1:]
     return Path(word).exists() or (suffix != "" and not suffix.isdigit())

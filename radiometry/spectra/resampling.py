@@ -64,8 +64,14 @@ def resampled(nm: np.ndarray, values: np.ndarray, target_nm: np.ndarray,
 
 
 def sprague(nm: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Sprague's quintic through evenly spaced samples (P,), P >= 6, at wavelengths within their
-    range.
+    """Sprague's quintic through evenly spaced samples.
+
+    Parameters
+    ----------
+    nm, values : (P,) arrays
+        P >= 6.
+    at : (Q,) array
+        Wavelengths within their range.
     """
     extended = np.concatenate([BOUNDARY[:2] @ values[:6], values, BOUNDARY[2:] @ values[-6:]])
     position = (at - nm[0]) / (nm[-1] - nm[0]) * (nm.size - 1)

@@ -1,5 +1,4 @@
-"""Spectra in and out of files: any format that spectral_formats/ knows, told apart by content and
-not by name.
+"""Spectra in and out of files of any format in formats/, told apart by content and not by name.
 
 A file that states its quantity and unit is held to them. One that does not is what its role in the
 session says; nothing is guessed from the values.
@@ -35,10 +34,9 @@ __all__ = ["SpectralTable", "column_index", "format_of", "on_grid", "read_curves
            "read_reflectances", "read_spectrum", "read_table", "spectrum_of", "spectrum_on_grid",
            "table_text"]
 
-# up to here linear interpolation is within measurement error; above, shape-preserving cubic
-FINE_STEP_NM = 2.5
-# a step wider than both, among narrower ones, is a hole and no coarse grid
-HOLE_STEPS, WIDEST_STEP_NM = 3.0, 20.0
+FINE_STEP_NM = 2.5          # up to here linear interpolation is within measurement error
+# A step wider than both, among narrower ones, is a hole and no coarse grid.
+HOLE_STEPS, MAX_STEP_NM = 3.0, 20.0
 MAX_FILE_BYTES = 1_000_000_000
 MAX_NAMED = 24              # columns in one error sentence: as many as a chart has patches
 SI_FACTORS = {"uw cm-2 sr-1 nm-1": 0.01, "µw cm-2 sr-1 nm-1": 0.01, "μw cm-2 sr-1 nm-1": 0.01,
@@ -83,16 +81,22 @@ def read_table(path: Path, wavelength_column: int = 1) -> SpectralTable:
         table = read_delimited(content, path,
                                wavelength_column) if kind == "CSV" else READERS[kind](content, path)
     expected = SUFFIXES.get(path.suffix.lower())
-    notes = (f"{path.name} is a {kind} file in spite of its name, and was read as one", *table.notes) \
-        if expected not in (None, kind) else table.notes
+    notes = table.notes
+    if expected not in (None, kind):
+        notes = (f"{path.name} is a {kind} file in spite of its name, and was read as one", *notes)
     return checked_table(SpectralTable(table.nm, table.names, table.values,
                                        {"format": kind, **table.facts}, table.file, table.main,
                                        table.column_facts, notes))
 
 
 def format_of(content: bytes, path: Path) -> str:
-    """Name of the format, from what the file begins with; the name counts only for a binary that
-    says nothing itself.
+    """Name of the format, from what the file begins with.
+
+    Parameters
+    ----------
+    content : bytes
+    path : Path
+        Its name counts only for a binary that says nothing itself.
 
     Raises
     ------
@@ -145,7 +149,19 @@ def read_spectrum(path: Path, *, role: Quantity, column: str | int | None = None
 
 def spectrum_of(table: SpectralTable, *, role: Quantity, column: str | int | None = None,
                 wavelength_column: int = 1) -> Spectrum:
-    """One column of a table as a spectrum in SI units; see ``read_spectrum``."""
+    """One column of a table as a spectrum in SI units.
+
+    Parameters
+    ----------
+    table : SpectralTable
+    role, column, wavelength_column
+        As in ``read_spectrum``.
+
+    Raises
+    ------
+    InputError
+        As ``read_spectrum``.
+    """
     index = column_index(table, column, wavelength_column)
     values = table.values[index]
     valid = np.isfinite(values)
@@ -164,7 +180,21 @@ def spectrum_of(table: SpectralTable, *, role: Quantity, column: str | int | Non
 
 def read_curves(path: Path, columns: Sequence[str | int] | None = None,
                 wavelength_column: int = 1) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
-    """Several curves of one file, such as camera sensitivities: nm (P,), names, values (K, P)."""
+    """Several curves of a file, such as camera sensitivities: nm (P,), names, values (K, P).
+
+    Parameters
+    ----------
+    path : Path
+    columns : sequence of str or int, or None
+        Names or numbers (from 1); None takes all but standard errors.
+    wavelength_column : int
+        Number of the column of wavelengths, from 1.
+
+    Raises
+    ------
+    InputError
+        As ``read_table``, or if a cell is empty.
+    """
     table = read_table(path, wavelength_column)
     if columns is None:
         chosen = [i for i, name in enumerate(table.names) if not name.startswith("standard_error")]
@@ -177,8 +207,13 @@ def read_curves(path: Path, columns: Sequence[str | int] | None = None,
 
 
 def read_reflectances(path: Path, grid: WavelengthGrid) -> dict[str, np.ndarray]:
-    """Every reflectance (P,) of a file by name, on the grid and as a fraction of 1 whatever unit
-    the file states.
+    """Every reflectance (P,) of a file by name, as a fraction of 1 whatever unit the file states.
+
+    Parameters
+    ----------
+    path : Path
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
 
     Raises
     ------
@@ -192,8 +227,18 @@ def read_reflectances(path: Path, grid: WavelengthGrid) -> dict[str, np.ndarray]
 
 
 def on_grid(nm: np.ndarray, values: np.ndarray, grid: WavelengthGrid, name: str) -> np.ndarray:
-    """Values (..., P) at the grid's wavelengths: linear where sampled at 2.5 nm or finer, else
-    monotone cubic.
+    """Values (..., P) at the grid's wavelengths.
+
+    Linear where they are sampled at 2.5 nm or finer, else monotone cubic.
+
+    Parameters
+    ----------
+    nm : (Q,) array
+        Ascending.
+    values : (..., Q) array
+    grid : WavelengthGrid
+    name : str
+        Of the spectrum, for errors.
 
     Raises
     ------
@@ -213,6 +258,11 @@ def on_grid(nm: np.ndarray, values: np.ndarray, grid: WavelengthGrid, name: str)
 def spectrum_on_grid(spectrum: Spectrum, grid: WavelengthGrid) -> np.ndarray:
     """The spectrum's values (P,) at the grid's wavelengths; see ``on_grid``.
 
+    Parameters
+    ----------
+    spectrum : Spectrum
+    grid : WavelengthGrid
+
     Raises
     ------
     InputError
@@ -220,12 +270,12 @@ def spectrum_on_grid(spectrum: Spectrum, grid: WavelengthGrid) -> np.ndarray:
         that hold no number.
     """
     steps = np.diff(spectrum.grid.nm)
-    wide = (steps > max(HOLE_STEPS * float(np.median(steps)), WIDEST_STEP_NM)) \
+    wide = (steps > max(HOLE_STEPS * float(np.median(steps)), MAX_STEP_NM)) \
         & (spectrum.grid.nm[1:] > grid.nm[0]) & (spectrum.grid.nm[:-1] < grid.nm[-1])
     if wide.any():
-        place = int(np.argmax(np.where(wide, steps, 0)))
-        raise InputError(f"{spectrum.source} has no values between {spectrum.grid.nm[place]:g} and "
-                         f"{spectrum.grid.nm[place + 1]:g} nm: measure or export the missing part")
+        hole = int(np.argmax(np.where(wide, steps, 0)))
+        raise InputError(f"{spectrum.source} has no values between {spectrum.grid.nm[hole]:g} and "
+                         f"{spectrum.grid.nm[hole + 1]:g} nm: measure or export the missing part")
     return on_grid(spectrum.grid.nm, spectrum.values, grid, spectrum.source)
 
 
@@ -245,7 +295,15 @@ def _content(path: Path) -> bytes:
 
 
 def column_index(table: SpectralTable, column: str | int | None, wavelength_column: int = 1) -> int:
-    """Place of a column given by name or number (from 1), else of the one that is meant.
+    """Index of a column given by name or number, else of the main column.
+
+    Parameters
+    ----------
+    table : SpectralTable
+    column : str, int or None
+        Number from 1; None for the only one, or the one that the format means.
+    wavelength_column : int
+        Number of the column of wavelengths, from 1.
 
     Raises
     ------

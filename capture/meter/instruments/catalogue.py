@@ -23,6 +23,10 @@ ALIASES = {"cs2000a": "cs2000", "cr300": "cr250", "pr670": "pr655", "spectrocal"
 def driver_named(name: str) -> type[Instrument]:
     """The driver for an instrument as people write it: "CS-2000A", "pr 670".
 
+    Parameters
+    ----------
+    name : str
+
     Raises
     ------
     InputError

@@ -55,6 +55,12 @@ def read_asd(content: bytes, path: Path) -> SpectralTable:
     """Reflectance, radiance, irradiance or raw counts, with target and reference as further
     columns.
 
+    Parameters
+    ----------
+    content : bytes
+    path : Path
+        Its name, for errors.
+
     Raises
     ------
     InputError

@@ -40,6 +40,12 @@ def is_cgats(text: str) -> bool:
 def read_cgats(content: bytes, path: Path) -> SpectralTable:
     """Every sample of the first table that has spectra, one column each.
 
+    Parameters
+    ----------
+    content : bytes
+    path : Path
+        Its name, for errors.
+
     Raises
     ------
     InputError
@@ -65,6 +71,15 @@ def read_cgats(content: bytes, path: Path) -> SpectralTable:
 def sp_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity,
             source: str) -> str:
     """Argyll's .sp of spectra (P,) on an even grid, nine significant digits.
+
+    Parameters
+    ----------
+    nm : (P,) array
+    columns : dict of (P,) arrays
+        By name.
+    quantity : Quantity
+    source : str
+        Stored in the file.
 
     Raises
     ------
@@ -142,7 +157,8 @@ def _words(line: str, name: str) -> list[str]:
         return line.split()
     try:
         reader = shlex.shlex(line, posix=True)
-        reader.whitespace_split, reader.quotes, reader.escape, reader.commenters = True, '"', "", "#"
+        reader.whitespace_split, reader.quotes = True, '"'
+        reader.escape, reader.commenters = "", "#"
         return list(reader)
     except ValueError:
         raise InputError(f"{name}: a quotation mark is not closed in {line[:50]!r}; correct the "

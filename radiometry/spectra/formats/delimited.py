@@ -22,6 +22,14 @@ from spectrabox.radiometry.spectra.formats.table import SpectralTable, number, t
 def read_delimited(content: bytes, path: Path, wavelength_column: int = 1) -> SpectralTable:
     """All columns of a delimited text.
 
+    Parameters
+    ----------
+    content : bytes
+    path : Path
+        Its name, for errors.
+    wavelength_column : int
+        Number of the column of wavelengths, from 1.
+
     Raises
     ------
     InputError
@@ -41,6 +49,15 @@ def table_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quan
                source: str) -> str:
     """Canonical text of several columns (P,) on one grid; wavelengths and values keep nine
     significant digits.
+
+    Parameters
+    ----------
+    nm : (P,) array
+    columns : dict of (P,) arrays
+        By name.
+    quantity : Quantity
+    source : str
+        Stored in the file.
     """
     lines = [f"# quantity: {quantity.name.lower()}", f"# unit: {quantity.value}",
              f"# source: {' '.join(source.split())}",

@@ -38,6 +38,13 @@ def envi_header_of(path: Path) -> Path | None:
 def read_envi(content: bytes, path: Path) -> SpectralTable:
     """Every spectrum of a library, given its header or its binary file.
 
+    Parameters
+    ----------
+    content : bytes
+        Of the header or of the binary.
+    path : Path
+        Its name, and that of the other file.
+
     Raises
     ------
     InputError
@@ -52,7 +59,8 @@ def read_envi(content: bytes, path: Path) -> SpectralTable:
                          "export the library as float")
     kind = np.dtype((">" if keys.get("byte order", "0").strip() == "1" else "<")
                     + DATA_TYPES[data_type])
-    if not 0 < bands * count <= MAX_VALUES or offset < 0 or offset + bands * count * kind.itemsize > len(data):
+    size = bands * count
+    if not 0 < size <= MAX_VALUES or offset < 0 or offset + size * kind.itemsize > len(data):
         raise InputError(f"{data_name} is cut: {count} spectra of {bands} bands are stated, "
                          f"{max(len(data) - offset, 0)} bytes of values are there")
     with np.errstate(invalid="ignore", over="ignore"):
@@ -69,7 +77,17 @@ def read_envi(content: bytes, path: Path) -> SpectralTable:
 
 def envi_files(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity,
                source: str) -> tuple[str, bytes]:
-    """Header text and float64 binary of a library of spectra (P,): the values come back exactly."""
+    """Header text and float64 binary of a library of spectra (P,): the values come back exactly.
+
+    Parameters
+    ----------
+    nm : (P,) array
+    columns : dict of (P,) arrays
+        By name.
+    quantity : Quantity
+    source : str
+        Stored in the file.
+    """
     names = ", ".join(re.sub(r"[{},]", " ", " ".join(name.split())) for name in columns)
     lines = ["ENVI", f"description = {{{re.sub('[{}]', ' ', ' '.join(source.split()))}}}",
              f"samples = {nm.size}", f"lines = {len(columns)}", "bands = 1", "header offset = 0",

@@ -38,6 +38,12 @@ def is_sed(text: str) -> bool:
 def read_svc(content: bytes, path: Path) -> SpectralTable:
     """Reflectance in percent, with reference and target in the unit that the file names.
 
+    Parameters
+    ----------
+    content : bytes
+    path : Path
+        Its name, for errors.
+
     Raises
     ------
     InputError
@@ -61,6 +67,12 @@ def read_svc(content: bytes, path: Path) -> SpectralTable:
 
 def read_sed(content: bytes, path: Path) -> SpectralTable:
     """Every column of a .sed file, reflectance first where it has it.
+
+    Parameters
+    ----------
+    content : bytes
+    path : Path
+        Its name, for errors.
 
     Raises
     ------

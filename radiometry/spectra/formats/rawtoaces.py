@@ -22,6 +22,12 @@ def is_rawtoaces(text: str) -> bool:
 def read_rawtoaces(content: bytes, path: Path) -> SpectralTable:
     """Every curve of the file, such as R, G and B.
 
+    Parameters
+    ----------
+    content : bytes
+    path : Path
+        Its name, for errors.
+
     Raises
     ------
     InputError

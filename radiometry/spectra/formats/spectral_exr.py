@@ -30,6 +30,12 @@ def read_spectral_exr(content: bytes, path: Path) -> SpectralTable:
     """Mean over all pixels of each wavelength, with its standard error where there are several
     pixels.
 
+    Parameters
+    ----------
+    content : bytes
+    path : Path
+        Its name, for errors.
+
     Raises
     ------
     InputError

@@ -1,6 +1,4 @@
-"""What every reader of a spectral file gives: columns on one wavelength axis, with the facts that
-the file states.
-"""
+"""What every reader of a spectral file gives: columns on one wavelength axis, with stated facts."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -37,12 +35,23 @@ class SpectralTable:
     notes: tuple[str, ...] = ()
 
     def fact(self, name: str, column: int) -> str | None:
-        """What the file states of one column, or of all."""
+        """What the file states of one column, or of all.
+
+        Parameters
+        ----------
+        name : str
+        column : int
+            Index.
+        """
         return self.column_facts.get(self.names[column], {}).get(name, self.facts.get(name))
 
 
 def checked_table(table: SpectralTable) -> SpectralTable:
     """The table with its gaps noted, after the checks that every format needs.
+
+    Parameters
+    ----------
+    table : SpectralTable
 
     Raises
     ------
@@ -56,8 +65,8 @@ def checked_table(table: SpectralTable) -> SpectralTable:
     if not np.all(np.isfinite(nm)):
         raise InputError(f"{table.file}: a wavelength is not a number; export the file again")
     if np.any(np.diff(nm) <= 0):
-        place = nm[1:][np.diff(nm) <= 0][0]
-        raise InputError(f"{table.file}: wavelengths must ascend; they turn back at {place:g} nm")
+        turn = nm[1:][np.diff(nm) <= 0][0]
+        raise InputError(f"{table.file}: wavelengths must ascend; they turn back at {turn:g} nm")
     if nm[0] < MIN_NM or nm[-1] > MAX_NM:
         raise InputError(f"{table.file}: wavelengths from {nm[0]:g} to {nm[-1]:g} cannot be in nm; "
                          "give them in nm")
@@ -67,10 +76,18 @@ def checked_table(table: SpectralTable) -> SpectralTable:
 
 
 def gap_notes(nm: np.ndarray, names: tuple[str, ...], values: np.ndarray) -> tuple[str, ...]:
-    """Sentences on wide steps of the wavelengths and on missing values."""
+    """Sentences on wide steps of the wavelengths and on missing values.
+
+    Parameters
+    ----------
+    nm : (P,) array
+    names : tuple of C str
+    values : (C, P) array
+        NaN where missing.
+    """
     steps = np.diff(nm)
     wide = np.flatnonzero(steps > GAP_STEPS * np.median(steps))
-    notes = [f"no wavelengths between {nm[place]:g} and {nm[place + 1]:g} nm" for place in wide[:3]]
+    notes = [f"no wavelengths between {nm[gap]:g} and {nm[gap + 1]:g} nm" for gap in wide[:3]]
     notes += [f"{wide.size - 3} more such gaps"] if wide.size > 3 else []
     empty = ~np.isfinite(values)
     for name, row in zip(names, empty, strict=True):
@@ -81,8 +98,13 @@ def gap_notes(nm: np.ndarray, names: tuple[str, ...], values: np.ndarray) -> tup
 
 
 def text_of(content: bytes, name: str) -> str:
-    """A text file's characters; UTF-8 or, where it is not that, Latin-1 as instruments' software
-    writes it.
+    """A text file's characters; UTF-8 or, where it is not that, Latin-1.
+
+    Parameters
+    ----------
+    content : bytes
+    name : str
+        Of the file, for errors.
 
     Raises
     ------

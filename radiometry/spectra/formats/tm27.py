@@ -34,6 +34,12 @@ def is_tm27(text: str) -> bool:
 def read_tm27(content: bytes, path: Path) -> SpectralTable:
     """Every spectral distribution of the document, which must share their wavelengths.
 
+    Parameters
+    ----------
+    content : bytes
+    path : Path
+        Its name, for errors.
+
     Raises
     ------
     InputError
@@ -65,7 +71,17 @@ def read_tm27(content: bytes, path: Path) -> SpectralTable:
 
 def spdx_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity,
               source: str) -> str:
-    """A TM-27-14 document of spectra (P,), nine significant digits."""
+    """A TM-27-14 document of spectra (P,), nine significant digits.
+
+    Parameters
+    ----------
+    nm : (P,) array
+    columns : dict of (P,) arrays
+        By name.
+    quantity : Quantity
+    source : str
+        Stored in the file.
+    """
     lines = ['<?xml version="1.0" encoding="UTF-8"?>',
              f'<IESTM2714 xmlns="{NAMESPACE}" version="1.0">', "  <Header>", "    "
              f"<Description>{escape(' '.join(source.split()))}</Description>",
