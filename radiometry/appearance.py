@@ -1,7 +1,7 @@
 """What a reflectance looks like under D65: its sRGB colour and CIEDE2000 differences.
 
 Of the CIE 1931 2 degree observer. Reflectances are extended beyond their first and last wavelength
-by their end values, as CIE 15 recommends, so that a perfect reflector has the colour of D65 exactly.
+by their end values, as CIE 15 recommends, so that a perfect reflector has the colour of D65.
 """
 from __future__ import annotations
 

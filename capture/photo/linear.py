@@ -21,8 +21,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LinearImage, PhotoKind, RawFrame
 
 CLIP_FRACTION = 0.98    # of the clip point: above it sensors are no longer linear
-# of which a hundredth of the picture may be darker: a black level beyond that is wrong
-MIN_SIGNAL = -0.03
+MIN_SIGNAL = -0.03      # of the darkest hundredth of the picture: below, the black level is wrong
 CHECKED_SAMPLES = 200_000
 ROWS_AT_ONCE = 32       # of tiles
 

@@ -89,8 +89,8 @@ def _split_rows(text: str, name: str) -> tuple[dict[str, str], list[list[str]]]:
     if not any(delimiter in line for line in body):
         return facts, [line.split() for line in body]
     if delimiter != "," and not any("," in line and "." in line for line in body[1:]):
-        body = [body[0], *(line.replace(",", ".") for line in body[1:])] if not _is_numbers(body[0], delimiter) else \
-            [line.replace(",", ".") for line in body]
+        named = not _is_numbers(body[0], delimiter)
+        body = [*body[:named], *(line.replace(",", ".") for line in body[named:])]
     try:
         return facts, list(csv.reader(body, delimiter=delimiter))
     except csv.Error as error:
