@@ -9,7 +9,11 @@ from spectrabox.radiometry.files import sha256_of
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.sampling.prior.mixture import SHIPPED
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig
-from spectrabox.session.stages.inputs import read_chart_scene, read_session_scene
+from spectrabox.session.stages.inputs import (
+    chart_reference_file,
+    read_chart_scene,
+    read_session_scene,
+)
 from spectrabox.session.stages.order import STAGES
 from spectrabox.session.store.provenance import DECISIVE, versions
 from spectrabox.session.store.stage_code import stage_code
@@ -42,7 +46,7 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
 
     chart_scene = read_chart_scene(config)
     scenes = {view.scene: read_session_scene(config, view.scene) for view in config.all_views}
-    reference = config.chart.reference if Path(config.chart.reference).suffix else None
+    reference = chart_reference_file(config)
     curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
     installed = versions(DECISIVE)
     code = stage_code({stage: function.__module__ for stage, function in STAGES.items()})

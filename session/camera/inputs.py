@@ -70,8 +70,9 @@ def read_light(name: str, grid: WavelengthGrid) -> Spectrum:
 def read_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
     """Chart reflectances (24, P) by name or from a table of 24 columns."""
     from spectrabox.radiometry.chart import chart_reflectances, measured_chart
-    return measured_chart(Path(reference),
-                          grid) if Path(reference).suffix else chart_reflectances(reference, grid)
+    from spectrabox.radiometry.spectra.named_spectra import names_a_file
+    return measured_chart(Path(reference), grid) if names_a_file(reference) else \
+        chart_reflectances(reference, grid)
 
 
 def _patches_of_picture(chart: Path, corners: str | None) -> tuple[PatchSamples, tuple[str, ...]]:

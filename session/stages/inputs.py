@@ -2,16 +2,16 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 
 from spectrabox.capture.develop.bands import stack_bands, strongest_channel
 from spectrabox.capture.develop.developed import develop_photos, open_any
-from spectrabox.radiometry.chart import REFERENCES, chart_reflectances, measured_chart
+from spectrabox.radiometry.chart import chart_reflectances, measured_chart
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LinearImage, Quantity, Spectrum
+from spectrabox.radiometry.spectra.named_spectra import names_a_file
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_curves,
@@ -82,14 +82,16 @@ def read_sensitivities(config: SessionConfig) -> tuple[tuple[str, ...], np.ndarr
     return names, np.maximum(on, 0.0) / on.max()
 
 
+def chart_reference_file(config: SessionConfig) -> str | None:
+    """Name of the file of measured chart reflectances; None where a published average is named."""
+    return config.chart.reference if names_a_file(config.chart.reference) else None
+
+
 def read_chart_reference(config: SessionConfig) -> np.ndarray:
-    """Reflectances (24, P) of the chart: a published average by name, or measured ones from a
-    file.
-    """
-    name = config.chart.reference
-    if name in REFERENCES or not Path(name).suffix:
-        return chart_reflectances(name, GRID)
-    return measured_chart(config.path(name), GRID)
+    """Reflectances (24, P) of the chart, published or measured."""
+    file = chart_reference_file(config)
+    return chart_reflectances(config.chart.reference, GRID) if file is None else \
+        measured_chart(config.path(file), GRID)
 
 
 def read_session_scene(config: SessionConfig, file: str | None = None) -> SceneFile:
