@@ -128,8 +128,8 @@ def traced(view: View, region: np.ndarray, spp: int, seed: int,
            passes: int = 4) -> TracedTransport:
     """Transport of the regions with the scene's own number of bounces."""
     return trace_transport(unit_scene(view),
-                           view.name_of_bsdf, view.size, region, bounces=view.scene_file.max_depth - 1, spp=spp,
-                           seed=seed, passes=passes)
+                           view.name_of_bsdf, view.size, region,
+                           bounces=view.scene_file.max_depth - 1, spp=spp, seed=seed, passes=passes)
 
 
 def by_transport(view: View, seed: int = 5) -> tuple[np.ndarray, float, float]:

@@ -85,7 +85,8 @@ def as_toml(table, name=""):
     """Text of a table that tomllib read, its own values before its sub-tables."""
     parts = {key: value for key, value in table.items() if isinstance(value, dict)}
     lines = [f"[{name}]"] if name else []
-    lines += [f"{quoted(key)} = {inline(value)}" for key, value in table.items() if key not in parts]
+    lines += [f"{quoted(key)} = {inline(value)}" for key, value in table.items()
+              if key not in parts]
     return "\n".join(lines + [as_toml(value, f"{name}.{quoted(key)}".lstrip("."))
                               for key, value in parts.items()])
 

@@ -1,4 +1,4 @@
-"""Families of reflectances made by physics: laws of their models, and values published with them."""
+"""Families of reflectances made by physics: laws of their models, and published values."""
 from __future__ import annotations
 
 import numpy as np
@@ -65,7 +65,8 @@ def test_a_leaf_is_that_of_prospect_d():
 
 def test_skin_shows_the_two_bands_of_oxygenated_blood():
     made = np.log(skin.skin(np.random.default_rng(1), 2000))
-    at = {nm: made[:, np.flatnonzero(GRID.nm == nm)[0]] for nm in (510, 540, 560, 575, 590, 600, 650)}
+    at = {nm: made[:, np.flatnonzero(GRID.nm == nm)[0]]
+          for nm in (510, 540, 560, 575, 590, 600, 650)}
     oxygenated = at[560] - (at[540] + at[575]) / 2      # the hump between the bands
     assert np.mean(oxygenated > 0) > 0.8
     assert np.all(at[600] > at[575])

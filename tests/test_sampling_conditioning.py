@@ -139,7 +139,8 @@ def test_the_budget_adds_up_to_the_posterior_variance():
     measured = type(measured)(measured.grid, measured.relative_response, measured.signal,
                               sum(causes.values()))
     budget = error_budget(prior, measured, causes)
-    found = posterior(prior, measured.relative_response, measured.signal[None], measured.noise_covariance)
+    found = posterior(prior, measured.relative_response, measured.signal[None],
+                      measured.noise_covariance)
     index = int(np.argmax(found.weights[0]))
     p = 1 / (1 + np.exp(-found.logits[index, 0]))
     # Joseph's form is exact; the filter stops when a logit moves by less than 1e-6.

@@ -217,7 +217,8 @@ def test_a_scene_is_drawn_with_its_shared_errors_or_said_to_disagree(prior):
     common = shared_errors(signal * wrong, 2.5e-3 * np.eye(3), 0, np.arange(40) // 20, 0.05)
     samples = draw_scene(transport, signal * wrong, noise, matrix, 1000, 1, prior, common=common)
     assert set(samples) == {"a", "b"}
-    assert samples["a"].outcome is Outcome.THROUGH_TRANSPORT and samples["a"].effective_samples >= 1000
+    assert samples["a"].outcome is Outcome.THROUGH_TRANSPORT
+    assert samples["a"].effective_samples >= 1000
     assert samples["a"].coefficients.shape == (1000, 13)
     lower, upper = np.quantile([samples[name].spectra for name in "ab"], [0.005, 0.995], axis=1)
     assert np.mean((truth >= lower) & (truth <= upper)) > 0.9

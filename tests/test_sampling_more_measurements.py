@@ -173,7 +173,8 @@ def test_what_the_prior_finds_hard_to_believe_is_said():
 @pytest.mark.parametrize("text, message", [
                              ("[[reading]]\nnm = 500", "reading 1.reflectance is missing"),
                              ("[[reading]]\nnm = 500\nreflectanse = 0.3",
-                              r"unknown key 'reflectanse' in \[reading 1\]; did you mean 'reflectance'"),
+                              r"unknown key 'reflectanse' in \[reading 1\]; "
+                              r"did you mean 'reflectance'"),
                              ("[[reading]]\nnm = 'x'\nreflectance = 0.3",
                               "nm is 'x'; a number is needed"),
                              ("[reading]\nnm = 500", r"write \[\[reading\]\] with two brackets"),

@@ -115,7 +115,8 @@ def test_a_component_far_from_zero_and_one_gives_the_linear_answer():
 
 def test_quantiles_of_the_mixture_have_their_probability(prior):
     measured = seen(surface(GRID.nm, 3))
-    found = posterior(prior, measured.relative_response, measured.signal[None], measured.noise_covariance)
+    found = posterior(prior, measured.relative_response, measured.signal[None],
+                      measured.noise_covariance)
     at = mixture_quantile(found, 0.9)
     below = np.einsum("tc,ctp->tp", found.weights,
                       stats.norm.cdf((at - found.logits) / np.sqrt(found.variances)))
@@ -146,7 +147,8 @@ def test_noisy_signals_are_met_within_their_noise(prior):
 
 def test_a_seed_gives_the_same_draws_and_another_gives_others(prior):
     measured = seen(surface(GRID.nm, 1))
-    first, same, other = (sample_prior(measured, 3000, seed, prior=prior).spectra for seed in (5, 5, 6))
+    first, same, other = (sample_prior(measured, 3000, seed, prior=prior).spectra
+                          for seed in (5, 5, 6))
     np.testing.assert_array_equal(first, same)
     assert not np.any(np.all(first == other, axis=1))
 
@@ -154,7 +156,8 @@ def test_a_seed_gives_the_same_draws_and_another_gives_others(prior):
 def test_draws_are_as_wide_as_the_calibrated_band(prior):
     measured = seen(surface(GRID.nm, 2))
     spectra = sample_prior(measured, 20_000, 1, prior=prior).spectra
-    found = posterior(prior, measured.relative_response, measured.signal[None], measured.noise_covariance)
+    found = posterior(prior, measured.relative_response, measured.signal[None],
+                      measured.noise_covariance)
     mean, _ = mean_and_spread(found)
     lower, upper = central_band(found, 0.95)
     width = np.diff(np.quantile(spectra, [0.025, 0.975], axis=0), axis=0)[0]
@@ -171,7 +174,8 @@ def test_bands_hold_truths_drawn_from_the_prior_itself(prior):
     component = rng.choice(prior.weights.size, 400, p=prior.weights)
     truth = reflectance(np.array([rng.multivariate_normal(prior.means[c], prior.covariances[c])
                                   for c in component]))
-    held = np.mean(judge(plain, "own", seen(truth[0]).relative_response, truth).scores[3] <= 1, axis=1)
+    scores = judge(plain, "own", seen(truth[0]).relative_response, truth).scores
+    held = np.mean(scores[3] <= 1, axis=1)
     error = held.std() / np.sqrt(held.size)
     # Two-sided at 1e-4, curves being independent, plus 0.02 for Laplace's approximation, measured
     # on 4000 curves.
@@ -203,7 +207,7 @@ def test_the_smoothness_prior_is_wider_than_the_learnt_one(prior):
                               "signal of the measurement holds numbers that are not finite"),
                              ({"noise_covariance": -np.eye(3)},
                               "not symmetric positive semi-definite"),
-                             ({"relative_response": np.vstack([seen(np.ones(61)).relative_response[[0, 1, 1]]])},
+                             ({"relative_response": seen(np.ones(61)).relative_response[[0, 1, 1]]},
                               "two bands respond alike"),
                              ])
 def test_bad_measurements_are_errors(prior, change, message):
@@ -233,8 +237,8 @@ def test_integration_at_1_nm_of_lines_at_5_nm_is_kept():
     measured = seen(np.ones(301), step_nm=1)
     coarse = surface(GRID.nm, 1)
     fine = interpolation_matrix(GRID.nm, measured.grid.nm) @ coarse
-    np.testing.assert_allclose(response_on(measured, GRID) @ coarse, measured.relative_response @ fine,
-                               atol=1e-14)
+    np.testing.assert_allclose(response_on(measured, GRID) @ coarse,
+                               measured.relative_response @ fine, atol=1e-14)
 
 
 def test_a_summary_says_what_it_is_conditional_on(prior):

@@ -240,8 +240,8 @@ def test_the_published_sampler_keeps_the_signal_but_understates_the_spread():
     operator = grey(9)
     basis = basis_matrix(NM, 9)
     c0 = lsq_linear(operator.A, operator.y, bounds=(0, 1), tol=1e-12).x
-    published, exact = sample_per_axis(operator, c0, 5_000, seed=1), sample_polytope(operator, 5_000,
-                                                                                    seed=1)
+    published = sample_per_axis(operator, c0, 5_000, seed=1)
+    exact = sample_polytope(operator, 5_000, seed=1)
     # Round-off of c0 + Z z, with numbers of order 1 and a c0 good to 1e-8.
     np.testing.assert_allclose(published.coefficients @ operator.A.T,
                                np.tile(operator.y, (5_000, 1)), atol=1e-8)

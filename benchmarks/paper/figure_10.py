@@ -79,7 +79,8 @@ def picture(answers: dict[str, ChartCalibration], truth: np.ndarray, power: np.n
     axes[0].plot(GRID.nm, power / power.max(), color="black")
     axes[0].set(title=LIGHT, xlabel="wavelength (nm)")
     for axis, method in zip(axes[1:], ("paper", "prior"), strict=False):
-        curves, band_of = answers[method].calibration.sensitivity.curves, curve_band(answers[method])
+        curves = answers[method].calibration.sensitivity.curves
+        band_of = curve_band(answers[method])
         scale = truth[1].max() / curves[1].max()
         assert band_of is not None
         for band, colour in enumerate(COLOURS):

@@ -36,7 +36,8 @@ SURPRISING = 1e-3
 def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np.ndarray,
                response: np.ndarray, draws: int, seed: int, prior: LogitMixture | None = None, *,
                common: np.ndarray | None = None, known: Mapping[str, np.ndarray] | None = None,
-               coefficients: int = 13, effective_wanted: float = 1000.0) -> dict[str, SpectrumSamples]:
+               coefficients: int = 13,
+               effective_wanted: float = 1000.0) -> dict[str, SpectrumSamples]:
     """Draws of every unknown material of a scene, by name; row t of all of them belongs to the same
     scene.
 

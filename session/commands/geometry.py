@@ -204,8 +204,8 @@ def _require_size(image: LinearImage, lens: Lens) -> None:
     if _whole_size(image) != (lens.width, lens.height):
         width, height = _whole_size(image)
         raise InputError(f"photo {image.source} has {width} x {height} pixels, the lens was "
-                         f"calibrated at {lens.width} x {lens.height}; use whole photos of the same "
-                         "camera, of one kind of file")
+                         f"calibrated at {lens.width} x {lens.height}; use whole photos of the "
+                         "same camera, of one kind of file")
 
 
 def _grey(image: LinearImage) -> np.ndarray:

@@ -183,8 +183,8 @@ def _between_photos(results: SessionResults) -> list[Criterion]:
         return []
     shares = [material.variance_shares[REPEATABILITY] for material in results.materials
               if REPEATABILITY in material.variance_shares]
-    cost = (f", which makes {percent(float(np.mean(shares)))} of the variance of the spectra (up to "
-            f"{percent(max(shares))} of a material's)" if shares else "")
+    cost = (f", which makes {percent(float(np.mean(shares)))} of the variance of the spectra (up "
+            f"to {percent(max(shares))} of a material's)" if shares else "")
     return [Criterion("Light and shutter from chart photo to object photo", stated[0],
                       percent(stated[0]), "stated, not measured", Status.INFO,
                       f"Light and shutter are taken to repeat within {percent(stated[0])}{cost}. A "

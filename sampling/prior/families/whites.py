@@ -1,4 +1,4 @@
-"""Whites, greys and pale tints: tiles, plaster, primer, paper without brightener, unbleached bodies.
+"""Whites, greys, pale tints: tiles, plaster, primer, paper without brightener, unbleached bodies.
 
 K / S is small and of four parts: a constant (dirt, black: nm^0 to nm^-0.5), an exponential tail of
 yellowing (iron in clay, oxidised binder, lignin; exp(-(nm - 400) / s), s 30 to 120 nm), an
