@@ -1,6 +1,4 @@
-"""Every fault at every place of a recording: what does the driver make of it, and is the instrument
-given back?
-"""
+"""Every fault at every position of a recording: the driver's result, and its leave-taking."""
 from __future__ import annotations
 
 import dataclasses
@@ -45,12 +43,12 @@ class Subject:
 
 @dataclass(frozen=True)
 class Trial:
-    """One fault at one place, and what came of it."""
+    """One fault at one position, and what came of it."""
 
     instrument: str
     fault: str
     step: int
-    place: float
+    position: float
     result: str             # "spectrum", "no reading", or the name of the error
     sentence: str
     wrong: bool             # a spectrum was accepted that is not the true one
@@ -66,17 +64,15 @@ def subject_of(transcript: Transcript, values: np.ndarray, change: bytes, leave:
     return Subject(transcript, values, clean, change, leave)
 
 
-def trials(subject: Subject, places: int) -> Iterator[tuple[str, Fault | None]]:
-    """Faults of one recording: each kind at ``places`` places, spread over its replies and within
-    each.
-    """
+def trials(subject: Subject, positions: int) -> Iterator[tuple[str, Fault | None]]:
+    """Faults of one recording: each kind at some positions, spread over and within its replies."""
     replies = [step for step, event in enumerate(subject.transcript.events) if event.direction
                == "<"]
     for number, kind in enumerate(FaultKind):
-        for index in range(places):
-            # Places are shifted from kind to kind, so that together they cover the whole exchange.
-            position = (index + (number % 4) / 4) / places
-            step = replies[min(int(position * len(replies)), len(replies) - 1)]
+        for index in range(positions):
+            # Shifted from kind to kind, so that together they cover the whole exchange.
+            within_exchange = (index + (number % 4) / 4) / positions
+            step = replies[min(int(within_exchange * len(replies)), len(replies) - 1)]
             within = (0.03, 0.37, 0.61, 0.97)[(index + number) % 4]
             yield kind.value, Fault(kind, step, within, 0.6 if kind is FaultKind.LONG_STALL
                                     else 0.05)
@@ -99,15 +95,15 @@ def run_trial(subject: Subject, name: str, fault: Fault | None) -> Trial:
     wrong = reading is not None and reading.spectrum is not None and not _is_true(reading, subject)
     dead = fault is not None and fault.kind is FaultKind.DISCONNECT
     return Trial(transcript.facts["instrument"], name, fault.step if fault else 0,
-                 fault.place if fault else 0.0, result,
+                 fault.position if fault else 0.0, result,
                  sentence, wrong, dead or _given_back(bytes(player.heard), subject), seconds)
 
 
-def run_all(subjects: list[Subject], places: int, workers: int,
+def run_all(subjects: list[Subject], positions: int, workers: int,
             done: Callable[[Trial], None] | None = None) -> list[Trial]:
     """Every trial of every subject, several at a time: they mostly wait."""
     cases = [(subject, name, fault) for subject in subjects
-             for name, fault in trials(subject, places)]
+             for name, fault in trials(subject, positions)]
     results = []
     with ThreadPoolExecutor(workers) as pool:
         for trial in pool.map(lambda case: run_trial(*case), cases):

@@ -52,7 +52,7 @@ def exponents_up_to(materials: int, bounces: int) -> np.ndarray:
     return np.array(rows, dtype=np.int64)
 
 
-def met_next(exponents: np.ndarray) -> np.ndarray:
+def product_after(exponents: np.ndarray) -> np.ndarray:
     """Index (E + 1, M) of the product after one more reflection.
 
     E, which leads to itself, where that product is not kept.
@@ -79,7 +79,7 @@ def lower_products(exponents: np.ndarray) -> np.ndarray:
     exponents : (E, M) int array
         As ``exponents_up_to`` and ``prune`` give.
     """
-    following = met_next(exponents)
+    following = product_after(exponents)
     count, materials = exponents.shape
     table = np.full((count, materials), count, dtype=np.int64)
     for m in range(materials):
@@ -150,7 +150,7 @@ def signal(coefficients: np.ndarray, exponents: np.ndarray, reflectances: np.nda
     Parameters
     ----------
     coefficients : (R, E) array, or (R, L, E) for L lights
-        Of the transport. The transports of several lights are traced apart, and their signals add.
+        Of the transport. Several lights are traced separately, and their signals add.
     exponents : (E, M) int array
     reflectances : (M, P) array
     response : (K, P) array, or (L, K, P)
@@ -175,7 +175,7 @@ def lower_table(exponents: np.ndarray) -> np.ndarray:
 
 def prune(exponents: np.ndarray, coefficients: np.ndarray, brightest: float,
           share: float) -> tuple[np.ndarray, float]:
-    """Rows (E,) bool of the products worth keeping, and a bound on what leaving out the others
+    """Rows (E,) bool of the products to keep, and a bound on what leaving out the others
     drops.
 
     A product can give at most coefficient x ``brightest``^degree of what a light seen through unit

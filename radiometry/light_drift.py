@@ -59,7 +59,7 @@ def drift_between(chart_photo: LinearImage, chart_signals: np.ndarray, object_ph
                          f"photo {len(object_signals)}; name the same ones in both, in one order")
     before, after = chart_signals, object_signals / exposure_ratio(chart_photo, object_photo)
     ratio, error = light_drift(before, after, relative_error)
-    # A reference that stands brighter does so in all bands: its error is common to them, that of
+    # A reference that is brighter is so in all bands: its error is common to them, that of
     # colour is not.
     relative = error / ratio
     level = float(np.exp(np.log(ratio).mean()))

@@ -12,7 +12,7 @@ from spectrabox.radiometry.interreflection import (
     band_products_jacobian,
     exponents_up_to,
     lower_products,
-    met_next,
+    product_after,
     product_count,
     products,
     prune,
@@ -36,7 +36,7 @@ def test_there_is_one_product_for_every_way_to_share_the_bounces(materials, boun
 @pytest.mark.parametrize("materials, bounces", SIZES)
 def test_a_reflection_more_and_a_reflection_less_undo_each_other(materials, bounces):
     exponents = exponents_up_to(materials, bounces)
-    following, lower = met_next(exponents), lower_products(exponents)
+    following, lower = product_after(exponents), lower_products(exponents)
     for m in range(materials):
         for number in np.flatnonzero(following[:-1, m] < len(exponents)):
             assert lower[following[number, m], m] == number

@@ -1,1 +1,1 @@
-"""Where camera and board stood: lens, pose, projection."""
+"""Lens, pose and projection of a camera."""

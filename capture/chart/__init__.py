@@ -1,1 +1,1 @@
-"""The chart in a photo: found, judged and read."""
+"""The chart in a photo: detection, verdict, patch statistics."""

@@ -2,7 +2,7 @@
 
 OpenCV proposes where the patches lie; the proposal is fitted to the patches' outlines and accepted
 only if the 24 signals agree with those of a chart (capture/chart/agreement.py), each patch for
-itself, and the patches stand as far apart as on the card.
+itself, and the gaps between patches are as wide as on the card.
 """
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def find_chart(image: LinearImage, reference: np.ndarray,
     Raises
     ------
     ChartNotFoundError
-        If no chart is found, or the patches at the given corners do not look like one.
+        If no chart is detected, or the patches at the given corners do not look like one.
     CheckError
         If the photo shows the chart mirrored, or is not linear in the light.
     """

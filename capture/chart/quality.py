@@ -26,7 +26,7 @@ MAX_RELATIVE_ERROR = 0.05        # standard error / mean of the black patch in i
 MAX_UNEVEN = 0.40                # of the light over the chart: a smooth field leaves 2 % of it
 MAX_GLARE = 0.03                 # of the white patch: 0.013 at most without glare, 40 cameras
 MAX_EXCLUDED = 0.10              # of the samples of a patch
-MAX_TILT_DEG = 40.0              # beyond it paints shine
+MAX_TILT_DEG = 40.0              # beyond it paints are glossy
 MAX_BLUR = 0.20                  # of a patch's side, 10 to 90 %: the sampled middle is still clean
 MIN_PIXELS = 100                 # of each patch
 PROFILE_POINTS = 61
@@ -151,7 +151,7 @@ def _light_reasons(excluded: np.ndarray, names: tuple[str, ...], uneven: float,
     if uneven > MAX_UNEVEN:
         reasons.append(f"uneven light: it changes by {uneven:.0%} over the chart and "
                        f"{MAX_UNEVEN:.0%} is the most; move the lamp away or use two, or "
-                       "photograph a white card in the same place as flat field")
+                       "photograph a white card in the same position as flat field")
     if glare.max() > MAX_GLARE:
         shining = np.flatnonzero(glare > MAX_GLARE)
         reasons.append(f"glare: white light of up to {glare.max():.1%} of the white patch lies on "

@@ -1,6 +1,6 @@
 """Several exposures of one scene to one linear image, each where it is best.
 
-Each photo is brought to the exposure of the shortest, by the ratio that neighbouring exposures show
+Each photo is scaled to the exposure of the shortest, by the ratio that neighbouring exposures show
 where both are well exposed: cameras round the times they state (1/125 s is 1/128 s). Unsaturated
 samples are averaged with weights 1 / variance, the variance being that of the line read + gain x
 signal at the common estimate, not at the sample's own value: weights that follow a sample's own

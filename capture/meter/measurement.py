@@ -36,7 +36,7 @@ from spectrabox.radiometry.spectra.luminous import luminance_of
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 
 READS = 4                   # of one held result, until two in a row agree
-# coarsest grid, 4 nm, and four-digit values: 1 % is met on smooth lights, 3 % on lines
+# coarsest grid, 4 nm, and four-digit values: they agree to 1 % on smooth lights, 3 % on lines
 LUMINANCE_RTOL = 0.03
 VISIBLE_NM = (400.0, 700.0)
 

@@ -10,7 +10,7 @@ from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, ReadingSeries, SpectralReading
 
-DRIFT_SIGMA = 3.0           # a drift counts where it stands out of its own error by this
+DRIFT_SIGMA = 3.0           # a drift counts where it exceeds its own error by this
 DRIFT_RELATIVE = 0.005      # and is larger than this over the series
 LOW_SIGNAL = 0.02           # of the standard's largest value: below, a ratio is mostly noise
 

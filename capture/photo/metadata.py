@@ -117,8 +117,8 @@ def _stated_bytes(tags: dict[str, Any]) -> tuple[int, int] | None:
 
 
 def _text(tags: dict[str, Any], names: tuple[str, ...]) -> str:
-    found = next((tags[name] for name in names if name in tags), None)
-    return "" if found is None else str(found.printable).strip().strip("\0").strip()
+    tag = next((tags[name] for name in names if name in tags), None)
+    return "" if tag is None else str(tag.printable).strip().strip("\0").strip()
 
 
 def _number(tags: dict[str, Any], names: tuple[str, ...]) -> Fraction | None:

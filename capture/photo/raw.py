@@ -173,13 +173,13 @@ def _require_known_sensor(raw: rawpy.RawPy, metadata: PhotoMetadata, path: Path)
         if raw.num_colors == 3 and set(colours[:3]) == set(
                 "RGB") and tile is not None and tile.shape in ((2, 2), (6, 6)):
             return
-        found = "no colour filter pattern" if tile is None else \
+        pixels = "no colour filter pattern" if tile is None else \
             f"a {tile.shape[0]} x {tile.shape[1]} pattern of {raw.num_colors} colours ({colours})"
     elif metadata.is_dng and raw.num_colors == 3:
         return
     else:
-        found = "full-colour pixels (Foveon, or a reduced raw size)"
-    raise InputError(f"raw photo {path.name} has {found}; Bayer, X-Trans and monochrome sensors "
+        pixels = "full-colour pixels (Foveon, or a reduced raw size)"
+    raise InputError(f"raw photo {path.name} has {pixels}; Bayer, X-Trans and monochrome sensors "
                      "and linear DNG are known: develop it elsewhere to a linear EXR or TIFF and "
                      "give that")
 

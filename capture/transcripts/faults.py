@@ -29,7 +29,7 @@ class FaultKind(Enum):
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault at the reply of ``step``, at ``place`` (0 to 1) within it; stalls last ``stall_s``
+    """A fault at the reply of ``step``, at ``position`` (0 to 1) within it; stalls last ``stall_s``
     seconds.
 
     With ``every``, all replies from ``step`` on have it.
@@ -37,7 +37,7 @@ class Fault:
 
     kind: FaultKind
     step: int
-    place: float = 0.5
+    position: float = 0.5
     stall_s: float = 0.05
     every: bool = False
 
@@ -58,7 +58,7 @@ def overlaid(data: bytes, fault: Fault | None,
     if fault is None:
         return [(0.0, data)]
     kind = fault.kind
-    at = min(int(fault.place * len(data)), len(data) - 1)
+    at = min(int(fault.position * len(data)), len(data) - 1)
     if kind in (FaultKind.STALL, FaultKind.LONG_STALL):
         return [(0.0, data[:at]), (fault.stall_s, data[at:])]
     if kind is FaultKind.DRIBBLE:

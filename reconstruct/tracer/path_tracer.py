@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.interreflection import met_next
+from spectrabox.radiometry.interreflection import product_after
 from spectrabox.reconstruct.scene.light_profile import STEP_DEG, TABLE_DEG
 from spectrabox.reconstruct.tracer.contributions import Contributions
 from spectrabox.reconstruct.tracer.path_samples import ShiftedLattice
@@ -85,7 +85,7 @@ class Tracer:
         self.region = mi.UInt32(region[row, column])
         self.pixels_of_region = np.bincount(region[row, column], minlength=self.regions)
         self.pixels = row.size
-        self.next_product = mi.UInt32(met_next(exponents).ravel())
+        self.next_product = mi.UInt32(product_after(exponents).ravel())
         self.material = mi.UInt32(bsdf_table(scene, material_of_bsdf, materials))
         self.light = None if lights is None else mi.UInt32(light_table(scene, lights))
         shaped = bool(profiles) or any(is_sky_map(emitter) for emitter in scene.emitters())

@@ -109,7 +109,7 @@ class Instrument(abc.ABC):
         """Stop a running measurement, put settings back, give the instrument back to its user."""
 
     def close(self) -> None:
-        """Leave the instrument as found and close the line, however the work ended."""
+        """Leave the instrument as it was and close the line, however the work ended."""
         try:
             if self.entered:
                 self.leave()

@@ -71,8 +71,8 @@ class Pr655(Instrument):
             self.averages = wanted.averages
         if wanted.sync_hz is not None:
             if len(before) < 13 or before[12].strip().lower() != "no sync":
-                raise LineFaultError(f"{self.line.name}: the sync found could not be put back; set "
-                                     "it on the instrument")
+                raise LineFaultError(f"{self.line.name}: its sync setting could not be put back; "
+                                     "set it on the instrument")
             self._set("SS3", "SS0")
             self._set(f"SK{wanted.sync_hz:g}", None)
 

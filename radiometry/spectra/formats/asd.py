@@ -213,16 +213,16 @@ def _calibrations(content: bytes, at: int, header: AsdHeader,
         count = content[at]
         entries = [struct.unpack_from("<b20siHH", content, at + 1 + 29 * index)
                    for index in range(count)]
-        found = {}
+        targets = {}
         at += 1 + 29 * count
         for kind, _, integration_ms, gain1, gain2 in entries:
             values, at = _samples(content, at, header, "calibration", "<f8")
-            found[kind] = (values, integration_ms, gain1, gain2)
+            targets[kind] = (values, integration_ms, gain1, gain2)
     except (struct.error, IndexError, InputError):
         if header.kind in ("radiance", "irradiance"):
             notes.append("what follows the reference could not be read: no calibration is used")
         return {}
-    return found
+    return targets
 
 
 def _after_classifier(content: bytes, at: int) -> int:

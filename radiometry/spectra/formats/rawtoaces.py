@@ -43,7 +43,7 @@ def read_rawtoaces(content: bytes, path: Path) -> SpectralTable:
         points = sorted((float(nm), [float(value) for value in values])
                         for nm, values in curves.items())
         values = np.array([row for _, row in points], dtype=float).T
-        nm = np.array([place for place, _ in points])
+        nm = np.array([wavelength for wavelength, _ in points])
     except (TypeError, ValueError, AttributeError):
         raise InputError(f"{path.name}: a wavelength or a value is not a number; copy the file "
                          "again") from None

@@ -90,9 +90,8 @@ def _table(chosen: list[tuple[float, str]], planes: dict[str, np.ndarray], kind:
             "nm^-1") else []
     elif units:
         facts["unit"] = units
-    return SpectralTable(np.array([place for place, _ in chosen]), tuple(names), np.array(rows),
-                         facts, name, "mean", {},
-                         tuple(notes))
+    return SpectralTable(np.array([wavelength for wavelength, _ in chosen]), tuple(names),
+                         np.array(rows), facts, name, "mean", {}, tuple(notes))
 
 
 def _string(data: bytes) -> str:
@@ -101,7 +100,7 @@ def _string(data: bytes) -> str:
 
 def _attributes(content: bytes) -> tuple[dict[str, bytes], int]:
     at = 8
-    found: dict[str, bytes] = {}
+    attributes: dict[str, bytes] = {}
     while content[at] != 0:
         end = content.index(b"\x00", at)
         name = content[at:end].decode("latin-1")
@@ -109,9 +108,9 @@ def _attributes(content: bytes) -> tuple[dict[str, bytes], int]:
         size, = struct.unpack_from("<i", content, at)
         if size < 0 or at + 4 + size > len(content):
             raise ValueError("size of an attribute")
-        found[name] = content[at + 4:at + 4 + size]
+        attributes[name] = content[at + 4:at + 4 + size]
         at += 4 + size
-    return found, at + 1
+    return attributes, at + 1
 
 
 def _channels(data: bytes) -> list[tuple[str, int, tuple[int, int]]]:
@@ -158,11 +157,11 @@ def _planes(content: bytes, at: int, channels: list[tuple[str, int, tuple[int, i
         if not 0 <= first < height or size < 0 or offset + 8 + size > len(content):
             raise ValueError("block outside the picture")
         data = _unpacked(content[offset + 8:offset + 8 + size], compression, row_bytes * count)
-        place = 0
+        start = 0
         for row in range(first, first + count):
             for name, kind, _ in channels:
-                planes[name][row] = np.frombuffer(data, PIXEL_TYPES[kind], width, place)
-                place += width * np.dtype(PIXEL_TYPES[kind]).itemsize
+                planes[name][row] = np.frombuffer(data, PIXEL_TYPES[kind], width, start)
+                start += width * np.dtype(PIXEL_TYPES[kind]).itemsize
     return {name: plane.ravel() for name, plane in planes.items()}
 
 

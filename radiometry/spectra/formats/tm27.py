@@ -52,19 +52,19 @@ def read_tm27(content: bytes, path: Path) -> SpectralTable:
         root = ElementTree.fromstring(text.encode("utf-8"), ElementTree.XMLParser(encoding="utf-8"))
     except (ElementTree.ParseError, ValueError) as error:
         raise InputError(f"{path.name} is damaged XML ({error}); export it again") from None
-    found = [element for element in root.iter() if _tag(element) == "SpectralDistribution"]
-    if not found:
+    distributions = [element for element in root.iter() if _tag(element) == "SpectralDistribution"]
+    if not distributions:
         raise InputError(f"{path.name} holds no SpectralDistribution; a TM-27 document is needed")
-    pairs = [_pairs(element, path.name) for element in found]
+    pairs = [_pairs(element, path.name) for element in distributions]
     if any(not np.array_equal(nm, pairs[0][0]) for nm, _ in pairs):
-        raise InputError(f"{path.name}: its {len(found)} distributions have different wavelengths; "
-                         "split the file")
+        raise InputError(f"{path.name}: its {len(distributions)} distributions have different "
+                         "wavelengths; split the file")
     header = {_tag(element): (element.text or "").strip() for element in root.iter()
               if _tag(element) in HEADER_KEYS}
-    facts = {"source": header.get("Description") or path.name, **_quantity(found[0]),
+    facts = {"source": header.get("Description") or path.name, **_quantity(distributions[0]),
              **{key.lower(): value for key, value in header.items() if value}}
-    names = ("value",) if len(found) == 1 else tuple(f"distribution {index}"
-                                                     for index in range(1, len(found) + 1))
+    names = ("value",) if len(distributions) == 1 else tuple(f"distribution {index}"
+                                                     for index in range(1, len(distributions) + 1))
     return SpectralTable(pairs[0][0], names, np.array([values for _, values in pairs]), facts,
                          path.name)
 
