@@ -7,7 +7,6 @@ from typing import Any
 
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.reconstruct.scene.scene_file import SceneFile
-from spectrabox.sampling.prior.mixture import SHIPPED
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig
 from spectrabox.session.stages.inputs import (
     chart_reference_file,
@@ -96,7 +95,7 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
                      "known": {name: _plain(reference) for name, reference in known.items()},
                      "scenes": {view.name: view.scene for view in views},
                      "lights by id": [list(view.lights_by_id) for view in views],
-                     "reconstruct": _plain(config.reconstruct), "learnt prior": _learnt(config),
+                     "reconstruct": _plain(config.reconstruct),
                      "scale": config.scale.source,
                      "repeatability": _plain(config.repeatability),
                      "seed": config.session.seed},
@@ -107,10 +106,6 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
                       "stages": {"reconstruct": fingerprint(keys["reconstruct"])}} | made_by(
         "sample")
     return keys
-
-
-def _learnt(config: SessionConfig) -> str | None:
-    return sha256_of(SHIPPED) if config.reconstruct.spectrum_prior == "learnt" else None
 
 
 def as_stored(key: Key) -> Key:
