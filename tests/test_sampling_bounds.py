@@ -1,5 +1,5 @@
-"""Lowest and highest reflectance over all spectra that fit: closed forms, draws inside, and signals
-out of reach.
+"""Lowest and highest reflectance over all spectra that fit: closed forms, draws inside, signals out
+of reach, many signals at once.
 """
 from itertools import pairwise
 
@@ -11,20 +11,21 @@ from scipy.stats import chi2
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.measurement import MeasurementOperator
-from spectrabox.sampling.polytope import bounds
+from spectrabox.sampling.polytope import bounds, simplex
 from spectrabox.sampling.polytope.bounds import (
-    linear_programmes,
+    bounds_of_many,
     reflectance_bounds,
-    widened_box,
-    widening,
+    signal_boxes,
+    widenings,
 )
-from spectrabox.sampling.polytope.simplex import TIGHT
+from spectrabox.sampling.polytope.linear_programmes import linear_programmes, widening
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 
 NM = np.linspace(400, 700, 13)
 # HiGHS keeps every constraint to 1e-7; small pivots of these cameras enlarge that less than ten
 # times
 SOLVER = 1e-6
+TIGHT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}    # of HiGHS
 
 
 @pytest.mark.parametrize("total", [0.3, 1.0, 2.5])
@@ -89,8 +90,13 @@ def test_perfect_black_and_white_have_one_spectrum(reflectance, coefficients):
         np.testing.assert_allclose(bound, reflectance, atol=1e-4)
 
 
+def boxes_of(operator, level=0.95):
+    return signal_boxes(operator.A, operator.y[None], operator.noise_covariance[None], level)
+
+
 def reference(operator, basis):
-    return linear_programmes(widened_box(operator, 0.95), basis, TIGHT)
+    boxes = boxes_of(operator)
+    return linear_programmes(boxes.of(np.array([0]), widening(boxes, 0, TIGHT)), basis, TIGHT)
 
 
 def random_problem(kind, noise, seed):
@@ -125,7 +131,7 @@ def test_bounds_of_random_problems_equal_those_of_a_general_solver(kind, noise):
 def test_bounds_of_cameras_need_no_general_solver(coefficients, bands, error, monkeypatch):
     operator, basis = grey(coefficients, error, bands), basis_matrix(NM, coefficients)
     theirs = reference(operator, basis)
-    monkeypatch.setattr(bounds, "linear_programmes", None)
+    monkeypatch.setattr(bounds, "bounds_of_one", None)
     # HiGHS keeps its constraints to 1e-10; eight narrow bands have dual prices up to a hundred.
     np.testing.assert_allclose(reflectance_bounds(operator, basis), theirs, atol=1e-8)
 
@@ -134,7 +140,7 @@ def test_bounds_of_cameras_need_no_general_solver(coefficients, bands, error, mo
 def test_out_of_reach_the_bounds_widen_by_the_least_that_fits(error):
     operator = measurement(np.eye(2, 4), np.array([0.5, 1.3]), error)
     slack = 0.3 - error * np.sqrt(chi2.ppf(0.95, 2))
-    assert widening(operator) == pytest.approx(slack, abs=SOLVER)
+    assert widenings(boxes_of(operator)) == pytest.approx(slack, abs=SOLVER)
     lower, upper = reflectance_bounds(operator, np.eye(4))
     np.testing.assert_allclose(lower, [0.2, 1, 0, 0], atol=SOLVER)
     np.testing.assert_allclose(upper, [0.8, 1, 1, 1], atol=SOLVER)
@@ -142,7 +148,54 @@ def test_out_of_reach_the_bounds_widen_by_the_least_that_fits(error):
 
 @pytest.mark.parametrize("error", [0.0, 0.01])
 def test_signals_within_reach_need_no_widening(error):
-    assert widening(grey(7, error)) == 0
+    assert widenings(boxes_of(grey(7, error))) == 0
+
+
+def many_signals(coefficients=13, count=40, seed=3):
+    """A camera, signals within its reach, on its edge (black, white) and beyond it, and noise of
+    their own.
+    """
+    rng = np.random.default_rng(seed)
+    A = camera(coefficients)
+    signals = rng.uniform(size=(count, coefficients)) @ A.T
+    signals[:2], signals[2:5] = [[0.0], [1.0]], rng.uniform(1.05, 1.4, (3, 3))
+    roots = rng.uniform(0, 0.01, (count, 3, 1)) * rng.standard_normal((count, 3, 3))
+    roots[::2] = 0
+    return A, signals, roots @ roots.transpose(0, 2, 1), basis_matrix(NM, coefficients)
+
+
+@pytest.mark.parametrize("coefficients", [5, 13, 21])
+def test_many_signals_have_the_bounds_of_each_alone(coefficients):
+    A, signals, noise, basis = many_signals(coefficients)
+    together = np.array(bounds_of_many(A, signals, noise, basis))
+    alone = np.array([reflectance_bounds(MeasurementOperator(A, y, R), basis)
+                      for y, R in zip(signals, noise, strict=True)]).transpose(1, 0, 2)
+    # Another order of pivots: round-off over the smallest weight of a coefficient in A, 1e-3.
+    np.testing.assert_allclose(together, alone, atol=1e-10)
+
+
+def test_the_order_of_signals_does_not_matter():
+    A, signals, noise, basis = many_signals()
+    order = np.random.default_rng(0).permutation(len(signals))
+    together = np.array(bounds_of_many(A, signals, noise, basis))
+    np.testing.assert_array_equal(bounds_of_many(A, signals[order], noise[order], basis),
+                                  together[:, order])
+
+
+def test_more_signals_than_are_walked_at_once_keep_their_bounds():
+    A, signals, noise, basis = many_signals()
+    once = np.array(bounds_of_many(A, signals, noise, basis))
+    many = np.array(bounds_of_many(A, np.tile(signals, (30, 1)), np.tile(noise, (30, 1, 1)), basis))
+    # round-off, as above
+    np.testing.assert_allclose(many, np.tile(once, (1, 30, 1)), atol=1e-10)
+
+
+def test_where_the_walk_stalls_the_general_solver_takes_over(monkeypatch):
+    A, signals, noise, basis = many_signals(count=12)
+    walked = np.array(bounds_of_many(A, signals, noise, basis))
+    monkeypatch.setattr(simplex, "MAX_PIVOTS", 3)
+    # HiGHS's 1e-7 over the smallest weight of a coefficient in A, 1e-3.
+    np.testing.assert_allclose(bounds_of_many(A, signals, noise, basis), walked, atol=1e-4)
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0, 95.0])

@@ -6,31 +6,52 @@ are exact linear programmes. With noise the confidence set |R^-1/2 (A c - y)|^2 
 quantile with K degrees of freedom is an ellipsoid in signal space. Here it is replaced by the box
 around it whose sides are the eigen-directions of R (2 K half-planes): the bounds can only be wider
 than those of the ellipsoid, at most sqrt(K) times as far from y in signal.
+
+Signals are treated all at once by `simplex.highest`; what it leaves, sets thinner than round-off,
+goes to a general solver one programme at a time.
 """
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from scipy.optimize import linprog
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
-from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.checks import check_noise
 from spectrabox.sampling.measurement import MeasurementOperator
-from spectrabox.sampling.polytope.simplex import Polytope, extremes
+from spectrabox.sampling.polytope.linear_programmes import LP_ATOL, SignalBoxes, bounds_of_one
+from spectrabox.sampling.polytope.simplex import Walk, highest
 from spectrabox.sampling.polytope.tilt import check_operator
-
-LP_ATOL = 1e-7  # the solver's tolerance on every constraint
 
 
 def reflectance_bounds(operator: MeasurementOperator, basis: np.ndarray,
                        level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest B c over the coefficients that fit.
+    """Smallest and largest B c (P,) over the coefficients that fit one signal; see
+    `bounds_of_many`.
 
     Parameters
     ----------
     operator : MeasurementOperator
         ``A`` (K, N), signal ``y`` (K,) and its noise covariance; zeros for a hard equality.
+    basis : (P, N) array
+    level : float
+    """
+    lower, upper = bounds_of_many(operator.A, operator.y[None], operator.noise_covariance[None],
+                                  basis, level)
+    return lower[0], upper[0]
+
+
+def bounds_of_many(A: np.ndarray, signals: np.ndarray, noise_covariance: np.ndarray,
+                   basis: np.ndarray,
+                   level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest B c over the coefficients that fit each of S signals.
+
+    Parameters
+    ----------
+    A : (K, N) array
+        From coefficients to signal.
+    signals : (S, K) array
+    noise_covariance : (S, K, K) array
+        Zeros for a hard equality.
     basis : (P, N) array
         Rows of B at the wavelengths wanted.
     level : float
@@ -38,7 +59,7 @@ def reflectance_bounds(operator: MeasurementOperator, basis: np.ndarray,
 
     Returns
     -------
-    lower, upper : (P,) arrays
+    lower, upper : (S, P) arrays
         Where no coefficients fit, all half-planes are moved apart by `widening`, the least that
         lets some fit.
 
@@ -50,110 +71,83 @@ def reflectance_bounds(operator: MeasurementOperator, basis: np.ndarray,
     ConvergenceError
         If the solver fails.
     """
-    if basis.ndim != 2 or basis.shape[1] != operator.A.shape[1]:
-        raise InputError(f"the basis has shape {basis.shape}; (P, {operator.A.shape[1]}) is "
-                         "needed, as A has that many coefficients")
-    box = widened_box(operator, level)
-    directions, centre, half_width = box
-    # One more variable for each side of the box that has a width: the distance from its lower end.
-    loose = half_width > 0
-    columns = np.hstack([directions, -np.eye(len(centre))[:, loose]])
-    upper = np.concatenate([np.ones(basis.shape[1]), 2 * half_width[loose]])
-    functions = np.hstack([basis, np.zeros((len(basis), int(loose.sum())))])
-    bounds = extremes(Polytope(columns, centre - half_width, upper), functions)
-    if bounds is not None:
-        return bounds
-    try:
-        return linear_programmes(box, basis)
-    except ConvergenceError:
-        # Within reach by `widening`, and empty by round-off, as of perfect white.
-        return linear_programmes((directions, centre, half_width + LP_ATOL), basis)
-
-
-def linear_programmes(box: tuple[np.ndarray, np.ndarray, np.ndarray], basis: np.ndarray,
-                      options: dict[str, float] | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest B c over a signal box by a general solver, one programme each.
-
-    For sets that are too thin for `simplex.extremes`, and for its tests.
-
-    Parameters
-    ----------
-    box : (K, N), (K,) and (K,) arrays
-        From `signal_box` or `widened_box`.
-    basis : (P, N) array
-    options : dict, optional
-        Of HiGHS.
-
-    Raises
-    ------
-    ConvergenceError
-        If the solver fails.
-    """
-    constraints = _half_planes(*box)
-    lower = np.array([_minimum(row, constraints, options) for row in basis])
-    upper = np.array([-_minimum(-row, constraints, options) for row in basis])
+    if basis.ndim != 2 or basis.shape[1] != A.shape[1]:
+        raise InputError(f"the basis has shape {basis.shape}; (P, {A.shape[1]}) is needed, as A "
+                         "has that many coefficients")
+    boxes = signal_boxes(A, signals, noise_covariance, level)
+    lower, upper, ends = _extremes(boxes, basis)
+    if (empty := np.flatnonzero(ends == Walk.EMPTY)).size:
+        wider = boxes.of(empty, widenings(boxes.of(empty))[:, None])
+        lower[empty], upper[empty], ends[empty] = _extremes(wider, basis)
+    for row in np.flatnonzero(ends != Walk.DONE):
+        lower[row], upper[row] = bounds_of_one(boxes, int(row), basis)
     return lower, upper
 
 
-def widening(operator: MeasurementOperator, level: float = 0.95) -> float:
-    """Least signal by which every half-plane must move out for some coefficients in [0, 1] to fit;
-    0 where they do.
+def signal_boxes(A: np.ndarray, signals: np.ndarray, noise_covariance: np.ndarray,
+                 level: float) -> SignalBoxes:
+    """The boxes around the confidence sets, their sides the eigen-directions of the noise.
+
+    Parameters
+    ----------
+    A : (K, N) array
+    signals : (S, K) array
+    noise_covariance : (S, K, K) array
+    level : float
+
+    Raises
+    ------
+    InputError, CalibrationError
+        As `bounds_of_many`.
     """
-    directions, centre, half_width = signal_box(operator, level)
-    matrix = np.vstack([directions, -directions])
-    limits = np.r_[centre + half_width, half_width - centre]
-    coefficients = operator.A.shape[1]
-    cost = np.r_[np.zeros(coefficients), 1.0]
-    solution = linprog(cost, A_ub=np.c_[matrix, -np.ones(len(matrix))], b_ub=limits,
-                       bounds=[(0, 1)] * coefficients + [(0, None)])
-    if solution.status != 0:
-        raise ConvergenceError(_failure(solution.message))
-    return float(solution.fun) if solution.fun > LP_ATOL else 0.0
-
-
-def widened_box(operator: MeasurementOperator,
-                level: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The `signal_box`, moved apart by `widening` where no coefficients fit."""
-    directions, centre, half_width = signal_box(operator, level)
-    slack = widening(operator, level)
-    # The solver's tolerance again, or the set could come out empty.
-    return directions, centre, half_width + (slack + LP_ATOL if slack > 0 else 0.0)
-
-
-def signal_box(operator: MeasurementOperator,
-               level: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows D A (K, N), their centres D y (K,) and half-widths (K,), D the eigen-directions of the
-    noise covariance.
-    """
-    check_operator(operator)
+    check_operator(MeasurementOperator(A, signals[0], noise_covariance[0]))
+    if not np.all(np.isfinite(signals)):
+        raise InputError("y of the measurement holds numbers that are not finite; measure or fit "
+                         "that band again, or leave it out")
+    for covariance in noise_covariance[1:]:
+        check_noise(covariance)
     if not 0 < level < 1:
         raise InputError(f"a level of {level} was asked for; it is a probability between 0 and 1")
-    variances, directions = np.linalg.eigh(operator.noise_covariance)
-    radius = np.sqrt(chi2.ppf(level, variances.size))
-    return (directions.T @ operator.A, directions.T @ operator.y,
-            radius * np.sqrt(np.maximum(variances, 0)))
+    variances, directions = np.linalg.eigh(noise_covariance)
+    turn = directions.transpose(0, 2, 1)
+    radius = np.sqrt(2 * gammaincinv(variances.shape[1] / 2, level))    # chi-square quantile
+    return SignalBoxes(turn @ A, (turn @ signals[..., None])[..., 0],
+                       radius * np.sqrt(np.maximum(variances, 0)))
 
 
-def _half_planes(directions: np.ndarray, centre: np.ndarray,
-                 half_width: np.ndarray) -> dict[str, np.ndarray]:
-    # Exact directions go in as equalities: as pairs of half-planes at zero distance the solver's
-    # tolerance opens them.
-    exact = half_width == 0
-    loose = ~exact
-    ranges = {"A_ub": np.vstack([directions[loose], -directions[loose]]),
-              "b_ub": np.r_[centre[loose] + half_width[loose], half_width[loose] - centre[loose]]}
-    equalities = {"A_eq": directions[exact], "b_eq": centre[exact]}
-    return (ranges if loose.any() else {}) | (equalities if exact.any() else {})
+def widenings(boxes: SignalBoxes) -> np.ndarray:
+    """Least signal (S,) by which every half-plane must move out for some coefficients in [0, 1] to
+    fit; 0 where they do, within the tolerance of the general solver, and where the walk stalls.
+    """
+    count, bands, coefficients = boxes.directions.shape
+    away = np.abs(boxes.centre).max(axis=1)      # c = 0 fits once the planes moved so far
+    largest = away + np.abs(boxes.directions).sum(axis=2).max(axis=1)
+    # Variables: c, the widening t, and what is left of both half-planes of each direction.
+    ones, identity = np.ones((count, bands, 1)), np.broadcast_to(np.eye(bands),
+                                                                 (count, bands, bands))
+    none = np.zeros_like(identity)
+    A = np.concatenate([np.concatenate([boxes.directions, -ones, identity, none], axis=2),
+                        np.concatenate([boxes.directions, ones, none, -identity], axis=2)], axis=1)
+    y = np.concatenate([boxes.centre + boxes.half_width, boxes.centre - boxes.half_width], axis=1)
+    upper = np.ones((count, A.shape[2]))
+    upper[:, coefficients] = away
+    upper[:, coefficients + 1:] = np.tile(2 * (largest[:, None] + boxes.half_width), 2)
+    values, ends = highest(A, y, upper, -np.eye(1, A.shape[2], coefficients))
+    slack = np.where(ends == Walk.DONE, -values[:, 0], 0.0)
+    # The solver's tolerance again, or the set could come out empty.
+    return np.where(slack > LP_ATOL, slack + LP_ATOL, 0.0)
 
 
-def _minimum(row: np.ndarray, constraints: dict[str, Any],
-             options: dict[str, float] | None) -> float:
-    solution = linprog(row, bounds=(0, 1), method="highs-ds", options=options, **constraints)
-    if solution.status != 0:
-        raise ConvergenceError(_failure(solution.message))
-    return float(solution.fun)
-
-
-def _failure(message: str) -> str:
-    return (f"the linear programme of the bounds was not solved ({message.strip()}); state a "
-            "larger noise of the signal")
+def _extremes(boxes: SignalBoxes,
+              basis: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lowest and highest B c (S, P), and how the walks ended."""
+    count, bands, coefficients = boxes.directions.shape
+    # One more variable for each side of a box: the distance from its lower end.
+    sides = np.broadcast_to(-np.eye(bands), (count, bands, bands))
+    columns = np.concatenate([boxes.directions, sides], axis=2)
+    upper = np.concatenate([np.ones((count, coefficients)), 2 * boxes.half_width], axis=1)
+    functions = np.hstack([basis, np.zeros((len(basis), bands))])
+    values, ends = highest(columns, boxes.centre - boxes.half_width, upper,
+                           np.vstack([functions, -functions[::-1]]))
+    # Not -values: a bound of 0 must not read -0.
+    return 0.0 - values[:, :len(basis) - 1:-1], values[:, :len(basis)], ends
