@@ -21,6 +21,7 @@ from spectrabox.reconstruct.engines.answer import EngineAnswer
 from spectrabox.reconstruct.engines.gradient_engine import engine_for, invert_by_gradient
 from spectrabox.reconstruct.engines.per_wavelength import invert_per_wavelength
 from spectrabox.reconstruct.engines.transport_engine import solve_views
+from spectrabox.reconstruct.fit.transport_fit import TransportFit
 from spectrabox.reconstruct.joint_reconstruction import joint_record
 from spectrabox.reconstruct.misfit import misfit_notes, surface_tests
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
@@ -79,7 +80,21 @@ def reconstruct_views(views: Sequence[View], settings: InversionSettings, progre
         fit, answers = None, (SINGLE_VIEW[settings.engine](views[0], settings, progress),)
     else:
         fit, answers = solve_views(views, settings, progress, checkpoint)
-    records = [_record(view, replace(answer, notes=chosen + answer.notes), settings)
+    answers = tuple(replace(answer, notes=chosen + answer.notes) for answer in answers)
+    return reconstruction_of(views, fit, answers, settings)
+
+
+def reconstruction_of(views: Sequence[View], fit: TransportFit | None,
+                      answers: Sequence[EngineAnswer],
+                      settings: InversionSettings) -> JointReconstruction:
+    """The record of a fit and its answers, one for each view.
+
+    Parameters
+    ----------
+    fit : TransportFit or None
+        None from an engine that takes a single view.
+    """
+    records = [_record(view, answer, settings)
                for view, answer in zip(views, answers, strict=True)]
     return joint_record(views, records, fit, [answer.regions for answer in answers])
 

@@ -4,7 +4,7 @@ compared, spectra of light and camera, the scene for the renderer.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -77,6 +77,14 @@ class View:
     def size(self) -> tuple[int, int]:
         """Width and height in pixels."""
         return self.photo.signal.shape[1], self.photo.signal.shape[0]
+
+    def with_photo(self, photo: LinearImage) -> View:
+        """The same with another photo (H, W, K) of the same surfaces, whose pixels are compared
+        where this photo's are.
+        """
+        other = replace(self, photo=photo)
+        vars(other).update(surface=self.surface, used=self.used)  # found already, for this scene
+        return other
 
     @cached_property
     def measured(self) -> np.ndarray:

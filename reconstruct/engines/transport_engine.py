@@ -1,8 +1,8 @@
 """The transport engine: trace the scene's light once, then fit the spectra by algebra."""
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,23 +52,52 @@ def solve_views(views: Sequence[View], settings: InversionSettings, progress: Pr
     InputError
         As ``unit_scene``; or if no light reaches a material.
     """
+    traced = trace_views(views, settings, progress, checkpoint)
+    progress(0.7, "fitting spectra")
+    solution = solve_traced(traced, settings, lambda view, fit: _image(view, fit, settings))
+    progress(1.0, "")
+    return solution.fit, solution.answers
+
+
+@dataclass(frozen=True, eq=False)
+class TracedSolution:
+    """The fit of traced views, and what it says of each."""
+
+    views: tuple[TracedView, ...]           # with the errors that the scene showed
+    fit: TransportFit
+    answers: tuple[EngineAnswer, ...]
+
+
+def trace_views(views: Sequence[View], settings: InversionSettings, progress: Progress,
+                checkpoint: Path | None = None) -> list[TracedView]:
+    """The light transport of every view; parameters and errors as of ``solve_views``."""
     traced = []
     for number, view in enumerate(views):
         def part(done: float, what: str, number: int = number) -> None:
             progress((0.7 * number + done) / len(views), what)  # tracing reports up to 0.7
         file = checkpoint and checkpoint.with_stem(f"{checkpoint.stem}{number or ''}")
         traced.append(_traced_view(view, number, settings, part, file))
-    progress(0.7, "fitting spectra")
-    prior = spectrum_prior(settings, views[0].grid)
+    return traced
+
+
+def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
+                 image: Callable[[TracedView, ViewFit], np.ndarray]) -> TracedSolution:
+    """Spectra that explain the photos of traced views.
+
+    Parameters
+    ----------
+    image : function of a traced view and its part of the fit
+        The rendering (H, W, K) of the solution for a light scale of 1.
+    """
+    prior = spectrum_prior(settings, traced[0].view.grid)
     fit = fit_traced(traced, prior)
-    images = _images(traced, fit, settings)
-    informed = [replace(view, nuisances=_informed_by(image, view, settings))
-                for view, image in zip(traced, images, strict=True)]
+    images = [image(view, part) for view, part in zip(traced, fit.views, strict=True)]
+    informed = [replace(view, nuisances=_informed_by(shown, view, settings))
+                for view, shown in zip(traced, images, strict=True)]
     if [view.nuisances for view in informed] != [view.nuisances for view in traced]:
         traced, fit = informed, fit_traced(informed, prior)
-        images = _images(traced, fit, settings)
-    progress(1.0, "")
-    return fit, _answers(traced, fit, images, settings)
+        images = [image(view, part) for view, part in zip(traced, fit.views, strict=True)]
+    return TracedSolution(tuple(traced), fit, _answers(traced, fit, images, settings))
 
 
 def unit_scene(view: View) -> Any:
@@ -176,13 +205,6 @@ def _informed_by(image: np.ndarray, traced: TracedView, settings: InversionSetti
     return replace(given, surface_error=max(given.surface_error, errors.colour),
                    block_error=max(given.block_error, errors.block),
                    brightness_error=max(given.brightness_error, errors.brightness))
-
-
-def _images(views: Sequence[TracedView], fit: TransportFit,
-            settings: InversionSettings) -> tuple[np.ndarray, ...]:
-    """Renderings (H, W, K) of the solution for a light scale of 1."""
-    return tuple(_image(view, solution, settings)
-                 for view, solution in zip(views, fit.views, strict=True))
 
 
 def _image(traced: TracedView, solution: ViewFit, settings: InversionSettings) -> np.ndarray:

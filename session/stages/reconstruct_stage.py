@@ -60,7 +60,26 @@ def invert_photos(task: StageTask) -> dict[str, Any]:
     """
     config, stored = task.config, task.stored
     start_mitsuba(task.device)
-    drift = _drift(config, stored)
+    drift = drift_of(config, stored)
+    joint = reconstruct_views(views_of(config, stored, drift), settings_of(config), task.progress,
+                              config.results_folder / TRACE)
+    return {"drift": drift, "joint": joint if drift is None else _widened(joint, drift)}
+
+
+def views_of(config: SessionConfig, stored: Mapping[str, StoredStage],
+             drift: LightDrift | None) -> list[View]:
+    """Every photo with all that explains it.
+
+    Parameters
+    ----------
+    drift : LightDrift or None
+        Of the light between the first view's chart and photo.
+
+    Raises
+    ------
+    InputError
+        If scene and session do not name the same materials, or an input cannot be read.
+    """
     photos = [photo_of(stored, view) for view in config.all_views]
     bands = band_names(config, photos[0].signal.shape[2])
     views: list[View] = []
@@ -73,11 +92,14 @@ def invert_photos(task: StageTask) -> dict[str, Any]:
                   for light, spectrum in inputs.lights_by_id.items()}
         views.append(View(inputs.name or FIRST_VIEW, scene, photo, calibration, bands,
                           read_materials(config, scene), scale, lights))
+    return views
+
+
+def settings_of(config: SessionConfig) -> InversionSettings:
+    """The settings of the inversion, with the learnt prior where it is asked for."""
     chosen = config.reconstruct
-    settings = InversionSettings(**chosen.settings(), seed=config.session.seed,
-                                 learnt=_learnt_spectra(chosen.spectrum_prior))
-    joint = reconstruct_views(views, settings, task.progress, config.results_folder / TRACE)
-    return {"drift": drift, "joint": joint if drift is None else _widened(joint, drift)}
+    return InversionSettings(**chosen.settings(), seed=config.session.seed,
+                             learnt=_learnt_spectra(chosen.spectrum_prior))
 
 
 def joint_of(stored: Mapping[str, StoredStage]) -> JointReconstruction:
@@ -105,7 +127,7 @@ def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpe
                  for name, material in config.materials.items())
 
 
-def _drift(config: SessionConfig, stored: Mapping[str, StoredStage]) -> LightDrift | None:
+def drift_of(config: SessionConfig, stored: Mapping[str, StoredStage]) -> LightDrift | None:
     """Change of the light between the first chart photo and object photo, where both show
     references.
     """
