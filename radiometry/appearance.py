@@ -10,7 +10,12 @@ import functools
 import numpy as np
 
 from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
-from spectrabox.radiometry.colour_science import colour_science
+from spectrabox.radiometry.published.tables import LIGHTS, OBSERVERS, published_curves
+
+WITHIN_NM = (360.0, 780.0)
+# X, Y, Z to linear sRGB, IEC 61966-2-1:1999.
+TO_SRGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415],
+                    [0.0557, -0.2040, 1.0570]])
 
 
 def reflectance_to_srgb(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
@@ -23,8 +28,8 @@ def reflectance_to_srgb(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
     reflectance : (P,) array
         0 to 1.
     """
-    colour = colour_science()
-    return np.clip(colour.XYZ_to_sRGB(tristimulus(nm, reflectance)), 0.0, 1.0)
+    linear = np.clip(TO_SRGB @ tristimulus(nm, reflectance), 0.0, 1.0)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def delta_e00(nm: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
@@ -58,9 +63,8 @@ def tristimulus(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
 @functools.cache
 def _d65_weights() -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (P,) from 360 to 780 nm and the weights (3, P) of X, Y, Z."""
-    colour = colour_science()
-    shape = colour.SpectralShape(360, 780, 1)
-    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape)
-    light = colour.SDS_ILLUMINANTS["D65"].copy().align(shape)
-    weights = observer.values.T * light.values
-    return np.asarray(observer.wavelengths), weights / weights[1].sum()
+    nm, observer = published_curves(OBSERVERS, "CIE 1931 2 Degree Standard Observer")
+    inside = (nm >= WITHIN_NM[0]) & (nm <= WITHIN_NM[1])
+    nm, light = nm[inside], published_curves(LIGHTS, "D65")
+    weights = observer[:, inside] * np.interp(nm, light[0], light[1][0])
+    return nm, weights / weights[1].sum()

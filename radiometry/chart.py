@@ -1,16 +1,14 @@
-"""The 24 patches of a ColorChecker Classic: names, positions and reflectances with their source.
-
-SciPy is imported where files are read, so that whoever needs the names does not wait for it.
-"""
+"""The 24 patches of a ColorChecker Classic: names, positions and reflectances with their source."""
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.published.tables import CHARTS, published_curves
 from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_reflectances
 
 PATCH_NAMES = (
     "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
@@ -53,10 +51,8 @@ def chart_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
     if reference not in REFERENCES:
         raise InputError(f"chart reference {reference!r} is not known; known are "
                          f"{', '.join(REFERENCES)}, or a CSV file with one column per patch")
-    from spectrabox.radiometry.spectra.spectrum_files import on_grid
-    spectra = list(colour_science().SDS_COLOURCHECKERS[reference].values())
-    return np.array([on_grid(np.asarray(sd.wavelengths), np.asarray(sd.values), grid,
-                             reference) for sd in spectra])
+    nm, patches = published_curves(CHARTS, reference)
+    return on_grid(nm, patches, grid, reference)
 
 
 def measured_chart(path: Path, grid: WavelengthGrid) -> np.ndarray:
@@ -75,7 +71,6 @@ def measured_chart(path: Path, grid: WavelengthGrid) -> np.ndarray:
     InputError
         If the file does not hold 24 columns of reflectances that cover the grid.
     """
-    from spectrabox.radiometry.spectra.spectrum_files import read_reflectances
     patches = read_reflectances(path, grid)
     if len(patches) != len(PATCH_NAMES):
         raise InputError(f"{path.name} holds {len(patches)} columns; 24 are needed, one per patch, "

@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and their fingerprints."""
+"""Files written whole or not at all, their fingerprints, and words that name files."""
 from __future__ import annotations
 
 import contextlib
@@ -9,6 +9,19 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+
+
+def names_a_file(word: str) -> bool:
+    """Whether a word is the name of a file rather than of published data.
+
+    It exists or ends like one; FL3.15 is a light: digits behind a dot are no suffix.
+
+    Parameters
+    ----------
+    word : str
+    """
+    suffix = Path(word).suffix[1:]
+    return Path(word).exists() or (suffix != "" and not suffix.isdigit())
 
 
 def sha256_of(path: Path) -> str:

@@ -23,15 +23,14 @@ from spectrabox.session.stages.inputs import (
     chart_corners,
     check_aspect,
     read_chart_reference,
-    read_chart_scene,
     read_light,
     read_photo,
     read_reflectance,
     read_sensitivities,
-    read_session_scene,
     require_exposed,
     require_materials,
 )
+from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
 
 
 @dataclass(frozen=True)

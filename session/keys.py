@@ -8,12 +8,8 @@ from typing import Any
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig
-from spectrabox.session.stages.inputs import (
-    chart_reference_file,
-    read_chart_scene,
-    read_session_scene,
-)
 from spectrabox.session.stages.order import STAGES
+from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
 from spectrabox.session.store.provenance import DECISIVE, versions
 from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import fingerprint
@@ -45,10 +41,10 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
 
     chart_scene = read_chart_scene(config)
     scenes = {view.scene: read_session_scene(config, view.scene) for view in config.all_views}
-    reference = chart_reference_file(config)
+    reference = config.chart.reference_file
     curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
     installed = versions(DECISIVE)
-    code = stage_code({stage: function.__module__ for stage, function in STAGES.items()})
+    code = stage_code({name: stage.module for name, stage in STAGES.items()})
 
     def made_by(stage: str) -> Key:
         return {"versions": installed, "code": code[stage]}

@@ -123,8 +123,8 @@ def _run_stage(config: SessionConfig, name: str, key: Key, device: str,
     start = time.perf_counter()
     progress(name, 0.0, "")
     with stage_folder(config.results_folder, name) as folder:
-        records = STAGES[name](StageTask(config, device, stored, folder,
-                                         lambda done, message: progress(name, done, message)))
+        records = STAGES[name].run(StageTask(config, device, stored, folder,
+                                             lambda done, message: progress(name, done, message)))
         save_stage(folder, as_stored(key), records, time.perf_counter() - start, {"stage": name})
     finished = load_stage(config.results_folder, name)
     assert finished is not None

@@ -22,7 +22,7 @@ from spectrabox.session.store.stage_code import (
     stage_code,
 )
 
-ENTRIES = {stage: function.__module__ for stage, function in STAGES.items()}
+ENTRIES = {name: stage.module for name, stage in STAGES.items()}
 CONTENTS = contents_of(PACKAGE)
 
 
@@ -117,8 +117,8 @@ print(json.dumps([name for name in sys.modules if name.split(".")[0] == "spectra
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_every_module_that_a_running_stage_imports_is_known(finished, stage):
-    function = STAGES[stage]
-    ran = subprocess.run([sys.executable, "-c", RUN_ALONE, function.__module__, function.__name__,
+    module, function = STAGES[stage].module, STAGES[stage].function
+    ran = subprocess.run([sys.executable, "-c", RUN_ALONE, module, function,
                           str(finished), *STAGES], capture_output=True, text=True, check=True,
                          cwd=Path(__file__).parent.parent)
     loaded = {file for name in json.loads(ran.stdout.splitlines()[-1])
@@ -126,5 +126,5 @@ def test_every_module_that_a_running_stage_imports_is_known(finished, stage):
               for file in (f"{path}.py", f"{path}/__init__.py".lstrip("/")) if file in CONTENTS}
     # The reader of session.toml is left out: what it reads is in the key by value.
     reader = files_behind("spectrabox.session.config.session_file", import_graph(CONTENTS))
-    assert f"{function.__module__.removeprefix('spectrabox.').replace('.', '/')}.py" in loaded
+    assert f"{module.removeprefix('spectrabox.').replace('.', '/')}.py" in loaded
     assert loaded <= behind(stage) | reader

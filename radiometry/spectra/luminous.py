@@ -2,9 +2,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from spectrabox.radiometry.grid import trapezoid_weights_nm
+from spectrabox.radiometry.spectra.pchip import pchip
 
 LUMENS_PER_WATT = 683.0
 # V(lambda) = y-bar of CIE 15 every 5 nm. A table, as loading colour-science takes longer than a
@@ -46,4 +46,4 @@ def luminous_efficiency(nm: np.ndarray) -> np.ndarray:
     """
     inside = (nm >= EFFICIENCY_NM[0]) & (nm <= EFFICIENCY_NM[-1])
     return np.where(inside,
-                    PchipInterpolator(EFFICIENCY_NM, EFFICIENCY)(np.where(inside, nm, 560.0)), 0.0)
+                    pchip(EFFICIENCY_NM, EFFICIENCY, np.where(inside, nm, 560.0)), 0.0)

@@ -1,16 +1,21 @@
-"""Sensitivities, lights and test reflectances of colour-science, by the names operators write."""
+"""Published sensitivities, lights and test reflectances, by the names operators write."""
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.published.tables import (
+    LIGHTS,
+    OBSERVERS,
+    published_curves,
+    published_names,
+)
 from spectrabox.radiometry.records import Quantity, WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
@@ -22,26 +27,13 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 CHARTS = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta", "PMC")
 
 
-def names_a_file(word: str) -> bool:
-    """Whether a word is the name of a file rather than of published data.
-
-    It exists or ends like one; FL3.15 is a light: digits behind a dot are no suffix.
-
-    Parameters
-    ----------
-    word : str
-    """
-    suffix = Path(word).suffix[1:]
-    return Path(word).exists() or (suffix != "" and not suffix.isdigit())
-
-
 def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
     """Sensitivities (K, P) of a file of curves, or of a camera or observer by name.
 
     Parameters
     ----------
     name : str
-        A file, or a name that colour-science knows.
+        A file, or a name of ``published.tables``.
     grid : WavelengthGrid
         Working grid, of P wavelengths.
 
@@ -54,10 +46,9 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
         nm, _, curves = read_curves(Path(name))
         curves = on_grid(nm, curves, grid, Path(name).name)
     else:
-        colour = colour_science()
-        known = {**colour.MSDS_CMFS, **colour.MSDS_CAMERA_SENSITIVITIES}
-        listed = _by_name(name, known, "camera or observer", "a CSV file with one column per band")
-        curves = on_grid(np.asarray(listed.wavelengths), np.asarray(listed.values).T, grid, name)
+        nm, curves = _by_name(name, OBSERVERS, "camera or observer",
+                              "a CSV file with one column per band")
+        curves = on_grid(nm, curves, grid, name)
     if not np.all(np.isfinite(curves)) or np.any(curves.max(axis=1) <= 0):
         raise InputError(f"a band of {name} sees nothing of {grid.nm[0]:g}-{grid.nm[-1]:g} nm; "
                          "leave it out")
@@ -82,10 +73,8 @@ def light(name: str, grid: WavelengthGrid) -> np.ndarray:
     if names_a_file(name):
         values = spectrum_on_grid(read_spectrum(Path(name), role=Quantity.RELATIVE), grid)
     else:
-        colour = colour_science()
-        known = {**colour.SDS_LIGHT_SOURCES, **colour.SDS_ILLUMINANTS}
-        listed = _by_name(name, known, "light", "a CSV file of its spectrum")
-        values = on_grid(np.asarray(listed.wavelengths), np.asarray(listed.values), grid, name)
+        nm, curves = _by_name(name, LIGHTS, "light", "a CSV file of its spectrum")
+        values = on_grid(nm, curves[0], grid, name)
     if not np.all(np.isfinite(values)) or values.max() <= 0 or values.min() < -0.01 * values.max():
         raise InputError(f"the light {name} is dark or falls below zero; measure it again")
     return np.maximum(values, 0)
@@ -142,15 +131,12 @@ def relative_response(sensitivity: str, light_name: str,
     return response / total
 
 
-def _by_name(name: str, known: Any, what: str, instead: str) -> Any:
-    try:
-        return known[name]
-    except KeyError:
-        near = difflib.get_close_matches(name, _names(known), n=3, cutoff=0.4)
+def _by_name(name: str, kind: str, what: str, instead: str) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (P,) and curves (K, P)."""
+    names = published_names(kind)
+    if name not in names:
+        near = difflib.get_close_matches(name, names, n=3, cutoff=0.4)
         nearest = f"; nearest are {', '.join(near)}" if near else ""
         raise InputError(f"{name!r} is no {what} that is known{nearest}; give one of these or "
-                         f"{instead}") from None
-
-
-def _names(known: Iterable[str]) -> list[str]:
-    return [str(name) for name in known]
+                         f"{instead}")
+    return published_curves(kind, name)

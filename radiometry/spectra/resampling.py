@@ -11,9 +11,9 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.spectra.pchip import pchip
 
 EVEN_RTOL = 1e-6
 Curve = Callable[[np.ndarray], np.ndarray]
@@ -55,7 +55,7 @@ def resampled(nm: np.ndarray, values: np.ndarray, target_nm: np.ndarray,
                          "measure the missing part")
     even = nm.size >= 6 and np.ptp(np.diff(nm)) <= EVEN_RTOL * np.diff(nm).mean()
     rule = "Sprague's quintic (CIE 167)" if even else "shape-preserving cubic (uneven samples)"
-    curve: Curve = partial(sprague, nm, values) if even else PchipInterpolator(nm, values)
+    curve: Curve = partial(sprague if even else pchip, nm, values)
     step = float(steps.mean())
     if step <= np.diff(nm).mean() * (1 + EVEN_RTOL):
         return curve(np.clip(target_nm, nm[0], nm[-1])), rule

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
@@ -29,6 +28,7 @@ from spectrabox.radiometry.spectra.formats.table import (
     text_of,
 )
 from spectrabox.radiometry.spectra.formats.tm27 import is_tm27, read_tm27
+from spectrabox.radiometry.spectra.pchip import pchip
 
 __all__ = ["SpectralTable", "column_index", "format_of", "on_grid", "read_curves",
            "read_reflectances", "read_spectrum", "read_table", "spectrum_of", "spectrum_on_grid",
@@ -252,7 +252,7 @@ def on_grid(nm: np.ndarray, values: np.ndarray, grid: WavelengthGrid, name: str)
     if np.max(np.diff(nm)) <= FINE_STEP_NM:
         rows = [np.interp(inside, nm, row) for row in np.atleast_2d(values)]
         return np.array(rows).reshape(*np.shape(values)[:-1], grid.nm.size)
-    return PchipInterpolator(nm, values, axis=-1)(inside)
+    return pchip(nm, values, inside)
 
 
 def spectrum_on_grid(spectrum: Spectrum, grid: WavelengthGrid) -> np.ndarray:

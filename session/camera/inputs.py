@@ -58,9 +58,9 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
 
 def read_light(name: str, grid: WavelengthGrid) -> Spectrum:
     """A light from a spectral file, or by its CIE name."""
+    from spectrabox.radiometry.files import names_a_file
     from spectrabox.radiometry.records import Quantity, Spectrum
     from spectrabox.radiometry.spectra.named_spectra import light as named_light
-    from spectrabox.radiometry.spectra.named_spectra import names_a_file
     from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
     if names_a_file(name):
         return read_spectrum(Path(name), role=Quantity.RELATIVE)
@@ -70,7 +70,7 @@ def read_light(name: str, grid: WavelengthGrid) -> Spectrum:
 def read_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
     """Chart reflectances (24, P) by name or from a table of 24 columns."""
     from spectrabox.radiometry.chart import chart_reflectances, measured_chart
-    from spectrabox.radiometry.spectra.named_spectra import names_a_file
+    from spectrabox.radiometry.files import names_a_file
     return measured_chart(Path(reference), grid) if names_a_file(reference) else \
         chart_reflectances(reference, grid)
 

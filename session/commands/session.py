@@ -146,7 +146,7 @@ def relight(folder: Folder,
         from spectrabox.session.pipeline import load_finished
         from spectrabox.session.relight import OBSERVER
         from spectrabox.session.relight import relight as render_under
-        from spectrabox.session.stages.inputs import read_session_scene
+        from spectrabox.session.stages.scenes import read_session_scene
         config = read_session(folder, allow_outside)
         scene = read_session_scene(config)
         size = (width, max(round(width * scene.height / scene.width), 1))

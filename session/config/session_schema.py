@@ -15,6 +15,7 @@ from pydantic import BeforeValidator, Field
 
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import names_a_file
 from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumPrior
 
 FILE_NAME = "session.toml"
@@ -108,6 +109,11 @@ class ChartSection(Table):
     corners_px: ListOf[ListOf[float]] | None = Field(
         None, description="outer corners at dark skin, bluish green, black and white, in pixels "
         "of the photo")
+
+    @property
+    def reference_file(self) -> str | None:
+        """Name of the file of measured reflectances; None where a published average is named."""
+        return self.reference if names_a_file(self.reference) else None
 
 
 class CameraSection(Table):

@@ -26,11 +26,11 @@ from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.inputs import (
     GRID,
     read_chart_reference,
-    read_chart_scene,
     read_light,
     read_sensitivities,
 )
 from spectrabox.session.stages.photo_stages import chart_of
+from spectrabox.session.stages.scenes import read_chart_scene
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.store.store import StoredStage
 

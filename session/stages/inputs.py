@@ -11,14 +11,13 @@ from spectrabox.radiometry.chart import chart_reflectances, measured_chart
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LinearImage, Quantity, Spectrum
-from spectrabox.radiometry.spectra.named_spectra import names_a_file
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_curves,
     read_spectrum,
     spectrum_on_grid,
 )
-from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials, read_scene
+from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials
 from spectrabox.session.config.session_schema import (
     ONE_PHOTO,
     SessionConfig,
@@ -82,30 +81,11 @@ def read_sensitivities(config: SessionConfig) -> tuple[tuple[str, ...], np.ndarr
     return names, np.maximum(on, 0.0) / on.max()
 
 
-def chart_reference_file(config: SessionConfig) -> str | None:
-    """Name of the file of measured chart reflectances; None where a published average is named."""
-    return config.chart.reference if names_a_file(config.chart.reference) else None
-
-
 def read_chart_reference(config: SessionConfig) -> np.ndarray:
     """Reflectances (24, P) of the chart, published or measured."""
-    file = chart_reference_file(config)
+    file = config.chart.reference_file
     return chart_reflectances(config.chart.reference, GRID) if file is None else \
         measured_chart(config.path(file), GRID)
-
-
-def read_session_scene(config: SessionConfig, file: str | None = None) -> SceneFile:
-    """The scene of the object photo, or another one; its files lie within the session folder."""
-    return read_scene(config.path(file or config.scene.file), None if config.allow_outside
-                      else config.folder)
-
-
-def read_chart_scene(config: SessionConfig) -> SceneFile | None:
-    """The scene of the chart photo, where there is one."""
-    if config.chart.scene is None:
-        return None
-    return read_scene(config.path(config.chart.scene), None if config.allow_outside
-                      else config.folder)
 
 
 def chart_corners(config: SessionConfig, view: ViewInputs) -> np.ndarray | None:

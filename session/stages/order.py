@@ -1,15 +1,31 @@
-"""The stages of a session, in the order in which they run."""
+"""The stages of a session, in the order in which they run; each is imported when it runs."""
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import importlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from spectrabox.session.stages.calibrate_stage import calibrate_views
-from spectrabox.session.stages.photo_stages import bin_object_photos, find_and_sample_charts
-from spectrabox.session.stages.reconstruct_stage import invert_photos
-from spectrabox.session.stages.sample_stage import sample_materials
-from spectrabox.session.stages.stage_task import StageTask
+if TYPE_CHECKING:
+    from spectrabox.session.stages.stage_task import StageTask
 
-STAGES: dict[str, Callable[[StageTask], dict[str, Any]]] = {
-    "chart": find_and_sample_charts, "photo": bin_object_photos, "calibrate": calibrate_views,
-    "reconstruct": invert_photos, "sample": sample_materials}
+
+@dataclass(frozen=True)
+class Stage:
+    """The function that makes a stage's records from its task."""
+
+    module: str
+    function: str
+
+    def run(self, task: StageTask) -> dict[str, Any]:
+        """Records of the stage by name."""
+        records: dict[str, Any] = getattr(importlib.import_module(self.module),
+                                          self.function)(task)
+        return records
+
+
+ROOM = "spectrabox.session.stages"
+STAGES = {"chart": Stage(f"{ROOM}.photo_stages", "find_and_sample_charts"),
+          "photo": Stage(f"{ROOM}.photo_stages", "bin_object_photos"),
+          "calibrate": Stage(f"{ROOM}.calibrate_stage", "calibrate_views"),
+          "reconstruct": Stage(f"{ROOM}.reconstruct_stage", "invert_photos"),
+          "sample": Stage(f"{ROOM}.sample_stage", "sample_materials")}

@@ -27,9 +27,9 @@ from spectrabox.session.stages.inputs import (
     read_chart_reference,
     read_light,
     read_photo,
-    read_session_scene,
     require_exposed,
 )
+from spectrabox.session.stages.scenes import read_session_scene
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.store.store import StoredStage
 

@@ -36,10 +36,10 @@ from spectrabox.session.stages.inputs import (
     band_names,
     read_light,
     read_reflectance,
-    read_session_scene,
     require_materials,
 )
 from spectrabox.session.stages.photo_stages import chart_of, photo_of, reference_signals
+from spectrabox.session.stages.scenes import read_session_scene
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.store.store import StoredStage
 

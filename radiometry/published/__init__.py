@@ -1,0 +1,1 @@
+"""Published observers, cameras, lights and charts, as tables of our own."""

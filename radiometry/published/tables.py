@@ -1,0 +1,48 @@
+"""Published observers, cameras, lights and chart reflectances, without waiting for colour-science.
+
+Importing colour-science takes longer than most commands. ``make_tables`` copied the tables that
+operators name from there, value by value; a test compares them with the installed colour-science.
+"""
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+
+FILE = Path(__file__).parent / "published_spectra.npz"
+OBSERVERS, LIGHTS, CHARTS = "observers and cameras", "lights", "charts"
+
+
+def published_names(kind: str) -> list[str]:
+    """Names of the tables of one kind, as colour-science has them.
+
+    Parameters
+    ----------
+    kind : {"observers and cameras", "lights", "charts"}
+    """
+    with np.load(FILE) as tables:
+        return [name.removeprefix(f"{kind}/") for name in tables.files
+                if name.startswith(f"{kind}/")]
+
+
+def published_curves(kind: str, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (P,) in nm and curves (K, P) of one table.
+
+    Parameters
+    ----------
+    kind : {"observers and cameras", "lights", "charts"}
+    name : str
+        One of ``published_names(kind)``.
+
+    Raises
+    ------
+    InputError
+        If there is no such table.
+    """
+    with np.load(FILE) as tables:
+        if f"{kind}/{name}" not in tables.files:
+            raise InputError(f"{name!r} is not among the published {kind}")
+        nm, *curves = tables[f"{kind}/{name}"]
+    return nm, np.array(curves)
