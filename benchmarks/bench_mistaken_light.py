@@ -15,7 +15,7 @@ import numpy as np
 from spectrabox.calibrate.chart_equations import chart_equations
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.sensitivity import fit_with_prior
-from spectrabox.calibrate.trust import CHECK_LIGHT, sentences
+from spectrabox.calibrate.trust import doubts
 from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples
@@ -43,7 +43,7 @@ def judged(database: CameraDatabase, camera: int, true: str, claimed: str,
     found = fit_with_prior([photo], others(database, camera, by_brand=False), GRID)
     if found.disagrees:
         return "refused"
-    return "said" if CHECK_LIGHT in sentences(found, GRID) else "silent"
+    return "said" if doubts(found) else "silent"
 
 
 def main() -> None:

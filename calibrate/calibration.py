@@ -9,7 +9,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations
 from spectrabox.calibrate.measured_curves import check_measured_curves
-from spectrabox.calibrate.photo_checks import light_power, refuse_disagreement
+from spectrabox.calibrate.photo_checks import disagreement, light_power, refuse_disagreement
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.sensitivity import (
     CHART_ERROR,
@@ -22,7 +22,7 @@ from spectrabox.calibrate.sensitivity import (
     scale_of_photo,
 )
 from spectrabox.calibrate.spline_fit import SPLINE_BANDS
-from spectrabox.calibrate.trust import chart_colour_differences, other_reading, sentences
+from spectrabox.calibrate.trust import chart_colour_differences, doubts, other_reading, sentences
 from spectrabox.radiometry.chart import patch_centres_uv
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.light_scale import scale_from_signals
@@ -138,7 +138,7 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     checks = (f"chart colour difference {delta_e.mean():.2f} CIEDE2000{left_out}",
               *_checks(fit, covariance, scale), *unseen, *said)
     calibration = Calibration(fit, first.light, None if first.irradiance is None else scale,
-                              covariance, checks)
+                              covariance, checks, () if prior_fit is None else doubts(prior_fit))
     return ChartCalibration(calibration, scale, predicted, without, delta_e, delta_e_without,
                             prior_fit)
 
@@ -171,7 +171,8 @@ def prior_calibration(photos: list[ChartEquations], grid: WavelengthGrid,
     for number, (photo, fit) in enumerate(zip(photos, alone, strict=True), start=1):
         if fit.disagrees:
             which = "the chart photo" if len(photos) == 1 else f"chart photo {number}"
-            refuse_disagreement(f"no camera explains {which}", fit.model_error, fit.chi_square,
+            refuse_disagreement(f"no camera explains {which}",
+                                disagreement(photo.signal, fit.held_out[0]), fit.chi_square,
                                 other_reading(photo, known, grid))
     raise CheckError(f"each of the {len(photos)} chart photos can be explained, but not all by one "
                      f"camera (chi-square {joint.chi_square:.1f} per signal together); check that "

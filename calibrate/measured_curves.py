@@ -4,7 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations
-from spectrabox.calibrate.photo_checks import refuse_disagreement
+from spectrabox.calibrate.photo_checks import disagreement, refuse_disagreement
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.calibrate.trust import other_reading
@@ -41,8 +41,8 @@ def check_measured_curves(photo: ChartEquations, curves: np.ndarray, grid: Wavel
                 f"{fit.chi_square:.2f} per signal)")
     reading = other_reading(photo, known, grid) if fit.disagrees else None
     if reading is not None:
-        refuse_disagreement("the measured curves do not explain the chart photo", fit.model_error,
-                            fit.chi_square, reading)
+        refuse_disagreement("the measured curves do not explain the chart photo",
+                            disagreement(photo.signal, fit.held_out[0]), fit.chi_square, reading)
     return ("the measured curves do not explain the chart photo (chi-square "
             f"{fit.chi_square:.1f} per signal): check that they are of this camera and their "
             "columns in the photo's order, and light, chart and glare")

@@ -5,6 +5,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from spectrabox.calibrate.chart_equations import DARK_SHARE
 from spectrabox.radiometry.errors import CalibrationError, CheckError, InputError
 from spectrabox.radiometry.records import Quantity, Spectrum, WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
@@ -112,7 +113,16 @@ def dark_ranges(power: np.ndarray, grid: WavelengthGrid) -> list[tuple[float, fl
             for start, stop in edges.reshape(-1, 2)]
 
 
-def refuse_disagreement(said: str, model_error: float, chi_square: float,
+def disagreement(signal: np.ndarray, held_out: np.ndarray) -> float:
+    """Rms relative difference of signals (I, K) and what the other patches predict of each.
+
+    Of patches darker than 3 % of the brightest, relative to that.
+    """
+    scale = np.maximum(signal, DARK_SHARE * signal.max(axis=0))
+    return float(np.sqrt(np.mean(((signal - held_out) / scale) ** 2)))
+
+
+def refuse_disagreement(said: str, rms: float, chi_square: float,
                         reading: str | None) -> NoReturn:
     """Say that a photo is not explained, and what may be the cause.
 
@@ -120,7 +130,9 @@ def refuse_disagreement(said: str, model_error: float, chi_square: float,
     ----------
     said : str
         What does not explain which photo.
-    model_error, chi_square : float
+    rms : float
+        See ``disagreement``.
+    chi_square : float
         Of the fit, see ``PriorFit``.
     reading : str or None
         How the photo would have to be read for some camera to explain it.
@@ -132,5 +144,5 @@ def refuse_disagreement(said: str, model_error: float, chi_square: float,
     hint = (f"read as {reading} the patches would agree: correct that" if reading is not None else
             "check the chart reference, the light spectrum, glare, and that the photo is linear "
             "(not a JPEG)")
-    raise CheckError(f"{said}: its patches disagree with the reference by {model_error:.0%} or "
-                     f"more (chi-square {chi_square:.1f} per signal); {hint}")
+    raise CheckError(f"{said}: its patches disagree with the reference by {100 * rms:.2g} % rms "
+                     f"(chi-square {chi_square:.1f} per signal); {hint}")

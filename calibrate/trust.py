@@ -11,14 +11,13 @@ from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.chart import COLUMNS, ROWS
 from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records import CalibrationDoubt, WavelengthGrid
 
 FROM_PRIOR = 0.5             # share of the prior's uncertainty left, above which the prior decides
 MUCH_GLARE = 0.02            # of the brightest patch
+GLARE_SIGMA = 3.0            # of a band: nearer to 0 none is claimed
 PROBABLE = 0.05              # families below are not named
 SURELY = 0.9                 # probability of an unlike camera above which something may be wrong
-CHECK_LIGHT = ("the curves are like those of no measured camera: check that the light spectrum is "
-               "that of the photo")
 CLEAR_GAIN = 20.0            # of log evidence, for another reading of the photo
 
 
@@ -76,6 +75,12 @@ def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGri
     return None if fit_with_prior([_read(photo, readings[best])], prior, grid).disagrees else best
 
 
+def doubts(fit: PriorFit) -> tuple[CalibrationDoubt, ...]:
+    """What makes the fit doubtful although some camera explains the photos."""
+    unlike = dict(fit.families).get(UNLIKE, 0.0) > SURELY and len(fit.families) > 1
+    return (CalibrationDoubt.UNLIKE_CAMERAS,) if unlike else ()
+
+
 def sentences(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     """What the operator should know before trusting the curves, in sentences.
 
@@ -89,8 +94,7 @@ def sentences(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
             f"{fit.chi_square:.2f} per signal)"]
     likely = [(members, share) for members, share in fit.families if share > PROBABLE][:3]
     said.append("most like " + "; ".join(f"{members} ({share:.0%})" for members, share in likely))
-    if dict(fit.families).get(UNLIKE, 0.0) > SURELY and len(fit.families) > 1:
-        said.append(CHECK_LIGHT)
+    said += [doubt.value for doubt in doubts(fit)]
     held = fit.prior_share > FROM_PRIOR
     for band in range(len(held)):
         if held[band].any():
@@ -101,7 +105,9 @@ def sentences(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
             low, high = np.array([state.field.min(), state.field.max()]) / state.field.mean()
             said.append(f"{which}illumination over the chart found to run from {low:.2f} to "
                         f"{high:.2f} of its mean")
-        glare = float(np.max(np.abs(state.glare) / state.predicted.max(axis=0)))
+        certain = np.abs(state.glare) > GLARE_SIGMA * state.glare_error
+        glare = float(np.max(np.abs(state.glare) / state.predicted.max(axis=0), where=certain,
+                             initial=0.0))
         if glare > MUCH_GLARE:
             said.append(f"{which}glare or a wrong black level of {glare:.0%} of the brightest "
                         "patch was found and taken off: shade the lens and check the dark frame")

@@ -183,6 +183,13 @@ class LightScale(Record):
     common_errors: tuple[CommonError, ...] = ()
 
 
+class CalibrationDoubt(Enum):
+    """What makes a calibration doubtful that was made all the same; the value says what to do."""
+
+    UNLIKE_CAMERAS = ("the curves are like those of no measured camera: check that the light "
+                      "spectrum is that of the photo")
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration(Record):
     """All that turns rendered spectra into camera signal, and the error of predicted signals."""
@@ -192,6 +199,7 @@ class Calibration(Record):
     light_scale: LightScale | None                  # None: a known material of the scene tells it
     relative_covariance: Annotated[np.ndarray, "K K"]   # of (photo - predicted) / photo
     checks: tuple[str, ...]
+    doubts: tuple[CalibrationDoubt, ...] = ()
 
 
 # ---- reconstruct ---------------------------------------------------------------------------------
@@ -243,6 +251,15 @@ class SurfaceAgreement(Record):
 
 
 @dataclass(frozen=True, eq=False)
+class SurfaceMisfit(Record):
+    """A surface on which photo and rendering differ beyond chance and beyond what was stated."""
+
+    surface: str                                    # as ``SurfaceAgreement`` names it
+    deviation: float                                # largest: photo / rendering - 1, or its scatter
+    sentence: str
+
+
+@dataclass(frozen=True, eq=False)
 class Reconstruction(Record):
     """Spectra that explain the photo, and how well they do."""
 
@@ -268,6 +285,7 @@ class Reconstruction(Record):
     seed: int
     outcome: Outcome
     notes: tuple[str, ...] = ()                     # what is data and what is prior, in sentences
+    misfits: tuple[SurfaceMisfit, ...] = ()         # worst first
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from spectrabox.reconstruct.engines.per_wavelength import invert_per_wavelength
 from spectrabox.reconstruct.engines.transport_engine import solve_views
 from spectrabox.reconstruct.fit.transport_fit import TransportFit
 from spectrabox.reconstruct.joint_reconstruction import joint_record
-from spectrabox.reconstruct.misfit import misfit_notes, surface_tests
+from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 from spectrabox.reconstruct.view import View
 from spectrabox.reconstruct.view_checks import check_views
@@ -110,6 +110,7 @@ def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Re
     tests = surface_tests([f"{material} / {name}"
                            for name, material in zip(names, materials, strict=True)], *shown,
                           stated_error)
+    misfits = surface_misfits(tests, view.bands)
     shift = shift_sentence(view.measured, rendered)
     spectra, basis = view.spectra(answer.coefficients), view.basis(settings.coefficients)
     white = white_signal(view.response)
@@ -130,7 +131,9 @@ def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Re
         measured=view.measured, rendered=rendered, used=view.used, surface=view.surface,
         agreement=agreement, light_scale=scale, loss_history=answer.loss_history,
         engine=answer.engine, spp=answer.spp, seed=settings.seed, outcome=answer.outcome,
-        notes=(*answer.notes, *misfit_notes(tests, view.bands), *([shift] if shift else [])))
+        notes=(*answer.notes, *(misfit.sentence for misfit in misfits),
+               *([shift] if shift else [])),
+        misfits=misfits)
 
 
 def _light_scale(view: View, answer: EngineAnswer) -> LightScale:

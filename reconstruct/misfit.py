@@ -16,6 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.radiometry.records import SurfaceMisfit
+
 FALSE_ALARM = 0.01      # chance that a scene which fits is accused of anything
 SHAPE_ERROR = 0.02      # relative error of a block beside its noise: pose, light profile, lens
 BLOCK = 4               # pixels
@@ -96,8 +98,9 @@ def holm(p: np.ndarray) -> np.ndarray:
     return adjusted
 
 
-def misfit_notes(tests: Sequence[SurfaceTest], bands: Sequence[str]) -> tuple[str, ...]:
-    """One sentence for each surface that does not fit, worst first."""
+def surface_misfits(tests: Sequence[SurfaceTest],
+                    bands: Sequence[str]) -> tuple[SurfaceMisfit, ...]:
+    """The surfaces that do not fit, worst first, each with its largest deviation."""
     wrong = [test for test in tests if not test.fits]
     by_surface: dict[str, list[SurfaceTest]] = {}
 
@@ -106,7 +109,7 @@ def misfit_notes(tests: Sequence[SurfaceTest], bands: Sequence[str]) -> tuple[st
 
     for test in sorted(wrong, key=severity):
         by_surface.setdefault(test.surface, []).append(test)
-    sentences = []
+    misfits = []
     for surface, own in by_surface.items():
         level = [f"{abs(test.deviation):.0%} {'brighter' if test.deviation > 0 else 'darker'} in "
                  f"{bands[test.band]}" for test in sorted(own, key=lambda test: test.band)
@@ -115,10 +118,12 @@ def misfit_notes(tests: Sequence[SurfaceTest], bands: Sequence[str]) -> tuple[st
         said = [f"the photo is {', '.join(level)} than the rendering"] if level else []
         said += [f"its parts differ among themselves by {shape:.0%}"] if shape else []
         p = min(test.adjusted for test in own)
-        sentences.append(f"{surface} does not fit: {'; '.join(said)} "
-                         f"({f'p = {p:.1g}' if p > 1e-6 else 'p < 1e-6'} after Holm's correction): "
-                         "check its light, position and paint")
-    return tuple(sentences)
+        misfits.append(SurfaceMisfit(
+            surface, max((test.deviation for test in own), key=abs),
+            f"{surface} does not fit: {'; '.join(said)} "
+            f"({f'p = {p:.1g}' if p > 1e-6 else 'p < 1e-6'} after Holm's correction): "
+            "check its light, position and paint"))
+    return tuple(misfits)
 
 
 def _relative_noise(photo: np.ndarray, model: np.ndarray, mask: np.ndarray) -> float:

@@ -73,6 +73,7 @@ def _material_facts(material: MaterialResult, results: SessionResults) -> dict[s
     if material.summary is not None:
         facts |= {"band_width": float(np.mean(material.summary.upper - material.summary.lower)),
                   "level": material.summary.level,
+                  "outcome": None if material.samples is None else material.samples.outcome.name,
                   "next_measurement_nm": material.summary.next_measurement_nm,
                   "error_budget": {cause: [float(value) for value in errors]
                                    for cause, errors in material.error_budget.items()},

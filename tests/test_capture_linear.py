@@ -113,6 +113,32 @@ def test_gain_and_read_noise_are_found_in_a_photo_with_texture(electrons, read_n
     np.testing.assert_allclose(noise.read, read_noise**2, rtol=0.1)
 
 
+def lit_box(rng, gain, read_electrons, black_share):
+    """Signal (H, W, 1) of a lit box of which a share is black, 15000 DN of 14 bits being full."""
+    height, width = 416, 624
+    y, x = np.mgrid[:height, :width]
+    scene = (0.25 + 0.5 * x / width) * np.where((x // 90 + y // 70) % 2, 1, 0.55)
+    side = int(np.sqrt(black_share * height * width))
+    scene[-side:, :side] = 0.0
+    electrons = (rng.poisson(0.8 * 15000 * scene / gain)
+                 + read_electrons * rng.standard_normal(scene.shape))
+    return (np.round(gain * electrons + 600) - 600)[..., None] / 15000
+
+
+@pytest.mark.parametrize("gain", [0.2, 1.0, 5.0])
+@pytest.mark.parametrize("black_share", [0.005, 0.01, 0.05, 0.3])
+def test_the_read_noise_of_a_small_black_part_is_that_of_the_camera(gain, black_share):
+    signal = lit_box(np.random.default_rng(8), gain, 4.0, black_share)
+    noise = photon_transfer(signal.astype(np.float32), signal > 0.98, quantum=1 / 15000)
+    read = np.hypot(4.0 * gain, 1 / np.sqrt(12)) / 15000
+    # Five flat tiles of 115 degrees of freedom each tell a standard deviation to 3 % (1 sigma).
+    np.testing.assert_allclose(np.sqrt(noise.read), read, rtol=0.15)
+    # Edges and rounding add to the gain, never take from it.
+    np.testing.assert_allclose(noise.gain, gain / 15000, rtol=0.05)
+    # The check of reconstruct/view_checks: less than 0.1 % of pixels further below 0 than 6 sigma.
+    assert np.mean(signal < -6 * np.sqrt(noise.variance(signal))) < 1e-3
+
+
 def test_noise_is_never_less_than_the_rounding_of_the_file():
     noise = photon_transfer(np.full((64, 64, 3), 0.5, np.float32), np.zeros((64, 64, 3), bool),
                             quantum=1e-4)

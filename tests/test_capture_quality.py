@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from spectrabox.capture.chart.detection import find_chart, locate_chart, patch_gap
-from spectrabox.capture.chart.quality import judge_chart
+from spectrabox.capture.chart.quality import judge_chart, uneven_light_reasons
 from spectrabox.capture.chart.reference import TYPICAL_SIGNALS, typical_signals
 from spectrabox.capture.photo.image_files import read_linear_file, write_linear_exr, write_png
 from spectrabox.capture.photo.linear import open_photo
@@ -79,6 +79,29 @@ def test_exposure_and_light_are_judged(tmp_path, changes, reason):
     import re
     assert verdict.verdict == "re-shoot" and any(re.match(reason, given)
                                                  for given in verdict.reasons)
+
+
+def test_light_that_a_scene_explains_is_no_reason_to_shoot_again():
+    x = np.tile(np.linspace(0, 1, 6), 4)
+    light = 2.0**(2 * x)
+    assert "it changes by 300% over the chart and" in uneven_light_reasons(light)[0]
+    # Photo and scene agree within 10 %.
+    assert uneven_light_reasons(light, light * (1 + 0.1 * x)) == []
+    assert "beyond what the chart scene explains" in uneven_light_reasons(light, light**-1)[0]
+
+
+def test_a_light_without_power_in_a_band_is_named_and_not_the_chart(tmp_path):
+    grid = visible_grid(1.0)
+    led = np.exp(-0.5 * ((grid.nm - 660) / 10) ** 2)
+    bands = np.array([np.exp(-0.5 * ((grid.nm - peak) / width) ** 2)
+                      for peak, width in published.TYPICAL_BANDS_NM])
+    signals = published.chart_reflectances("BabelColor Average", grid) @ (bands * led).T
+    signals *= 0.6 / signals.max()
+    image = open_photo(chart_photo(tmp_path, signals=signals, background=0.3 * signals[18],
+                                   frame=0.03 * signals[18]))
+    with pytest.raises(CheckError, match=r"band 3 reads 0\.\d% of the brightest band: the light has "
+                                         "no power there"):
+        find_chart(image, TYPICAL_SIGNALS)
 
 
 def test_glare_is_named_with_its_patches(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 
 from spectrabox.radiometry.records import SurfaceAgreement
 from spectrabox.reconstruct.agreement import scene_errors
-from spectrabox.reconstruct.misfit import FALSE_ALARM, holm, misfit_notes, surface_tests
+from spectrabox.reconstruct.misfit import FALSE_ALARM, holm, surface_misfits, surface_tests
 
 NAMES = ("white / floor", "white / back", "red / wall", "grey / lid")
 SIZE = 48
@@ -45,9 +45,10 @@ def test_the_surface_and_band_that_do_not_fit_are_named():
     assert [(test.surface, test.band, test.kind) for test in wrong] == [("red / wall", 1, "level")]
     # The mean of 576 pixels of 3 % noise: 0.13 %.
     assert wrong[0].deviation == pytest.approx(0.1, abs=0.006) and wrong[0].adjusted < FALSE_ALARM
-    note, = misfit_notes(wrong, ("R", "G", "B"))
-    assert note.startswith("red / wall does not fit: the photo is 10% brighter in G than the "
-                           "rendering")
+    misfit, = surface_misfits(wrong, ("R", "G", "B"))
+    assert misfit.sentence.startswith("red / wall does not fit: the photo is 10% brighter in G "
+                                      "than the rendering")
+    assert (misfit.surface, misfit.deviation) == ("red / wall", wrong[0].deviation)
 
 
 def test_a_gradient_that_keeps_the_mean_is_found_by_the_shape():
@@ -58,14 +59,16 @@ def test_a_gradient_that_keeps_the_mean_is_found_by_the_shape():
     wrong = [test for test in judged(measured) if not test.fits]
     assert {(test.surface, test.kind) for test in wrong} >= {("grey / lid", "shape")}
     assert {test.surface for test in wrong} == {"grey / lid"}
-    assert "its parts differ among themselves" in misfit_notes(wrong, ("R", "G", "B"))[0]
+    assert "its parts differ among themselves" in surface_misfits(
+        wrong, ("R", "G", "B"))[0].sentence
 
 
 def test_the_worst_surface_is_named_first():
     rng = np.random.default_rng(3)
     gains = np.ones((4, 3))
     gains[0], gains[3] = 0.93, 1.5
-    notes = misfit_notes(judged(photo(rng, gains=gains)), ("R", "G", "B"))
+    notes = [misfit.sentence for misfit in surface_misfits(judged(photo(rng, gains=gains)),
+                                                           ("R", "G", "B"))]
     assert [note.split(" does")[0] for note in notes] == ["grey / lid", "white / floor"]
     assert "darker in R" in notes[1]
 

@@ -14,7 +14,8 @@ import pytest
 from report_example import SURFACES, WORST_RATIO, example_session
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.light_scale import REPEATABILITY, with_common_error
+from spectrabox.radiometry.records import CalibrationDoubt, Outcome, SurfaceMisfit
 from spectrabox.session.report.maps import residual_limit, residual_maps
 from spectrabox.session.report.page import write_report
 from spectrabox.session.report.svg import band_colours, plain_line
@@ -159,6 +160,51 @@ def test_a_fit_that_was_stopped_early_is_a_warning(tmp_path, outcome, status):
     verdict = judge(dataclasses.replace(results, reconstruction=made))
     assert verdict.status is status
     assert any(outcome.value in criterion.says for criterion in verdict.criteria)
+
+
+@pytest.mark.parametrize("deviation, status", [(-0.08, Status.WARN), (0.31, Status.FAIL)])
+def test_a_surface_beyond_chance_and_stated_errors_is_heard(tmp_path, deviation, status):
+    results = example_session(tmp_path)
+    ratio = np.ones_like(results.reconstruction.agreement.ratio)
+    results = with_ratio(results, ratio)
+    assert judge(results).status is Status.PASS
+    misfit = SurfaceMisfit("white / panel", deviation, "white / panel does not fit: gloss")
+    made = dataclasses.replace(results.reconstruction, misfits=(misfit,))
+    verdict = judge(dataclasses.replace(results, reconstruction=made))
+    assert verdict.status is status and "white / panel does not fit: gloss" in verdict.says
+
+
+def test_a_doubtful_calibration_is_a_warning_of_its_own(tmp_path):
+    results = example_session(tmp_path)
+    results = with_ratio(results, np.ones_like(results.reconstruction.agreement.ratio))
+    doubted = dataclasses.replace(results.calibration, doubts=(CalibrationDoubt.UNLIKE_CAMERAS,))
+    verdict = judge(dataclasses.replace(results, calibration=doubted))
+    assert verdict.status is Status.WARN and "check that the light spectrum" in verdict.says
+
+
+def test_a_signal_unlike_what_the_prior_knows_is_said_where_the_material_is_shown(tmp_path):
+    results = example_session(tmp_path)
+    first = results.materials[0]
+    samples = dataclasses.replace(first.samples, outcome=Outcome.UNFAMILIAR,
+                                  sentence=Outcome.UNFAMILIAR.value)
+    materials = [dataclasses.replace(first, samples=samples), *results.materials[1:]]
+    page = written(dataclasses.replace(results, materials=materials))
+    section = page.split(f'<h3 id="material-1">{first.name}</h3>')[1].split("<h3")[0]
+    assert f'<p class="doubt">{Outcome.UNFAMILIAR.value}</p>' in section
+    assert 'class="doubt"' not in page.split('<h3 id="material-2">')[1]
+
+
+def test_what_is_assumed_between_the_photos_is_said_with_its_cost(tmp_path):
+    results = example_session(tmp_path)
+    scale = with_common_error(results.light_scale, REPEATABILITY, 0.015)
+    materials = [dataclasses.replace(material, variance_shares={REPEATABILITY: share})
+                 for material, share in zip(results.materials, (0.1, 0.3), strict=False)]
+    said, = (criterion.says for criterion
+             in judge(dataclasses.replace(results, light_scale=scale, materials=materials)).criteria
+             if criterion.name.startswith("Light and shutter"))
+    assert "within 1.5 %" in said and "20 % of the variance" in said and "[drift]" in said
+    assert not any(criterion.name.startswith("Light and shutter")
+                   for criterion in judge(results).criteria)
 
 
 def test_what_could_not_be_measured_is_said_and_is_not_a_number(tmp_path):

@@ -51,6 +51,7 @@ class PhotoState(Record):
     scale_error: float
     field: Annotated[np.ndarray, "I"]
     glare: Annotated[np.ndarray, "K"]
+    glare_error: Annotated[np.ndarray, "K"]
     predicted: Annotated[np.ndarray, "I K"]
 
 
@@ -211,9 +212,12 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
         scale = float(np.exp(mean[index]) * moments.peak)
         error = _white_error(photo, posterior.basis, moments.coefficients * moments.peak,
                              covariance, index)
-        glare = nuisance[terms:] if photo.glare else np.zeros(bands)
+        glare, glare_error = np.zeros((2, bands))
+        if photo.glare:
+            glare = nuisance[terms:]
+            glare_error = np.sqrt(np.diag(covariance)[index + 1 + terms:index + count])
         states.append(PhotoState(scale, scale * error, np.exp(photo.field_terms @ nuisance[:terms]),
-                                 glare, predicted.reshape(-1, bands)))
+                                 glare, glare_error, predicted.reshape(-1, bands)))
         index += count
     return states
 

@@ -39,6 +39,10 @@ SAME_PATCH_CODES = 10                    # sRGB code values, for what belongs to
 MIN_GAP = 0.05
 GAP_PX_PER_MM, GAP_STRIP_MM = 3.0, 12.0  # sampling of the strip that joins two patches
 MIN_GAP_DEPTH = 15                       # sRGB code values by which a gap is darker than patches
+# of the brightest band, below which the light has no power in a band: the warmest lamps leave blue
+# 0.05
+DARK_BAND = 0.02
+BRIGHT_PERCENTILE = 99
 MIN_GAPS = 6                             # of 38
 OVERLAY_SIDE = 1600                      # px
 
@@ -281,12 +285,25 @@ def _require_every_patch(image: LinearImage, agreement: Agreement) -> None:
     unlike = np.flatnonzero(agreement.misfit > limit)
     if unlike.size:
         worst = unlike[np.argsort(-agreement.misfit[unlike])]
+        remedy = _dark_bands(image) or ("uncover and clean the chart, keep reflections off it, and "
+                                        "use a Classic: 24 patches of this very order")
         raise CheckError(f"photo {image.source}: patch "
                          f"{', '.join(str(patch + 1) for patch in worst[:6])} of the chart "
                          f"read{'s' if worst.size == 1 else ''} unlike a ColorChecker Classic "
                          f"(relative misfit {agreement.misfit[worst[0]]:.2f}, at most {limit} is "
-                         "accepted); uncover and clean the chart, keep reflections off it, and use "
-                         "a Classic: 24 patches of this very order")
+                         f"accepted); {remedy}")
+
+
+def _dark_bands(image: LinearImage) -> str | None:
+    """That the light leaves bands of the photo without signal, in words; None where it does not."""
+    brightest = np.percentile(image.signal, BRIGHT_PERCENTILE, axis=(0, 1))
+    share = brightest / brightest.max()
+    dark = np.flatnonzero(share < DARK_BAND)
+    if not dark.size:
+        return None
+    return (f"its band {' and '.join(str(band + 1) for band in dark)} reads {share.min():.1%} of "
+            "the brightest band: the light has no power there, and patches of different colours "
+            "look alike under it; photograph the chart under a light that covers 400-700 nm")
 
 
 def _require_gaps(image: LinearImage, picture: np.ndarray, quads_px: np.ndarray) -> None:
@@ -347,6 +364,7 @@ def _not_found(image: LinearImage, residual: float, by_hand: bool) -> str:
     nearest = ""
     if np.isfinite(residual):
         nearest = f" (the likeliest place disagrees by {residual:.2f}, {limit})"
-    return (f"no ColorChecker was found in photo {image.source}{nearest}; let the chart fill at "
-            "least a quarter of the frame in even light without glare, or give its corners as "
-            "corners_px in session.toml")
+    remedy = _dark_bands(image) or ("let the chart fill at least a quarter of the frame in even "
+                                    "light without glare, or give its corners as corners_px in "
+                                    "session.toml")
+    return f"no ColorChecker was found in photo {image.source}{nearest}; {remedy}"

@@ -42,6 +42,7 @@ class ChartVerdict:
     samples: PatchSamples
     excluded: np.ndarray             # (24,) share of samples left out as dust or glints
     white_signal: float              # of the white patch in its brightest band, of full scale
+    light: np.ndarray                # (24,) as it changes evenly over the chart, mean about 1
     uneven: float                    # largest / smallest light over the chart - 1
     glare: float                     # largest white light added to a patch / white patch's signal
     tilt_deg: float
@@ -50,7 +51,7 @@ class ChartVerdict:
 
 
 def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.ndarray,
-                names: tuple[str, ...]) -> ChartVerdict:
+                names: tuple[str, ...], *, light_explained: bool = False) -> ChartVerdict:
     """Measure the patches and say whether to keep the photo.
 
     Parameters
@@ -61,6 +62,10 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
         Signals that an ordinary camera would read, dark skin first.
     names : tuple of 24 str
         Of the patches, for the reasons.
+
+    light_explained : bool
+        The light over the chart will be compared with that of a scene (``uneven_light_reasons``):
+        its fall-off alone is no reason to shoot again.
 
     Raises
     ------
@@ -77,10 +82,11 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
     white, pixels = float(samples.mean[WHITE_PATCH].max()), int(samples.pixels.min())
     tilt, blur = tilt_deg(detection.corners_px), edge_width(image, detection.corners_px)
     reasons = (*_exposure_reasons(samples, names, white),
-               *_light_reasons(excluded, names, uneven, glare),
+               *([] if light_explained else uneven_light_reasons(agreement.light)),
+               *_light_reasons(excluded, names, glare),
                *_camera_reasons(tilt, blur, pixels))
     return ChartVerdict("re-shoot" if reasons else "good", reasons, samples, excluded, white,
-                        uneven, float(glare.max()), tilt, blur, pixels)
+                        agreement.light, uneven, float(glare.max()), tilt, blur, pixels)
 
 
 def tilt_deg(quads_px: np.ndarray) -> float:
@@ -145,13 +151,29 @@ def _exposure_reasons(samples: PatchSamples, names: tuple[str, ...], white: floa
     return reasons
 
 
-def _light_reasons(excluded: np.ndarray, names: tuple[str, ...], uneven: float,
+def uneven_light_reasons(light: np.ndarray, irradiance: np.ndarray | None = None) -> list[str]:
+    """Why the light over the chart asks for another photo, if it does.
+
+    Parameters
+    ----------
+    light : (24,) array
+        On the patches, of a ``ChartVerdict``.
+    irradiance : (24,) array, optional
+        What a scene with lamp and chart in their places gives each patch: only the rest counts.
+    """
+    rest = light if irradiance is None else light / irradiance
+    uneven = float(rest.max() / rest.min() - 1)
+    if uneven <= MAX_UNEVEN:
+        return []
+    beyond = "" if irradiance is None else ", beyond what the chart scene explains,"
+    return [f"uneven light: it changes by {uneven:.0%} over the chart{beyond} and {MAX_UNEVEN:.0%} "
+            "is the most; move the lamp away or use two, or photograph a white card in the same "
+            "place as flat field"]
+
+
+def _light_reasons(excluded: np.ndarray, names: tuple[str, ...],
                    glare: np.ndarray) -> list[str]:
     reasons = []
-    if uneven > MAX_UNEVEN:
-        reasons.append(f"uneven light: it changes by {uneven:.0%} over the chart and "
-                       f"{MAX_UNEVEN:.0%} is the most; move the lamp away or use two, or "
-                       "photograph a white card in the same position as flat field")
     if glare.max() > MAX_GLARE:
         shining = np.flatnonzero(glare > MAX_GLARE)
         reasons.append(f"glare: white light of up to {glare.max():.1%} of the white patch lies on "

@@ -17,7 +17,9 @@ black.
 """
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
@@ -27,7 +29,9 @@ LARGE_TILE, SMALL_TILE = 16, 8  # pixels; the small one for pictures with few la
 MANY_TILES, MIN_TILES = 200, 4
 TILES_PER_LEVEL, MAX_LEVELS = 40, 100
 MAX_TILES = 10_000  # of each band, spread over the picture: the line is then known to about 1 %
-QUANTILE, NORMAL_QUANTILE = 0.15, -1.0364334    # q and z(q)
+QUANTILE = 0.15                 # q
+ROUNDS = 6                      # of weights from the line itself
+SMOOTH_ERROR = 0.03             # relative, of a level however many its tiles: texture
 # Second differences of white noise are correlated by -2/3 and 1/6 along the row; their mean square
 # has fewer degrees of freedom than terms, by 1 + 2 (4/9 + 1/36).
 TERMS_PER_FREEDOM = 1 + 2 * (4 / 9 + 1 / 36)
@@ -111,24 +115,53 @@ def _tile_statistics(signal: np.ndarray, saturated: np.ndarray,
 
 def _fit_line(mean: np.ndarray, variance: np.ndarray, terms: int,
               floor: float) -> tuple[float, float]:
-    """Read noise and gain, both at least 0, from the tiles of one band."""
+    """Read noise and gain, both at least 0, from the tiles of one band.
+
+    Levels are alike in signal, not in the number of their tiles: in one that held the few black
+    tiles of a lit box together with brighter ones, the low quantile would be that of either.
+    """
     freedom = terms / TERMS_PER_FREEDOM
-    flat_quantile = (1 - 2 / (9 * freedom) + NORMAL_QUANTILE * np.sqrt(2 / (9 * freedom))) ** 3
-    levels = int(np.clip(mean.size // TILES_PER_LEVEL, 1, MAX_LEVELS))
-    in_level = mean.size // levels
-    # The brightest few may be left over.
-    order = np.argsort(mean)[:levels * in_level].reshape(levels, in_level)
-    signal = mean[order].mean(axis=1)
+    order = np.argsort(mean)
+    mean, variance = mean[order], variance[order]
+    starts = _level_starts(mean)
+    count = np.diff(np.append(starts, mean.size))
+    signal = np.add.reduceat(mean, starts) / count
+    flat = np.array([_flat_quantile(int(tiles), freedom) for tiles in count])
     model = np.full(mean.size, max(float(np.median(variance)), floor))
+    of_level = np.add.reduceat(model, starts) / count
     read, gain = floor, 0.0
     # The quantile is taken of variance / line, so that a level may span a range of signals.
-    for _ in range(4):
-        ratio = np.quantile(variance[order] / model[order], QUANTILE, axis=1) / flat_quantile
-        at_level = np.maximum(ratio * model[order].mean(axis=1), floor)
-        above_floor, gain = _nonnegative_line(signal, at_level - floor, at_level)
+    for _ in range(ROUNDS):
+        ratio = np.array([np.quantile(part, QUANTILE)
+                          for part in np.split(variance / model, starts[1:])]) / flat
+        at_level = np.maximum(ratio * of_level, floor)
+        # Not the line alone: texture, which lifts a level off it, would have the weight of noise.
+        sigma = np.maximum(at_level, of_level) * np.sqrt(1 / count + SMOOTH_ERROR**2)
+        above_floor, gain = _nonnegative_line(signal, at_level - floor, sigma)
         read = floor + above_floor
         model = read + gain * np.maximum(mean, 0)
+        of_level = np.add.reduceat(model, starts) / count
     return read, gain
+
+
+def _level_starts(mean: np.ndarray) -> np.ndarray:
+    """Where each level begins among tiles sorted by their mean: equal steps of the root of the
+    signal, which is as a photo's noise goes, cut again where a step holds very many.
+    """
+    step = np.sqrt(np.maximum(mean, 0)) * MAX_LEVELS / np.sqrt(max(mean[-1], 1e-12))
+    steps = np.flatnonzero(np.diff(np.minimum(step.astype(int), MAX_LEVELS - 1))) + 1
+    edges = np.concatenate([[0], steps, [mean.size]])
+    share = max(TILES_PER_LEVEL, mean.size // MAX_LEVELS)
+    return np.concatenate([np.linspace(start, stop, max((stop - start) // share, 1), False)
+                           for start, stop in itertools.pairwise(edges)]).astype(int)
+
+
+def _flat_quantile(tiles: int, freedom: float) -> float:
+    """What ``QUANTILE`` of so many flat tiles is of their variance, by Wilson and Hilferty; the
+    probability of an order statistic by Blom.
+    """
+    normal = NormalDist().inv_cdf((1 + QUANTILE * (tiles - 1) - 0.375) / (tiles + 0.25))
+    return float((1 - 2 / (9 * freedom) + normal * np.sqrt(2 / (9 * freedom))) ** 3)
 
 
 def _nonnegative_line(x: np.ndarray, y: np.ndarray, sigma: np.ndarray) -> tuple[float, float]:

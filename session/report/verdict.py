@@ -9,9 +9,10 @@ from enum import Enum
 import numpy as np
 
 from spectrabox.radiometry.light_scale import REPEATABILITY
-from spectrabox.radiometry.records import Outcome, SurfaceAgreement
+from spectrabox.radiometry.records import Outcome, Reconstruction, SurfaceAgreement
+from spectrabox.reconstruct.misfit import FALSE_ALARM
 from spectrabox.session.report.words import deviation_words, percent
-from spectrabox.session.store.results import SessionResults
+from spectrabox.session.store.results import AS_INTENDED, SessionResults
 
 # |photo / rendering - 1|: pass up to the first, fail beyond the second
 MEDIAN_LIMITS = (0.02, 0.05)
@@ -19,6 +20,7 @@ WORST_LIMITS = (0.05, 0.15)
 CHART_LIMITS = (0.03, 0.10)           # rms of (photo - predicted) / photo
 # clipped pixels are left out, so they cost coverage, not correctness
 CLIPPED_LIMITS = (0.05, float("inf"))
+MAX_NAMED = 3                         # surfaces that the verdict names
 
 
 class Status(Enum):
@@ -32,8 +34,8 @@ class Status(Enum):
 
 # how serious an outcome is: ill-posed is information, as the bands already carry what the data
 # left open; what is not named here is a warning
-GRADES = {Outcome.CONVERGED: Status.PASS, Outcome.EXACT: Status.PASS, Outcome.FAMILIAR: Status.PASS,
-          Outcome.THROUGH_TRANSPORT: Status.PASS, Outcome.ILL_POSED: Status.INFO}
+GRADES = {Outcome.CONVERGED: Status.PASS, Outcome.ILL_POSED: Status.INFO,
+          **dict.fromkeys(AS_INTENDED, Status.PASS)}
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,11 @@ def judge(results: SessionResults) -> Verdict:
     compared = [("", results.reconstruction.agreement, results.bands)]
     compared += [(f" in the photo “{view.name}”", view.reconstruction.agreement,
                   view.bands) for view in results.views]
+    fitted = [("", results.reconstruction)]
+    fitted += [(f" in the photo “{view.name}”", view.reconstruction) for view in results.views]
     criteria = (*(_median_surface(agreement, where) for where, agreement, _ in compared),
                 *(_worst_surface(agreement, bands, where) for where, agreement, bands in compared),
+                *(_misfits(view, where) for where, view in fitted), _calibration_doubts(results),
                 _chart(results), _clipped(results), *_outcomes(results), *_between_photos(results),
                 _coverage(results))
     status = max((c.status for c in criteria), key=lambda s: s.value)
@@ -135,6 +140,32 @@ def _worst_surface(agreement: SurfaceAgreement, bands: tuple[str, ...], where: s
                    f"the photo is {deviation_words(ratio)} than the rendering.")
 
 
+def _misfits(made: Reconstruction, where: str) -> Criterion:
+    """Surfaces whose deviation neither chance nor the stated errors explain."""
+    name = f"Surfaces beyond chance and stated errors (p < {FALSE_ALARM:g}){where}"
+    limit = f"none; fail beyond {percent(WORST_LIMITS[1], 0)}"
+    if not made.misfits:
+        return Criterion(name, 0.0, "none", limit, Status.PASS,
+                         f"No surface{where} is off by more than chance and stated errors explain.")
+    worst = max(abs(misfit.deviation) for misfit in made.misfits)
+    status = Status.WARN if worst <= WORST_LIMITS[1] else Status.FAIL
+    said = f"In{where[3:]}: " if where else ""
+    said += ". ".join(misfit.sentence for misfit in made.misfits[:MAX_NAMED])
+    more = len(made.misfits) - MAX_NAMED
+    return Criterion(name, worst, f"{len(made.misfits)}, off by up to {percent(worst)}", limit,
+                     status, f"{said}{f'. {more} more do not fit' if more > 0 else ''}.")
+
+
+def _calibration_doubts(results: SessionResults) -> Criterion:
+    """Whether the calibration was made with a doubt of its own."""
+    name, found = "Calibration like that of measured cameras", results.calibration.doubts
+    if not found:
+        return Criterion(name, None, "no doubt", "no doubt", Status.PASS,
+                         "Nothing speaks against camera and light spectrum belonging together.")
+    says = "; ".join(doubt.value for doubt in found)
+    return Criterion(name, None, "doubtful", "no doubt", Status.WARN, f"Calibration: {says}.")
+
+
 def _chart(results: SessionResults) -> Criterion:
     name = "Chart residual, rms over patches and bands"
     value = root_mean_square(chart_residuals(results))
@@ -160,8 +191,8 @@ def _outcomes(results: SessionResults) -> list[Criterion]:
     drawn = [(m.name, m.samples) for m in results.materials if m.samples is not None]
     if not drawn:
         return rows
-    doubtful = [(name, samples.sentence) for name, samples in drawn
-                if outcome_status(samples.outcome) is not Status.PASS]
+    doubtful = [(m.name, m.samples.sentence) for m in results.materials
+                if m.doubtful and m.samples is not None]
     if not doubtful:
         return [*rows, Criterion("Samplers", None, "as intended", "as intended", Status.PASS,
                                  f"Sampler of every estimated material: {drawn[0][1].sentence}")]

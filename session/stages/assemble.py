@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.records import Calibration, JointReconstruction, Reconstruction
+from spectrabox.radiometry.records import Calibration, JointReconstruction
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, spectrum_on_grid
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
@@ -42,8 +42,8 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
         light_scale=reconstruction.light_scale, photo=photo, photo_preview=previews / "preview.png",
         reconstruction=reconstruction,
         materials=materials, views=views, signal_bands=joint.bands if views else bands,
-        provenance=provenance, warnings=notes_of(stored) + _warnings(config, calibration,
-                                                                     reconstruction),
+        provenance=provenance, warnings=notes_of(stored) + _warnings(config, calibration, joint)
+        + _doubtful(materials),
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name,
                 stage in stored.items()])
 
@@ -118,17 +118,27 @@ def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
             for name, role in roles.items() if name in hashes]
 
 
+def _doubtful(materials: list[MaterialResult]) -> list[str]:
+    """Materials whose draws have a reservation, such as a signal unlike all that the prior knows."""
+    return [f"{material.name}: {material.samples.sentence}" for material in materials
+            if material.doubtful and material.samples is not None]
+
+
 def _warnings(config: SessionConfig, calibration: Calibration,
-              reconstruction: Reconstruction) -> list[str]:
-    found = []
+              joint: JointReconstruction) -> list[str]:
+    found = [f"Calibration: {doubt.value}." for doubt in calibration.doubts]
+    misfits = [(name, misfit) for name, view in zip(joint.names, joint.views, strict=True)
+               for misfit in view.misfits]
+    found += [misfit.sentence if len(joint.views) == 1 else
+              f"In the photo “{name}” {misfit.sentence}" for name, misfit in misfits]
     residuals = calibration.sensitivity.residuals
     if residuals is not None and (rms := float(np.sqrt(np.mean(residuals**2)))) > CHART_WARNING:
         found.append(f"The chart's patches disagree with the fitted camera by {rms:.1%} rms: look "
                      "for glare, uneven light or another chart.")
-    agreement = reconstruction.agreement
+    agreement, named = joint.views[0].agreement, {misfit.surface for _, misfit in misfits}
     for index, name in enumerate(agreement.names):
         off = agreement.ratio[index] - 1
-        if np.abs(off).max() > SURFACE_WARNING:
+        if np.abs(off).max() > SURFACE_WARNING and name not in named:
             found.append(f"Photo and rendering disagree on {name} by "
                          f"{off[np.argmax(np.abs(off))]:+.0%} in the worst band: geometry, light "
                          "or material of this surface is not as the scene says.")

@@ -17,6 +17,7 @@ from spectrabox.calibrate.calibration import (
 )
 from spectrabox.calibrate.prior.camera_prior import load_prior
 from spectrabox.calibrate.sensitivity import scale_of_photo
+from spectrabox.capture.chart.quality import uneven_light_reasons
 from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
 from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import Calibration, LightScale, PatchSamples, Spectrum
@@ -29,7 +30,7 @@ from spectrabox.session.stages.inputs import (
     read_light,
     read_sensitivities,
 )
-from spectrabox.session.stages.photo_stages import chart_of
+from spectrabox.session.stages.photo_stages import chart_of, light_on_chart
 from spectrabox.session.stages.scenes import read_chart_scene
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.store.store import StoredStage
@@ -61,7 +62,7 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
         assert curves is not None
         camera = calibration_from_curves(GRID, curves, lights[0], config.sensitivity.relative_error)
     lit = UNKNOWN_IRRADIANCE if irradiance is None else irradiance
-    records = {"calibration": camera, "irradiance": None if first is None else lit,
+    records: dict[str, Any] = {"calibration": camera, "irradiance": None if first is None else lit,
                "predicted": None if first is None else first.predicted}
     for number, view in enumerate(config.all_views[1:], start=1):
         if number in shown:
@@ -71,6 +72,7 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
             scale = camera.light_scale if view.light == config.all_views[0].light else None
         records[view.record("calibration")] = dataclasses.replace(
             camera, light=lights[number], light_scale=scale)
+    records["notes"] = () if irradiance is None else _uneven_notes(config, task.stored, irradiance)
     return records
 
 
@@ -84,6 +86,14 @@ def chart_fit_of(stored: Mapping[str, StoredStage]) -> tuple[np.ndarray, np.ndar
     """Signals (24, K) that the calibration predicts for the first chart, and irradiance (24,)."""
     stage = stored["calibrate"]
     return stage.record(np.ndarray, "predicted"), stage.record(np.ndarray, "irradiance")
+
+
+def _uneven_notes(config: SessionConfig, stored: Mapping[str, StoredStage],
+                  irradiance: np.ndarray) -> tuple[str, ...]:
+    """Chart photos whose light changes by more than lamp and chart in their places explain."""
+    return tuple(f"{view.chart_files[0]} should be shot again: {reason}"
+                 for view in config.views_with_chart
+                 for reason in uneven_light_reasons(light_on_chart(stored, view), irradiance))
 
 
 def _irradiance(config: SessionConfig, device: str, progress: Progress) -> np.ndarray | None:

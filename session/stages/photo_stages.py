@@ -69,12 +69,14 @@ def _find_and_sample_chart(config: SessionConfig, view: ViewInputs, folder: Path
     detection = find_chart(photo, reference, chart_corners(config, view))
     samples = sample_patches(photo, detection)
     require_unclipped(samples, PATCH_NAMES, name)
-    verdict = judge_chart(photo, detection, reference, PATCH_NAMES)
+    verdict = judge_chart(photo, detection, reference, PATCH_NAMES,
+                          light_explained=config.chart.scene is not None)
     notes = (*notes, *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))
     write_png(folder / f"{view.record('overlay')}.png", chart_overlay(photo, detection))
     height, width = photo.signal.shape[:2]
     thumbnail = bin_image(photo, THUMBNAIL_WIDTH, max(round(THUMBNAIL_WIDTH * height / width), 1))
-    found = {"detection": detection, "samples": samples, "thumbnail": thumbnail, "notes": notes}
+    found = {"detection": detection, "samples": samples, "thumbnail": thumbnail, "notes": notes,
+             "light on chart": verdict.light}
     if config.drift.chart_px and not view.name:
         found["references"] = region_signals(photo, np.array(config.drift.chart_px))
     return found
@@ -135,6 +137,12 @@ def chart_of(stored: Mapping[str, StoredStage], view: ViewInputs | None = None
             stage.record(LinearImage, thumbnail))
 
 
+def light_on_chart(stored: Mapping[str, StoredStage], view: ViewInputs) -> np.ndarray:
+    """Light (24,) on the patches of a view's chart photo, as it changes evenly over the chart."""
+    light: np.ndarray = stored["chart"].record(np.ndarray, view.record("light on chart"))
+    return light
+
+
 def reference_signals(stage: StoredStage) -> np.ndarray:
     """Signals (Q, K) of the neutral references in the first view's chart photo or object photo."""
     signals: np.ndarray = stage.record(np.ndarray, "references")
@@ -143,5 +151,5 @@ def reference_signals(stage: StoredStage) -> np.ndarray:
 
 def notes_of(stored: Mapping[str, StoredStage]) -> list[str]:
     """What the decoding of the photos had worth saying."""
-    return [note for name in ("chart", "photo") if name in stored
+    return [note for name in ("chart", "photo", "calibrate") if name in stored
             for note in stored[name].record(tuple[str, ...], "notes")]

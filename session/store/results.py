@@ -12,12 +12,16 @@ from spectrabox.radiometry.records import (
     ChartDetection,
     LightScale,
     LinearImage,
+    Outcome,
     PatchSamples,
     Reconstruction,
     Spectrum,
     SpectrumSamples,
     SpectrumSummary,
 )
+
+# outcomes of a sampler without reservation
+AS_INTENDED = frozenset({Outcome.EXACT, Outcome.FAMILIAR, Outcome.THROUGH_TRANSPORT})
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,11 @@ class MaterialResult:
     scores: Scores | None
     # cause -> share of the spectrum's variance
     variance_shares: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether its draws ended with a reservation."""
+        return self.samples is not None and self.samples.outcome not in AS_INTENDED
 
 
 @dataclass(frozen=True)
