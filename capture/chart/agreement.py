@@ -119,7 +119,7 @@ def _mixture_fit(signals: np.ndarray, reference: np.ndarray,
     Alternates between the mixture, by least squares of relative errors in which misfits count less
     (Huber's weights at twice the median), and a light that changes exponentially across the chart.
     """
-    floor = 1e-3 * signals.max(axis=0)
+    floor = 1e-3 * np.maximum(signals.max(axis=0), 1e-6 * signals.max())   # a band may be dark
     linear = np.maximum(signals, floor) ** (1 / contrast)
     darkest = DARKEST_SHARE * linear.max(axis=0)
     light, weights = np.ones(24), np.ones_like(linear)
