@@ -99,8 +99,8 @@ def test_a_light_without_power_in_a_band_is_named_and_not_the_chart(tmp_path):
     signals *= 0.6 / signals.max()
     image = open_photo(chart_photo(tmp_path, signals=signals, background=0.3 * signals[18],
                                    frame=0.03 * signals[18]))
-    with pytest.raises(CheckError, match=r"band 3 reads 0\.\d% of the brightest band: the light has "
-                                         "no power there"):
+    with pytest.raises(CheckError, match=r"band 3 reads 0\.\d% of the brightest band: the "
+                                         "light has no power there"):
         find_chart(image, TYPICAL_SIGNALS)
 
 

@@ -119,7 +119,7 @@ def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
 
 
 def _doubtful(materials: list[MaterialResult]) -> list[str]:
-    """Materials whose draws have a reservation, such as a signal unlike all that the prior knows."""
+    """Materials whose draws have a reservation: a signal unlike all that the prior knows, say."""
     return [f"{material.name}: {material.samples.sentence}" for material in materials
             if material.doubtful and material.samples is not None]
 
