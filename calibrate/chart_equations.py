@@ -38,8 +38,8 @@ class ChartEquations(Record):
 
 def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
                     irradiance: np.ndarray, grid: WavelengthGrid, *,
-                    positions: np.ndarray | None = None, glare: bool = True) -> ChartEquations:
-    """One photo in the form that every fit takes.
+                    positions: np.ndarray | None = None) -> ChartEquations:
+    """One photo in the form that every fit takes, with an unknown offset in each band.
 
     Parameters
     ----------
@@ -53,12 +53,10 @@ def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.n
     grid : WavelengthGrid
     positions : (24, 2) array or None
         Of the patches on the chart; None where the illumination of the patches is known.
-    glare : bool
-        Whether to allow an unknown offset in each band.
     """
     terms = np.zeros((len(samples.mean), 0)) if positions is None else field_terms(positions)
     return ChartEquations(samples.mean, samples.covariance_of_mean, reflectances,
-                      light * grid.weights_nm, irradiance, terms, glare)
+                      light * grid.weights_nm, irradiance, terms, glare=True)
 
 
 def field_terms(positions: np.ndarray) -> np.ndarray:
