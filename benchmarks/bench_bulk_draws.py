@@ -144,7 +144,7 @@ def prior_row(draws: int) -> dict[str, float]:
     """Draws of the learnt prior per second and how well they keep the signal."""
     one, prior = measurement(), load_prior()
     taken = seconds(lambda: prior_spectra(one, draws, 1, prior))
-    spectra = prior_spectra(one, draws, 1, prior)[0]
+    spectra = prior_spectra(one, draws, 1, prior).spectra
     misfit = float(np.abs(spectra @ one.relative_response.T - one.signal).max())
     return {"draws": draws, "per_second": draws / taken, "misfit": misfit}
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -101,7 +100,7 @@ def artists_paints(data: Path) -> tuple[LogitMixture, np.ndarray]:
     different = {name: without_near_duplicates(one.reflectances) for name, one in libraries.items()}
     rng = np.random.default_rng(0)
     others = np.concatenate([balanced(different[name], rng) for name in OTHERS])
-    prior = replace(fit_mixture(enriched(others)), band_factors=load_prior().band_factors)
+    prior = fit_mixture(enriched(others))
     return prior, np.concatenate([balanced(different[name], rng) for name in PAINTS])
 
 

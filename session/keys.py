@@ -98,6 +98,8 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
         "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}} | made_by(
         "reconstruct")
     keys["sample"] = {"settings": {"sampling": _plain(config.sampling),
+                                   "families": {name: material.families for name, material
+                                                in config.materials.items()},
                                    "seed": config.session.seed},
                       "stages": {"reconstruct": fingerprint(keys["reconstruct"])}} | made_by(
         "sample")

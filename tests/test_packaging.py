@@ -55,7 +55,7 @@ def test_the_wheel_holds_each_file_of_the_folders_once(names):
 
 @pytest.mark.parametrize("name", [
     "spectrabox/py.typed", "spectrabox/calibrate/prior/models/rawtoaces39.npz",
-    "spectrabox/sampling/prior/models/measured_reflectances.npz",
+    "spectrabox/sampling/prior/models/surface_families.npz",
     "spectrabox/session/report/templates/report.html.j2"])
 def test_the_wheel_holds_what_is_read_at_run_time(names, name):
     assert name in names

@@ -239,12 +239,32 @@ def test_a_certificate_says_when_the_prior_was_trained_on_the_library(tmp_path):
     assert set(facts["delta_e00"]) == {"A"} and 0 < facts["sharpness"] < facts["width"]
 
 
+def test_a_stated_family_narrows_the_band_and_is_said():
+    skin = ("--signal", "0.46,0.31,0.22", "--samples", 1000)
+    free, said = sample(*skin), sample(*skin, "--family", "skin")
+    assert free["families"]["skin"] > 0.5 and said["families"] == {"skin": 1.0}
+    widths = [np.mean(np.array(facts["upper"]) - facts["lower"]) for facts in (free, said)]
+    assert widths[1] < widths[0]
+    assert "the signal allows skin" in free["conditional_on"]
+    assert "the surface being skin, as stated" in said["conditional_on"]
+    assert "'jam' is no family of surfaces" in sample(*skin, "--family", "jam", code=3)["error"]
+
+
+def test_a_certificate_tells_families_and_wavelengths_apart(tmp_path):
+    folder = write_folder(tmp_path / "mine", 1, 12)
+    facts = json.loads(call("certify", folder, "--family", "paint", "--family", "cloth",
+                            "--json").stdout)["libraries"][0]
+    assert facts["stated"] == ["paint", "textile"]
+    # shares of two families make up all
+    assert abs(sum(facts["shares"].values()) - 1) < 1e-9
+    assert len(facts["by_wavelength"]) == 10 and set(facts["by_family"]) <= {"paint", "textile"}
+
+
 def test_a_prior_of_ones_own_can_be_trained_and_used(tmp_path):
     folders = [write_folder(tmp_path / name, seed, 220) for seed, name in enumerate(("one", "two"),
                                                                                     1)]
-    facts = json.loads(call("prior", "train", *folders, "--out", tmp_path / "own.npz",
-                            "--components", 2,
-                            "--json").stdout)
+    facts = json.loads(call("prior", "train", folders[0], f"mixed={folders[1]}", "--out",
+                            tmp_path / "own.npz", "--libraries-alone", "--json").stdout)
     assert [row["name"] for row in facts["left_out_in_turn"]] == ["one", "two"]
     assert "outcome" in sample("--signal", "0.2,0.3,0.15", "--prior", tmp_path / "own.npz",
                                "--samples", 1000)

@@ -8,7 +8,7 @@ from sampling_cameras import response, surface
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import LightTransport, Outcome
 from spectrabox.sampling.polytope.diagnostics import tail_shape
-from spectrabox.sampling.prior.mixture import GRID, load_prior, reflectance
+from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families, reflectance
 from spectrabox.sampling.scene.draws import draw_scene, shared_errors
 from spectrabox.sampling.scene.labels import find_modes, near_labels
 from spectrabox.sampling.scene.posterior import (
@@ -49,8 +49,8 @@ def prior():
 def scenes_of_the_prior(problem, count, seed):
     """Logits (n, M, P) of scenes drawn from the prior."""
     rng = np.random.default_rng(seed)
-    labels = rng.choice(len(problem.means) - 1, (count, len(problem.materials)),
-                        p=np.exp(problem.log_weights[:-1]))
+    labels = np.array([rng.choice(len(problem.means) - 1, count, p=np.exp(log_weights[:-1]))
+                       for log_weights in problem.log_weights]).T
     z = rng.standard_normal((*labels.shape, GRID.nm.size))
     return problem.means[labels] + np.array([[problem.roots[c] @ z_m for c, z_m in zip(row, z_n,
                                                                                        strict=True)]
@@ -174,7 +174,9 @@ def test_monte_carlo_noise_of_the_transport_tells_less(prior):
 def test_the_draws_have_the_law_of_the_posterior(prior):
     # So noisy that scenes drawn from the prior and weighted with the likelihood are a second way to
     # the same law.
-    problem = joint_problem(*scene(error=0.4, regions=6)[:4], prior)
+    # Of few components, so that all labels are drawn from.
+    few = of_families(prior, ["skin", "white"])
+    problem = joint_problem(*scene(error=0.4, regions=6)[:4], few)
     found = sample_joint(problem, seed=1)
     assert found.converged
     logits = scenes_of_the_prior(problem, 20_000, 5)
@@ -265,3 +267,18 @@ def test_bad_scenes_are_errors(prior):
                    known={"a": truth[0], "b": truth[1]})
     with pytest.raises(InputError, match="must be positive semi-definite"):
         shared_errors(signal, -np.eye(3))
+
+
+def test_a_material_of_a_stated_family_takes_its_components_alone(prior):
+    transport, matrix, signal, noise, _ = scene(error=0.02)
+    problem = joint_problem(transport, matrix, signal, noise, prior, families={"a": ["skin"]})
+    count, skins = prior.weights.size, np.sum(prior.family == prior.families.index("skin"))
+    possible = np.isfinite(problem.log_weights[:, :-1])
+    assert possible.shape == (2, count + skins)
+    # materials in the order of the transport: a of three skins, b of anything
+    assert possible[0].sum() == skins and possible[1].sum() == count
+    np.testing.assert_allclose(np.exp(problem.log_weights[:, :-1]).sum(axis=1), 1)
+    modes = find_modes(problem)
+    assert np.all(possible[0][modes.labels[:, 0]]) and np.all(possible[1][modes.labels[:, 1]])
+    with pytest.raises(InputError, match="'jam' is no family of surfaces"):
+        joint_problem(transport, matrix, signal, noise, prior, families={"b": ["jam"]})

@@ -75,6 +75,8 @@ def test_a_spectrum_may_name_its_column(tmp_path):
                               "name the same BSDF 'white'"), (('[light]\nspectrum = '
                                                                '"spectra/light.csv"', ""),
                                                               "the table [light] is missing"),
+                             (('bsdf = "white"', 'bsdf = "white"\nfamily = ["paint", "jam"]'),
+                              "materials.white.family: 'jam' is no family of surfaces"),
                              (("[materials.white]", "[materials"), "is not valid TOML"),
                              (('scene = "scene/chart.xml"',
                                'scene = "scene/chart.xml"\ncorners_px = [[1, 2], [3, 4]]'),

@@ -96,7 +96,7 @@ def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: Logi
     for index, further in enumerate(more):
         rest = joined(base, more[:index] + more[index + 1:])
         rows, values, covariance = measured_rows(base, further)
-        spectra, _, _ = prior_spectra(rest, DOUBT_DRAWS, seed, prior)
+        spectra = prior_spectra(rest, DOUBT_DRAWS, seed, prior).spectra
         expected = spectra @ rows.T
         spread = np.atleast_2d(np.cov(expected, rowvar=False)) + with_floor(covariance)
         away = values - expected.mean(axis=0)

@@ -1,5 +1,7 @@
-"""Do the bands hold the truth on your own spectra? Coverage of the prior, level by level and
-library by library.
+"""Do the bands hold the truth on your own spectra? Coverage by library, family, level, wavelength.
+
+A library is judged with no family stated, or with the one that is stated for all of it. With none,
+its curves are also told apart by the family that their signals speak for most.
 """
 from __future__ import annotations
 
@@ -19,18 +21,15 @@ from spectrabox.sampling.judge.scores import (
     winkler_score,
 )
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture
-from spectrabox.sampling.prior.posterior import (
-    calibrated_band,
-    central_band,
-    mean_and_spread,
-    posterior,
-)
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture, condition_on_families
+from spectrabox.sampling.prior.posterior import calibrated_band, posterior, widened
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
 CERTIFIED = 0.93            # of wavelengths within the 95 % band
 FEWEST = 10
 BATCH = 200
+TENTHS = 10                 # of wavelengths
+BRIGHT = 0.6                # reflectances above it are reported apart
 
 
 @dataclass(frozen=True)
@@ -50,6 +49,13 @@ class Certificate:
     sharpness: float            # mean width of the 50 % band, whatever the truth is
     winkler: float
     delta_e00: dict[str, float]  # mean CIEDE2000 of mean and truth, by light
+    by_wavelength: dict[str, float]     # 95 % band, by tenth of wavelengths
+    bright: float | None        # 95 % band, reflectances above 0.6; None without any
+    # share of the library in each family by its signals, and what the 95 % band held of the curves
+    # that speak for it most
+    shares: dict[str, float]
+    by_family: dict[str, float]
+    stated: tuple[str, ...]     # families that were stated
     unfamiliar: float           # share of signals that the prior would refuse
     trained_on: bool            # the prior was learnt on a library of this name
 
@@ -93,31 +99,37 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, relative_response:
     rng = np.random.default_rng(seed)
     mean = np.empty_like(truth)
     bands = {level: (np.empty_like(truth), np.empty_like(truth)) for level in LEVELS}
-    curve = (np.empty_like(truth), np.empty_like(truth))
-    surprise = np.empty(len(truth))
+    surprise, shares = np.empty(len(truth)), np.empty((len(truth), len(prior.families)))
     for start in range(0, len(truth), BATCH):
         rows = slice(start, start + BATCH)
         clean = truth[rows] @ relative_response.T
         covariance = np.einsum("tk,kl->tkl", (noise * clean)**2, np.eye(len(relative_response)))
-        signals = clean * (1 + noise * rng.standard_normal(clean.shape))
-        mixture = posterior(prior, relative_response, signals, covariance)
-        mean[rows], surprise[rows] = mean_and_spread(mixture)[0], mixture.surprise
+        mixture = posterior(prior, relative_response,
+                            clean * (1 + noise * rng.standard_normal(clean.shape)), covariance)
+        surprise[rows], shares[rows] = mixture.surprise, prior.shares(mixture.weights)
         for level in LEVELS:
-            raw = central_band(mixture, level)
-            bands[level][0][rows], bands[level][1][rows] = calibrated_band(prior, mean[rows], *raw,
-                                                                           prior.band_factor(level))
-        curve[0][rows], curve[1][rows] = calibrated_band(prior, mean[rows], *raw,
-                                                         prior.curve_factor)
+            mean[rows], bands[level][0][rows], bands[level][1][rows] = calibrated_band(
+                prior, mixture, level)
     lower, upper = bands[0.95]
+    held = (truth >= lower) & (truth <= upper)
+    curve = widened(mean, lower, upper, prior.curve_factor)
     differences = delta_e00_under(lights, GRID, mean, truth)
+    most = shares.argmax(axis=1)
+    tenths = np.array_split(np.arange(GRID.nm.size), TENTHS)
     return Certificate(
         library.name, len(truth), library.left_out, noise, float(rmse(mean, truth).mean()),
         float(spectral_angle(mean, truth).mean()),
         {level: coverage(*bands[level], truth) for level in LEVELS},
-        coverage_error((truth >= lower) & (truth <= upper)), curve_coverage(*curve, truth),
+        coverage_error(held), curve_coverage(*curve, truth),
         float(np.mean(upper - lower)), float(np.mean(bands[0.5][1] - bands[0.5][0])),
         winkler_score(lower, upper, truth), {light: float(values.mean()) for light,
                                              values in differences.items()},
+        {f"{GRID.nm[tenth[0]]:.0f}-{GRID.nm[tenth[-1]]:.0f} nm": float(held[:, tenth].mean())
+         for tenth in tenths},
+        float(held[truth > BRIGHT].mean()) if np.any(truth > BRIGHT) else None,
+        dict(zip(prior.families, shares.mean(axis=0).tolist(), strict=True)),
+        {name: float(held[most == index].mean()) for index, name in enumerate(prior.families)
+         if np.any(most == index)}, prior.stated,
         float(np.mean(surprise > prior.familiar_surprise)), f"{library.name} (" in prior.source)
 
 
@@ -128,7 +140,8 @@ def certificate_page(certificates: list[Certificate], prior: LogitMixture, camer
             f"{camera}. Signals were computed from each curve, noise added as stated, and the 95 % "
             "bands compared with the curve. The standard error of a coverage treats curves as "
             "independent; sharpness is the mean width of the 50 % band, angles are in radians, "
-            "colour differences CIEDE2000 of the mean spectrum.\n\n")
+            "colour differences CIEDE2000 of the mean spectrum. Conditional on "
+            f"{condition_on_families(prior)}.\n\n")
     columns = ["library", "curves", "noise", "RMSE", "angle", *(f"dE00 {light}"
                                                                 for light in lights),
                "coverage 50 / 80 / 90 / 95 %", "error", "whole curves", "width", "sharpness",
@@ -136,9 +149,20 @@ def certificate_page(certificates: list[Certificate], prior: LogitMixture, camer
     rows = [columns, ["--"] * len(columns)]
     rows += [_cells(certificate, lights) for certificate in certificates]
     table = "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
-    verdicts = "\n".join(f"- {certificate.name}: {certificate.verdict}"
-                         for certificate in certificates)
-    return f"{head}{table}\n\n{verdicts}\n"
+    spectral = [["library", *certificates[0].by_wavelength, f"above {BRIGHT:g}"]]
+    spectral += [["--"] * len(spectral[0])]
+    spectral += [[one.name, *(f"{held:.3f}" for held in one.by_wavelength.values()),
+                  "none" if one.bright is None else f"{one.bright:.3f}"] for one in certificates]
+    families = [["library", *prior.families], ["--"] * (1 + len(prior.families))]
+    families += [[one.name, *(f"{100 * one.shares[name]:.0f} %"
+                              + (f", holds {one.by_family[name]:.3f}" if name in one.by_family
+                                 else "") for name in prior.families)] for one in certificates]
+    by_wavelength, by_family = ("\n".join(f"| {' | '.join(cells)} |" for cells in rows)
+                                for rows in (spectral, families))
+    verdicts = "\n".join(f"- {one.name}: {one.verdict}" for one in certificates)
+    return (f"{head}{table}\n\nWhat the 95 % band holds by wavelength, and of bright reflectances:"
+            f"\n\n{by_wavelength}\n\nFamilies that the signals speak for, and what the 95 % band "
+            f"holds of the curves that speak for each most:\n\n{by_family}\n\n{verdicts}\n")
 
 
 def _cells(result: Certificate, lights: list[str]) -> list[str]:

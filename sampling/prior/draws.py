@@ -1,9 +1,9 @@
 """Independent draws from the learnt prior that reproduce a signal, one of the METHODS.
 
-A component is chosen by its posterior weight. Its posterior is Gaussian in the logit (Laplace),
-with standard deviations enlarged by the calibrated band factor, so that the draws are as wide as
-the calibrated band. Each draw then gets a noise n from its posterior N(R Q^-1 r, R - R Q^-1 R), and
-Newton steps along S J' take it to the signal y - n to 1e-10. Noise-free signals (R = 0) are
+A component is chosen by its posterior weight. Its posterior is Gaussian in the logit (Laplace). The
+draws are moved away from the mixture's mean by the calibrated band factors, so that they are as
+wide as the calibrated band. Each draw then gets a noise n from its posterior N(R Q^-1 r, R - R Q^-1
+R), and Newton steps along S J' take it to the signal y - n to 1e-10. Noise-free signals (R = 0) are
 reproduced to that accuracy; no draw leaves (0, 1).
 
 The projection moves a draw across the directions that the camera sees, where the posterior is
@@ -26,7 +26,13 @@ from spectrabox.sampling.measurement import MeasurementOperator, nearest_splines
 from spectrabox.sampling.polytope.tilt import is_reachable
 from spectrabox.sampling.polytope.tilted_rejection import noise_columns
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior, reflectance
-from spectrabox.sampling.prior.posterior import MISFIT, MixturePosterior, posterior, with_floor
+from spectrabox.sampling.prior.posterior import (
+    MISFIT,
+    MixturePosterior,
+    band_factors,
+    posterior,
+    with_floor,
+)
 from spectrabox.sampling.prior.smoothness import smoothness_prior
 
 LEVEL = 0.95                    # whose calibrated factor enlarges the draws
@@ -34,6 +40,7 @@ SIGNAL_ATOL = 1e-10             # of white
 NEWTON_STEPS = 12
 MAX_STEP = 3.0                  # logits
 BLOCK = 2048
+MENTIONED = 0.005               # share of a family that the outcome names
 ROUNDS = 20                     # of drawing again what could not be taken to its signal
 
 
@@ -59,6 +66,30 @@ class _Target:
     approximate: bool               # the signal cannot be reached: draws come near to it
 
 
+@dataclass(frozen=True)
+class PriorSpectra:
+    """Draws (T, 61), and the families of surfaces that the signal allows, by share."""
+
+    spectra: np.ndarray
+    method: str
+    outcome: Outcome
+    stated: tuple[str, ...]         # families that were stated
+    shares: dict[str, float]
+
+    @property
+    def sentence(self) -> str:
+        """How the draws ended, and what they are conditional on."""
+        if self.outcome is not Outcome.FAMILIAR:
+            return self.outcome.value
+        allowed = sorted(self.shares, key=lambda name: -self.shares[name])
+        said = ", ".join(f"{name} {100 * self.shares[name]:.0f} %" for name in allowed
+                         if self.shares[name] >= MENTIONED)
+        if self.stated:
+            given = f"Conditional on the surface being {' or '.join(self.stated)}, as stated"
+            return f"{self.outcome.value} {given}{f': {said}' if len(self.stated) > 1 else ''}."
+        return f"{self.outcome.value} No family of surfaces was stated; the signal allows {said}."
+
+
 def sample_prior(measurement: SpectralMeasurement, draws: int, seed: int, coefficients: int = 13,
                  prior: LogitMixture | None = None) -> SpectrumSamples:
     """Spectra drawn from the learnt prior given one signal; see `sampling.methods.draw_spectra`.
@@ -73,15 +104,15 @@ def sample_prior(measurement: SpectralMeasurement, draws: int, seed: int, coeffi
     ConvergenceError
         If draws do not reach the signal.
     """
-    spectra, method, outcome = prior_spectra(measurement, draws, seed, prior or load_prior())
-    splines = nearest_splines(spectra, basis_matrix(GRID.nm, coefficients))
-    return SpectrumSamples(GRID, spectra, splines, method, float(draws), seed, outcome,
-                           outcome.value)
+    drawn = prior_spectra(measurement, draws, seed, prior or load_prior())
+    splines = nearest_splines(drawn.spectra, basis_matrix(GRID.nm, coefficients))
+    return SpectrumSamples(GRID, drawn.spectra, splines, drawn.method, float(draws), seed,
+                           drawn.outcome, drawn.sentence)
 
 
 def prior_spectra(measurement: SpectralMeasurement, draws: int, seed: int,
-                  prior: LogitMixture) -> tuple[np.ndarray, str, Outcome]:
-    """Spectra (T, 61) as `sample_prior` draws them, the method and the outcome, without splines.
+                  prior: LogitMixture) -> PriorSpectra:
+    """Spectra as `sample_prior` draws them, without splines.
 
     Raises
     ------
@@ -100,11 +131,21 @@ def prior_spectra(measurement: SpectralMeasurement, draws: int, seed: int,
             operator = MeasurementOperator(relative_response, measurement.signal,
                                            measurement.noise_covariance)
             outcome = Outcome.TOO_ROUGH if is_reachable(operator) else Outcome.OUT_OF_REACH
-    components = [_component(prior, mixture, relative_response, measurement, index)
-                  for index in range(prior.weights.size)]
-    spectra = _draw(_Target(components, mixture.weights[0], relative_response, measurement.signal,
+    chosen = np.flatnonzero(mixture.weights[0])
+    components = [_component(prior, mixture, relative_response, measurement, int(index))
+                  for index in chosen]
+    spectra = _draw(_Target(components, mixture.weights[0, chosen], relative_response,
+                            measurement.signal,
                             outcome in (Outcome.TOO_ROUGH, Outcome.OUT_OF_REACH)), draws, seed)
-    return spectra, method, outcome
+    return PriorSpectra(spectra, method, outcome, prior.stated,
+                        dict(zip(prior.families, prior.shares(mixture.weights)[0].tolist(),
+                                 strict=True)))
+
+
+def family_shares(prior: LogitMixture, measurement: SpectralMeasurement) -> dict[str, float]:
+    """Shares of the families of surfaces that a signal allows, by name."""
+    mixture = _posterior(prior, response_on(measurement, GRID), measurement)
+    return dict(zip(prior.families, prior.shares(mixture.weights)[0].tolist(), strict=True))
 
 
 def allowed_misfit(measurement: SpectralMeasurement) -> float:
@@ -133,9 +174,12 @@ def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response
     Q = prior_of_signal + with_floor(R)
     covariance = prior.covariances[index] - base @ np.linalg.solve(Q, base.T)
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
-    root = vectors * np.sqrt(np.maximum(values, 0)) * prior.band_factor(LEVEL)
+    factor = band_factors(prior, mixture, LEVEL)[0]
+    middle = mixture.weights[0] @ mixture.logits[:, 0]
+    root = factor[:, None] * vectors * np.sqrt(np.maximum(values, 0))
     shrink = R @ np.linalg.inv(prior_of_signal + R + 1e-12 * np.eye(len(R)))
-    return _Component(centre, root, base @ np.linalg.inv(prior_of_signal), shrink @ residual,
+    return _Component(middle + factor * (centre - middle), root,
+                      base @ np.linalg.inv(prior_of_signal), shrink @ residual,
                       noise_columns((R - shrink @ R + (R - shrink @ R).T) / 2))
 
 

@@ -1,14 +1,17 @@
 """The learnt prior: a Gaussian mixture of logit reflectances, and the file it is kept in.
 
 log(rho / (1 - rho)) at 400, 405 ... 700 nm follows sum_c weight_c N(mean_c, covariance_c), so every
-draw lies strictly between 0 and 1. ``band_factors`` widen bands so that they held the stated share
-of reflectances that the mixture was not fitted to (split conformal calibration); ``curve_factor``
-does so for whole curves.
+draw lies strictly between 0 and 1. Every component belongs to a family of surfaces: paint, skin,
+leaves ... ``band_factors`` widen bands so that they held the stated share of reflectances that the
+mixture was not fitted to (split conformal calibration), each family having its own;
+``curve_factor`` does so for whole curves. `of_families` is what is believed once somebody says what
+a surface is.
 """
 from __future__ import annotations
 
 import zipfile
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -18,15 +21,18 @@ from spectrabox.radiometry.covariance import is_covariance
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.shaped import Record
+from spectrabox.sampling.prior.families.words import WORDS, unknown_families
 
 GRID = visible_grid(5)
-SHIPPED = Path(__file__).parent / "models" / "measured_reflectances.npz"
+SHIPPED = Path(__file__).parent / "models" / "surface_families.npz"
 EDGE = 0.004            # training reflectances are clipped to 0.004-0.996 before the logit
 MOMENT_DRAWS = 20000
 SINGLE = 1e-6           # round-off of covariances kept in single precision, with room for products
-FORMAT = "spectrabox prior 1"
-ARRAYS = ("nm", "weights", "means", "covariances", "levels", "band_factors", "curve_factor",
-          "familiar_surprise")
+FORMAT = "spectrabox prior 2"
+SCALARS = ("curve_factor", "familiar_surprise", "width_power")
+ARRAYS = ("nm", "weights", "means", "covariances", "family", "levels", "band_factors",
+          "stated_factors", *SCALARS)
+SINGLE_PRECISION = ("means", "covariances", "band_factors", "stated_factors")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,17 +43,71 @@ class LogitMixture(Record):
     weights: Annotated[np.ndarray, "C"]
     means: Annotated[np.ndarray, "C P"]
     covariances: Annotated[np.ndarray, "C P P"]
+    families: tuple[str, ...]                   # F of them
+    family: Annotated[np.ndarray, "C"]          # index of each component's
     levels: Annotated[np.ndarray, "L"]          # of the bands that were calibrated
-    # pointwise bands are this much wider than the mixture's
-    band_factors: Annotated[np.ndarray, "L"]
-    curve_factor: float                         # 95 % of whole curves lay in bands widened by this
+    # pointwise bands are this much wider than the mixture's; a signal that several families allow
+    # takes each by its share
+    band_factors: Annotated[np.ndarray, "F L P"]
+    stated_factors: Annotated[np.ndarray, "F L P"]      # where the family is stated
+    curve_factor: float             # 95 % of whole curves lay in 95 % bands widened once more by it
     # 99.5 % of calibration signals surprised the mixture less (chi-square)
     familiar_surprise: float
+    width_power: float              # of a band's mean width over the usual, in its factor
     source: str                                 # what it was trained on, with licences
+    stated: tuple[str, ...] = ()                # families that somebody said it is one of
 
-    def band_factor(self, level: float) -> float:
-        """Factor by which the mixture's central band of ``level`` is widened."""
-        return float(np.interp(level, self.levels, self.band_factors))
+    def band_factor(self, level: float, weights: np.ndarray) -> np.ndarray:
+        """Factors (T, P) by which central bands of ``level`` are widened, for weights (T, C)."""
+        return np.asarray(self.shares(weights) @ self.family_factors(level))
+
+    def family_factors(self, level: float) -> np.ndarray:
+        """Factors (F, P) of every family, linear between the calibrated levels."""
+        above = int(np.clip(np.searchsorted(self.levels, level), 1, self.levels.size - 1))
+        low, high = self.levels[above - 1:above + 1]
+        part = np.clip((level - low) / (high - low), 0, 1)
+        return np.asarray((1 - part) * self.band_factors[:, above - 1]
+                          + part * self.band_factors[:, above])
+
+    def shares(self, weights: np.ndarray) -> np.ndarray:
+        """Shares (T, F) of the families in weights (T, C) of the components."""
+        return np.asarray(weights @ np.eye(len(self.families))[np.asarray(self.family, dtype=int)])
+
+
+def of_families(prior: LogitMixture, stated: Sequence[str]) -> LogitMixture:
+    """The prior of a surface that is said to belong to one of the families; of any for none.
+
+    Raises
+    ------
+    InputError
+        For a word that names no family.
+    """
+    if not stated:
+        return prior
+    if wrong := unknown_families([word for word in stated if word not in prior.families]):
+        raise InputError(wrong)
+    names = [WORDS.get(word.lower(), word) for word in stated]
+    for word, name in zip(stated, names, strict=True):
+        if name not in prior.families:
+            raise InputError(f"the prior knows no surfaces of the family {word!r}, only of "
+                             f"{', '.join(prior.families)}")
+    kept = [index for index, name in enumerate(prior.families) if name in names]
+    mine = np.isin(prior.family, kept)
+    weights = prior.weights[mine]
+    return replace(prior, weights=weights / weights.sum(), means=prior.means[mine],
+                   covariances=prior.covariances[mine],
+                   families=tuple(prior.families[index] for index in kept),
+                   family=np.searchsorted(kept, prior.family[mine]),
+                   band_factors=prior.stated_factors[kept],
+                   stated_factors=prior.stated_factors[kept],
+                   stated=tuple(prior.families[index] for index in kept))
+
+
+def condition_on_families(prior: LogitMixture) -> str:
+    """What a band of this prior is conditional on, as the end of a sentence."""
+    if prior.stated:
+        return f"the surface being of {' or '.join(prior.stated)}, as stated"
+    return f"the surface being of one of the prior's families ({', '.join(prior.families)})"
 
 
 def logit(reflectance: np.ndarray) -> np.ndarray:
@@ -75,12 +135,12 @@ def reflectance_moments(prior: LogitMixture,
 
 def save_prior(path: Path, prior: LogitMixture) -> None:
     """Write a prior as .npz with covariances in single precision (a relative error of 6e-8)."""
-    single = {"means", "covariances"}
-    arrays = {name: np.asarray(getattr(prior, name), np.float32 if name in single else np.float64)
+    arrays = {name: np.asarray(getattr(prior, name),
+                               np.float32 if name in SINGLE_PRECISION else np.float64)
               for name in ARRAYS}
     with path.open("wb") as file:  # a name without .npz is kept as it was given
         np.savez_compressed(file, format=np.array(FORMAT), source=np.array(prior.source),
-                            **arrays)  # type: ignore[arg-type]
+                            families=np.array(prior.families), **arrays)  # type: ignore[arg-type]
 
 
 def load_prior(path: Path | None = None) -> LogitMixture:
@@ -98,15 +158,15 @@ def load_prior(path: Path | None = None) -> LogitMixture:
                 raise InputError(f"{path.name} is not a prior of this program; train one with "
                                  "'spectrabox prior train'")
             numbers = {name: np.asarray(stored[name], dtype=float) for name in ARRAYS}
-            source = str(stored["source"])
+            source, families = str(stored["source"]), tuple(stored["families"].tolist())
     except FileNotFoundError:
         raise InputError(f"the prior {path} is missing; give another file or train one with "
                          "'spectrabox prior train'") from None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"the prior {path.name} is damaged ({error}); train it again") from None
-    scalars = {name: float(numbers.pop(name)) for name in ("curve_factor", "familiar_surprise")}
+    scalars = {name: float(numbers.pop(name)) for name in SCALARS}
     try:
-        prior = LogitMixture(source=source, **numbers, **scalars)  # type: ignore[arg-type]
+        prior = LogitMixture(source=source, families=families, **numbers, **scalars)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
         raise InputError(f"the prior {path.name} is damaged ({error}); train it again") from None
     check_prior(prior, path.name)
@@ -125,12 +185,16 @@ def check_prior(prior: LogitMixture, name: str) -> None:
         raise InputError(f"the prior {name} is for {prior.nm.size} wavelengths from "
                          f"{prior.nm[0]:g} to {prior.nm[-1]:g} nm; 61 from 400 to 700 nm are "
                          "needed: train it again on this grid")
-    numbers = (prior.weights, prior.means, prior.covariances, prior.levels, prior.band_factors)
+    numbers = (prior.weights, prior.means, prior.covariances, prior.levels, prior.band_factors,
+               prior.stated_factors)
     if not all(np.all(np.isfinite(values)) for values in numbers):
         raise InputError(f"the prior {name} holds numbers that are not finite; train it again")
     if np.any(prior.weights <= 0) or abs(prior.weights.sum() - 1) > 1e-6:
         raise InputError(f"the weights of the prior {name} are not positive with sum 1; train it "
                          "again")
+    if sorted(set(prior.family.tolist())) != list(range(len(prior.families))):
+        raise InputError(f"the components of the prior {name} do not belong to its families "
+                         f"({', '.join(prior.families)}); train it again")
     for covariance in prior.covariances:
         if not is_covariance(covariance, SINGLE) or np.linalg.eigvalsh(covariance)[0] <= 0:
             raise InputError(f"a covariance of the prior {name} is not symmetric and positive; "

@@ -21,8 +21,10 @@ INDEPENDENT = 4e-3                          # variance
 def smoothness_prior() -> LogitMixture:
     """The prior with one component; its bands carry no conformal calibration (all factors 1)."""
     covariance = ENLARGED**2 * smooth_covariance() + INDEPENDENT * np.eye(GRID.nm.size)
+    ones = np.ones((1, 2, GRID.nm.size))
     return LogitMixture(GRID.nm, np.ones(1), np.full((1, GRID.nm.size), MEAN), covariance[None],
-                        np.array([0.5, 0.99]), np.ones(2), 1.0, np.inf, "smoothness alone")
+                        ("smooth",), np.zeros(1), np.array([0.5, 0.99]), ones, ones, 1.0, np.inf,
+                        0.0, "smoothness alone")
 
 
 def smooth_covariance() -> np.ndarray:

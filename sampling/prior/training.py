@@ -1,95 +1,143 @@
-"""Training of the learnt prior, and its conformal calibration on libraries left out in turn.
+"""Training of the learnt prior: families of surfaces, each a mixture of its own.
 
-Collections are small next to the colours that occur, so the mixture is fitted to them and to eight
-times as many spectra made from them: geometric means of two (mixtures of two dyes), powers from 1/2
-to 2 (thinner and thicker layers, as in the law of Beer and Lambert), products of two powers (a
-layer over another body) and shifts by about 12 nm (related dyes). Every component is widened by a
-little of the smoothness prior. Training libraries left out in turn decided how much of each.
+A family is fitted to its measured libraries and to reflectances made by its models (families/).
+Collections are small next to the colours that occur, so four times as many spectra are made from
+the measured ones: geometric means of two (mixtures of two dyes), powers from 1/2 to 2 (thinner and
+thicker layers, as in the law of Beer and Lambert), products of two powers (a layer over another
+body) and shifts by about 12 nm (related dyes). Paints are also mixed by their K / S. Every
+component is widened by a little of the smoothness prior. Training libraries left out in turn
+decided how much of each. See calibration.py for what makes the bands hold.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.prior.families.catalogue import FAMILIES, MIXTURES, Family
+from spectrabox.sampling.prior.families.paint import pigment_mixtures
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary, without_near_duplicates
 from spectrabox.sampling.prior.mixture import EDGE, GRID, LogitMixture, logit
-from spectrabox.sampling.prior.posterior import (
-    central_band,
-    conformal_scores,
-    mean_and_spread,
-    posterior,
-)
 from spectrabox.sampling.prior.smoothness import smooth_covariance
 
-DIRECTIONS, COMPONENTS = 10, 8
+DIRECTIONS = 10
 # variance added to the components and to every logit: what the sets do not show
-RIDGE, FLOOR = 3e-3, 1e-3
-SMOOTH = 0.03  # share of the smoothness prior's covariance that is added to every component
-MADE = 8                        # spectra made of the measured ones, per measured one
+RIDGE, FLOOR = 3e-3, 5e-4
+MADE = 4                        # spectra made of the measured ones, per measured one
 MIN_CURVES = 200
 MAX_OF_LIBRARY = 500    # curves, so that no collection outvotes the others
 LEVELS = np.array([0.5, 0.8, 0.9, 0.95, 0.99])
 SHIFT_NM = 12.5
-JUDGED = 400                    # curves of a left-out library that are judged
-FAMILIAR = 0.995
+# of bands before calibration, for how wide they are: chosen on the libraries left out in turn
+WIDTH_POWER = -0.3
+MIXED = "mixed"                 # in place of a family: surfaces of several
 
 
 @dataclass(frozen=True)
-class LeftOut:
-    """How bands did on a library that the mixture had not seen, before calibration."""
+class Part:
+    """A library or a model, as one of the things that a family is fitted to."""
 
     name: str
-    curves: int
-    rmse: float
-    scores: np.ndarray          # (levels, curves, 61): factors that the bands would have needed
-    width: np.ndarray           # (levels,): mean width of the bands
-    surprise: np.ndarray        # (curves,)
+    family: str
+    measured: bool
+    mixed: bool                 # of surfaces of several families; fitted with the paints
+    curves: np.ndarray          # (n, 61) that are fitted
+    judged: np.ndarray          # (m, 61) that bands are judged on where the part is left out
 
 
-def train(libraries: list[ReflectanceLibrary], relative_response: np.ndarray,
-          components: int = COMPONENTS, seed: int = 0) -> tuple[LogitMixture, list[LeftOut]]:
-    """Fit the prior to all libraries and calibrate it on each of them left out in turn.
-
-    Parameters
-    ----------
-    libraries : list of ReflectanceLibrary
-        At least two, so that one can be left out.
-    relative_response : (K, 61) array
-        Of the camera that the calibration is made with, rows summing to 1.
+def fitted_families(parts: Sequence[Part], families: dict[str, Family],
+                    seed: int) -> dict[str, LogitMixture]:
+    """The mixture of each family that has parts, by name.
 
     Raises
     ------
     InputError
-        For fewer than two libraries, or too few curves.
+        For too few curves.
     """
-    if len(libraries) < 2:
-        raise InputError("one library cannot be left out of itself; give at least two folders of "
-                         "reflectances")
-    rng = np.random.default_rng(seed)
-    shares = [balanced(without_near_duplicates(library.reflectances), rng) for library in libraries]
-    judged = []
-    for index, library in enumerate(libraries):
-        others = np.concatenate([share for number, share in enumerate(shares) if number != index])
-        mixture = fit_mixture(enriched(others, seed), components, seed)
-        judged.append(judge(mixture, library.name, relative_response,
-                            _some(library.reflectances, JUDGED, rng)))
-    source = "; ".join(f"{library.name} ({len(library.reflectances)})" for library in libraries)
-    final = fit_mixture(enriched(np.concatenate(shares), seed), components, seed, source)
-    return calibrated(final, judged), judged
+    return {name: fit_family(mine, family, seed) for name, family in families.items()
+            if (mine := [part for part in parts if part.family == name])}
+
+
+def fit_family(parts: Iterable[Part], family: Family, seed: int) -> LogitMixture:
+    """The mixture of one family.
+
+    Raises
+    ------
+    InputError
+        For fewer than 200 curves.
+    """
+    parts = list(parts)
+    curves = [enriched(balanced(part.curves, np.random.default_rng(seed)), seed) if part.measured
+              else part.curves for part in parts]
+    pigments = [part.curves for part in parts if part.family == "paint"]
+    if pigments:
+        curves.append(pigment_mixtures(np.random.default_rng(seed), MIXTURES,
+                                       np.concatenate(pigments)))
+    return fit_mixture(np.concatenate(curves), family.components, seed, family.smooth)
+
+
+def joined(fitted: dict[str, LogitMixture], families: dict[str, Family],
+           source: str = "") -> LogitMixture:
+    """One mixture of those of several families, by their shares."""
+    names = tuple(fitted)
+    shares = np.array([families[name].share for name in names])
+    counts = [one.weights.size for one in fitted.values()]
+    weights = np.concatenate([share * one.weights for share, one
+                              in zip(shares / shares.sum(), fitted.values(), strict=True)])
+    ones = np.ones((len(names), LEVELS.size, GRID.nm.size))
+    return LogitMixture(GRID.nm, weights, np.concatenate([one.means for one in fitted.values()]),
+                        np.concatenate([one.covariances for one in fitted.values()]), names,
+                        np.repeat(np.arange(len(names)), counts), LEVELS, ones, ones, 1.0, np.inf,
+                        WIDTH_POWER, source)
+
+
+def parts_of(libraries: dict[str, list[ReflectanceLibrary]], families: dict[str, Family],
+             seed: int, judged: int) -> list[Part]:
+    """Everything that a prior is fitted to: libraries by family, and what the models make.
+
+    Parameters
+    ----------
+    libraries : lists of ReflectanceLibrary by the name of their family, or "mixed"
+    families : with the models
+    seed : int
+        Of what the models make.
+    judged : int
+        Curves of each that bands are judged on.
+
+    Raises
+    ------
+    InputError
+        For a family that there is not.
+    """
+    rng, parts = np.random.default_rng(seed), []
+    for family, found in libraries.items():
+        if family not in (*families, MIXED):
+            raise InputError(f"{family!r} is no family of surfaces; known are "
+                             f"{', '.join(families)} and {MIXED}")
+        for library in found:
+            curves = library.reflectances
+            parts.append(Part(library.name, "paint" if family == MIXED else family, True,
+                              family == MIXED, without_near_duplicates(curves),
+                              curves[rng.permutation(len(curves))[:judged]]))
+    for name, one in families.items():
+        for model, count in one.models.items():
+            made = np.clip(model(rng, count + judged), EDGE, 1 - EDGE)
+            parts.append(Part(model.__name__, name, False, False, made[:count], made[count:]))
+    return parts
 
 
 def balanced(reflectances: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """At most 500 curves of a library; one with fewer than 250 counts up to three times."""
     if len(reflectances) > MAX_OF_LIBRARY:
-        return _some(reflectances, MAX_OF_LIBRARY, rng)
+        return reflectances[rng.permutation(len(reflectances))[:MAX_OF_LIBRARY]]
     times = min(3, MAX_OF_LIBRARY // 2 // len(reflectances) + 1)
     return np.concatenate([reflectances] * times)
 
 
 def enriched(reflectances: np.ndarray, seed: int = 0) -> np.ndarray:
-    """The curves (n, 61) and eight times as many made of them: mixtures, powers, shifts and layers,
+    """The curves (n, 61) and four times as many made of them: mixtures, powers, shifts and layers,
     a quarter each.
     """
     rng = np.random.default_rng(seed)
@@ -111,9 +159,9 @@ def enriched(reflectances: np.ndarray, seed: int = 0) -> np.ndarray:
     return np.concatenate([reflectances, mixed, some()**power(0.5, 2), shifted, layered])
 
 
-def fit_mixture(reflectances: np.ndarray, components: int = COMPONENTS, seed: int = 0,
-                source: str = "") -> LogitMixture:
-    """The mixture of reflectances, not yet calibrated: all band factors are 1.
+def fit_mixture(reflectances: np.ndarray, components: int = FAMILIES["paint"].components,
+                seed: int = 0, smooth: float = FAMILIES["paint"].smooth) -> LogitMixture:
+    """The mixture of reflectances, of one family, not yet calibrated: all band factors are 1.
 
     Ten principal directions of the logit with full covariances; the rest is taken for noise.
 
@@ -124,8 +172,8 @@ def fit_mixture(reflectances: np.ndarray, components: int = COMPONENTS, seed: in
         C.
     seed : int
         Of the mixture's start.
-    source : str
-        What the reflectances are, for the record.
+    smooth : float
+        Share of the smoothness prior's covariance that is added to every component.
 
     Raises
     ------
@@ -145,47 +193,12 @@ def fit_mixture(reflectances: np.ndarray, components: int = COMPONENTS, seed: in
     directions = np.linalg.svd(x - centre, full_matrices=False)[2][:DIRECTIONS].T
     scores = (x - centre) @ directions
     rest = (np.cov(x - centre - scores @ directions.T, rowvar=False) + FLOOR * np.eye(GRID.nm.size)
-            + SMOOTH * smooth_covariance())
+            + smooth * smooth_covariance())
     mixture = GaussianMixture(components, reg_covar=RIDGE, random_state=seed,
                               max_iter=300).fit(scores)
     covariances = directions @ mixture.covariances_ @ directions.T + rest
+    ones = np.ones((1, LEVELS.size, GRID.nm.size))
     return LogitMixture(GRID.nm, mixture.weights_ / mixture.weights_.sum(),
                         centre + mixture.means_ @ directions.T,
-                        (covariances + covariances.transpose(0, 2, 1)) / 2, LEVELS,
-                        np.ones(LEVELS.size), 1.0, np.inf, source)
-
-
-def judge(prior: LogitMixture, name: str, relative_response: np.ndarray,
-          reflectances: np.ndarray) -> LeftOut:
-    """Bands of every level for noise-free signals of reflectances (n, 61), against the truth."""
-    bands = len(relative_response)
-    mixture = posterior(prior, relative_response, reflectances @ relative_response.T,
-                        np.zeros((bands, bands)))
-    mean, _ = mean_and_spread(mixture)
-    intervals = [central_band(mixture, level) for level in LEVELS]
-    scores = np.array([conformal_scores(mean, lower, upper, reflectances)
-                       for lower, upper in intervals])
-    widths = np.array([np.mean(upper - lower) for lower, upper in intervals])
-    rmse = float(np.sqrt(np.mean((mean - reflectances)**2, axis=1)).mean())
-    return LeftOut(name, len(reflectances), rmse, scores, widths, np.asarray(mixture.surprise))
-
-
-def calibrated(prior: LogitMixture, judged: list[LeftOut]) -> LogitMixture:
-    """The prior with band factors from libraries left out in turn.
-
-    The factor of a level is the least at which no left-out library misses more than 1 - level of
-    its wavelengths; the curve factor is the least at which 95 % of all left-out curves lie wholly
-    within their band.
-    """
-    factors = np.max([[np.quantile(scores, level)
-                       for scores, level in zip(library.scores, LEVELS, strict=True)]
-                      for library in judged], axis=0)
-    at_95 = list(LEVELS).index(0.95)
-    per_curve = np.concatenate([library.scores[at_95].max(axis=1) for library in judged])
-    surprise = np.concatenate([library.surprise for library in judged])
-    return replace(prior, band_factors=factors, curve_factor=float(np.quantile(per_curve, 0.95)),
-                   familiar_surprise=float(np.quantile(surprise, FAMILIAR)))
-
-
-def _some(reflectances: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    return reflectances[rng.permutation(len(reflectances))[:count]]
+                        (covariances + covariances.transpose(0, 2, 1)) / 2, ("any",),
+                        np.zeros(components), LEVELS, ones, ones, 1.0, np.inf, 0.0, "")

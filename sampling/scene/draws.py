@@ -6,7 +6,7 @@ at once, so it is carried as errors that they share and not as noise of each.
 """
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.stats import chi2
@@ -36,7 +36,7 @@ SURPRISING = 1e-3
 def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np.ndarray,
                response: np.ndarray, draws: int, seed: int, prior: LogitMixture | None = None, *,
                common: np.ndarray | None = None, known: Mapping[str, np.ndarray] | None = None,
-               coefficients: int = 13,
+               families: Mapping[str, Sequence[str]] | None = None, coefficients: int = 13,
                effective_wanted: float = 1000.0) -> dict[str, SpectrumSamples]:
     """Draws of every unknown material of a scene, by name; row t of all of them belongs to the same
     scene.
@@ -61,6 +61,8 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
         Errors that regions share, from `shared_errors`.
     known : mapping, optional
         Reflectance (61,) of the materials that are given, by name.
+    families : mapping, optional
+        Families of surfaces that a material is said to be one of, by name.
     coefficients : int
         N of the splines that are fitted to the draws.
     effective_wanted : float
@@ -78,7 +80,7 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
                          f"transport, which has {', '.join(transport.materials)}; name them as the "
                          "scene does")
     problem = joint_problem(transport, response, signal, standard_error, prior or load_prior(),
-                            common, known)
+                            common, known, families)
     if not problem.materials:
         raise InputError("every material of the scene is known; leave at least one to be estimated")
     # the matrices are small: several threads take up to ten times as long as one

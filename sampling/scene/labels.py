@@ -26,7 +26,7 @@ Labels = tuple[int, ...]
 FITTED = 4              # labels that are fitted in full on the way to the most probable spectra
 # the noise is taken for larger at first: sharp likelihoods trap the fit on its way
 SOFTENED = (30.0, 5.0, 1.0)
-SAMPLED = 32            # labels that draws are made of, at most
+SAMPLED = 128           # labels that draws are made of, at most; they leave 5 % of the spread out
 WORTHLESS = 7.0         # nats below the best, by the linearised evidence
 
 
@@ -69,12 +69,13 @@ def near_labels(problem: JointProblem, logits: np.ndarray,
         chosen = list(labels)
         root = cholesky(np.eye(len(seen)) + spreads[every, chosen].sum(axis=0), lower=True)
         away = solve_triangular(root, seen - means[every, chosen].sum(axis=0), lower=True)
-        value = problem.log_weights[chosen].sum() - away @ away / 2 - np.log(np.diag(root)).sum()
+        weight = problem.log_weights[every, chosen].sum()
+        value = weight - away @ away / 2 - np.log(np.diag(root)).sum()
         return float(value), solve_triangular(root, away, lower=True, trans=1)
 
     tried: dict[Labels, tuple[float, np.ndarray]] = {}
     switched: set[Labels] = set()
-    best: list[Labels] = [(int(np.argmax(problem.log_weights[:-1])),) * materials]
+    best: list[Labels] = [tuple(np.argmax(problem.log_weights[:, :-1], axis=1).tolist())]
     while pending := [labels for labels in best if labels not in switched]:
         around = {(*labels[:m], c, *labels[m + 1:]) for labels in pending[:1]
                   for m in range(materials)

@@ -14,7 +14,7 @@ that rise above the noise, after which the cost does not depend on the number of
 """
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from scipy.linalg import solve_triangular
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import LightTransport, Outcome
-from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
+from spectrabox.sampling.prior.mixture import LogitMixture, of_families, reflectance
 
 # of Levenberg-Marquardt; the fall of the cost, in nats, that counts as standing still
 STEPS, STILL = 60, 1e-2
@@ -30,6 +30,7 @@ LONGEST_STEP = 3.0          # in standard deviations of the prior
 NEGLIGIBLE = 1e-6           # of the brightest product: dropped
 # a row of the transport whose signals scatter by less under the prior, in units of noise
 BELOW_NOISE = 0.05
+LEVEL = 0.95                # whose calibrated factors widen the components
 SCENES = 300                # drawn from the prior to find those rows
 
 
@@ -40,7 +41,9 @@ class JointProblem:
 
     ``materials`` and ``exponents`` (E, M) are those of the unknown materials; ``known`` (E, P) is
     the product of the known reflectances encountered. ``means`` (C + 1, P) and ``roots`` (C + 1, P,
-    P): the last is the one Gaussian with the mixture's moments.
+    P): the last is the one Gaussian with the mixture's moments, and roots are as much wider as the
+    components' families are calibrated to be. ``log_weights`` (M, C + 1) are -inf for components
+    that a material cannot have, its family being stated.
     """
 
     materials: tuple[str, ...]
@@ -77,7 +80,8 @@ def gaussian_of(prior: LogitMixture) -> tuple[np.ndarray, np.ndarray]:
 
 def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.ndarray,
                   standard_error: np.ndarray, prior: LogitMixture, common: np.ndarray | None = None,
-                  known: Mapping[str, np.ndarray] | None = None) -> JointProblem:
+                  known: Mapping[str, np.ndarray] | None = None,
+                  families: Mapping[str, Sequence[str]] | None = None) -> JointProblem:
     """Prepare the likelihood of a scene.
 
     Parameters
@@ -95,11 +99,13 @@ def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.nd
         light scale, sensitivities, what photo and model disagree by on a surface.
     known : mapping, optional
         Reflectance (P,) of materials that are not asked for, by name.
+    families : mapping, optional
+        Families that a material is said to be one of, by name.
 
     Raises
     ------
     InputError
-        If shapes do not belong together, or an error is not positive.
+        If shapes do not belong together, an error is not positive, or a family is not known.
     """
     regions = len(transport.coefficients)
     if signal.shape != (regions, len(response)) or standard_error.shape != signal.shape:
@@ -126,11 +132,28 @@ def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.nd
     factor = np.prod([np.maximum(given[name], 1e-6)**exponents[:, m, None]
                       for m, name in enumerate(transport.materials) if name in given]
                      or [np.ones((len(exponents), mean.size))], axis=0)
-    whole = JointProblem(tuple(transport.materials[m] for m in unknown), exponents[:, unknown],
-                         factor, rows, targets, response,
-                         np.log(np.append(prior.weights, 1.0)), np.vstack([prior.means, mean]),
-                         np.concatenate([np.linalg.cholesky(prior.covariances), root[None]]))
+    names = tuple(transport.materials[m] for m in unknown)
+    stated = [tuple((families or {}).get(name, ())) for name in names]
+    whole = JointProblem(names, exponents[:, unknown], factor, rows, targets, response,
+                         *_components(prior, stated, mean, root))
     return _above_noise(whole)
+
+
+def _components(prior: LogitMixture, stated: Sequence[tuple[str, ...]], mean: np.ndarray,
+                root: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Log weights (M, C + 1), means and roots of the components of all materials' priors, and the
+    one Gaussian of mean and root.
+    """
+    priors = {families: of_families(prior, families) for families in dict.fromkeys(stated)}
+    weights = [np.concatenate([one.weights if families == mine else np.zeros(one.weights.size)
+                               for families, one in priors.items()] + [np.ones(1)])
+               for mine in stated]
+    roots = [one.family_factors(LEVEL)[np.asarray(one.family, dtype=int), :, None]
+             * np.linalg.cholesky(one.covariances) for one in priors.values()]
+    with np.errstate(divide="ignore"):
+        log_weights = np.log(weights)
+    return (log_weights, np.vstack([*(one.means for one in priors.values()), mean]),
+            np.concatenate([*roots, root[None]]))
 
 
 def climb(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes:
@@ -180,6 +203,11 @@ def logits_of(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> np.nd
     shaped = z.reshape(len(z), len(problem.materials), -1)
     return np.stack([problem.means[label] + shaped[:, m] @ problem.roots[label].T for m,
                      label in enumerate(labels)], axis=1)
+
+
+def log_weight_of(problem: JointProblem, labels: np.ndarray) -> float:
+    """Log of the prior probability of labels (M,)."""
+    return float(problem.log_weights[np.arange(len(labels)), labels].sum())
 
 
 def covariance_at(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -235,8 +263,7 @@ def _climb_one(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> tupl
     if not np.isfinite(cost):
         raise ConvergenceError("the joint fit did not reach a finite cost; check the signals and "
                                "their errors")
-    evidence = float(problem.log_weights[labels].sum()) - cost - np.log1p(np.maximum(values,
-                                                                                     0)).sum() / 2
+    evidence = log_weight_of(problem, labels) - cost - np.log1p(np.maximum(values, 0)).sum() / 2
     return z, evidence, still
 
 
@@ -272,9 +299,9 @@ def _above_noise(problem: JointProblem) -> JointProblem:
     """The problem with the rows along which the signals of scenes drawn from the prior rise above
     the noise.
     """
-    rng, materials = np.random.default_rng(0), len(problem.materials)
-    labels = rng.choice(len(problem.means) - 1, (SCENES, materials),
-                        p=np.exp(problem.log_weights[:-1]))
+    rng = np.random.default_rng(0)
+    labels = np.array([rng.choice(len(problem.means) - 1, SCENES, p=np.exp(log_weights[:-1]))
+                       for log_weights in problem.log_weights], dtype=int).reshape(-1, SCENES).T
     z = rng.standard_normal((*labels.shape, problem.means.shape[1]))
     logits = problem.means[labels] + (problem.roots[labels] @ z[..., None])[..., 0]
     received = (products(problem, logits)[1] @ problem.response.T).transpose(0, 2,

@@ -28,6 +28,7 @@ from spectrabox.sampling.scene.labels import SAMPLED, find_modes
 from spectrabox.sampling.scene.posterior import (
     JointProblem,
     Modes,
+    log_weight_of,
     logits_of,
     products,
     residual_and_jacobian,
@@ -160,8 +161,8 @@ def _proposer(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> _Prop
         [problem.roots[label] @ directions[m * wavelengths:(m + 1) * wavelengths]
          for m, label in enumerate(labels)])
     assert materials * wavelengths == z.size
-    return _Proposer(labels, float(problem.log_weights[labels].sum()), z @ directions, directions,
-                     size, by_product, size * (u.T @ problem.targets), by_wavelength,
+    return _Proposer(labels, log_weight_of(problem, labels), z @ directions, directions, size,
+                     by_product, size * (u.T @ problem.targets), by_wavelength,
                      logit_directions)
 
 

@@ -24,6 +24,12 @@ Coefficients = Annotated[int, typer.Option(
     help="N of the B-spline class: bounds, and the methods uniform and paper.")]
 PriorFile = Annotated[Path | None, typer.Option(
     "--prior", help="A prior of your own; the shipped one by default.")]
+Families = Annotated[list[str] | None, typer.Option(
+    "--family", help="What the surface is said to be: paint, textile, leaves, skin, white, earth "
+    "or animal; may be repeated. Bands then are conditional on it.")]
+LabelledFolders = Annotated[list[str], typer.Argument(
+    metavar="[FAMILY=]FOLDER...", help="One folder per library, and the family of surfaces that "
+    "it is of, or mixed; paint by default.")]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same draws.")]
 Level = Annotated[float, typer.Option(help="Of the bands.")]
 Column = Annotated[str | None, typer.Option(help="Column of the truth.")]
@@ -90,8 +96,10 @@ Folders = Annotated[list[Path], typer.Argument(
     metavar="FOLDER...", help="Measured reflectances, one folder per library.")]
 SignalNoise = Annotated[float, typer.Option(help="Relative standard error of the signals.")]
 Page = Annotated[Path | None, typer.Option(help="Write the page there (.md).")]
+Models = Annotated[bool, typer.Option(
+    "--models/--libraries-alone", help="Also learn from the models of skin, leaves, dyes ... that "
+    "come with the program.")]
 Trained = Annotated[Path, typer.Option(help="The prior, .npz.")]
-Components = Annotated[int, typer.Option(help="Of the mixture.")]
 
 # of judge alone
 Cube = Annotated[Path, typer.Argument(
@@ -129,7 +137,8 @@ def register(app: typer.Typer) -> None:
 def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signals: Signals = None,
            white: White = None, noise: Noise = None, coefficients: Coefficients = 13,
            method: Method = "prior", samples: Samples = 2000, seed: Seed = 0, out: Draws = None,
-           prior: PriorFile = None, level: Level = 0.95, reading: Readings = None,
+           prior: PriorFile = None, family: Families = None, level: Level = 0.95,
+           reading: Readings = None,
            photo: Photos = None, same: Same = None, more: More = None, twice: Twice = None,
            start: Start = "bounded", keep: Keep = None, refine: Refine = None,
            light_error: LightError = 0.0, sensitivity_error: SensitivityError = 0.0,
@@ -141,7 +150,8 @@ def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signal
         from spectrabox.session.signals.request_draws import DrawOptions
         options = DrawOptions(coefficients, method, samples, seed, start, keep, refine)
         request = SampleRequest(
-            sensitivity, light, signal, signals, white, noise, options, prior, level,
+            sensitivity, light, signal, signals, white, noise, options, prior,
+            tuple(family or ()), level,
             readings=tuple(reading or ()), photos=tuple(photo or ()), same=tuple(same or ()),
             more=more, twice=twice, baseline=baseline, truth=truth, column=column,
             lights=tuple(delta_light or DELTA_LIGHTS), light_error=light_error,
@@ -154,8 +164,8 @@ def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signal
 
 
 def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
-           white: White = None, noise: PixelNoise = 0.01, side: Side = 25, as_json: Json = False,
-           debug: Debug = False) -> None:
+           white: White = None, noise: PixelNoise = 0.01, side: Side = 25, family: Families = None,
+           as_json: Json = False, debug: Debug = False) -> None:
     """Mean and spread of the spectrum behind every pixel, as spectral EXR."""
     with command(as_json, debug):
         import numpy as np
@@ -169,7 +179,8 @@ def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
         signals = np.asarray(open_photo(image).signal, dtype=float)
         if white is not None:
             signals = signals / numbers(white, signals.shape[2], "white")
-        mean, spread, beyond = uplift_answer(signals, sensitivity, light, noise, side)
+        mean, spread, beyond = uplift_answer(signals, sensitivity, light, noise, side,
+                                             tuple(family or ()))
         paths = {"mean": out / "mean.exr", "standard_deviation": out / "standard_deviation.exr"}
         with writable(out):
             for path, values in zip(paths.values(), (mean, spread), strict=True):
@@ -202,14 +213,15 @@ def plan(sensitivity: Sensitivity, light: Light,
 
 
 def certify(folders: Folders, sensitivity: Sensitivity = OBSERVER, light: Light = "D65",
-            noise: SignalNoise = 0.0, prior: PriorFile = None, delta_light: DeltaLight = None,
-            out: Page = None, as_json: Json = False, debug: Debug = False) -> None:
+            noise: SignalNoise = 0.0, prior: PriorFile = None, family: Families = None,
+            delta_light: DeltaLight = None, out: Page = None, as_json: Json = False,
+            debug: Debug = False) -> None:
     """Do the bands hold the truth on your own spectra? A certificate page."""
     with command(as_json, debug):
         from spectrabox.radiometry.files import write_text_whole
         from spectrabox.session.signals.judgement_answers import certify_answer
         facts, page = certify_answer(folders, sensitivity, light, noise, prior,
-                                     tuple(delta_light or DELTA_LIGHTS))
+                                     tuple(delta_light or DELTA_LIGHTS), tuple(family or ()))
         if out is not None:
             write_text_whole(out, page)
             facts["page"] = str(out)
@@ -222,7 +234,8 @@ def judge(cube: Cube, truth: Truths = None, column: TruthColumn = None, regions:
           sensitivity: Sensitivity = OBSERVER, light: Light = "D65", signals: SeenSignals = None,
           white: White = None, noise: Noise = None, delta_light: DeltaLight = None,
           coefficients: Coefficients = 13, samples: OwnDraws = 2000, seed: Seed = 0,
-          prior: PriorFile = None, baseline: Baseline = False, out: RegionTable = None,
+          prior: PriorFile = None, family: Families = None, baseline: Baseline = False,
+          out: RegionTable = None,
           as_json: Json = False, debug: Debug = False) -> None:
     """Spectra recovered elsewhere, as a hyperspectral picture, judged by the same measures beside
     our methods.
@@ -251,7 +264,7 @@ def judge(cube: Cube, truth: Truths = None, column: TruthColumn = None, regions:
             seen = read_signals(signals, len(sensitivities(sensitivity, visible_grid(1))))
         request = JudgeRequest(column, full_scale, white_region, sensitivity, light,
                                tuple(delta_light or DELTA_LIGHTS), samples, seed, coefficients,
-                               baseline, prior, seen, white, noise)
+                               baseline, prior, tuple(family or ()), seen, white, noise)
         truths = None if truth is None else read_table(truth)
         facts, text, table = judge_answer(picture, chosen, truths, request)
         if out is not None:
@@ -273,8 +286,8 @@ def open_picture(path: Path, wavelengths: Any, variable: str | None) -> Any:
     return open_cube(path, wavelengths, variable)
 
 
-def prior_train(folders: Folders, out: Trained, sensitivity: Sensitivity = OBSERVER,
-                light: Light = "D65", components: Components = 8, seed: Seed = 0,
+def prior_train(folders: LabelledFolders, out: Trained, sensitivity: Sensitivity = OBSERVER,
+                light: Light = "D65", models: Models = True, seed: Seed = 0,
                 as_json: Json = False, debug: Debug = False) -> None:
     """Learn a prior from folders of measured reflectances; calibrate it on each left out in
     turn.
@@ -283,7 +296,7 @@ def prior_train(folders: Folders, out: Trained, sensitivity: Sensitivity = OBSER
         from spectrabox.radiometry.files import writable
         from spectrabox.sampling.prior.mixture import save_prior
         from spectrabox.session.signals.judgement_answers import train_answer
-        facts, text, prior = train_answer(folders, sensitivity, light, components, seed)
+        facts, text, prior = train_answer(folders, sensitivity, light, seed, models)
         with writable(out.parent):
             save_prior(out, prior)
         answer(as_json, {**facts, "prior": str(out)}, f"{text}\nwrote {out}")

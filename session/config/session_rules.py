@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import re
 
+from spectrabox.sampling.prior.families.words import unknown_families
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
     ONE_PHOTO,
@@ -38,6 +39,8 @@ def inconsistencies(config: SessionConfig) -> list[str]:
             problems.append(f"{FILE_NAME}: materials {owners[material.bsdf]!r} and {name!r} name "
                             f"the same BSDF {material.bsdf!r}")
         owners[material.bsdf] = name
+        if (wrong := unknown_families(material.families)) is not None:
+            problems.append(f"{FILE_NAME}: materials.{name}.family: {wrong}")
     if config.chart.corners_px is not None and [len(c) for c in config.chart.corners_px] != [2] * 4:
         problems.append(f"{FILE_NAME}: chart.corners_px needs four [x, y] pairs: the outer corners "
                         "at dark skin, bluish green, black and white")

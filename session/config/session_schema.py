@@ -195,6 +195,16 @@ class MaterialSection(Table):
     bsdf: str = Field(description="id of the BSDF in the scene")
     known: SpectrumRef | None = Field(None, description="measured reflectance, taken as given")
     truth: SpectrumRef | None = Field(None, description="measured reflectance, only compared with")
+    family: str | ListOf[str] | None = Field(
+        None, description="what the surface is: paint, textile, leaves, skin, white, earth or "
+        "animal; bands are then conditional on it")
+
+    @property
+    def families(self) -> tuple[str, ...]:
+        """The families that the surface is said to be one of; none where nobody said."""
+        if self.family is None:
+            return ()
+        return (self.family,) if isinstance(self.family, str) else tuple(self.family)
 
 
 class ViewSection(Table):

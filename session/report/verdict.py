@@ -195,7 +195,8 @@ def _outcomes(results: SessionResults) -> list[Criterion]:
                 if m.doubtful and m.samples is not None]
     if not doubtful:
         return [*rows, Criterion("Samplers", None, "as intended", "as intended", Status.PASS,
-                                 f"Sampler of every estimated material: {drawn[0][1].sentence}")]
+                                 "Sampler of every estimated material: "
+                                 f"{drawn[0][1].outcome.value}")]
     says = "; ".join(f"“{name}”: {sentence}" for name, sentence in doubtful)
     return [*rows, Criterion("Samplers", None, "see words", "as intended", Status.WARN,
                              f"Sampler of {says}")]

@@ -25,7 +25,8 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 )
 from spectrabox.sampling.error_budget import error_budget
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
+from spectrabox.sampling.prior.draws import family_shares
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior, of_families
 from spectrabox.sampling.summary import summarise
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.request_draws import DrawOptions, check_options, draws_of
@@ -55,6 +56,7 @@ class SampleRequest:
     noise: str | None
     options: DrawOptions
     prior: Path | None
+    families: tuple[str, ...]           # that the surface is said to be of
     level: float
     readings: tuple[str, ...]           # NM[/FWHM]:REFLECTANCE[:ERROR]
     photos: tuple[str, ...]             # LIGHT=v1,v2,v3[:e1,e2,e3]
@@ -130,7 +132,8 @@ def _parsed(request: SampleRequest) -> _Parsed:
         twice = measurement_of_signal(relative_response, signal, white, noise)
     needs_prior = request.options.method == "prior" or request.prior or more
     return _Parsed(relative_response, white, optional_numbers(request.noise, bands, "noise"), twice,
-                   more, load_prior(request.prior) if needs_prior else None)
+                   more, of_families(load_prior(request.prior), request.families)
+                   if needs_prior else None)
 
 
 def _answer(request: SampleRequest, parsed: _Parsed,
@@ -156,6 +159,8 @@ def _answer(request: SampleRequest, parsed: _Parsed,
         total = float(np.mean(sum(budget.values(), np.zeros(1))))
         facts["error_budget"] = {name: float(np.mean(variance)) / total
                                  for name, variance in budget.items()}
+    if prior is not None and options.method == "prior":
+        facts["families"] = family_shares(prior, measurement)
     if request.baseline or request.truth is not None:
         facts |= _compared(request, base, draws)
     facts["seconds"] = time.perf_counter() - started

@@ -24,7 +24,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 from spectrabox.sampling.judge.cube_regions import Region, RegionSpectra, region_spectra
 from spectrabox.sampling.judge.cubes import Cube
 from spectrabox.sampling.judge.judgement import beside, judged, judgement_text, means
-from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families
 from spectrabox.session.signals.signal_options import measurement_of_signal, optional_numbers
 
 IMPORTED = "imported picture"
@@ -48,6 +48,7 @@ class JudgeRequest:
     coefficients: int
     baseline: bool
     prior: Path | None
+    families: tuple[str, ...]           # that the surfaces are said to be of
     # (K,) each, in the order of the regions; None: those of the truths
     signals: Sequence[np.ndarray] | None = None
     white: str | None = None
@@ -98,7 +99,7 @@ def judge_regions(cube: Cube, regions: list[RegionSpectra], truths: SpectralTabl
     """
     fine = visible_grid(1)
     relative_response = named_spectra.relative_response(request.sensitivity, request.light, fine)
-    prior, bands = load_prior(request.prior), len(relative_response)
+    prior, bands = of_families(load_prior(request.prior), request.families), len(relative_response)
     if request.signals is not None and len(request.signals) != len(regions):
         raise InputError(f"{len(request.signals)} signals were given for {len(regions)} regions; "
                          "give one row a region, in their order")

@@ -1,7 +1,7 @@
 """What plan, certify, prior train and uplift answer: names and folders in, numbers and text out."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,19 @@ from spectrabox.sampling.further.planner import (
     wavelength_candidates,
 )
 from spectrabox.sampling.judge.certificate import LEVELS, Certificate, certificate_page, certify
+from spectrabox.sampling.prior.calibration import AT_95, Judgement, LeftOut, train
 from spectrabox.sampling.prior.draws import sample_prior
-from spectrabox.sampling.prior.libraries import read_library
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
+from spectrabox.sampling.prior.families.catalogue import FAMILIES
+from spectrabox.sampling.prior.families.words import WORDS
+from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library
+from spectrabox.sampling.prior.mixture import (
+    GRID,
+    LogitMixture,
+    load_prior,
+    of_families,
+)
 from spectrabox.sampling.prior.tables import build_table, outside, uplift_directly, uplift_pixels
-from spectrabox.sampling.prior.training import LeftOut, train
+from spectrabox.sampling.prior.training import MIXED
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.signal_options import (
     measurement_of_signal,
@@ -110,12 +118,13 @@ def candidates_of(request: PlanRequest) -> list[Candidate]:
 
 
 def certify_answer(folders: list[Path], sensitivity: str, light: str, noise: float,
-                   prior_file: Path | None,
-                   lights: tuple[str, ...]) -> tuple[dict[str, Any], str]:
+                   prior_file: Path | None, lights: tuple[str, ...],
+                   families: tuple[str, ...] = ()) -> tuple[dict[str, Any], str]:
     """JSON object and page of ``spectrabox certify``."""
     if not 0 <= noise < 0.5:
         raise InputError(f"a relative noise of {noise:g} was given; 0 to 0.5 is needed")
-    prior, relative_response = load_prior(prior_file), response_of_names(sensitivity, light)
+    prior = of_families(load_prior(prior_file), families)
+    relative_response = response_of_names(sensitivity, light)
     certificates = [certify(prior, read_library(folder), relative_response, noise, lights=lights)
                     for folder in folders]
     return ({"libraries": [_certificate_facts(certificate) for certificate in certificates],
@@ -125,45 +134,65 @@ def certify_answer(folders: list[Path], sensitivity: str, light: str, noise: flo
 
 def _certificate_facts(certificate: Certificate) -> dict[str, Any]:
     same = ("name", "curves", "left_out", "rmse", "spectral_angle", "curve_coverage", "width",
-            "sharpness", "winkler", "delta_e00", "unfamiliar", "trained_on", "verdict")
+            "sharpness", "winkler", "delta_e00", "by_wavelength", "bright", "shares", "by_family",
+            "stated", "unfamiliar", "trained_on", "verdict")
     return {**{name: getattr(certificate, name) for name in same},
             "coverage": {f"{level:g}": certificate.coverage[level] for level in LEVELS},
             "coverage_standard_error": certificate.coverage_error}
 
 
-def train_answer(folders: list[Path], sensitivity: str, light: str, components: int,
-                 seed: int) -> tuple[dict[str, Any], str, LogitMixture]:
+def train_answer(folders: list[str], sensitivity: str, light: str, seed: int,
+                 models: bool = True) -> tuple[dict[str, Any], str, LogitMixture]:
     """JSON object, text and prior of ``spectrabox prior train``."""
-    if not 1 <= components <= 64:
-        raise InputError(f"{components} components were asked for; 1 to 64 are possible")
-    libraries = [read_library(folder) for folder in folders]
-    prior, judged = train(libraries, response_of_names(sensitivity, light), components, seed)
-    rows = [left_out_facts(prior, library) for library in judged]
-    lines = [f"{'left out':<20} {'curves':>6} {'RMSE':>7} {'95 % band holds':>16} {'width':>6} "
-             f"{'whole curves':>13}"]
-    lines += [f"{row['name']:<20} {row['curves']:6d} {row['rmse']:7.4f} {row['coverage']:16.3f} "
-              f"{row['width']:6.3f} {row['curve_coverage']:13.3f}" for row in rows]
-    lines += [f"{library.name}: left out {count} curves, {reason}" for library in libraries
+    libraries: dict[str, list[ReflectanceLibrary]] = {}
+    for text in folders:
+        family, folder = family_and_folder(text)
+        libraries.setdefault(family, []).append(read_library(folder))
+    families = {name: family if models else replace(family, models={})
+                for name, family in FAMILIES.items()}
+    prior, left_out = train(libraries, response_of_names(sensitivity, light), seed, families)
+    rows = [left_out_facts(prior, part) for part in left_out]
+    lines = [f"{'left out':<20} {'family':<8} {'curves':>6} {'RMSE':>7} {'95 % holds':>10} "
+             f"{'width':>6} | {'stated: RMSE':>12} {'95 % holds':>10} {'width':>6}"]
+    lines += [f"{row['name']:<20} {row['family']:<8} {row['curves']:6d} {row['rmse']:7.4f} "
+              f"{row['coverage']:10.3f} {row['width']:6.3f} | {row['stated']['rmse']:12.4f} "
+              f"{row['stated']['coverage']:10.3f} {row['stated']['width']:6.3f}" for row in rows]
+    lines += [f"{library.name}: left out {count} curves, {reason}"
+              for read in libraries.values() for library in read
               for reason, count in library.left_out.items()]
-    facts = {"left_out_in_turn": rows,
-             "band_factors": dict(zip(map(str, prior.levels.tolist()), prior.band_factors.tolist(),
-                                      strict=True)), "curve_factor": prior.curve_factor,
-             "source": prior.source}
+    factors = {name: {"none stated": prior.band_factors[index, AT_95].tolist(),
+                      "stated": prior.stated_factors[index, AT_95].tolist()}
+               for index, name in enumerate(prior.families)}
+    facts = {"left_out_in_turn": rows, "band_factors_95": factors,
+             "curve_factor": prior.curve_factor, "source": prior.source}
     return facts, "\n".join(lines), prior
 
 
-def left_out_facts(prior: LogitMixture, library: LeftOut) -> dict[str, Any]:
-    """What the calibrated prior did on a library left out, at its calibrated 95 % band."""
-    at_95 = int(np.argmin(np.abs(prior.levels - 0.95)))
-    factor, scores = prior.band_factors[at_95], library.scores[at_95]
-    return {"name": library.name, "curves": library.curves, "rmse": library.rmse,
-            "coverage": float(np.mean(scores <= factor)),
-            "width": float(library.width[at_95] * factor),
-            "curve_coverage": float(np.mean(scores.max(axis=1) <= prior.curve_factor))}
+def family_and_folder(text: str) -> tuple[str, Path]:
+    """The family and the folder of FAMILY=FOLDER; paint where a folder stands alone."""
+    family, separator, folder = text.partition("=")
+    word = WORDS.get(family, family)
+    named = bool(separator) and word in (*FAMILIES, MIXED)
+    return (word, Path(folder)) if named else ("paint", Path(text))
 
 
-def uplift_answer(signals: np.ndarray, sensitivity: str, light: str, noise: float,
-                  side: int) -> tuple[np.ndarray, np.ndarray, float]:
+def left_out_facts(prior: LogitMixture, part: LeftOut) -> dict[str, Any]:
+    """What the calibrated 95 % bands did on a library or model left out."""
+    mine = prior.stated_factors[prior.families.index(part.family), AT_95]
+    mixed = part.unstated.shares @ prior.band_factors[:, AT_95]
+    return {"name": part.name, "family": part.family, "curves": part.curves,
+            "measured": part.measured, **_band_facts(part.unstated, mixed),
+            "stated": _band_facts(part.stated, mine)}
+
+
+def _band_facts(judgement: Judgement, factor: np.ndarray) -> dict[str, float]:
+    return {"rmse": judgement.rmse,
+            "coverage": float(np.mean(judgement.scores[AT_95] <= factor)),
+            "width": float(np.mean(judgement.width[AT_95] * factor))}
+
+
+def uplift_answer(signals: np.ndarray, sensitivity: str, light: str, noise: float, side: int,
+                  families: tuple[str, ...] = ()) -> tuple[np.ndarray, np.ndarray, float]:
     """Mean and standard deviation (H, W, 61) of an image's signals (H, W, K) and the share outside
     0 to 1.
     """
@@ -172,7 +201,7 @@ def uplift_answer(signals: np.ndarray, sensitivity: str, light: str, noise: floa
         raise InputError(f"the image has {signals.shape[2]} bands and the sensitivities "
                          f"{len(relative_response)}")
     flat = np.nan_to_num(signals.reshape(-1, len(relative_response)).astype(float))
-    prior = load_prior()
+    prior = of_families(load_prior(), families)
     small = len(flat) < side**3 or len(relative_response) != 3
     mean, spread = (uplift_directly(prior, relative_response, np.clip(flat, 0, 1), noise) if small
                     else uplift_pixels(build_table(prior, relative_response, noise, side), flat))

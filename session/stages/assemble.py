@@ -62,7 +62,7 @@ def _material(config: SessionConfig, calibrations: list[Calibration], joint: Joi
     scores = None if truth is None else score(spectrum_on_grid(truth, joint.grid), spectrum,
                                               summary, samples)
     by_prior = config.sampling.method == "prior" and config.sampling.through == "surface"
-    shares = variance_shares(calibrations, joint, index) if by_prior else {}
+    shares = variance_shares(calibrations, joint, index, section.families) if by_prior else {}
     return MaterialResult(*known, summary, samples, errors, truth, scores, shares)
 
 

@@ -14,7 +14,7 @@ from spectrabox.radiometry.records import Calibration, JointReconstruction, Spec
 from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.error_budget import error_budget
-from spectrabox.sampling.prior.mixture import load_prior
+from spectrabox.sampling.prior.mixture import load_prior, of_families
 
 DARK = 1e-12             # of the light's strongest wavelength
 SCALE = "light scale"    # what is left of its error beside causes of their own name
@@ -124,7 +124,7 @@ def light_covariance(calibrations: Sequence[Calibration], joint: JointReconstruc
 
 
 def variance_shares(calibrations: Sequence[Calibration], joint: JointReconstruction,
-                    index: int) -> dict[str, float]:
+                    index: int, families: Sequence[str]) -> dict[str, float]:
     """Share of each cause in the variance of a spectrum drawn from the learnt prior, mean over
     wavelengths.
 
@@ -142,7 +142,8 @@ def variance_shares(calibrations: Sequence[Calibration], joint: JointReconstruct
     dict
         From each cause to its share, 0 to 1; they sum to 1.
     """
-    budget = error_budget(load_prior(), measurement_of(calibrations, joint, index),
+    budget = error_budget(of_families(load_prior(), families),
+                          measurement_of(calibrations, joint, index),
                           signal_covariances(calibrations, joint, index))
     total = sum(float(np.mean(variance)) for variance in budget.values())
     return {cause: float(np.mean(variance)) / total for cause, variance in budget.items()}

@@ -14,6 +14,7 @@ from spectrabox.radiometry.records import (
     WavelengthGrid,
 )
 from spectrabox.sampling.methods import draw_spectra
+from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.sampling.summary import summarise
 from spectrabox.session.stages.calibrate_stage import calibrations_of
 from spectrabox.session.stages.error_budget import measurement_of
@@ -33,19 +34,22 @@ def sample_materials(task: StageTask) -> dict[str, Any]:
     """
     chosen, seed = task.config.sampling, task.config.session.seed
     calibrations, joint = calibrations_of(task.config, task.stored), joint_of(task.stored)
+    prior = load_prior()
     records: dict[str, Any] = {}
     jointly: dict[str, SpectrumSamples] = {}
+    families = {name: material.families for name, material in task.config.materials.items()}
     if chosen.through == "transport":
         task.progress(0.0, "all materials at once")
         jointly = draw_through_transport(calibrations[0], joint, chosen.draws, seed,
-                                         chosen.coefficients)
+                                         chosen.coefficients, families)
     for index, name in enumerate(joint.materials):
         if joint.known[index]:
             continue
         task.progress(index / len(joint.materials), name)
         measurement = measurement_of(calibrations, joint, index)
         draws = jointly.get(name) or draw_spectra(measurement, chosen.method, chosen.draws,
-                                                  seed + index, chosen.coefficients)
+                                                  seed + index, chosen.coefficients,
+                                                  of_families(prior, families[name]))
         records[f"samples {name}"] = draws
         records[f"summary {name}"] = on_finer_grid(summarise(
             draws, measurement, chosen.level, conditions(draws, measurement)), joint.grid)

@@ -3,6 +3,8 @@ traced.
 """
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
@@ -24,7 +26,8 @@ KEPT = 1e-4              # of the largest variance of a direction of the sensiti
 
 def draw_through_transport(calibration: Calibration, joint: JointReconstruction, draws: int,
                            seed: int,
-                           coefficients: int) -> dict[str, SpectrumSamples]:
+                           coefficients: int,
+                           families: Mapping[str, Sequence[str]]) -> dict[str, SpectrumSamples]:
     """Draws of every unknown material, interreflection, noise, calibration and model errors
     included.
 
@@ -61,7 +64,7 @@ def draw_through_transport(calibration: Calibration, joint: JointReconstruction,
              for place, name in enumerate(joint.materials) if joint.known[place]}
     return draw_scene(regions.transport, regions.signal, regions.standard_error, response, draws,
                       seed, common=_common_errors(calibration, joint, regions, fine), known=known,
-                      coefficients=coefficients)
+                      families=families, coefficients=coefficients)
 
 
 def _common_errors(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,

@@ -1,0 +1,45 @@
+"""The families of surfaces that the shipped prior is made of: models, share and size of each.
+
+The shares are those of surfaces in front of a camera as far as anybody knows them: paint and print
+most, then cloth and plastic, plants, skin. They weigh families against each other where a signal
+allows several; bands are calibrated for whatever they are. Numbers of components, and how much of
+the smoothness prior each component is widened by, were chosen on the training libraries left out
+in turn (models/surface_families.md).
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.sampling.prior.families.animals import animals
+from spectrabox.sampling.prior.families.dyes import paper, plastic, textile
+from spectrabox.sampling.prior.families.earth import soils, woods
+from spectrabox.sampling.prior.families.leaves import leaves, petals
+from spectrabox.sampling.prior.families.skin import skin, skin_in_two_fluxes
+from spectrabox.sampling.prior.families.whites import tiles, whites
+
+Model = Callable[[np.random.Generator, int], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Family:
+    """One kind of surface in the mixture."""
+
+    share: float                    # prior probability
+    components: int
+    smooth: float                   # share of the smoothness prior's covariance in each component
+    models: dict[Model, int]        # and how many reflectances each makes for training
+
+
+FAMILIES = {
+    "paint": Family(0.50, 12, 0.02, {}),    # measured, and mixtures of those measured
+    "textile": Family(0.12, 6, 0.02, {textile: 1500, paper: 600, plastic: 1200}),
+    "leaves": Family(0.12, 4, 0.01, {leaves: 1500, petals: 1500}),
+    "skin": Family(0.10, 3, 0.01, {skin: 1500, skin_in_two_fluxes: 1500}),
+    "white": Family(0.05, 2, 0.02, {whites: 1500, tiles: 1500}),
+    "earth": Family(0.07, 2, 0.02, {soils: 1500, woods: 1500}),
+    "animal": Family(0.04, 2, 0.02, {animals: 1500}),
+}
+MIXTURES = 3000                     # of measured paints
