@@ -86,7 +86,7 @@ def joint_responses(photos: list[tuple[np.ndarray, np.ndarray]], chart: np.ndarr
                                 np.full(len(noise), np.pi), field_terms(places)[lit], True))
     prior = shipped_prior()
     found = fit_with_prior(shots, prior, GRID)
-    mean = prior.means[-1].reshape(3, -1) @ interpolation_matrix(prior.nm, GRID.nm).T
+    mean = prior.curves(prior.means[-1]).reshape(3, -1) @ interpolation_matrix(prior.nm, GRID.nm).T
     powers = np.array([shot.power for shot in shots])
     return powers @ found.sensitivity.curves.T, powers @ mean.T, found.model_error, found.chi_square
 

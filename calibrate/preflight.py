@@ -84,7 +84,7 @@ def _expected(prior: CameraPrior, spreads: np.ndarray, components: list[int],
     variance, relative = np.zeros((prior.bands, grid.nm.size)), np.zeros(prior.bands)
     weights = prior.weights[components] / prior.weights[components].sum()
     for component, weight in zip(components, weights, strict=True):
-        coefficients = prior.means[component].reshape(prior.bands, -1)
+        coefficients = prior.curves(prior.means[component]).reshape(prior.bands, -1)
         photos = [_imagined(reflectances, power, coefficients, basis, grid,
                             positions) for power in powers]
         covariance = expected_covariance(photos, prior, component, relative_error, grid,

@@ -1,15 +1,26 @@
 """The prior on a camera's curves: a mixture of Gaussians, its covariances and its file.
 
-The curves of one camera are one vector, band after band. Every component of the mixture has a mean
-and a level; a level says how far cameras of that kind depart from such a mean:
+The curves of all bands of one camera, band after band, are one vector. A learnt prior is Gaussian
+in their logarithm,
+
+    curve = exp(state) - floor
+
+for a dye, the silicon and the filters in front of it multiply, and makers differ by factors: twice
+the sensitivity is as far as half of it, and no curve is negative by more than the floor. The state
+of other priors is the curves themselves. Every component of the mixture has a mean and a level; a
+level says how far cameras of that kind depart from such a mean:
 
     covariance = family x (variation within families)
                  + database x (variation between all cameras) + departures
 
-The departures are what no measured camera shows: Matern-correlated functions of wavelength, added
-to every band, multiplied with every band, and multiplied with all bands alike (a filter in front of
-the sensor). ``learnt_prior`` makes such a mixture from measured cameras, ``smooth_prior`` one for
-cameras of which only smoothness is known.
+Both variations are those of few cameras: taken as they are, they say that an unknown camera is a
+mixture of the known. So a share of each is localised, multiplied entry by entry with a correlation
+that falls off with the distance in wavelength and from band to band [as ensemble Kalman filters do:
+Houtekamer & Mitchell 2001]: variances stay, and what happens at 420 nm no longer decides what
+happens at 650 nm. The departures are what no measured camera shows: Matern-correlated functions of
+wavelength, added to every band, multiplied with every band, and multiplied with all bands alike (a
+lens, or a filter in front of the sensor). ``learnt_prior`` makes such a mixture from measured
+cameras, ``smooth_prior`` one for cameras of which only smoothness is known.
 """
 from __future__ import annotations
 
@@ -25,11 +36,12 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.shaped import Record
 
 SHIPPED = "rawtoaces39.npz"
+NOT_LOCALISED = (0.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class CameraPrior(Record):
-    """Mixture of Gaussians on curves stacked band after band: D = K P; F components; L levels.
+    """Mixture of Gaussians on states stacked band after band: D = K P; F components; L levels.
 
     Columns of ``departures``: standard deviation and length (nm) of what is added to each band (a
     share of the largest value), multiplied with each band, and multiplied with all bands together
@@ -40,7 +52,7 @@ class CameraPrior(Record):
 
     nm: Annotated[np.ndarray, "P"]
     weights: Annotated[np.ndarray, "F"]
-    means: Annotated[np.ndarray, "F D"]
+    means: Annotated[np.ndarray, "F D"]             # of the state
     level: Annotated[np.ndarray, "F"]               # index into the rows below
     shares: Annotated[np.ndarray, "L 2"]            # of the variance within families, and between
     departures: Annotated[np.ndarray, "L 6"]
@@ -50,30 +62,50 @@ class CameraPrior(Record):
     members: tuple[str, ...]                        # cameras of each component, joined by ", "
     source: str
     licence: str
-    jitter_sd: float = 1e-3                         # of the means' largest: stays invertible
+    floor: float | None = None                      # None: the state is the curves
+    # share that is localised, its length (nm), and the correlation of one band with another
+    localised: tuple[float, float, float] = NOT_LOCALISED
+    jitter_sd: float = 1e-3                         # of the curves' largest: stays invertible
 
     @property
     def bands(self) -> int:
         return self.means.shape[1] // self.nm.size
 
+    def curves(self, state: np.ndarray) -> np.ndarray:
+        """Curves (..., D) of states."""
+        return state if self.floor is None else np.exp(state) - self.floor
+
+    def slope(self, state: np.ndarray) -> np.ndarray:
+        """Derivative (..., D) of each curve value by its state."""
+        return np.ones_like(state) if self.floor is None else np.exp(state)
+
+    def state(self, curves: np.ndarray) -> np.ndarray:
+        """State (..., D) of curves above minus the floor."""
+        return curves if self.floor is None else np.log(curves + self.floor)
+
     def covariances(self) -> np.ndarray:
-        """Covariance (L, D, D) of every level.
+        """Covariance (L, D, D) of the states of every level.
 
         Relative departures are shares of the last component's mean.
         """
-        top, size = self.means.max(), self.means.shape[1]
+        last, slope = self.curves(self.means[-1]), self.slope(self.means[-1])
+        top = self.curves(self.means).max()
         each, together = np.eye(self.bands), np.ones((self.bands, self.bands))
-        inside, across = self.within @ self.within.T, self.between @ self.between.T
-        relative = np.outer(self.means[-1], self.means[-1])
-        covariances = np.empty((len(self.shares), size, size))
+        share, length_nm, coupling = self.localised
+        locality = 1 - share + share * np.kron(coupling * together + (1 - coupling) * each,
+                                               matern(self.nm, length_nm, 2.5))
+        inside = locality * (self.within @ self.within.T)
+        across = locality * (self.between @ self.between.T)
+        relative, absolute = np.outer(last / slope, last / slope), 1 / np.outer(slope, slope)
+        covariances = np.empty((len(self.shares), last.size, last.size))
         for index, (add_sd, add_nm, each_sd, each_nm, all_sd, all_nm) in enumerate(self.departures):
             share_inside, share_across = self.shares[index]
-            covariances[index] = (share_inside * inside + share_across * across
-                            + np.kron(each, (add_sd * top) ** 2 * matern(self.nm, add_nm, 1.5))
-                            + relative * (np.kron(each, each_sd**2 * matern(self.nm, each_nm, 2.5))
-                                          + np.kron(together,
-                                                    all_sd**2 * matern(self.nm, all_nm, 2.5)))
-                            + (self.jitter_sd * top) ** 2 * np.eye(size))
+            covariances[index] = (
+                share_inside * inside + share_across * across
+                + absolute * np.kron(each, (add_sd * top) ** 2 * matern(self.nm, add_nm, 1.5))
+                + relative * np.kron(each, each_sd**2 * matern(self.nm, each_nm, 2.5))
+                + relative * np.kron(together, all_sd**2 * matern(self.nm, all_nm, 2.5))
+                + np.diag((self.jitter_sd * top / slope) ** 2))
         return covariances
 
 
@@ -107,7 +139,8 @@ def save_prior(path: Path, prior: CameraPrior) -> None:
                         shares=prior.shares, departures=prior.departures, widening=prior.widening,
                         within=prior.within.astype(np.float32),
                         between=prior.between.astype(np.float32), members=np.array(prior.members),
-                        source=np.array(prior.source), licence=np.array(prior.licence))
+                        source=np.array(prior.source), licence=np.array(prior.licence),
+                        floor=np.array(prior.floor), localised=np.array(prior.localised))
 
 
 def load_prior(path: Path) -> CameraPrior:
@@ -125,18 +158,21 @@ def load_prior(path: Path) -> CameraPrior:
     """
     try:
         with np.load(path, allow_pickle=False) as stored:
+            share, length_nm, coupling = (float(value) for value in stored["localised"])
             return CameraPrior(stored["nm"], stored["weights"], stored["means"].astype(float),
                                stored["level"], stored["shares"], stored["departures"],
                                stored["widening"], stored["within"].astype(float),
                                stored["between"].astype(float),
                                tuple(str(name) for name in stored["members"]),
-                               str(stored["source"]), str(stored["licence"]))
+                               str(stored["source"]), str(stored["licence"]),
+                               float(stored["floor"]), (share, length_nm, coupling))
     except FileNotFoundError:
         raise InputError(f"{path} is missing; make a prior with 'spectrabox camera prior FOLDER "
                          "--out FILE'") from None
     except (ValueError, KeyError, OSError, EOFError, TypeError, AttributeError, BadZipFile):
-        raise InputError(f"{path.name} is not a camera prior, or is damaged; "
-                         "make one with 'spectrabox camera prior FOLDER --out FILE'") from None
+        raise InputError(f"{path.name} is not a camera prior, is of an earlier version, or is "
+                         "damaged; make one with 'spectrabox camera prior FOLDER --out "
+                         "FILE'") from None
 
 
 def shipped_prior() -> CameraPrior:

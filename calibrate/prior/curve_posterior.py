@@ -161,7 +161,9 @@ def prior_share(posterior: CurvePosterior, prior: CameraPrior, moments: CurveMom
     spread = np.sqrt(prior.weights)[:, None] * (prior.means - prior.weights @ prior.means)
     of_level = np.bincount(prior.level, prior.weights,
                            minlength=len(prior.widening)) * prior.widening**2
-    before = spread.T @ spread + np.einsum("l,lij->ij", of_level, prior.covariances())
+    slope = prior.slope(prior.state(moments.coefficients.ravel() * moments.peak))
+    before = np.outer(slope, slope) * (
+        spread.T @ spread + np.einsum("l,lij->ij", of_level, prior.covariances()))
     scaling = _scaling(moments.coefficients, posterior.basis) / moments.peak
     after, prior_variance = (curve_variance(posterior.basis, covariance, prior.bands)
                              for covariance in (moments.covariance, scaling @ before @ scaling.T))

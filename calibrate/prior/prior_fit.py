@@ -4,7 +4,8 @@ Unknown are the curves of all bands together, and of every photo its exposure, i
 field and its glare. For each family of the prior and each plausible size of the model error (chart
 against reference, field, light) the photo's equations are linearised about the best answer
 (Gauss-Newton, as in an iterated Kalman filter), which gives a Gaussian posterior and how well that
-family explains the photo (its evidence). The posterior is their mixture.
+family explains the photo (its evidence). The posterior is their mixture, worked out in the state of
+the prior (the logarithm of the curves) and handed on in the curves.
 """
 from __future__ import annotations
 
@@ -34,7 +35,9 @@ LINEARISED_AT = 0.008
 # the sensor saw them, some were white-balanced
 GAINS = ((0.05, 0.8), (0.4, 0.2))
 EXPOSURE_SD = 3.0            # of log exposure about the first guess: nothing is known
-ITERATIONS = 6
+MAX_ITERATIONS = 10
+CONVERGED = 0.1              # largest change of a signal an iteration, in standard errors
+MAX_LOG_STEP = 1.0           # of the logarithm of a curve an iteration
 MAX_STEP = 0.5               # of a log exposure or field term an iteration: exp() of more runs away
 NEGLIGIBLE = 1e-4            # share of a component below which it is left out
 
@@ -103,11 +106,12 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
     spreads = prior.covariances()
     # a prior without cameras knows nothing of gains either
     gains = GAINS if prior.between.size else ((0.0, 1.0),)
-    candidates = []
-    for family, (gain_sd, share) in product(range(len(prior.weights)), gains):
+    candidates, guess = [], None
+    # the last component first: it is the widest, and where it ends the others are nearly done
+    for family, (gain_sd, share) in product(range(len(prior.weights))[::-1], gains):
         covariance, start = _joint_prior(prior, spreads[prior.level[family]], family, gain_sd,
                                          photos, designs)
-        jacobian, linear = _linearise(photos, designs, start, covariance, prior.bands)
+        jacobian, linear, guess = _linearise(photos, designs, start, covariance, prior, guess)
         projected = jacobian @ covariance @ jacobian.T
         for shared in (start, covariance, jacobian, linear):
             shared.flags.writeable = False  # else every candidate below would copy it
@@ -116,7 +120,7 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
                                  + _log_evidence(projected + noise, linear - jacobian @ start),
                                  family, gain_sd, error, start, covariance, jacobian, linear)
                        for error, noise in noises.items()]
-    return _mixture(candidates, noises, basis, prior)
+    return _mixture(candidates, noises, basis, prior, _whole(designs, prior), photos)
 
 
 def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: WavelengthGrid,
@@ -139,7 +143,7 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
     family = posterior.best_family
     covariance, start = _joint_prior(prior, prior.covariances()[prior.level[family]], family,
                                      posterior.best_gain_sd, photos, designs)
-    jacobian, linear = _linearise(photos, designs, start, covariance, prior.bands)
+    jacobian, linear, _ = _linearise(photos, designs, start, covariance, prior)
     inverse = np.linalg.inv(jacobian @ covariance @ jacobian.T
                             + _noise(photos, posterior.best_error))
     innovation = linear - jacobian @ start
@@ -175,10 +179,11 @@ def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family
     """
     designs = [unlit_design(photo, interpolation_matrix(prior.nm, grid.nm)) for photo in photos]
     covariance, start = _joint_prior(prior, spread, family, GAINS[0][0], photos, designs)
-    predicted, jacobian = _equations(photos, designs, start, prior.bands)
+    predicted, jacobian = _equations(photos, designs, start, prior)
     candidate = Candidate(0.0, family, GAINS[0][0], relative_error, start, covariance, jacobian,
                           predicted)
-    _, posterior = _condition(candidate, _noise(photos, relative_error))
+    _, posterior = _in_curves(prior, *_condition(candidate, _noise(photos, relative_error)),
+                              _whole(designs, prior), photos)
     size = prior.means.shape[1]
     return posterior[:size, :size] * prior.widening[prior.level[family]] ** 2
 
@@ -186,21 +191,26 @@ def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family
 def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: float,
                  photos: list[ChartEquations],
                  designs: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance (Z, Z) and mean (Z,) of curves and nuisances beforehand.
+    """Covariance (Z, Z) and mean (Z,) of state and nuisances beforehand.
 
     The exposure starts where it fits best. ``spread`` (D, D) is the covariance of the family's
-    curves. Curves are scaled to the same whole signal of the first chart, so that exposure alone
+    states. Curves are scaled to the same whole signal of the first chart, so that exposure alone
     says how bright a photo is.
     """
     whole = _whole(designs, prior)
-    factor = whole @ prior.means[family]
-    mean = prior.means[family] / factor
-    bands = mean.reshape(prior.bands, -1)
-    gains = block_diag(*(gain_sd * band[:, None] for band in bands))
-    covariance = spread / factor**2 + gains @ gains.T
-    # (1 - mean whole) covariance (1 - mean whole)^T
-    covariance = covariance - np.outer(mean, whole @ covariance)
-    covariance = covariance - np.outer(covariance @ whole, mean)
+    centre = prior.means[family]
+    factor = 1 / (whole @ prior.curves(centre))
+    curves = prior.curves(centre) * factor
+    mean = prior.state(curves)
+    slope = prior.slope(mean)
+    bands = curves.reshape(prior.bands, -1)
+    moved = prior.slope(centre) * factor / slope  # derivative of the scaled state by the state
+    gains = block_diag(*(gain_sd * band[:, None] for band in bands)) / slope[:, None]
+    covariance = spread * np.outer(moved, moved) + gains @ gains.T
+    # (1 - brighter seen) covariance (1 - brighter seen)^T: the whole signal does not vary
+    brighter, seen = curves / slope, whole * slope
+    covariance = covariance - np.outer(brighter, seen @ covariance)
+    covariance = covariance - np.outer(covariance @ seen, brighter)
     exposures = [np.log(photo.signal.sum() / (design @ bands.T).sum())
                  for photo, design in zip(photos, designs, strict=True)]
     sds = [np.r_[photo.relative_exposure_sd or EXPOSURE_SD, nuisance_sd(photo)] for photo in photos]
@@ -219,18 +229,19 @@ def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: f
 
 
 def _equations(photos: list[ChartEquations], designs: list[np.ndarray], state: np.ndarray,
-               bands: int) -> tuple[np.ndarray, np.ndarray]:
+               prior: CameraPrior) -> tuple[np.ndarray, np.ndarray]:
     """Predicted signals of all photos (Y,) and their derivatives (Y, Z)."""
-    curve_count = bands * designs[0].shape[1]
-    curves = state[:curve_count].reshape(bands, -1)
-    signals, rows, index = [], [], curve_count
+    size = prior.bands * designs[0].shape[1]
+    curves = prior.curves(state[:size]).reshape(prior.bands, -1)
+    slope = prior.slope(state[:size])
+    signals, rows, index = [], [], size
     for photo, design in zip(photos, designs, strict=True):
         count = 1 + nuisance_sd(photo).size
         signal, derivative = predicted_signal(photo, design, curves, state[index],
                                               state[index + 1:index + count])
         row = np.zeros((signal.size, state.size))
-        row[:, :curve_count] = derivative[:, :curve_count]
-        row[:, index:index + count] = derivative[:, curve_count:]
+        row[:, :size] = derivative[:, :size] * slope
+        row[:, index:index + count] = derivative[:, size:]
         signals.append(signal)
         rows.append(row)
         index += count
@@ -242,20 +253,29 @@ def _noise(photos: list[ChartEquations], error: float) -> np.ndarray:
 
 
 def _linearise(photos: list[ChartEquations], designs: list[np.ndarray], start: np.ndarray,
-               covariance: np.ndarray, bands: int) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives J (Y, Z) at the best solution, and the data (Y,) of the model y = J state."""
+               covariance: np.ndarray, prior: CameraPrior,
+               guess: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Derivatives J (Y, Z) at the best solution, the data (Y,) of the model y = J state, and that
+    solution (Z,); ``guess`` (Z,) is where to begin.
+    """
     measured = np.concatenate([photo.signal.ravel() for photo in photos])
     noise = _noise(photos, LINEARISED_AT)
-    state, curve_count = start, bands * designs[0].shape[1]
-    for _ in range(ITERATIONS):
-        predicted, jacobian = _equations(photos, designs, state, bands)
+    sigma = np.sqrt(np.diag(noise))
+    state, size = start if guess is None else guess, prior.means.shape[1]
+    for _ in range(MAX_ITERATIONS):
+        predicted, jacobian = _equations(photos, designs, state, prior)
         linear = measured - predicted + jacobian @ state
         projected = covariance @ jacobian.T
         gain = np.linalg.solve(jacobian @ projected + noise, linear - jacobian @ start)
         step = start + projected @ gain - state
-        state = state + step / max(1.0, np.abs(step[curve_count:]).max() / MAX_STEP)
-    predicted, jacobian = _equations(photos, designs, state, bands)
-    return jacobian, measured - predicted + jacobian @ state
+        step /= max(1.0, np.abs(step[size:]).max() / MAX_STEP)
+        if prior.floor is not None:
+            step[:size] = np.clip(step[:size], -MAX_LOG_STEP, MAX_LOG_STEP)
+        state = state + step
+        if np.abs(jacobian @ step / sigma).max() < CONVERGED:
+            break
+    predicted, jacobian = _equations(photos, designs, state, prior)
+    return jacobian, measured - predicted + jacobian @ state, state
 
 
 def _log_evidence(covariance: np.ndarray, innovation: np.ndarray) -> float:
@@ -280,11 +300,32 @@ def _condition(candidate: Candidate, noise: np.ndarray) -> tuple[np.ndarray, np.
 def _whole(designs: list[np.ndarray], prior: CameraPrior) -> np.ndarray:
     """Row (D,) that sums the first chart's signals, 1 for the mean of the prior."""
     row = np.tile(designs[0].sum(axis=0), prior.bands)
-    return row / (row @ (prior.weights @ prior.means))
+    return row / (row @ (prior.weights @ prior.curves(prior.means)))
+
+
+def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray, whole: np.ndarray,
+               photos: list[ChartEquations]) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of curves and nuisances from those of state and nuisances.
+
+    The curves are brought back to a whole signal of 1, from which exp() takes them, and the
+    exposures make up for it.
+    """
+    size = whole.size
+    exposures = size + np.cumsum([0, *(1 + nuisance_sd(photo).size for photo in photos)])[:-1]
+    curves = prior.curves(mean[:size])
+    signal = whole @ curves
+    change = np.eye(mean.size)
+    change[:size, :size] -= np.outer(curves, whole) / signal
+    change[:size] /= signal
+    change[np.ix_(exposures, np.arange(size))] = whole / signal
+    change[:, :size] *= prior.slope(mean[:size])
+    moved = np.concatenate([curves / signal, mean[size:]])
+    moved[exposures] += np.log(signal)
+    return moved, change @ covariance @ change.T
 
 
 def _mixture(candidates: list[Candidate], noises: dict[float, np.ndarray], basis: np.ndarray,
-             prior: CameraPrior) -> CurvePosterior:
+             prior: CameraPrior, whole: np.ndarray, photos: list[ChartEquations]) -> CurvePosterior:
     logs = np.array([candidate.log_weight for candidate in candidates])
     if not np.isfinite(logs.max()):
         raise CalibrationError("the signals of the patches span too many orders of magnitude to be "
@@ -297,7 +338,8 @@ def _mixture(candidates: list[Candidate], noises: dict[float, np.ndarray], basis
                             minlength=len(prior.weights))
     error = float(weights @ [candidate.error for candidate in candidates])
     kept = np.flatnonzero(weights > NEGLIGIBLE)
-    solved = [_condition(candidates[i], noises[candidates[i].error]) for i in kept]
+    solved = [_in_curves(prior, *_condition(candidates[i], noises[candidates[i].error]), whole,
+                         photos) for i in kept]
     widening = prior.widening[prior.level[[candidates[i].family for i in kept]]]
     best = candidates[int(np.argmax(weights))]
     covariances = np.array([covariance for _, covariance in solved]) * widening[:, None, None] ** 2
