@@ -12,7 +12,6 @@ optimistic by an unmeasured amount.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 import time
 import warnings
@@ -25,15 +24,13 @@ from spectrabox.calibrate.chart_equations import ChartEquations, field_terms
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import draw_curves
-from spectrabox.calibrate.prior.learnt_prior import CONSTANTS, PriorConstants, build_prior
+from spectrabox.calibrate.prior.learnt_prior import build_prior
 from spectrabox.calibrate.sensitivity import fit_sensitivities, fit_with_prior
 from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples
 from spectrabox.radiometry.spectra.named_spectra import light
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
-
-from benchmarks.bench_calibration_constants import choose, makers_of
 
 GRID = visible_grid()
 CELLS = (("D65", 0.005), ("D65", 0.02), ("LED-B3", 0.005), ("LED-B3", 0.02), ("A", 0.02))
@@ -42,8 +39,6 @@ METHODS = ("paper", "nonnegative", "smooth", "prior")
 FLOOR = 0.02  # of the maximum: the noise that is stated never falls below that of so dark a patch
 FALL_OFF, GLARE = 0.2, 0.01
 SECOND_LIGHT = "D65"
-# 22 cameras of 40; the others: Nikon, Sony, Fujifilm
-FIRST_HALF = ("Canon", "ARRI", "Hasselblad", "Arashi")
 
 
 class Shot(NamedTuple):
@@ -72,15 +67,14 @@ def photograph(truth: np.ndarray, reflectances: np.ndarray, power: np.ndarray, n
     return signal + noise * signal * rng.standard_normal(signal.shape), variance
 
 
-def others(database: CameraDatabase, left_out: int, by_brand: bool,
-           constants: PriorConstants = CONSTANTS) -> CameraPrior:
+def others(database: CameraDatabase, left_out: int, by_brand: bool) -> CameraPrior:
     """Prior without one camera, or without every camera of its maker."""
     maker = [name.split()[0] for name in database.names]
     keep = [index for index in range(len(maker))
             if (maker[index] != maker[left_out] if by_brand else index != left_out)]
     return build_prior(database.nm, database.curves[keep],
                        tuple(database.names[index] for index in keep), source="benchmark",
-                       licence="", constants=constants)
+                       licence="")
 
 
 def fit_one(method: str, shots: list[Shot], reflectances: np.ndarray, prior: CameraPrior | None,
@@ -122,11 +116,8 @@ def transfer_error(curves: np.ndarray, truth: np.ndarray, reflectances: np.ndarr
 
 def run(database: CameraDatabase, reflectances: np.ndarray, lights: tuple[str, ...], noise: float,
         methods: tuple[str, ...], *, by_brand: bool = False, stated: bool = True,
-        with_field: bool = False, distort: bool = False, surfaces: np.ndarray | None = None,
-        constants: tuple[PriorConstants, ...] | None = None) -> dict[str, dict[str, float]]:
-    """Medians and coverage of every method over the cameras of the database; ``constants`` are one
-    for each camera.
-    """
+        with_field: bool = False, distort: bool = False, surfaces: np.ndarray | None = None) -> dict[str, dict[str, float]]:
+    """Medians and coverage of every method over the cameras of the database."""
     powers, other = [light(name, GRID) for name in lights], light("A", GRID)
     rng = np.random.default_rng(20)
     found: dict[str, list[tuple[float, float, float, float]]] = {method: [] for method in methods}
@@ -136,7 +127,7 @@ def run(database: CameraDatabase, reflectances: np.ndarray, lights: tuple[str, .
         for power in powers:
             signal, variance = photograph(truth, reflectances, power, noise, rng, distort)
             shots.append(Shot(signal, variance if stated else 0 * variance, power))
-        prior = others(database, camera, by_brand, constants[camera] if constants else CONSTANTS)
+        prior = others(database, camera, by_brand)
         for method in methods:
             start = time.perf_counter()
             fitted, lower, upper = fit_one(method, shots, reflectances, prior, with_field)
@@ -185,32 +176,6 @@ def measure(folder: Path) -> dict[str, Any]:
             "two_lights": run(database, reflectances, ("LED-B3", SECOND_LIGHT), 0.02, only)}
 
 
-def nested(folder: Path) -> dict[str, Any]:
-    """The prior's figures with constants that were chosen on cameras of other makers."""
-    database = read_camera_database(folder / "cameras")
-    reflectances = chart_reflectances("BabelColor Average", GRID)
-    first = np.isin(makers_of(database), FIRST_HALF)
-    halves = [choose(database, scored)[0] for scored in (first, ~first)]
-    constants = tuple(halves[1] if inside else halves[0] for inside in first)
-    cells = [{"light": name, "noise": noise,
-              **run(database, reflectances, (name,), noise, ("prior",), constants=constants)}
-             for name, noise in CELLS]
-    return {"constants": [dataclasses.asdict(half) for half in halves], "cells": cells,
-            "brand_out": run(database, reflectances, ("LED-B3",), 0.01, ("prior",), by_brand=True,
-                             constants=constants)}
-
-
-def print_nested(figures: dict[str, Any]) -> None:
-    print("constants chosen on one half of the makers, cameras of the other half")
-    for cell in figures["cells"]:
-        print(f"{cell['light']} {cell['noise']:.1%}: error {cell['prior']['error']:.4f}, "
-              f"coverage {cell['prior']['coverage']:.3f}")
-    print(f"whole brand left out, LED-B3 1 %: error {figures['brand_out']['prior']['error']:.4f}, "
-          f"coverage {figures['brand_out']['prior']['coverage']:.3f}")
-    for half in figures["constants"]:
-        print({name: np.round(value, 3).tolist() for name, value in half.items()})
-
-
 def print_table(figures: dict[str, Any]) -> None:
     print(f"median relative RMSE of the curves over {figures['cameras']} cameras, each left out in "
           "turn")
@@ -247,17 +212,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, required=True,
                         help="folder with cameras/ and reflectance/rawtoaces190/")
-    parser.add_argument("--nested", action="store_true",
-                        help="choose the prior's constants on other makers first")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the tables")
     arguments = parser.parse_args()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        figures = nested(arguments.data) if arguments.nested else measure(arguments.data)
+        figures = measure(arguments.data)
     if arguments.json:
         print(json.dumps(figures))
     else:
-        (print_nested if arguments.nested else print_table)(figures)
+        print_table(figures)
 
 
 if __name__ == "__main__":

@@ -80,7 +80,9 @@ def test_where_no_photo_had_light_the_curves_are_the_priors():
                   == 1) and np.median(found.prior_share[2, GRID.nm < 500]) < 0.5
     both = calibrated(chart(power=power), (chart(seed=4), daylight()), light=power,
                       prior=prior()).prior_fit
-    assert both.prior_share[:, GRID.nm > 520].max() < 1
+    # Where a curve is dark beside the chart's noise the photo says nothing of it.
+    seen = (GRID.nm > 520) & (both.sensitivity.curves > 0.02)
+    assert both.prior_share[seen].max() < 1
 
 
 def test_measured_curves_that_are_right_agree():

@@ -56,10 +56,21 @@ def test_a_camera_within_the_prior_is_recovered_exactly():
     truth = known.curves(known.means[0] + factors @ np.array([0.5, -0.4, 0.3, 0.2, -0.3, 0.1]))
     signal = 0.2 * signals(on_grid(truth.reshape(3, -1)), daylight(), SURFACES)
     found = fit_with_prior([photo(signal, daylight(), SURFACES)], known, GRID, model_errors=(1e-6,))
-    # The last step of the iteration moved the signals by less than 1e-3, so what is left of the
-    # logarithm's curvature is its square.
+    # The last step of the iteration moved no signal by more than 8e-4; its square, times the tens
+    # for the direction that the chart sees worst, is what the logarithm's curvature leaves.
     np.testing.assert_allclose(found.sensitivity.coefficients.ravel(), truth / truth.max(),
-                               atol=1e-6)
+                               atol=2e-5)
+
+
+def drawn(known, count, seed, component=None):
+    """Curves (C, 3, 61) of cameras that the prior thinks likely, of one component or of any."""
+    rng = np.random.default_rng(seed)
+    roots = [np.linalg.cholesky(covariance) for covariance in known.covariances()]
+    chosen = rng.choice(len(known.weights), count,
+                        p=known.weights) if component is None else np.full(count, component)
+    states = [known.means[index] + roots[known.level[index]] @ rng.standard_normal(183)
+              for index in chosen]
+    return np.maximum(known.curves(np.array(states)), 0).reshape(count, 3, -1)
 
 
 def test_exposure_changes_the_scale_and_nothing_else():
@@ -83,9 +94,9 @@ def test_patch_order_does_not_matter():
 
 @pytest.mark.parametrize("stated", [True, False])
 def test_the_90_per_cent_band_holds_the_true_curve_nine_times_in_ten(stated):
-    known = prior(40, 1)
+    known = dataclasses.replace(prior(40, 1), widening=np.ones(3))
     inside = []
-    for camera, curves in enumerate(cameras(16, 77)):
+    for camera, curves in enumerate(drawn(known, 16, 77)):
         noise = (0.005, 0.02)[camera % 2]
         signal = noisy(curves, (daylight, led)[camera % 3 == 0](), noise, 100 + camera)
         light = (daylight, led)[camera % 3 == 0]()
@@ -94,7 +105,7 @@ def test_the_90_per_cent_band_holds_the_true_curve_nine_times_in_ten(stated):
         lower, upper = np.quantile(draw_curves(found.posterior, 3, 300, 0).curves, [0.05, 0.95],
                                    axis=0)
         truth = on_grid(curves / curves.max())
-        # where simulated bumps are zero to machine precision a band says nothing
+        # where negative values were set to zero a band says nothing
         seen = truth > 0.02
         inside.append(np.mean((truth >= lower)[seen] & (truth <= upper)[seen]))
     # Curves of one camera are strongly correlated, so the spread over cameras is the measure: 3.3
@@ -281,19 +292,26 @@ def test_the_shipped_prior_holds_no_nikon_d5100_and_names_its_licence():
 
 
 def test_preflight_expects_about_the_error_that_fits_have():
-    known = prior(40, 1)
+    known = dataclasses.replace(prior(40, 1), weights=np.ones(1), means=prior(40, 1).means[:1],
+                                level=[0], members=("one family",))
     expected = preflight(known, SURFACES, led(), GRID, relative_error=0.01,
                          second={"daylight": daylight()})
     errors = []
-    for camera, curves in enumerate(cameras(8, 78)):
+    for camera, curves in enumerate(drawn(known, 8, 78)):
         found = fit_with_prior([photo(noisy(curves, led(), 0.01, 200 + camera), led(), SURFACES,
                                       0.01)], known, GRID)
-        errors.append(relative_error(found.sensitivity.curves, on_grid(curves)))
-    # A factor of two either way: the expectation averages families, eight cameras scatter by 30 %.
-    assert 0.5 < np.sqrt(np.mean(np.square(errors))) / np.sqrt(
-        np.mean(expected.expected_error**2)) < 2
-    assert expected.second_lights[0][
-        1] < expected.expected_error.mean() < expected.unlike_error.mean()
+        truth = on_grid(curves / curves.max())
+        errors.append(((found.sensitivity.curves - truth) ** 2).sum(axis=1)
+                      / (truth**2).sum(axis=1))
+    ratio = np.sqrt(np.mean(errors, axis=0)) / expected.expected_error
+    # A factor of two either way: eight cameras scatter by 30 %, and the expectation is linear.
+    assert np.all((ratio > 0.5) & (ratio < 2))
+    assert expected.second_lights[0][1] < expected.expected_error.mean()
+
+
+def test_preflight_expects_more_of_an_error_for_a_camera_unlike_those_measured():
+    expected = preflight(prior(), SURFACES, led(), GRID, relative_error=0.01)
+    assert np.all(expected.expected_error < expected.unlike_error)
 
 
 def test_preflight_says_where_the_light_is_dark():

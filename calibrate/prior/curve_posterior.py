@@ -161,7 +161,10 @@ def prior_share(posterior: CurvePosterior, prior: CameraPrior, moments: CurveMom
     spread = np.sqrt(prior.weights)[:, None] * (prior.means - prior.weights @ prior.means)
     of_level = np.bincount(prior.level, prior.weights,
                            minlength=len(prior.widening)) * prior.widening**2
-    slope = prior.slope(prior.state(moments.coefficients.ravel() * moments.peak))
+    # In a logarithmic state a curve that is dark here is free to be dark: its variance beforehand is
+    # that of the mean camera.
+    slope = np.maximum(prior.slope(prior.state(moments.coefficients.ravel() * moments.peak)),
+                       prior.slope(prior.means[-1]))
     before = np.outer(slope, slope) * (
         spread.T @ spread + np.einsum("l,lij->ij", of_level, prior.covariances()))
     scaling = _scaling(moments.coefficients, posterior.basis) / moments.peak

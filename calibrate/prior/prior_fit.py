@@ -179,9 +179,9 @@ def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family
     """
     designs = [unlit_design(photo, interpolation_matrix(prior.nm, grid.nm)) for photo in photos]
     covariance, start = _joint_prior(prior, spread, family, GAINS[0][0], photos, designs)
-    predicted, jacobian = _equations(photos, designs, start, prior)
+    _, jacobian = _equations(photos, designs, start, prior)
     candidate = Candidate(0.0, family, GAINS[0][0], relative_error, start, covariance, jacobian,
-                          predicted)
+                          jacobian @ start)
     _, posterior = _in_curves(prior, *_condition(candidate, _noise(photos, relative_error)),
                               _whole(designs, prior), photos)
     size = prior.means.shape[1]
