@@ -116,7 +116,8 @@ def transfer_error(curves: np.ndarray, truth: np.ndarray, reflectances: np.ndarr
 
 def run(database: CameraDatabase, reflectances: np.ndarray, lights: tuple[str, ...], noise: float,
         methods: tuple[str, ...], *, by_brand: bool = False, stated: bool = True,
-        with_field: bool = False, distort: bool = False, surfaces: np.ndarray | None = None) -> dict[str, dict[str, float]]:
+        with_field: bool = False, distort: bool = False,
+        surfaces: np.ndarray | None = None) -> dict[str, dict[str, float]]:
     """Medians and coverage of every method over the cameras of the database."""
     powers, other = [light(name, GRID) for name in lights], light("A", GRID)
     rng = np.random.default_rng(20)

@@ -161,8 +161,8 @@ def prior_share(posterior: CurvePosterior, prior: CameraPrior, moments: CurveMom
     spread = np.sqrt(prior.weights)[:, None] * (prior.means - prior.weights @ prior.means)
     of_level = np.bincount(prior.level, prior.weights,
                            minlength=len(prior.widening)) * prior.widening**2
-    # In a logarithmic state a curve that is dark here is free to be dark: its variance beforehand is
-    # that of the mean camera.
+    # In a logarithmic state a curve that turns out dark had room to: its variance beforehand is
+    # that of the mean camera, not of the dark curve.
     slope = np.maximum(prior.slope(prior.state(moments.coefficients.ravel() * moments.peak)),
                        prior.slope(prior.means[-1]))
     before = np.outer(slope, slope) * (

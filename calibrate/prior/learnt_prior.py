@@ -23,7 +23,7 @@ MIN_CAMERAS_FOR_FAMILIES = 12  # fewer cameras make one Gaussian
 KEPT_VARIANCE = 0.9999
 MIN_CAMERAS = 4
 MIN_FREEDOM = 3              # of Student's t: fewer makers say nothing of how makers differ
-FLOOR = 0.008                # of the mean value of all curves: what is below is no matter of per cent
+FLOOR = 0.008                # of the mean of all curves: below it changes are no longer relative
 UNLIKE = "a camera unlike those measured"
 
 
