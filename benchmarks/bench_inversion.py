@@ -127,9 +127,8 @@ def measured_camera(grid: WavelengthGrid) -> Calibration:
 def traced(view: View, region: np.ndarray, spp: int, seed: int,
            passes: int = 4) -> TracedTransport:
     """Transport of the regions with the scene's own number of bounces."""
-    return trace_transport(unit_scene(view),
-                           view.name_of_bsdf, view.size, region,
-                           bounces=view.scene_file.max_depth - 1, spp=spp, seed=seed, passes=passes)
+    return trace_transport(unit_scene(view, view.scene_file.max_depth - 1), region, spp=spp,
+                           seed=seed, passes=passes)
 
 
 def by_transport(view: View, seed: int = 5) -> tuple[np.ndarray, float, float]:
@@ -215,10 +214,8 @@ def large() -> dict[str, Any]:
     blank = box_view(256, 8, True)
     truth = true_spectra(blank)
     exponents = exponents_up_to(len(truth), 8)
-    photo = shaded_image(unit_scene(blank),
-                         {material.bsdf: material.name for material in blank.materials}, blank.size,
-                         exponents, band_products(exponents, truth, blank.response), bounces=8,
-                         spp=64, seed=77)
+    photo = shaded_image(unit_scene(blank, 8), exponents,
+                         band_products(exponents, truth, blank.response), spp=64, seed=77)
     view = box_view(256, 8, True, photo)
     coefficients, trace_s, fit_s = by_transport(view)
     rmse = np.sqrt(np.mean((view.spectra(coefficients) - truth) ** 2, axis=1))

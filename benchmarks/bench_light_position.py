@@ -23,7 +23,11 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LinearImage, PhotoKind
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
-from spectrabox.reconstruct.scene.light_position import LightPosition, refine_light_position
+from spectrabox.reconstruct.scene.light_position import (
+    LightPosition,
+    PositionSettings,
+    refine_light_position,
+)
 from spectrabox.reconstruct.scene.moved_light import with_light_moved
 from spectrabox.reconstruct.scene.scene_file import SceneFile, read_scene
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
@@ -79,8 +83,8 @@ def main() -> None:
         photo = photo_of(scene, truths[-1], rng)
         start = time.perf_counter()
         found.append(refine_light_position(scene, PAINTS, response_matrix(GRID, CURVES, LIGHT),
-                                           photo, spp=SPP, seed=trial, paint_error=PAINT_ERROR,
-                                           surface_error=SURFACE_ERROR))
+                                           photo, settings=PositionSettings(
+                                               SURFACE_ERROR, PAINT_ERROR, spp=SPP, seed=trial)))
         seconds += time.perf_counter() - start
     errors = np.array([one.offset for one in found]) - truths
     stated = np.array([one.standard_error for one in found])

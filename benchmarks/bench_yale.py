@@ -34,7 +34,7 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LearntSpectra, Quantity, Reconstruction
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, read_spectrum
 from spectrabox.reconstruct.agreement import edge_shift, scene_errors
-from spectrabox.reconstruct.engines.transport_engine import nuisances, trace_view
+from spectrabox.reconstruct.engines.transport_engine import nuisances, trace_view, unit_scene
 from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
 from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
@@ -149,7 +149,8 @@ def without_scale(view: View, truth: dict[str, np.ndarray], given: Reconstructio
     start = time.perf_counter()
     view = replace(view, materials=specs(truth, ()))
     region, group = block_regions(view.surface, view.used)
-    traced = trace_view(view, region, view.scene_file.max_depth - 1, 1, lambda done, what: None)
+    traced = trace_view(view, unit_scene(view, view.scene_file.max_depth - 1), region, 1,
+                        lambda done, what: None)
     shown = scene_errors(given.agreement, frozenset(), len(group))
     assert shown is not None
     free = replace(nuisances(view, settings), scale=None, brightness_error=shown.brightness,

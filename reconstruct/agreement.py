@@ -23,8 +23,16 @@ BLOCK = 4                # pixels: blocks over which the spread of photo / rende
 
 
 def usable_pixels(photo: LinearImage, surface: np.ndarray) -> np.ndarray:
-    """Pixels (H, W) that one surface fills, unsaturated, lit, and not on an edge or shadow boundary
-    of the photo.
+    """Pixels (H, W) bool that can be compared with a rendering.
+
+    One surface fills them, they are unsaturated, lit, and not on an edge or shadow boundary.
+
+    Parameters
+    ----------
+    photo : LinearImage
+        (H, W, K) signal.
+    surface : (H, W) int
+        Index of the one surface that fills each pixel, -1 none or several.
     """
     signal = photo.signal
     floor = MIN_SIGNAL * np.percentile(signal, 99, axis=(0, 1))
@@ -69,12 +77,12 @@ def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measur
 
 def surface_covariance(agreement: SurfaceAgreement, known: frozenset[str],
                        stated_error: float) -> np.ndarray:
-    """Covariance (K, K) between surfaces of log(photo / rendering): errors of light, pose and
-    geometry.
+    """Covariance (K, K) between surfaces of log(photo / rendering).
 
-    A material that was fitted absorbs the mean error of its surfaces, so it tells only by the
-    differences between them; a known material tells by every surface. The covariance is pooled over
-    the scene, since such errors are common to all surfaces.
+    It is that of errors of light, pose and geometry. A material that was fitted absorbs the mean
+    error of its surfaces, so it tells only by the differences between them; a known material tells
+    by every surface. The covariance is pooled over the scene, since such errors are common to all
+    surfaces.
 
     Parameters
     ----------
@@ -128,8 +136,9 @@ def covariance_from_few(scatter: np.ndarray, freedom: int, stated_error: float) 
 
 @dataclass(frozen=True)
 class SceneErrors:
-    """Standard deviations of log(photo / rendering) where materials cannot explain them: within
-    surfaces, and between surfaces of one material.
+    """Standard deviations of log(photo / rendering) where materials cannot explain it.
+
+    Within surfaces, and between surfaces of one material.
     """
 
     brightness: float       # of a surface, the same in all bands
@@ -139,8 +148,7 @@ class SceneErrors:
 
 def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
                  regions: int) -> SceneErrors | None:
-    """What errors the surfaces of known materials show, and surfaces of one unknown material among
-    themselves.
+    """Errors that surfaces of known materials show, and surfaces of one material among themselves.
 
     Errors of neighbouring blocks are correlated: the pattern within a surface is taken to have as
     many independent parts as a quadratic field has terms (``FIELD_TERMS``), whatever the number of
@@ -148,6 +156,8 @@ def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
 
     Parameters
     ----------
+    agreement : SurfaceAgreement
+    known : names of the materials whose spectrum was given
     regions : int
         Blocks that the fit compares, on all surfaces.
 
@@ -180,6 +190,15 @@ def model_covariance(agreement: SurfaceAgreement, material: str, known: frozense
     the second moment of its own mean log(photo / rendering), which a fit could not absorb; and the
     scatter within its surfaces, which is not divided by the number of pixels, since the errors of
     neighbours are correlated.
+
+    Parameters
+    ----------
+    agreement : SurfaceAgreement
+    material : str
+        One without usable surfaces gets zeros.
+    known : names of the materials whose spectrum was given
+    stated_error : float
+        Standard deviation of a surface's log brightness in each band, before any is seen.
     """
     own = [index for index, name in enumerate(agreement.materials) if name == material]
     if not own:
@@ -193,16 +212,18 @@ def model_covariance(agreement: SurfaceAgreement, material: str, known: frozense
 
 def scale_from_surfaces(measured: np.ndarray, rendered: np.ndarray, surface: np.ndarray,
                         source: str) -> LightScale:
-    """Light scale from the sums over each surface of known spectrum, with every band of every
-    surface given the same weight.
+    """Light scale from the sums over each surface of known spectrum.
 
-    Sums, not pixels: a fit to single pixels is biased by the noise of the rendering.
+    Every band of every surface has the same weight. Sums, not pixels: a fit to single pixels is
+    biased by the noise of the rendering.
 
     Parameters
     ----------
     measured, rendered : (H, W, K) signal
     surface : (H, W) int
         Index of the surface, -1 where a pixel does not count.
+    source : str
+        Where the scale comes from, in words, for the record.
     """
     return scale_from_signals(_sums(measured, surface), _sums(rendered, surface), SCALE_ERROR,
                               source)
@@ -242,11 +263,15 @@ def _block_spread(measured: np.ndarray, rendered: np.ndarray, mask: np.ndarray) 
 
 def edge_shift(measured: np.ndarray,
                rendered: np.ndarray) -> tuple[tuple[float, float], np.ndarray]:
-    """Shift (x, y) in pixels that the photo shows against the rendering, and the correlation (H, W)
-    of their edges for every cyclic shift of the rendering.
+    """Shift (x, y) in pixels of photo against rendering, and the correlation of their edges.
 
-    Both (H, W, K). The peak of the correlation is refined by a parabola; a rendering of another
-    scene gives a number without meaning: ``shift_sentence`` says only what the edges bear out.
+    The correlation (H, W) is that for every cyclic shift of the rendering, -1 to 1. Its peak is
+    refined by a parabola; a rendering of another scene gives a number without meaning:
+    ``shift_sentence`` says only what the edges bear out.
+
+    Parameters
+    ----------
+    measured, rendered : (H, W, K) signal
     """
     a, b = (_edges(image) for image in (measured, rendered))
     size = np.linalg.norm(a) * np.linalg.norm(b)
@@ -265,8 +290,13 @@ def edge_shift(measured: np.ndarray,
 
 
 def shift_sentence(measured: np.ndarray, rendered: np.ndarray) -> str:
-    """By how much the photo is shifted against its scene, where the edges agree clearly better so;
-    else nothing.
+    """By how much the photo is shifted against its scene, or nothing.
+
+    A sentence where the edges agree clearly better so, else an empty string.
+
+    Parameters
+    ----------
+    measured, rendered : (H, W, K) signal
     """
     (right, down), correlation = edge_shift(measured, rendered)
     best = correlation.max()

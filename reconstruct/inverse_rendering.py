@@ -35,6 +35,12 @@ SINGLE_VIEW: dict[str, Callable[[View, InversionSettings, Progress], EngineAnswe
 def reconstruct(view: View, settings: InversionSettings, progress: Progress) -> Reconstruction:
     """Spectra that explain one photo.
 
+    Parameters
+    ----------
+    view : View
+    settings : InversionSettings
+    progress : function of (fraction done, what is being done)
+
     Raises
     ------
     InputError

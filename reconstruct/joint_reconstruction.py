@@ -1,6 +1,4 @@
-"""Several photos of the same materials as one answer: each view's own record, and the bands of all
-of them stacked.
-"""
+"""Several photos of the same materials as one answer, the bands of all of them stacked."""
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -40,9 +40,7 @@ class SurfaceTest:
 
     @property
     def fits(self) -> bool:
-        """False where the deviation is beyond chance at ``FALSE_ALARM``, over all tests of the
-        scene.
-        """
+        """False where the deviation is beyond chance, at ``FALSE_ALARM`` over the whole scene."""
         return self.adjusted >= FALSE_ALARM or abs(self.deviation) < MIN_SHOWN
 
 
@@ -88,8 +86,15 @@ def surface_tests(names: Sequence[str], measured: np.ndarray, rendered: np.ndarr
 
 
 def holm(p: np.ndarray) -> np.ndarray:
-    """Holm's adjusted p-values (T,): the chance of any false alarm at or below each, whatever the
-    tests share.
+    """Holm's adjusted p-values (T,), 0 to 1.
+
+    Each is the chance of any false alarm at or below it, whatever the tests have in common (Holm
+    1979).
+
+    Parameters
+    ----------
+    p : (T,) array
+        Of the single tests.
     """
     order = np.argsort(p)
     adjusted = np.empty_like(p)
@@ -100,7 +105,14 @@ def holm(p: np.ndarray) -> np.ndarray:
 
 def surface_misfits(tests: Sequence[SurfaceTest],
                     bands: Sequence[str]) -> tuple[SurfaceMisfit, ...]:
-    """The surfaces that do not fit, worst first, each with its largest deviation."""
+    """The surfaces that do not fit, worst first, each with its largest deviation.
+
+    Parameters
+    ----------
+    tests : sequence of SurfaceTest
+        All of the scene.
+    bands : K names
+    """
     wrong = [test for test in tests if not test.fits]
     by_surface: dict[str, list[SurfaceTest]] = {}
 

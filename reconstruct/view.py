@@ -1,5 +1,6 @@
-"""One photo with all that explains it, and what an inversion needs of it: pixels that can be
-compared, spectra of light and camera, the scene for the renderer.
+"""One photo with all that explains it, and what an inversion needs of it.
+
+That is: pixels that can be compared, spectra of light and camera, the scene for the renderer.
 """
 from __future__ import annotations
 
@@ -33,9 +34,7 @@ PLACEHOLDER = 0.5
 
 @dataclass(frozen=True, eq=False)
 class MaterialSpec:
-    """One material of the session: its BSDF in the scene, and its reflectance (P,) where that is
-    known.
-    """
+    """A material of the session: its BSDF in the scene, and its reflectance (P,) if it is known."""
 
     name: str
     bsdf: str
@@ -44,13 +43,17 @@ class MaterialSpec:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One photo with all that explains it: several views of the same materials make one
-    reconstruction.
+    """One photo with all that explains it: several views of the same materials are solved together.
 
     Parameters
     ----------
+    name : str
+        Of the photo, for sentences.
+    scene_file : SceneFile
     photo : LinearImage
         At the render's size, (H, W, K).
+    calibration : Calibration
+        Of K bands on P wavelengths.
     bands : tuple of str
         K names.
     materials : tuple of MaterialSpec
@@ -137,9 +140,7 @@ class View:
 
     @property
     def known_surface(self) -> np.ndarray:
-        """Index (H, W) of the surface of known material that each usable pixel shows, -1
-        elsewhere.
-        """
+        """Index (H, W) of the surface of known material in each usable pixel, -1 elsewhere."""
         known = {material.bsdf for material in self.materials if material.reflectance is not None}
         indices = [index for index, bsdf in enumerate(self.scene_file.surfaces.values())
                    if bsdf in known]
@@ -150,7 +151,13 @@ class View:
         return basis_matrix(self.grid.nm, coefficients)
 
     def spectra(self, coefficients: np.ndarray) -> np.ndarray:
-        """Spectra (M, P) of the scene's materials for coefficients (U, N) of the unknown ones."""
+        """Spectra (M, P) of the scene's materials, the known ones as they are given.
+
+        Parameters
+        ----------
+        coefficients : (U, N) array
+            Of the unknown materials.
+        """
         estimates = iter(coefficients @ self.basis(coefficients.shape[1]).T)
         return np.array([next(estimates) if material.reflectance is None else material.reflectance
                          for material in self.scene_materials])
@@ -200,11 +207,20 @@ class View:
     def xml(self, spectra: Mapping[str, np.ndarray], *,
             light: np.ndarray | Mapping[str, np.ndarray] | None = None,
             bands: Mapping[str, np.ndarray] | None = None, integrator: str = "prb") -> str:
-        """The scene with these spectra by BSDF id, evenly spaced over the grid's range.
+        """The scene as XML text with these spectra.
 
         Parameters
         ----------
-        light, bands : as of ``scene_xml``; the view's own where they are None
+        spectra : mapping of BSDF id to reflectance
+            Evenly spaced over the grid's range.
+        light, bands : as of ``scene_xml``
+            The view's own where they are None.
+        integrator : str
+
+        Raises
+        ------
+        InputError
+            As ``scene_xml``.
         """
         if light is None and self.own_lights:
             light = {name: self.own_lights.get(name, self.light) for name, in self.light_groups}
@@ -216,7 +232,18 @@ class View:
                          integrator=integrator)
 
     def scene(self, coefficients: np.ndarray | None = None) -> Any:
-        """The scene for Mitsuba with the spectra of coefficients (U, N), or placeholders."""
+        """The scene for Mitsuba.
+
+        Parameters
+        ----------
+        coefficients : (U, N) array, optional
+            Of the unknown materials; placeholders where it is left out.
+
+        Raises
+        ------
+        InputError
+            If Mitsuba cannot load it, or cannot render its lights as they are (see ``scene_xml``).
+        """
         if coefficients is None:
             coefficients = np.full((len(self.unknown), 4), PLACEHOLDER)
         names = [material.bsdf for material in self.scene_materials]

@@ -19,6 +19,10 @@ MIN_PIXELS = 12          # of a material, below which its colour cannot be said
 def check_views(views: Sequence[View]) -> None:
     """Refuse views from which no spectra can be estimated.
 
+    Parameters
+    ----------
+    views : sequence of View
+
     Raises
     ------
     InputError
@@ -38,8 +42,18 @@ def check_views(views: Sequence[View]) -> None:
 
 
 def require_scales(views: Sequence[View]) -> None:
-    """Every view needs a scale, a known material, or a material in common with a view that has
-    either.
+    """Refuse a view whose light scale nothing tells.
+
+    It needs its scale, a known material, or a material in common with a view that has either.
+
+    Parameters
+    ----------
+    views : sequence of View
+
+    Raises
+    ------
+    InputError
+        Naming the first such view.
     """
     bsdfs = [set(view.scene_file.surfaces.values()) for view in views]
     linked = {material.bsdf for view in views for material in view.materials
@@ -75,7 +89,18 @@ def require_light_in_bands(view: View) -> None:
 
 
 def require_sound_pixels(photo: LinearImage) -> None:
-    """Refuse a photo with pixels that are no numbers, or with many far below zero."""
+    """Refuse a photo with pixels that are no numbers, or with many far below zero.
+
+    Parameters
+    ----------
+    photo : LinearImage
+        At the render's size; up to ``MAX_NEGATIVE`` of its pixels may be far below zero.
+
+    Raises
+    ------
+    InputError
+        Saying how many pixels are wrong.
+    """
     lost = int(np.count_nonzero(~np.isfinite(photo.signal).all(axis=2)))
     if lost:
         raise InputError(f"{photo.source}: {lost} pixels hold no number (NaN or infinity); mend or "
@@ -88,7 +113,17 @@ def require_sound_pixels(photo: LinearImage) -> None:
 
 
 def require_pixels(views: Sequence[View]) -> None:
-    """Refuse a material that fills too few usable pixels in all views together."""
+    """Refuse a material that fills too few usable pixels in all views together.
+
+    Parameters
+    ----------
+    views : sequence of View
+
+    Raises
+    ------
+    InputError
+        Naming the material, with the pixels that it fills and those that can be used.
+    """
     for material in {material.bsdf: material for view in views
                      for material in view.materials}.values():
         seen = usable = 0

@@ -14,7 +14,7 @@ from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
-from spectrabox.reconstruct.scene.light_position import refine_light_position
+from spectrabox.reconstruct.scene.light_position import PositionSettings, refine_light_position
 from spectrabox.reconstruct.scene.moved_light import light_number, move_light, with_light_moved
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
@@ -68,7 +68,8 @@ def photo(scene, offset):
 @pytest.mark.parametrize("change", [lambda text: text, as_point], ids=["sphere", "point"])
 def test_a_light_three_centimetres_off_is_found_within_its_standard_error(tmp_path, change):
     found = refine_light_position(box(tmp_path, change), PAINTS, response(),
-                                  photo(box(tmp_path, change), TRUE_OFFSET_CM), spp=32)
+                                  photo(box(tmp_path, change), TRUE_OFFSET_CM),
+                                  settings=PositionSettings(spp=32))
     assert found.outcome is Outcome.CONVERGED and found.misfit < min(found.before / 3, 1.5)
     # Three normal numbers: all within 3.5 standard errors at a significance of 1.4e-3.
     assert np.all(np.abs(found.offset - TRUE_OFFSET_CM) < 3.5 * found.standard_error)
@@ -123,7 +124,7 @@ def test_what_cannot_be_refined_is_refused(tmp_path):
         light_number(sky, None)
     behind = box(tmp_path, lambda text: as_point(text).replace('z="38"', 'z="-500"'))
     with pytest.raises(InputError, match="the light reaches"):
-        refine_light_position(behind, PAINTS, response(), shown, spp=4)
+        refine_light_position(behind, PAINTS, response(), shown, settings=PositionSettings(spp=4))
     words = box(tmp_path, lambda text: as_point(text).replace('x="5"', 'x="$x"'))
     with pytest.raises(InputError, match="is not three numbers"):
         move_light(words.root, 0, np.zeros(3))
@@ -133,7 +134,8 @@ def test_a_distant_light_has_no_position(tmp_path):
     far = box(tmp_path, lambda text: as_point(text).replace('x="5" y="27" z="38"',
                                                             'x="5000" y="27000" z="380000"'))
     with pytest.raises(CalibrationError, match="does not tell where the light is"):
-        refine_light_position(far, PAINTS, response(), photo(far, np.zeros(3)), spp=4)
+        refine_light_position(far, PAINTS, response(), photo(far, np.zeros(3)),
+                              settings=PositionSettings(spp=4))
 
 
 def test_the_command_writes_the_scene_with_the_light_where_it_was(tmp_path):

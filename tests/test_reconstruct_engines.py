@@ -58,9 +58,7 @@ def photo(box):
     view = view_of(box)
     exponents = exponents_up_to(3, BOUNCES)
     signals = band_products(exponents, SPECTRA, view.response)
-    return photo_of(shaded_image(unit_scene(view), {name: name for name in MATERIALS},
-                                 view.size, exponents, signals, bounces=BOUNCES, spp=1024,
-                                 seed=71))
+    return photo_of(shaded_image(unit_scene(view, BOUNCES), exponents, signals, spp=1024, seed=71))
 
 
 @pytest.fixture
@@ -91,7 +89,7 @@ def test_tracing_ends_where_its_noise_falls_below_the_photo_s(box, photo, error,
     monkeypatch.setattr(view_module, "PHOTO_FLOOR", 0.0)
     view = view_of(box, replace(photo, variance=np.full_like(photo.variance, 1e-30)))
     region, _ = block_regions(view.surface, view.used)
-    traced = trace_view(view, region, BOUNCES, 5, silent)
+    traced = trace_view(view, unit_scene(view, BOUNCES), region, 5, silent)
     of_photo = error**2 / np.bincount(region[region >= 0])
     # Half of the regions are below; four passes know each variance to two fifths, and their median
     # much better.
@@ -181,8 +179,8 @@ def test_the_per_wavelength_engine_goes_downhill(box, photo):
 
 
 def test_an_unknown_engine_is_named(box, photo):
-    with pytest.raises(InputError, match="no engine 'magic'; use one of transport, gradient, "
-                       "per-wavelength"):
+    with pytest.raises(InputError, match="no engine 'magic'; use one of auto, transport, gradient, "
+                       "per-wavelength, single-bounce"):
         reconstruct(view_of(box, photo), plain_settings(9, engine="magic"), silent)
     assert set(ENGINES) == {"transport", "gradient", "per-wavelength", "single-bounce", "auto"}
 

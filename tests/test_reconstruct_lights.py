@@ -30,7 +30,6 @@ from tests.cornell_problem import (
 
 SIZE, RUNS = (WIDTH, WIDTH), 12
 ALL = np.arange(WIDTH * WIDTH).reshape(WIDTH, WIDTH)
-NAMES = {name: name for name in MATERIALS}
 SPECTRA = np.array([TRUTH[name] for name in MATERIALS])
 LAMP = cornell_box_xml(WIDTH, 4)[cornell_box_xml(WIDTH, 4).index('    <shape type="rectangle" '
                                                                  'id="lamp">'): cornell_box_xml(
@@ -60,9 +59,8 @@ def view_with(folder, light):
 
 
 def traced(view, **options):
-    return trace_transport(unit_scene(view), NAMES, SIZE, ALL,
-                           **({"bounces": 3, "spp": 64, "seed": 1, "passes": 1,
-                               "profiles": view.scene_file.profiles} | options))
+    unit = unit_scene(view, options.pop("bounces", 3), options.pop("separate_lights", False))
+    return trace_transport(unit, ALL, **({"spp": 64, "seed": 1, "passes": 1} | options))
 
 
 def blocks(image, side=8):
@@ -87,7 +85,7 @@ def test_a_scene_in_any_light_is_the_picture_of_mitsuba_s_path_tracer(tmp_path, 
     theirs = np.array([blocks(render(film, 32, 100 + run)[0]) for run in range(RUNS)])
     ours = []
     for run in range(RUNS):
-        one = traced(view, seed=run, lights=groups)
+        one = traced(view, seed=run, separate_lights=True)
         ours.append(blocks(signal(one.passes[0].astype(float), one.exponents, SPECTRA, response)))
     ours = np.array(ours)
     lit = theirs.mean(axis=0) > 1e-3 * theirs.mean()  # a spot leaves some blocks in the dark

@@ -137,7 +137,7 @@ def test_a_bumpy_object_is_found_from_a_sphere(tmp_path):
         picture = render(load_scene(true.xml({"paint": PAINT}, integrator="path")), 128,
                          500 + number)[0]
         views.append(replace(view, photo=photo_of(picture)))
-    settings = ShapeSettings(5, (Stage(2, 30, 0.05, 9.0, 8),), views_per_step=2)
+    settings = ShapeSettings(5, (Stage(2, 30, 0.05, 9.0, 8, views=2),))
     found = reconstruct_shape(views, "object", settings, silent)
     write_mesh(tmp_path / "found.ply", found.vertices, found.faces)
 
@@ -162,7 +162,7 @@ def test_the_same_seed_gives_the_same_mesh(tmp_path):
              for view in blank_views(tmp_path, 3)]
 
     def vertices(seed):
-        settings = ShapeSettings(5, (Stage(1, 2, 0.05, 9.0, 4),), views_per_step=1, seed=seed)
+        settings = ShapeSettings(5, (Stage(1, 2, 0.05, 9.0, 4, views=1),), seed=seed)
         return reconstruct_shape(views, "object", settings, silent).vertices
 
     first = vertices(1)

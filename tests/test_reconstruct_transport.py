@@ -1,6 +1,8 @@
 """The traced transport against Mitsuba's own renderings, by Z-tests, and against itself."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import norm
@@ -25,6 +27,7 @@ from spectrabox.reconstruct.tracer.transport import (
     shaded_image,
     trace_transport,
 )
+from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 
 from tests.cornell_problem import (
     GRID,
@@ -37,7 +40,6 @@ from tests.cornell_problem import (
 
 SIZE = (WIDTH, WIDTH)
 ALL = np.arange(WIDTH * WIDTH).reshape(WIDTH, WIDTH)
-NAMES = {name: name for name in MATERIALS}
 SPECTRA = np.array([TRUTH[name] for name in MATERIALS])
 
 
@@ -52,8 +54,8 @@ def view(tmp_path_factory):
 
 
 def traced(view, region=ALL, spp=64, seed=1, bounces=4, **options):
-    return trace_transport(unit_scene(view), NAMES, SIZE, region, bounces=bounces, spp=spp,
-                           seed=seed, **options)
+    unit = unit_scene(view, bounces, options.pop("separate_lights", False))
+    return trace_transport(unit, region, spp=spp, seed=seed, **options)
 
 
 def blocks(image, side=4):
@@ -116,8 +118,7 @@ def test_one_bounce_is_linear_and_more_bounces_only_add_light(view):
 def test_the_shaded_image_is_the_transport_with_signals_put_in(view):
     exponents = exponents_up_to(3, 4)
     signals = band_products(exponents, SPECTRA, view.response)
-    image = shaded_image(unit_scene(view), NAMES, SIZE, exponents, signals, bounces=4, spp=256,
-                         seed=5)
+    image = shaded_image(unit_scene(view, 4), exponents, signals, spp=256, seed=5)
     found = traced(view, spp=256, seed=6)
     other = signal(found.coefficients, found.exponents, SPECTRA,
                    view.response).reshape(image.shape)
@@ -129,7 +130,7 @@ def test_the_shaded_image_is_the_transport_with_signals_put_in(view):
 def test_lights_traced_separately_add_up(tmp_path):
     text = scene_with_two_lamps()
     two = view_of(scene(tmp_path, text))
-    separate = traced(two, lights=(("lamp",), ("bulb",)), seed=9)
+    separate = traced(two, separate_lights=True, seed=9)
     together = traced(two, seed=9)
     both = separate.coefficients.reshape(ALL.size, 2, -1)
     assert (both.sum(axis=(0, 2)) > 0).all()
@@ -180,12 +181,12 @@ def test_eight_materials_and_eight_bounces_are_pruned_to_what_is_worth_its_memor
     many = load_scene(scene_xml(scene(tmp_path, text),
                                 reflectances=dict.fromkeys(names, np.ones(2)), light=np.ones(2),
                                 bands={"one": np.ones(2)}, range_nm=(400.0, 700.0), size=SIZE))
-    options = {"bounces": 8, "seed": 3, "region": np.zeros((WIDTH, WIDTH), int)}
-    found = trace_transport(many, {name: name for name in names}, SIZE, spp=64, **options)
+    unit = UnitScene(many, {name: name for name in names}, SIZE, 8)
+    whole_picture = np.zeros_like(ALL)
+    found = trace_transport(unit, whole_picture, spp=64, seed=3)
     assert product_count(8, 8) == 12870 and len(found.exponents) < 10000
     assert transport.DROPPED < found.dropped < 1e-3
-    whole = trace_transport(many, {name: name for name in names}, SIZE, spp=256,
-                            exponents=exponents_up_to(8, 8), **(options | {"seed": 4}))
+    whole = trace_transport(unit, whole_picture, spp=256, seed=4, exponents=exponents_up_to(8, 8))
     kept = {tuple(row) for row in found.exponents.tolist()}
     bright = whole.coefficients[0] * transport.BRIGHTEST ** whole.exponents.sum(axis=1)
     lost = sum(value for row, value in zip(whole.exponents.tolist(), bright, strict=True)
@@ -215,8 +216,9 @@ def eight_materials(names):
 
 def test_a_surface_without_a_material_is_refused(view):
     with pytest.raises(InputError, match="the scene's BSDF 'red' has no material"):
-        trace_transport(unit_scene(view), {"white": "white", "green": "green"}, SIZE, ALL,
-                        bounces=2, spp=4, seed=1)
+        trace_transport(replace(unit_scene(view, 2), material_of_bsdf={"white": "white",
+                                                                        "green": "green"}),
+                        ALL, spp=4, seed=1)
 
 
 def test_a_coated_surface_is_sent_to_the_gradient_engine(tmp_path):

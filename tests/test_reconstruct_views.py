@@ -69,10 +69,8 @@ def photographed(view, seed, brightness=1.0, lights=None):
     responses = view.responses if lights is not None else view.responses[:1]
     signals = np.vstack([gain * band_products(exponents, SPECTRA, response)
                          for gain, response in zip(lights or (1.0,), responses, strict=True)])
-    image = brightness * shaded_image(unit_scene(view), {name: name for name in MATERIALS},
-                                      view.size, exponents, signals, bounces=BOUNCES, spp=512,
-                                      seed=seed,
-                                      lights=None if lights is None else view.light_groups)
+    image = brightness * shaded_image(unit_scene(view, BOUNCES, lights is not None), exponents,
+                                      signals, spp=512, seed=seed)
     rng = np.random.default_rng(seed)
     variance = (NOISE * np.maximum(image, 0.01 * image.max())) ** 2
     return replace(view,
@@ -182,9 +180,8 @@ def photographed_without_green(folder, text):
     wide = view(folder, "aside", text=cornell_box_xml(WIDTH, BOUNCES + 1))
     narrow = replace(wide, scene_file=view(folder, "aside", text=text).scene_file)
     exponents = exponents_up_to(3, BOUNCES)
-    image = shaded_image(unit_scene(narrow), {name: name for name in MATERIALS}, narrow.size,
-                         exponents, band_products(exponents, SPECTRA, narrow.response),
-                         bounces=BOUNCES, spp=256, seed=75)
+    image = shaded_image(unit_scene(narrow, BOUNCES), exponents,
+                         band_products(exponents, SPECTRA, narrow.response), spp=256, seed=75)
     return replace(wide, scene_file=narrow.scene_file,
                    photo=photo_of(image, (0.01 * image + 1e-6) ** 2))
 
@@ -249,7 +246,7 @@ def test_the_prior_on_spectra_is_an_option(first):
     smooth, free = (spectrum_prior(replace(SETTINGS, spectrum_prior=name), GRID).precision
                     for name in ("smooth", "none"))
     assert np.trace(smooth) > np.trace(free)
-    with pytest.raises(InputError, match="no prior on spectra 'magic'; use one of smooth, learnt, "
+    with pytest.raises(InputError, match="no prior on spectra 'magic'; use one of learnt, smooth, "
                        "none"):
         spectrum_prior(replace(SETTINGS, spectrum_prior="magic"), GRID)
     with pytest.raises(InputError, match="needs the mean and covariance"):

@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spectrabox.fixtures.cornell_box import MATERIALS
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.tracer import transport
@@ -16,9 +15,7 @@ from spectrabox.reconstruct.tracer.transport import trace_transport
 
 from tests.cornell_problem import WIDTH, scene, view_of
 
-SIZE = (WIDTH, WIDTH)
 HALVES = np.repeat([[0], [1]], WIDTH // 2, axis=0) * np.ones((1, WIDTH), int)
-NAMES = {name: name for name in MATERIALS}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -28,7 +25,7 @@ def mitsuba():
 
 @pytest.fixture(scope="module")
 def box(tmp_path_factory):
-    return unit_scene(view_of(scene(tmp_path_factory.mktemp("box"), max_depth=4)))
+    return unit_scene(view_of(scene(tmp_path_factory.mktemp("box"), max_depth=4)), 3)
 
 
 @pytest.fixture
@@ -38,8 +35,7 @@ def short(monkeypatch):
 
 
 def traced(box, **options):
-    return trace_transport(box, NAMES, SIZE, HALVES,
-                           **({"bounces": 3, "spp": 32, "seed": 4} | options))
+    return trace_transport(box, HALVES, **({"spp": 32, "seed": 4} | options))
 
 
 def test_each_coordinate_of_the_lattice_has_one_point_in_each_of_as_many_intervals(mitsuba):
@@ -75,12 +71,12 @@ def test_the_lattice_s_integral_is_closer_than_independent_numbers(mitsuba):
 def test_any_number_of_cores_gives_the_same_bits(box, short):
     import drjit as dr
 
-    tracer = Tracer(box, NAMES, tuple(NAMES), SIZE, HALVES, transport.exponents_up_to(3, 3), None)
+    tracer = Tracer(box, HALVES, transport.exponents_up_to(3, 3))
     runs = []
     try:
         for cores in (1, 2, 3):
             dr.set_thread_count(cores)
-            runs.append(tracer.trace(3, 1 << 15, 8))
+            runs.append(tracer.trace(1 << 15, 8))
     finally:
         dr.set_thread_count(1)
     assert np.array_equal(runs[0], runs[1]) and np.array_equal(runs[0], runs[2])
@@ -93,8 +89,8 @@ def test_contributions_are_counted_in_units_that_suit_the_light(box, brightness)
     """
     exponents = transport.exponents_up_to(3, 3)
     signals = np.full((len(exponents), 1), 1.0)
-    images = [transport.shaded_image(box, NAMES, SIZE, exponents, signals * factor, bounces=3,
-                                     spp=16, seed=2) / factor for factor in (1.0, brightness)]
+    images = [transport.shaded_image(box, exponents, signals * factor, spp=16, seed=2) / factor
+              for factor in (1.0, brightness)]
     # float32 products, and multiples of a unit 2^-30 of the trial's largest sum.
     np.testing.assert_allclose(images[0], images[1], rtol=1e-5, atol=1e-7 * images[0].max())
 

@@ -34,9 +34,7 @@ STILL_FALLING = 0.10
 
 @dataclass(frozen=True)
 class GradientFit:
-    """Coefficients of the unknown materials (U, N), their scatter over the last steps, and the way
-    there.
-    """
+    """Coefficients of the unknown materials (U, N), their scatter at the end, and the way there."""
 
     coefficients: np.ndarray
     tail: np.ndarray         # (I, U, N) the averaged steps
@@ -117,7 +115,19 @@ def fit_by_gradient(view: View, settings: InversionSettings,
 
 
 def reflectance_key(parameters: Any, bsdf: str) -> str:
-    """Name of the one reflectance spectrum of a BSDF among a scene's parameters."""
+    """Name of the one reflectance spectrum of a BSDF among a scene's parameters.
+
+    Parameters
+    ----------
+    parameters : mi.SceneParameters
+    bsdf : str
+        Its id.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or more than one.
+    """
     matches = [key for key in parameters.keys()  # noqa: SIM118 - not a dict
                if key.startswith(f"{bsdf}.")
                and key.endswith(("reflectance.values", "base_color.values"))]
@@ -128,10 +138,18 @@ def reflectance_key(parameters: Any, bsdf: str) -> str:
 
 
 def stalled(losses: list[float], window: int | None = None) -> bool:
-    """Whether the mean loss of the last ``window`` steps is not below that of as many before,
-    beyond their noise.
+    """Whether the mean loss no longer falls, beyond its noise, from window to window.
 
-    The noise of both means is that of independent steps with the scatter within the two windows.
+    Two windows are compared: the last steps and as many before. The noise of both means is that of
+    independent steps with the scatter within the two windows.
+
+    Parameters
+    ----------
+    losses : list of float
+        Of all steps so far.
+    window : int, optional
+        Steps of each mean; ``WINDOW`` where it is left out. False for fewer losses than two
+        windows.
     """
     window = WINDOW if window is None else window
     if window < 2 or len(losses) < 2 * window:
@@ -142,12 +160,24 @@ def stalled(losses: list[float], window: int | None = None) -> bool:
 
 
 def cosine_rate(fraction: float) -> float:
-    """Learning rate, of the first, after this fraction of the steps."""
+    """Learning rate, relative to the first, 1 falling to ``LAST_RATE``.
+
+    Parameters
+    ----------
+    fraction : float
+        Of the steps that are done, 0 to 1.
+    """
     return LAST_RATE + (1 - LAST_RATE) * 0.5 * (1 + np.cos(np.pi * fraction))
 
 
 def outcome_of(losses: np.ndarray) -> Outcome:
-    """Whether the loss still fell over the tail, by the means of its two halves."""
+    """Whether the loss still fell over the tail, by the means of its two halves.
+
+    Parameters
+    ----------
+    losses : (I,) array
+        Of all steps.
+    """
     tail = losses[-max(int(TAIL * losses.size), 4):]
     first, second = tail[:tail.size // 2].mean(), tail[tail.size // 2:].mean()
     return Outcome.STEP_LIMIT if second < (1 - STILL_FALLING) * first else Outcome.CONVERGED

@@ -1,6 +1,4 @@
-"""The paper's inversion: differentiable rendering and Adam, for any BSDF (paper Sec. 3.2 and
-4.2).
-"""
+"""The paper's inversion: differentiable rendering and Adam, for any BSDF (Sec. 3.2 and 4.2)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -22,8 +20,17 @@ FINAL_SPP, FINAL_PASSES = 256, 4
 
 
 def engine_for(scene_files: Sequence[SceneFile]) -> tuple[Engine, tuple[str, ...]]:
-    """Name of the engine that treats every material of the scenes, and a sentence if it is not the
-    default.
+    """Name of the engine that treats every material of the scenes, and a sentence on why.
+
+    Parameters
+    ----------
+    scene_files : sequence of SceneFile
+
+    Returns
+    -------
+    engine : "transport" or "gradient"
+    notes : tuple of str
+        Empty for the default, transport.
     """
     glossy = dict.fromkeys(name for scene_file in scene_files
                            for name in not_plain_products(scene_file))
@@ -36,8 +43,14 @@ def engine_for(scene_files: Sequence[SceneFile]) -> tuple[Engine, tuple[str, ...
 
 def invert_by_gradient(view: View, settings: InversionSettings,
                        progress: Progress) -> EngineAnswer:
-    """Coefficients by gradient descent through Mitsuba's ``prb`` integrator and its spectral
-    film.
+    """Coefficients by gradient descent through Mitsuba's ``prb`` integrator and spectral film.
+
+    Parameters
+    ----------
+    view : View
+        With a light scale or a known material.
+    settings : InversionSettings
+    progress : function of (fraction done, what is being done)
     """
     fit = fit_by_gradient(view, settings, progress)
     answer = answer_of_descent(view, settings, fit, "gradient descent (Mitsuba prb, specfilm)")
@@ -50,7 +63,17 @@ def invert_by_gradient(view: View, settings: InversionSettings,
 
 def answer_of_descent(view: View, settings: InversionSettings, fit: GradientFit,
                       engine: str) -> EngineAnswer:
-    """The answer of an engine that descends: its last steps scatter as its signals' error does."""
+    """The answer of an engine that descends: its last steps scatter as its signals' error does.
+
+    Parameters
+    ----------
+    view : View
+    settings : InversionSettings
+    fit : GradientFit
+        Of the view's unknown materials.
+    engine : str
+        Its name as the report prints it.
+    """
     rendered, _ = render(view.scene(fit.coefficients), FINAL_SPP, settings.seed + 7919,
                          FINAL_PASSES)
     operator = relative_operator(view.response, view.basis(settings.coefficients))

@@ -1,5 +1,4 @@
-"""The paper's brute force as a named baseline: one monochrome rendering per wavelength and step of
-the descent.
+"""The paper's brute force as a baseline: a monochrome rendering per wavelength and step.
 
 It renders with ``llvm_ad_mono`` in a process of its own, since a process keeps to one variant of
 Mitsuba. The light multiplies afterwards; the integral over wavelength is the trapezoid rule on
@@ -57,21 +56,44 @@ class MonochromeJob:
 
 def invert_per_wavelength(view: View, settings: InversionSettings,
                           progress: Progress) -> EngineAnswer:
-    """Coefficients by gradient descent through one monochrome rendering per wavelength."""
+    """Coefficients by gradient descent through one monochrome rendering per wavelength.
+
+    Parameters
+    ----------
+    view : View
+        Without a light scale 1 is taken.
+    settings : InversionSettings
+        ``steps`` steps of ``spp`` paths per pixel and wavelength.
+    progress : function of (fraction done, what is being done)
+    """
     fit = descend(monochrome_job(view, settings), progress)
     return answer_of_descent(view, settings, fit, f"gradient descent, {WAVELENGTHS} monochrome "
                              "renderings a step")
 
 
 def descend(job: MonochromeJob, progress: Progress) -> GradientFit:
-    """Run the job in its own process."""
+    """Coefficients after all steps of the job, run in a process of its own.
+
+    Parameters
+    ----------
+    job : MonochromeJob
+    progress : function of (fraction done, what is being done)
+        Called once, at the start.
+    """
     progress(0.0, f"{job.steps} steps of {job.basis.shape[0]} renderings")
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         return pool.submit(_descend, job).result()
 
 
 def monochrome_job(view: View, settings: InversionSettings) -> MonochromeJob:
-    """The view at ``WAVELENGTHS`` wavelengths."""
+    """The view at ``WAVELENGTHS`` wavelengths, as the other process takes it.
+
+    Parameters
+    ----------
+    view : View
+    settings : InversionSettings
+        Of which ``coefficients``, ``steps``, ``spp`` and ``seed`` count.
+    """
     grid = grid_from_nm(np.linspace(view.grid.nm[0], view.grid.nm[-1], WAVELENGTHS))
     curves = np.array([np.interp(grid.nm, view.grid.nm, curve) for curve in view.sensitivities])
     response = response_matrix(grid, curves, np.interp(grid.nm, view.grid.nm, view.light))
@@ -104,8 +126,7 @@ def monochrome_xml(view: View) -> str:
 
 
 def _descend(job: MonochromeJob) -> GradientFit:
-    """Adam on the coefficients of the unknown materials; runs where nothing else has been
-    rendered.
+    """Adam on the coefficients of the unknown materials; runs where nothing else has been rendered.
     """
     ensure_llvm()
     import drjit as dr

@@ -4,7 +4,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -29,6 +28,7 @@ from spectrabox.reconstruct.tracer.transport import (
     shaded_image,
     trace_transport,
 )
+from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 from spectrabox.reconstruct.view import View, unknown_materials
 
 FIRST_SPP = 64           # paths per pixel by which the noise is judged
@@ -38,19 +38,27 @@ IMAGE_SPP = 512          # of the final rendering
 
 def solve_views(views: Sequence[View], settings: InversionSettings, progress: Progress,
                 checkpoint: Path | None = None) -> tuple[TransportFit, tuple[EngineAnswer, ...]]:
-    """Spectra that explain all photos together, each traced on its own: the fit, and its answer for
-    each view.
+    """Spectra that explain all photos together, each traced on its own.
 
     Parameters
     ----------
+    views : V views
+    settings : InversionSettings
+    progress : function of (fraction done, what is being done)
     checkpoint : Path, optional
         File for the trace of the first view, from which it goes on when it was stopped; their
         number follows the name of those of the others.
 
+    Returns
+    -------
+    fit : TransportFit
+    answers : V of EngineAnswer
+
     Raises
     ------
     InputError
-        As ``unit_scene``; or if no light reaches a material.
+        As ``unit_scene`` and ``trace_transport``; or if no light reaches a material, or lights that
+        are to be told apart have no id.
     """
     traced = trace_views(views, settings, progress, checkpoint)
     progress(0.7, "fitting spectra")
@@ -100,8 +108,16 @@ def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
     return TracedSolution(tuple(traced), fit, _answers(traced, fit, images, settings))
 
 
-def unit_scene(view: View) -> Any:
-    """The scene with reflectances and light spectra of 1.
+def unit_scene(view: View, bounces: int, separate_lights: bool = False) -> UnitScene:
+    """The view's scene for the tracer, with reflectances and light spectra of 1.
+
+    Parameters
+    ----------
+    view : View
+    bounces : int
+        Most reflections along a path.
+    separate_lights : bool
+        Each of ``view.light_groups`` gets its own coefficients.
 
     Raises
     ------
@@ -114,14 +130,15 @@ def unit_scene(view: View) -> Any:
                          "glossy: its spectrum does not just multiply; set [reconstruct] engine = "
                          "\"gradient\"")
     ones = np.ones(2)
-    return load_scene(view.xml(dict.fromkeys(view.name_of_bsdf, ones), light=ones,
-                               bands={"one": ones}))
+    scene = load_scene(view.xml(dict.fromkeys(view.name_of_bsdf, ones), light=ones,
+                                bands={"one": ones}))
+    return UnitScene(scene, view.name_of_bsdf, view.size, bounces,
+                     view.light_groups if separate_lights else None, view.scene_file.profiles)
 
 
-def trace_view(view: View, region: np.ndarray, bounces: int, seed: int, progress: Progress,
-               separate_lights: bool = False, checkpoint: Path | None = None) -> TracedTransport:
-    """Transport of the regions, with as many paths as it takes for its noise to fall below the
-    photo's.
+def trace_view(view: View, unit: UnitScene, region: np.ndarray, seed: int, progress: Progress,
+               checkpoint: Path | None = None) -> TracedTransport:
+    """Transport of the regions, traced until its noise is below the photo's.
 
     A first trace says how noisy ``FIRST_SPP`` paths per pixel are. More follow until the median
     region's Monte Carlo variance is no more than the variance that the fit gives the photo there,
@@ -129,19 +146,24 @@ def trace_view(view: View, region: np.ndarray, bounces: int, seed: int, progress
 
     Parameters
     ----------
+    view : View
+        Whose photo says how little noise is enough.
+    unit : UnitScene
+        Of the view.
     region : (H, W) int
         Region 0 to R-1 of each pixel, -1 where it is not wanted.
-    bounces : int
-        Reflections along a path, at most.
-    separate_lights : bool
-        Each of ``view.light_groups`` gets its own coefficients.
+    seed : int
+        Of the first trace; the second has the next.
+    progress : function of (fraction done, from 0 to 0.7; what is being done)
     checkpoint : Path, optional
         File from which a trace that was stopped goes on.
+
+    Raises
+    ------
+    InputError
+        As ``trace_transport``.
     """
-    lights = view.light_groups if separate_lights else None
-    scene, names, profiles = unit_scene(view), view.name_of_bsdf, view.scene_file.profiles
-    first = trace_transport(scene, names, view.size, region, bounces=bounces, spp=FIRST_SPP,
-                            seed=seed, lights=lights, profiles=profiles)
+    first = trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
     photo = region_means(view.variance / np.maximum(view.measured, 1e-12) ** 2,
                          region).mean(axis=1)
     photo = photo / np.bincount(region[region >= 0])
@@ -150,15 +172,22 @@ def trace_view(view: View, region: np.ndarray, bounces: int, seed: int, progress
     progress(0.2, "tracing light")
     if more <= 0:
         return first
-    second = trace_transport(scene, names, view.size, region, bounces=bounces, spp=more,
-                             seed=seed + 1, exponents=first.exponents, lights=lights,
-                             checkpoint=checkpoint, profiles=profiles,
-                             progress=lambda done: progress(0.2 + 0.5 * done, "tracing light"))
+    second = trace_transport(unit, region, spp=more, seed=seed + 1, exponents=first.exponents,
+                             progress=lambda done: progress(0.2 + 0.5 * done, "tracing light"),
+                             checkpoint=checkpoint)
     return joined(first, second)
 
 
 def nuisances(view: View, settings: InversionSettings) -> Nuisances:
-    """What the settings take as known of one view besides its pixels."""
+    """What the settings take as known of one view besides its pixels.
+
+    Parameters
+    ----------
+    view : View
+        Of which the light scale counts, and whether it has several lights.
+    settings : InversionSettings
+        Of which the errors count.
+    """
     scale = view.light_scale
     return Nuisances(None if scale is None else scale.value, settings.surface_error,
                      settings.brightness_error,
@@ -173,8 +202,8 @@ def _traced_view(view: View, number: int, settings: InversionSettings, progress:
     separate = len(view.light_groups) > 1 and (settings.light_error > 0 or bool(view.own_lights))
     if separate:
         _require_named_lights(view)
-    traced = trace_view(view, region, _bounces(view, settings), settings.seed + 613 * number,
-                        progress, separate, checkpoint)
+    unit = unit_scene(view, _bounces(view, settings), separate)
+    traced = trace_view(view, unit, region, settings.seed + 613 * number, progress, checkpoint)
     _require_lit(view, traced, group)
     return TracedView(view, traced, region, group, nuisances(view, settings))
 
@@ -209,11 +238,9 @@ def _informed_by(image: np.ndarray, traced: TracedView, settings: InversionSetti
 
 def _image(traced: TracedView, solution: ViewFit, settings: InversionSettings) -> np.ndarray:
     view, transport = traced.view, traced.traced
-    lights = view.light_groups if transport.passes.shape[2] > 1 else None
-    return shaded_image(unit_scene(view), view.name_of_bsdf, view.size, transport.exponents,
-                        solution.signals, bounces=_bounces(view, settings), spp=IMAGE_SPP,
-                        seed=settings.seed + 7919, lights=lights,
-                        profiles=view.scene_file.profiles)
+    unit = unit_scene(view, _bounces(view, settings), transport.passes.shape[2] > 1)
+    return shaded_image(unit, transport.exponents, solution.signals, spp=IMAGE_SPP,
+                        seed=settings.seed + 7919)
 
 
 def _answers(traced: Sequence[TracedView], fit: TransportFit, images: Sequence[np.ndarray],

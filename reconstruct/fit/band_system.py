@@ -20,8 +20,9 @@ HUBER = 3.0     # standard deviations beyond which a pixel's pull on the fit gro
 
 @dataclass(frozen=True)
 class BandSystem:
-    """Q equations for each of K bands; cost = sum (root (rows G - target))^2 - sum (noise_root
-    noise G)^2.
+    """Q equations for each of K bands, and the Monte Carlo noise that their rows carry.
+
+    cost = sum (root (rows G - target))^2 - sum (noise_root noise G)^2
     """
 
     rows: np.ndarray         # (Q, E)
@@ -90,8 +91,14 @@ def _named(rows: np.ndarray, band_weight: np.ndarray,
 
 
 def huber_weight(residual: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-    """Factor (R, 1) in (0, 1] for the weights of pixels whose residual (R, K) exceeds ``HUBER``
-    sigma (R, K).
+    """Factor (R, 1) in (0, 1] for the weights of pixels, below 1 beyond ``HUBER`` sigma.
+
+    Parameters
+    ----------
+    residual : (R, K) array
+        Whose worst band counts.
+    sigma : (R, K) array
+        Its standard deviation, above 0.
     """
     worst = np.abs(residual / sigma).max(axis=1, keepdims=True)
     return np.minimum(1.0, HUBER / np.maximum(worst, 1e-12))

@@ -29,8 +29,7 @@ class Identifiability:
 
 def band_signals(fit: TransportFit, operator: np.ndarray,
                  names: int) -> tuple[np.ndarray, np.ndarray]:
-    """Signals (U, K) relative to white and covariance (U, K, K) that the photo, not the smoothness
-    prior, gives.
+    """Signals of the unknown materials that the photo, not the prior on spectra, gives.
 
     One more Gauss-Newton step from the solution with the prior on the spectra taken off: free in
     what the bands see of each material, and only loosely held (``HIDDEN_ERROR``) in what they do
@@ -46,6 +45,12 @@ def band_signals(fit: TransportFit, operator: np.ndarray,
         other.
     names : int
         Number U of unknown materials.
+
+    Returns
+    -------
+    signals : (U, K) array
+        Relative to white.
+    covariances : (U, K, K) array
     """
     count = operator.shape[1]
     left, singular, vt = np.linalg.svd(operator)
@@ -71,14 +76,20 @@ def band_signals(fit: TransportFit, operator: np.ndarray,
 
 def identifiability(fit: TransportFit, materials: tuple[str, ...],
                     operator: np.ndarray) -> tuple[Identifiability, ...]:
-    """Which directions of which material the photo constrains, other materials and all nuisances
-    being unknown as well.
+    """Which directions of which material the photo determines, all else being unknown as well.
+
+    Other materials and all nuisances are marginalised.
 
     Parameters
     ----------
+    fit : TransportFit
     materials : U names of the unknown materials
     operator : (K, N) array
         Relative signal of the coefficients.
+
+    Returns
+    -------
+    U of Identifiability
     """
     count = operator.shape[1]
     prior = fit.prior_precision
@@ -100,7 +111,12 @@ def identifiability(fit: TransportFit, materials: tuple[str, ...],
 
 
 def sentences(materials: tuple[Identifiability, ...]) -> tuple[str, ...]:
-    """One sentence per material: how much of its spectrum is measured and how much assumed."""
+    """One sentence per material: how much of its spectrum is measured and how much assumed.
+
+    Parameters
+    ----------
+    materials : U of Identifiability
+    """
     return tuple(
         f"{item.material}: of {item.ratio.size} coefficients the photo decides {item.by_photo} "
         f"({item.by_colour} by the surface's own colour, {item.by_interreflection} only by "
@@ -108,9 +124,7 @@ def sentences(materials: tuple[Identifiability, ...]) -> tuple[str, ...]:
 
 
 def _spectra_alone(information: np.ndarray, count: int) -> np.ndarray:
-    """Information (count, count) of the coefficients, with gains, mixing and light scales
-    integrated out.
-    """
+    """Information (count, count) of the coefficients, the nuisances being marginalised."""
     cross = information[:count, count:]
     nuisances = np.linalg.pinv(information[count:, count:], hermitian=True)
     return np.asarray(information[:count, :count] - cross @ nuisances @ cross.T)

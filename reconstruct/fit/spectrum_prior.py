@@ -26,6 +26,13 @@ class SpectrumPrior:
 def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid) -> SpectrumPrior:
     """Prior of the coefficients of every unknown material, as the settings choose it.
 
+    Parameters
+    ----------
+    settings : InversionSettings
+        Of which ``spectrum_prior``, ``smoothness``, ``coefficients`` and ``learnt`` count.
+    grid : WavelengthGrid
+        P wavelengths, on which a learnt prior is interpolated.
+
     Raises
     ------
     InputError
@@ -47,19 +54,30 @@ def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid) -> Spectru
 
 
 def smooth_prior(coefficients: int, smoothness: float) -> SpectrumPrior:
-    """exp(-tau/2 |second differences|^2), broadly around 0.5; tau = smoothness (N - 3)^3, the same
-    curvature of the spectrum for every number N of coefficients.
+    """Prior of N coefficients with small second differences, broadly around 0.5.
+
+    exp(-tau/2 |second differences|^2) with tau = smoothness (N - 3)^3: the same curvature of the
+    spectrum for every N.
+
+    Parameters
+    ----------
+    coefficients : int
+        N, 4 or more.
+    smoothness : float
+        0 leaves the broad prior alone.
     """
     return SpectrumPrior(np.full(coefficients, 0.5), smoothness_precision(coefficients, smoothness))
 
 
 def learnt_prior(basis: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> SpectrumPrior:
-    """Prior of the coefficients from mean (P,) and covariance (P, P) of reflectances at the
-    wavelengths of the basis.
+    """Prior of the coefficients from mean and covariance of measured reflectances.
 
     Parameters
     ----------
     basis : (P, N) array
+    mean : (P,) array
+        At the wavelengths of the basis.
+    covariance : (P, P) array
     """
     to_coefficients = np.linalg.pinv(basis)
     spread = to_coefficients @ covariance @ to_coefficients.T + UNEXPLAINED**2 * np.eye(
@@ -68,8 +86,17 @@ def learnt_prior(basis: np.ndarray, mean: np.ndarray, covariance: np.ndarray) ->
 
 
 def smoothness_precision(coefficients: int, smoothness: float) -> np.ndarray:
-    """Prior precision (N, N) of one material: small second differences over wavelength, broadly
-    around 0.5.
+    """Prior precision (N, N) of one material, of ``smooth_prior``.
+
+    Second differences are divided by the gaps of the Greville abscissae, so that a straight
+    spectrum has none.
+
+    Parameters
+    ----------
+    coefficients : int
+        N, 4 or more.
+    smoothness : float
+        0 or more.
     """
     position = greville_abscissae(coefficients)
     mean_gap = 1.0 / (coefficients - 1)

@@ -1,5 +1,4 @@
-"""Views whose light transport has been traced: noise, robust weights, and several views in one fit.
-"""
+"""Views whose light has been traced: noise, robust weights, and several views in one fit."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -56,8 +55,14 @@ class TracedView:
         return np.where(lamp[:, None], 0.0, 1 / self.variance)
 
     def terms(self, coefficients: int, trust: np.ndarray | None = None) -> ViewTerms:
-        """The view's part of the cost, for spectra of N coefficients and regions weighed by
-        ``trust`` (R, 1).
+        """The view's part of the cost.
+
+        Parameters
+        ----------
+        coefficients : int
+            N of every spectrum.
+        trust : (R, 1) array, optional
+            Factor on the weight of each region, 0 to 1.
         """
         weight = self.weight if trust is None else trust * self.weight
         system = compress(self.traced.coefficients, self.measured, weight, self.group,
@@ -65,15 +70,27 @@ class TracedView:
         return ViewTerms(system, self._model(coefficients), self.nuisances)
 
     def trust(self, fit: ViewFit) -> np.ndarray:
-        """Huber weight (R, 1) of each region at the solution."""
+        """Huber weight (R, 1) of each region at the solution, in (0, 1].
+
+        Parameters
+        ----------
+        fit : ViewFit
+            Of this view.
+        """
         gain = np.array([fit.gains.get(surface, np.ones(self.measured.shape[1]))
                          for surface in self.group.tolist()])
         predicted = fit.scale * gain * (self.traced.coefficients @ fit.signals)
         return huber_weight(self.measured - predicted, np.sqrt(self.variance))
 
     def regions(self, fit: ViewFit) -> RegionTransport | None:
-        """The regions as the samplers of a whole scene take them; None where lights were traced
-        separately: their spectra differ.
+        """The regions as the samplers of a whole scene take them.
+
+        None where lights were traced separately, since their spectra differ.
+
+        Parameters
+        ----------
+        fit : ViewFit
+            Of this view; regions that it weighs below ``DOUBTED`` are left out.
         """
         traced = self.traced
         if traced.passes.shape[2] > 1:
@@ -87,9 +104,7 @@ class TracedView:
             np.array(self.group), self.nuisances.surface_error, self.nuisances.brightness_error)
 
     def _model(self, coefficients: int) -> SpectrumModel:
-        """What the transport's products stand for; one response for each light that was traced
-        separately.
-        """
+        """What the transport's products stand for; a response for each light traced separately."""
         view, responses = self.view, self.view.responses
         known = {index: material.reflectance
                  for index, material in enumerate(view.scene_materials)
@@ -100,8 +115,10 @@ class TracedView:
 
 
 def fit_traced(views: Sequence[TracedView], prior: SpectrumPrior) -> TransportFit:
-    """Fit the regions; those that no spectrum explains lose weight round by round, those that see
-    the lamp count none.
+    """Most probable spectra of all views, fitted robustly.
+
+    Regions that no spectrum explains lose weight round by round. Regions that see the lamp count
+    nothing.
 
     Parameters
     ----------
@@ -124,10 +141,10 @@ def fit_traced(views: Sequence[TracedView], prior: SpectrumPrior) -> TransportFi
 
 
 def _smoothed(relative_variance: np.ndarray, group: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Monte Carlo variance (R,) of each region, half its own and half its surface's: few passes
-    know it only roughly.
+    """Monte Carlo variance (R,) of each region, half its own and half its surface's.
 
-    Regions differ in size, so what they share is the variance of one pixel's paths.
+    Few passes know it only roughly. Regions differ in size, so what they share is the variance of
+    one pixel's paths.
     """
     of_pixel = relative_variance * pixels
     pooled = np.bincount(group, of_pixel) / np.maximum(np.bincount(group), 1)

@@ -1,10 +1,9 @@
-"""Spectra from views through their traced light transports: bounded, regularised Gauss-Newton with
-its covariance.
+"""Spectra from views through their traced light transports, with covariance.
 
-The unknowns are the spline coefficients of every unknown material, in [0, 1], shared by all views;
-and of each view its light scale, where that is asked for, and the nuisances of ``view_terms.py``.
-The prior on spectra decides what the photos leave open, and ``identifiability.py`` says what that
-is.
+Bounded, regularised Gauss-Newton. The unknowns are the spline coefficients of every unknown
+material, in [0, 1], shared by all views; and of each view its light scale, where that is asked for,
+and the nuisances of ``view_terms.py``. The prior on spectra decides what the photos leave open, and
+``identifiability.py`` says what that is.
 """
 from __future__ import annotations
 

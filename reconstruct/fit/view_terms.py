@@ -1,5 +1,4 @@
-"""What one view adds to the cost of a fit: its equations, its light scale, and its nuisances with
-their priors.
+"""What one view adds to the cost of a fit: equations, light scale, nuisances with their priors.
 
 A view's signal is scale x surface gain x (transport @ mixed signals of the products). The
 nuisances are logarithms of gains of surfaces and of lights, and the departure of a band-mixing
@@ -31,7 +30,13 @@ class SpectrumModel:
         return tuple(m for m in range(self.exponents.shape[1]) if m not in self.known)
 
     def reflectances(self, coefficients: np.ndarray) -> np.ndarray:
-        """All spectra (M, P) for coefficients (U, N)."""
+        """All spectra (M, P).
+
+        Parameters
+        ----------
+        coefficients : (U, N) array
+            Of the unknown materials.
+        """
         spectra = np.empty((self.exponents.shape[1], len(self.basis)))
         for m, reflectance in self.known.items():
             spectra[m] = reflectance
@@ -39,13 +44,23 @@ class SpectrumModel:
         return spectra
 
     def signals(self, coefficients: np.ndarray) -> np.ndarray:
-        """Signal (L E, K) of every product."""
+        """Signal (L E, K) of every product, light after light.
+
+        Parameters
+        ----------
+        coefficients : (U, N) array
+        """
         spectra = self.reflectances(coefficients)
         return np.vstack([band_products(self.exponents, spectra, response)
                           for response in self.response])
 
     def signals_and_jacobian(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Signal (L E, K) and its derivative (L E, K, U N)."""
+        """Signal (L E, K) of every product and its derivative (L E, K, U N).
+
+        Parameters
+        ----------
+        coefficients : (U, N) array
+        """
         spectra = self.reflectances(coefficients)
         parts = [band_products_jacobian(self.exponents, spectra, response, self.basis, self.unknown)
                  for response in self.response]
@@ -55,8 +70,9 @@ class SpectrumModel:
 
 @dataclass(frozen=True)
 class Nuisances:
-    """What is taken as known of one view besides its pixels; errors are standard deviations, 0 for
-    exactly right.
+    """What is taken as known of one view besides its pixels.
+
+    Errors are standard deviations, 0 for exactly right.
     """
 
     scale: float | None = None          # light scale; None to estimate it
@@ -83,8 +99,12 @@ class ViewFit:
     signals: np.ndarray = field(repr=False)
 
     def sentences(self, bands: Sequence[str], lights: Sequence[str]) -> tuple[str, ...]:
-        """What the fit corrected of lights and bands; the rendering shows it, so a reader must
-        know.
+        """What the fit corrected of lights and bands; the rendering shows it corrected.
+
+        Parameters
+        ----------
+        bands : K names
+        lights : L names
         """
         corrected = []
         if np.any(self.light_gains != 1):
@@ -101,8 +121,9 @@ class ViewFit:
 
 
 class ViewTerms:
-    """Misfit of one view as a function of its own state: coefficients, then nuisances, then the log
-    scale if free.
+    """Misfit of one view as a function of its own state.
+
+    The state is (size,): coefficients, then nuisances, then the log scale if free.
     """
 
     def __init__(self, system: BandSystem, model: SpectrumModel, nuisances: Nuisances) -> None:
@@ -134,13 +155,23 @@ class ViewTerms:
         return matrix[self.count:, self.count:]
 
     def start_scale(self, state: np.ndarray) -> float:
-        """Logarithm of the light scale that suits the state best."""
+        """Logarithm of the light scale that suits the coefficients of the state best.
+
+        Parameters
+        ----------
+        state : (size,) array
+        """
         predicted = self.system.root * (self.system.rows @ self._signals(state))
         value = np.sum(predicted * self.system.root * self.system.target) / np.sum(predicted**2)
         return float(np.log(max(value, 1e-30)))
 
     def misfit(self, state: np.ndarray) -> float:
-        """Sum of squares of the weighted residuals, less the part that is Monte Carlo noise."""
+        """Sum of squares of the weighted residuals, less that of the Monte Carlo noise.
+
+        Parameters
+        ----------
+        state : (size,) array
+        """
         system, signals = self.system, self._signals(state)
         data = system.root * (self._factor(state, system.group) * (system.rows @ signals)
                               - system.target)
@@ -149,7 +180,20 @@ class ViewTerms:
         return float(np.sum(data**2) - np.sum(noise**2))
 
     def expand(self, state: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Misfit, minus half its gradient (size,), half its Gauss-Newton curvature (size, size)."""
+        """Misfit and its expansion at a state.
+
+        Parameters
+        ----------
+        state : (size,) array
+
+        Returns
+        -------
+        misfit : float
+        pull : (size,) array
+            Minus half the gradient.
+        curvature : (size, size) array
+            Half the Gauss-Newton Hessian.
+        """
         system = self.system
         plain, slope = self.model.signals_and_jacobian(self._coefficients(state))
         data, by_data = self._linear(state, plain, slope, system.rows, system.root, system.group)
@@ -160,7 +204,14 @@ class ViewTerms:
                 by_data.T @ by_data - by_noise.T @ by_noise)
 
     def solution(self, state: np.ndarray, covariance: np.ndarray) -> ViewFit:
-        """Light scale and nuisances of a state whose covariance (size, size) is given."""
+        """Light scale and nuisances of a state.
+
+        Parameters
+        ----------
+        state : (size,) array
+        covariance : (size, size) array
+            Of the state.
+        """
         gains = np.exp(state[self.gain]).reshape(-1, self.bands)
         scale = self.nuisances.scale or float(np.exp(state[self.free_scale]).item())
         error = None if self.nuisances.scale else scale * float(np.sqrt(covariance[-1, -1]))

@@ -1,6 +1,4 @@
-"""Irradiance on each patch of a chart whose pose and light are known (paper Eq. 17, for any
-emitter).
-"""
+"""Irradiance on each patch of a chart of known pose and light (paper Eq. 17, for any emitter)."""
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -21,8 +19,9 @@ SAMPLES = 4096           # light directions per patch
 
 def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tuple[float, float],
                      seed: int = 0) -> np.ndarray:
-    """Irradiance (24,) in the centre of each patch, for an emitter whose radiance (or intensity)
-    spectrum is 1.
+    """Irradiance (24,) in the centre of each patch, for an emitter whose spectrum is 1.
+
+    The spectrum is that of its radiance, or intensity.
 
     Parameters
     ----------
@@ -33,6 +32,8 @@ def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tup
         Centres of the patches as fractions of width and height from the dark-skin corner.
     size_uv : (float, float)
         Width and height of a patch in the same fractions.
+    seed : int
+        Of the points and directions that are drawn.
 
     Raises
     ------

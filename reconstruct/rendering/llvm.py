@@ -1,10 +1,9 @@
-"""Find an LLVM that Dr.Jit can use, before drjit is imported; fetch Debian's package where there is
-none.
+"""Find an LLVM that Dr.Jit can use, before drjit is imported; fetch one where there is none.
 
 Dr.Jit reads DRJIT_LIBLLVM_PATH once, at import. The pinned Dr.Jit 1.4 (Mitsuba 3.9.0) works with
 LLVM 15 and newer; Dr.Jit 1.5 accepts 15 and 16 and then aborts the process, so for it the floor is
-17. Standard library only: this file also runs while the environment is being set up (``python -m
-spectrabox.reconstruct.rendering.llvm``).
+17. What is fetched is Debian's package. Standard library only: this file also runs while the
+environment is being set up (``python -m spectrabox.reconstruct.rendering.llvm``).
 """
 from __future__ import annotations
 
@@ -62,8 +61,9 @@ def llvm_version(library: Path) -> int | None:
 
 
 def find_llvm() -> tuple[Path, int] | None:
-    """The newest usable libLLVM of this machine with its major version; an operator's own choice
-    comes first.
+    """The newest usable libLLVM of this machine with its major version, or None.
+
+    An operator's own choice, in the environment variable, counts alone.
     """
     _preload_companions()
     chosen = os.environ.get(VARIABLE)
@@ -97,10 +97,15 @@ def ensure_llvm() -> tuple[Path, int]:
 
 
 def fetch_llvm(folder: Path = ENVIRONMENT_FOLDER) -> None:
-    """Unpack Debian's libLLVM, and the libraries that it and the renderer need, into the
-    environment.
+    """Unpack Debian's libLLVM, and the libraries that it and the renderer need.
 
-    Needs apt-get and dpkg-deb, but no root: package lists are kept in a scratch folder.
+    Needs apt-get and dpkg-deb, without which it does nothing, but no root: package lists are kept
+    in a scratch folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the libraries come to lie; the environment's own by default.
     """
     if not (shutil.which("apt-get") and shutil.which("dpkg-deb")):
         return

@@ -1,5 +1,4 @@
-"""The only module that starts Mitsuba: it picks the variant, loads a scene, renders it in camera
-bands.
+"""The only module that starts Mitsuba: it picks the variant, loads a scene, renders it in bands.
 
 One variant per process; nothing of Mitsuba is touched at import time.
 """
@@ -73,7 +72,12 @@ def all_cores() -> Iterator[None]:
 
 
 def load_scene(xml: str) -> Any:
-    """Load scene text; identical placeholder materials are not merged.
+    """Scene of Mitsuba from XML text; identical placeholder materials are not merged.
+
+    Parameters
+    ----------
+    xml : str
+        Whole scene; files that it names have absolute paths.
 
     Raises
     ------
@@ -99,8 +103,11 @@ def render(scene: Any, spp: int, seed: int, passes: int = 1) -> tuple[np.ndarray
 
     Parameters
     ----------
+    scene : mi.Scene
     spp : int
         Samples per pixel in all passes together.
+    seed : int
+        Of the first pass; each pass takes the next.
     passes : int
         Independent passes; their scatter gives the variance. At least 2 for a variance, NaN
         otherwise.

@@ -28,6 +28,7 @@ from spectrabox.reconstruct.scene.scene_file import SceneFile, not_plain_product
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.scene.surfaces import surface_map
 from spectrabox.reconstruct.tracer.transport import trace_transport
+from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 
 # of the surfaces' extent, for the derivative: less, and the noise of shadow edges rules it
 STEP = 0.015
@@ -38,13 +39,24 @@ TINY, ROUND_OFF = 1e-300, 1e-12
 SMALL_MOVE = 0.2        # of the standard error: converged
 MIN_REGIONS = 12
 MIN_SIGNAL = 0.01       # of a band's median signal
-BLOCK_ERROR = 0.005     # relative, of each block of pixels beside its noise
-SURFACE_ERROR = 0.01    # relative, of each surface in all bands: uneven paint, pose
-PAINT_ERROR = 0.02      # relative, of each material in each band: its known reflectance
-MAX_ERROR = 0.5         # of the same: above, the position is not known at all
+MAX_ERROR = 0.5         # of the surfaces' extent: above, the position is not known at all
 
 UNDETERMINED = ("the photo does not tell where the light is: brightness hardly changes when it "
                 "moves; photograph surfaces nearer to it, in several directions")
+
+
+@dataclass(frozen=True)
+class PositionSettings:
+    """What the model of the photo does not know, as relative standard deviations; and tracing."""
+
+    surface_error: float = 0.01     # of each surface in all bands: uneven paint, pose
+    paint_error: float = 0.02       # of each material in each band: its known reflectance
+    block_error: float = 0.005      # of each block of pixels beside its noise
+    spp: int = 256                  # paths per pixel of each trace
+    seed: int = 0
+
+
+DEFAULTS = PositionSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,30 +75,24 @@ class LightPosition(Record):
 
 
 def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.ndarray],
-                          response: np.ndarray, photo: LinearImage, *, light_id: str | None = None,
-                          surface_error: float = SURFACE_ERROR, paint_error: float = PAINT_ERROR,
-                          block_error: float = BLOCK_ERROR, spp: int = 256,
-                          seed: int = 0, progress: Progress = lambda
-                          *_: None) -> LightPosition:
+                          response: np.ndarray, photo: LinearImage, light_id: str | None = None,
+                          settings: PositionSettings = DEFAULTS,
+                          progress: Progress = lambda *_: None) -> LightPosition:
     """Offset of a light, with the standard error of the Gauss-Newton Hessian.
-
-    Eleven parameters: four say what is measured, the others have defaults and go by keyword.
 
     Parameters
     ----------
+    scene_file : SceneFile
     reflectances : mapping of BSDF id to (P,)
-        Of every material.
+        Of every material, 0 to 1.
     response : (K, P) array
         Sensitivity x light x integration weight.
     photo : LinearImage
         At the render's size, (H, W, K).
     light_id : str or None
         None takes the scene's only light.
-    surface_error, paint_error, block_error : float
-        Relative standard deviations of what the model does not know: of each surface in all bands,
-        of each material in each band, of each block of pixels.
-    spp : int
-        Paths per pixel of each trace.
+    settings : PositionSettings
+    progress : function of (fraction done, what is being done)
 
     Raises
     ------
@@ -96,36 +102,25 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
     CalibrationError
         If the photo does not tell where the light is.
     """
-    number = light_number(scene_file, light_id)
-    bsdfs = _require_reflectances(scene_file, reflectances)
-    size = photo.signal.shape[1], photo.signal.shape[0]
-    ones = np.ones(2)
-
-    def loaded(offset: np.ndarray) -> Any:
-        return load_scene(scene_xml(with_light_moved(scene_file, number, offset),
-                                    reflectances=dict.fromkeys(bsdfs, ones), light=ones,
-                                    bands={"one": ones}, range_nm=(400.0, 700.0), size=size))
-
-    scene = loaded(np.zeros(3))
-    surface = surface_map(scene, tuple(scene_file.surfaces), size)
+    scene = _MovableLight(scene_file, light_number(scene_file, light_id),
+                          _require_reflectances(scene_file, reflectances),
+                          (photo.signal.shape[1], photo.signal.shape[0]))
+    unmoved = scene.unit(np.zeros(3))
+    surface = surface_map(unmoved.scene, tuple(scene_file.surfaces), unmoved.size)
     region, group = block_regions(surface, _usable(photo))
     if len(group) < MIN_REGIONS:
         raise InputError(f"photo {photo.source}: {len(group)} blocks of single surfaces can be "
                          f"compared, {MIN_REGIONS} are needed; render at a larger size, or "
                          "expose so that less is saturated")
-    boxes = [shape.bbox() for shape in scene.shapes() if shape.id() in scene_file.surfaces]
-    corners = [np.array([np.array(end, dtype=float).ravel() for end in ends])
-               for ends in ([box.min for box in boxes], [box.max for box in boxes])]
-    extent = float(np.linalg.norm(corners[1].max(axis=0) - corners[0].min(axis=0)))
+    extent = _extent(unmoved.scene, scene_file)
     measured = region_means(photo.signal.astype(float), region)
     noise = region_means(photo.variance.astype(float), region)
     noise /= np.bincount(region[region >= 0])[:, None]
-    spectra = np.array([reflectances[bsdf] for bsdf in bsdfs])
+    spectra = np.array([reflectances[bsdf] for bsdf in scene.bsdfs])
 
     def rendered(offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Signal (R, K), and its relative Monte Carlo variance (R,)."""
-        traced = trace_transport(loaded(offset), {bsdf: bsdf for bsdf in bsdfs}, size, region,
-                                 bounces=scene_file.max_depth - 1, spp=spp, seed=seed)
+        traced = trace_transport(scene.unit(offset), region, spp=settings.spp, seed=settings.seed)
         received = signal(traced.coefficients, traced.exponents, spectra, response)
         return received, traced.relative_variance
 
@@ -134,15 +129,10 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
     if np.count_nonzero(lit) < MIN_REGIONS:
         raise InputError(f"{scene_file.path.name}: the light reaches {np.count_nonzero(lit)} of "
                          f"{lit.size} blocks that the photo shows; check where the scene has it")
-    # The bands of a block share its paths and the error of its geometry: errors of these two are
-    # the same in all K.
-    common = (monte_carlo[lit] + block_error**2)[:, None, None] * np.ones(2 * response.shape[:1])
-    own = (noise[lit] / measured[lit] ** 2 + ROUND_OFF)[:, None, :] * np.eye(response.shape[0])
-    whiten = np.linalg.inv(np.linalg.cholesky(common + own))
-    materials = [list(bsdfs).index(bsdf)
+    whiten = _whitening(monte_carlo[lit] + settings.block_error**2, noise[lit] / measured[lit] ** 2)
+    materials = [scene.bsdfs.index(bsdf)
                  for bsdf in np.array(list(scene_file.surfaces.values()))[group[lit]]]
-    nuisance = _nuisance(group[lit], np.array(materials), response.shape[0], surface_error,
-                         paint_error)
+    nuisance = _nuisance(group[lit], np.array(materials), response.shape[0], settings)
     target = np.log(measured[lit])
     offset, offsets, slopes = np.zeros(3), [np.zeros(3)], np.zeros((3, *target.shape))
     before = _solve(target - np.log(now[lit]), slopes[:0], whiten, nuisance).misfit
@@ -167,8 +157,48 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
     value = float(np.exp(fit.log_scale))
     scale = LightScale(value, value * fit.log_scale_error, None,
                        "surfaces of known reflectance, the light's position estimated with it")
-    return LightPosition(scene_file.light_ids[number], offset, np.sqrt(np.diag(fit.covariance)),
-                         fit.covariance, scale, before, fit.misfit, np.array(offsets), outcome)
+    return LightPosition(scene_file.light_ids[scene.number], offset,
+                         np.sqrt(np.diag(fit.covariance)), fit.covariance, scale, before,
+                         fit.misfit, np.array(offsets), outcome)
+
+
+@dataclass(frozen=True)
+class _MovableLight:
+    """A scene whose light ``number`` can be moved."""
+
+    scene_file: SceneFile
+    number: int
+    bsdfs: tuple[str, ...]
+    size: tuple[int, int]
+
+    def unit(self, offset: np.ndarray) -> UnitScene:
+        """The scene with its light moved by ``offset`` (3,), open, with unit spectra."""
+        ones = np.ones(2)
+        scene = load_scene(scene_xml(with_light_moved(self.scene_file, self.number, offset),
+                                     reflectances=dict.fromkeys(self.bsdfs, ones), light=ones,
+                                     bands={"one": ones}, range_nm=(400.0, 700.0), size=self.size))
+        return UnitScene(scene, {bsdf: bsdf for bsdf in self.bsdfs}, self.size,
+                         self.scene_file.max_depth - 1)
+
+
+def _extent(scene: Any, scene_file: SceneFile) -> float:
+    """Diagonal of the box around all surfaces."""
+    boxes = [shape.bbox() for shape in scene.shapes() if shape.id() in scene_file.surfaces]
+    lower, upper = (np.array([np.array(end, dtype=float).ravel() for end in ends])
+                    for ends in ([box.min for box in boxes], [box.max for box in boxes]))
+    return float(np.linalg.norm(upper.max(axis=0) - lower.min(axis=0)))
+
+
+def _whitening(common: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Matrices (R, K, K) that make residuals independent, of variance 1 each.
+
+    ``common`` (R,) is the variance that the bands of a block share, its paths' and its geometry's;
+    ``own`` (R, K) is of each band alone.
+    """
+    bands = own.shape[1]
+    shared = common[:, None, None] * np.ones((bands, bands))
+    alone = (own + ROUND_OFF)[:, None, :] * np.eye(bands)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(shared + alone)))
 
 
 @dataclass(frozen=True)
@@ -182,12 +212,10 @@ class _Step:
 
 def _solve(residual: np.ndarray, slopes: np.ndarray, whiten: np.ndarray,
            nuisance: np.ndarray) -> _Step:
-    """One weighted least-squares step: offset, brightness and nuisances of unit prior from
-    residuals (R, K).
+    """Weighted least-squares step in offset, brightness and nuisances, from residuals (R, K).
 
-    ``whiten`` (R, K, K) makes the residuals of each block independent and of variance 1.
-
-    Slopes (3, R, K), or none of them: the light stays where it is.
+    ``whiten`` (R, K, K) makes the residuals of each block independent and of variance 1; nuisances
+    have a prior of variance 1. Slopes are (3, R, K), or none of them: the light stays where it is.
     """
     free, count = len(slopes), nuisance.shape[2]
     columns = np.concatenate([np.moveaxis(slopes, 0, 2), np.ones((*residual.shape, 1)), nuisance],
@@ -206,13 +234,12 @@ def _solve(residual: np.ndarray, slopes: np.ndarray, whiten: np.ndarray,
                  float(np.sqrt(covariance[free, free])), misfit)
 
 
-def _nuisance(group: np.ndarray, material: np.ndarray, bands: int, surface_error: float,
-              paint_error: float) -> np.ndarray:
-    """Columns (R, K, U): one standard deviation of each surface's brightness and of each material's
-    bands.
+def _nuisance(group: np.ndarray, material: np.ndarray, bands: int,
+              settings: PositionSettings) -> np.ndarray:
+    """Columns (R, K, U): a standard deviation of each surface's brightness, each material's bands.
     """
-    surfaces = surface_error * (group[:, None] == np.unique(group)[None])
-    paints = paint_error * (material[:, None] == np.unique(material)[None])
+    surfaces = settings.surface_error * (group[:, None] == np.unique(group)[None])
+    paints = settings.paint_error * (material[:, None] == np.unique(material)[None])
     columns = np.hstack([np.repeat(surfaces, bands, axis=0), np.kron(paints, np.eye(bands))])
     return columns.reshape(len(group), bands, -1)
 

@@ -1,5 +1,4 @@
-"""The angular profile of a lamp, as measured: its radiance by angle from its normal, relative to
-straight ahead.
+"""The measured angular profile of a lamp: radiance by angle from its normal, 1 straight ahead.
 
 A scene gives it to an area light as ``<string name="profile" value="lamp.csv"/>`` in the <emitter>.
 It is what a spectroradiometer reads that looks at the lamp from several angles. A luminaire file
@@ -20,10 +19,14 @@ ROUND = 1e-6
 
 
 def read_profile(path: Path) -> np.ndarray:
-    """Relative radiance at ``TABLE_DEG`` from a file of rows "angle in degrees, radiance"; a first
-    row may name them.
+    """Relative radiance (181,) at ``TABLE_DEG``, 1 straight ahead.
 
     Linear between the angles; the last value holds up to 90 degrees.
+
+    Parameters
+    ----------
+    path : Path
+        File of rows "angle in degrees, radiance"; a first row may name them.
 
     Raises
     ------
@@ -50,7 +53,15 @@ def read_profile(path: Path) -> np.ndarray:
 
 
 def relative_radiance(table: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    """Value of a profile at angles given by their cosine."""
+    """Value of a profile, 0 or more, of the shape of ``cosine``.
+
+    Parameters
+    ----------
+    table : (181,) array
+        At ``TABLE_DEG``.
+    cosine : array
+        Of the angle from the lamp's normal.
+    """
     return np.interp(np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))), TABLE_DEG, table)
 
 

@@ -14,7 +14,13 @@ POSITIONED = {"area", "point", "spot", "projector", "directionalarea"}
 
 
 def light_number(scene_file: SceneFile, light_id: str | None) -> int:
-    """Which of the scene's emitters is meant; None takes the only one.
+    """Which of the scene's emitters is meant, counted from 0 in the order of the file.
+
+    Parameters
+    ----------
+    scene_file : SceneFile
+    light_id : str or None
+        None takes the only one.
 
     Raises
     ------
@@ -38,15 +44,43 @@ def light_number(scene_file: SceneFile, light_id: str | None) -> int:
 
 
 def with_light_moved(scene_file: SceneFile, number: int, offset: np.ndarray) -> SceneFile:
-    """The scene with its emitter ``number`` moved by ``offset`` (3,) in the scene's unit."""
+    """The scene with one of its emitters moved.
+
+    Parameters
+    ----------
+    scene_file : SceneFile
+        Stays as it is.
+    number : int
+        Of the emitter, as of ``light_number``.
+    offset : (3,) array
+        In the scene's unit.
+
+    Raises
+    ------
+    InputError
+        If the light's position is not three numbers.
+    """
     root = copy.deepcopy(scene_file.root)
     move_light(root, number, offset)
     return dataclasses.replace(scene_file, root=root)
 
 
 def move_light(root: ET.Element, number: int, offset: np.ndarray) -> None:
-    """Move the emitter ``number`` of a scene's XML, in place: its shape, or itself where it has
-    none.
+    """Move one emitter of a scene's XML, in place: its shape, or itself where it has none.
+
+    Parameters
+    ----------
+    root : ET.Element
+        The <scene>; it is changed.
+    number : int
+        Of the emitter, as of ``light_number``.
+    offset : (3,) array
+        In the scene's unit.
+
+    Raises
+    ------
+    InputError
+        If the light's position is not three numbers.
     """
     light = list(root.iter("emitter"))[number]
     node = next((shape for shape in root.iter("shape") if light in list(shape)), light)

@@ -1,6 +1,4 @@
-"""An estimated camera or light written into a copy of an operator's Mitsuba scene, the rest left
-as it was.
-"""
+"""An estimated camera or light written into a copy of a Mitsuba scene, the rest left as it was."""
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
@@ -23,8 +21,10 @@ def scene_with_camera(path: Path, camera: Mapping[str, Any], size: tuple[int, in
 
     Parameters
     ----------
+    path : Path
+        The operator's scene, which stays as it is.
     camera : mapping
-        ``to_world`` (4, 4), ``fov``, ``fov_axis`` and the principal point offsets of a
+        ``to_world`` (4, 4), ``fov`` in degrees, ``fov_axis`` and the principal point offsets of a
         ``perspective`` sensor.
     size : (width, height)
         Of the photo in pixels; the film keeps its own where it has the same shape.
@@ -58,8 +58,24 @@ def scene_with_camera(path: Path, camera: Mapping[str, Any], size: tuple[int, in
 
 
 def scene_with_light_moved(path: Path, number: int, offset: np.ndarray, folder: Path) -> str:
-    """XML of the scene with its emitter ``number`` moved by ``offset`` (3,); errors as of
-    ``scene_with_camera``.
+    """XML of the scene with one of its emitters moved.
+
+    Parameters
+    ----------
+    path : Path
+        The operator's scene, which stays as it is.
+    number : int
+        Of the emitter, counted from 0 in the order of the file.
+    offset : (3,) array
+        In the scene's unit.
+    folder : Path
+        Where the copy will lie.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or no scene, names files that a copy in another folder would not
+        find, or gives the light a position that is not three numbers.
     """
     root = _parsed(path, folder)
     move_light(root, number, offset)
@@ -96,8 +112,7 @@ def _camera_nodes(camera: Mapping[str, Any]) -> list[ET.Element]:
 
 
 def _shape_film(root: ET.Element, film: ET.Element, size: tuple[int, int]) -> None:
-    """Give the film the photo's size, unless it has its shape already: the field of view belongs to
-    the shape.
+    """Give the film the photo's shape, which the field of view belongs to; if it has it, it stays.
     """
     defaults = {f"${node.get('name')}": node.get("value", "") for node in root.iter("default")}
     written = {node.get("name"): node for node in film.iter("integer")}

@@ -31,7 +31,14 @@ def block_regions(surface: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np
 
 
 def region_means(image: np.ndarray, region: np.ndarray) -> np.ndarray:
-    """Mean (R, ...) over the pixels of each region of an image (H, W, ...)."""
+    """Mean (R, ...) over the pixels of each region.
+
+    Parameters
+    ----------
+    image : (H, W, ...) array
+    region : (H, W) int
+        Region 0 to R-1 of each pixel, each with one pixel or more; -1 where it is not wanted.
+    """
     mask = region >= 0
     count = np.bincount(region[mask])
     flat = image[mask].reshape(len(region[mask]), -1)

@@ -1,9 +1,8 @@
-"""A Mitsuba scene as an operator wrote it, read as XML without any renderer; ``scene_xml`` rewrites
-it.
+"""A Mitsuba scene as an operator wrote it, read as XML without any renderer.
 
-The scene gives geometry, camera pose and light position. Its BSDFs are replaced by diffuse ones
-whose spectra are the materials of the session, its emitters get the measured light spectrum, its
-film the camera's bands.
+The scene gives geometry, camera pose and light position. ``scene_xml`` rewrites it: its BSDFs are
+replaced by diffuse ones, coats and metals excepted, whose spectra are the materials of the session;
+its emitters get the measured light spectrum, its film the camera's bands.
 """
 from __future__ import annotations
 
@@ -89,8 +88,12 @@ def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
 
 
 def check_materials(scene: SceneFile, bsdf_of_material: Mapping[str, str]) -> list[str]:
-    """Sentences about materials that the scene lacks and surfaces that no material covers; empty
-    when all is well.
+    """Sentences about materials and surfaces that do not match; empty when all is well.
+
+    Parameters
+    ----------
+    scene : SceneFile
+    bsdf_of_material : mapping of material name to BSDF id
     """
     problems = []
     used = set(scene.surfaces.values())
@@ -111,9 +114,7 @@ def check_materials(scene: SceneFile, bsdf_of_material: Mapping[str, str]) -> li
 
 
 def not_plain_products(scene: SceneFile) -> tuple[str, ...]:
-    """Ids of BSDFs of surfaces whose reflected light is not proportional to their reflectance
-    spectrum.
-    """
+    """Ids of surfaces' BSDFs whose reflected light is not proportional to their spectrum."""
     used = set(scene.surfaces.values())
     return tuple(node.get("id", "") for node in scene.root.findall("bsdf")
                  if node.get("id") in used and plain_bsdf(node).get("type") in SPECTRAL_FACTOR)

@@ -29,14 +29,19 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
 
     Parameters
     ----------
+    scene : SceneFile
     reflectances : mapping of BSDF id to (P,)
         Reflectance at uniform wavelengths over ``range_nm``.
     light : (P,) array, or mapping of light id to (P,)
         Spectrum of every emitter, or of each.
     bands : mapping of band name to (P,)
         Camera sensitivities; the film's channels, in this order.
+    range_nm : (float, float)
+        First and last wavelength.
     size : (width, height)
         Of the film in pixels.
+    integrator : str
+        Mitsuba's name of it; it gets the scene's ``max_depth``.
 
     Raises
     ------
@@ -77,8 +82,14 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
 
 
 def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float, float]) -> str:
-    """Diffuse BSDFs that a stock Mitsuba loads, as a scene to ``<include>``: reflectance (P,) by
-    id, evenly spaced.
+    """Diffuse BSDFs that a stock Mitsuba loads, as XML text of a scene to ``<include>``.
+
+    Parameters
+    ----------
+    reflectances : mapping of BSDF id to (P,)
+        Evenly spaced over ``range_nm``.
+    range_nm : (float, float)
+        First and last wavelength.
     """
     root = ET.Element("scene", version="3.0.0")
     for identity, values in reflectances.items():
@@ -90,9 +101,7 @@ def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float,
 
 def _check_unit_light(root: ET.Element, light: ET.Element,
                       spectrum: np.ndarray | Mapping[str, np.ndarray], file: str) -> None:
-    """Take the profile out of a light; refuse a spectrum where a rendering would not be of that
-    light.
-    """
+    """Take the profile out of a light; refuse a spectrum of which a rendering would not show it."""
     shaped = [node for node in light.findall("string") if node.get("name") == PROFILE]
     if not shaped and light.get("type") != SKY_MAP:
         return

@@ -10,14 +10,13 @@ SUBPIXELS = 4
 
 
 def surface_map(scene: Any, names: tuple[str, ...], size: tuple[int, int]) -> np.ndarray:
-    """Index into ``names`` (H, W) of the one surface that fills each pixel; -1 where none or
-    several do.
+    """Index (H, W) of the one surface that fills each pixel; -1 where none or several do.
 
     Parameters
     ----------
     scene : mi.Scene
     names : tuple of str
-        Shape ids; shapes that are not listed (lights) count as none.
+        Shape ids, to which the indices belong; shapes that are not listed (lights) count as none.
     size : (width, height) in pixels
     """
     import drjit as dr

@@ -1,5 +1,4 @@
-"""One stage of the shape fit: descent of mesh and spectrum together, on one mesh of fixed
-triangles.
+"""One stage of the shape fit: descent of mesh and spectrum together, on fixed triangles.
 
 The squared error has its gradient by the spectrum and by the surface's position from Mitsuba's
 ``prb``, and by the outline from ``edges.py``. Vertices v follow uniform Adam in u = (I +
@@ -32,10 +31,28 @@ class Stage:
     rate: float         # of the vertices, per step, in radii of the object
     diffusion: float
     spp: int
+    views: int = 4      # of every step, drawn anew
 
 
 def flat_start(views: Sequence[View], coefficients: int, spp: int, seed: int) -> np.ndarray:
-    """Coefficients (N,) of the grey with which the views are about as bright as their photos."""
+    """Coefficients (N,) of the grey with which the views are about as bright as their photos.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Each with its light scale and one unknown material.
+    coefficients : int
+        N.
+    spp : int
+        Paths per pixel of one rendering of each view.
+    seed : int
+        Of these.
+
+    Raises
+    ------
+    ValueError
+        If a view has no light scale.
+    """
     grey = np.full((1, coefficients), TRIAL_GREY)
     rendered = [render(view.scene(grey), spp, seed)[0] * _scale(view) for view in views]
     ratio = [view.measured.sum() / image.sum() for view, image in zip(views, rendered, strict=True)]
@@ -43,23 +60,30 @@ def flat_start(views: Sequence[View], coefficients: int, spp: int, seed: int) ->
 
 
 def descend(views: Sequence[View], shape_id: str, vertices: np.ndarray, faces: np.ndarray,
-            coefficients: np.ndarray, stage: Stage, views_per_step: int, seed: int,
+            coefficients: np.ndarray, stage: Stage, seed: int,
             progress: Callable[[int], None]) -> tuple[np.ndarray, np.ndarray, list[float]]:
     """Vertices (V, 3) and coefficients (N,) after the stage, and the loss of every step.
-
-    It takes nine parameters: the state of the descent is three arrays, which a record of their own
-    would only wrap.
 
     Parameters
     ----------
     views : sequence of View
-        Whose scenes hold the mesh as the shape ``shape_id``.
+        Each with its light scale; their scenes hold the mesh as the shape ``shape_id``.
+    shape_id : str
     vertices : (V, 3) array
+        In the scene's unit.
     faces : (F, 3) int
     coefficients : (N,) array
-        Of the object's spectrum.
+        Of the object's spectrum, 0 to 1.
     stage : Stage
         Its rate is in the scene's unit here.
+    seed : int
+        Of the views of each step and of their renderings.
+    progress : function of the number of steps done
+
+    Raises
+    ------
+    ValueError
+        If a view has no light scale.
     """
     import drjit as dr
     import mitsuba as mi
@@ -73,7 +97,7 @@ def descend(views: Sequence[View], shape_id: str, vertices: np.ndarray, faces: n
     generator = np.random.default_rng(seed)
     losses = []
     for step in range(stage.steps):
-        chosen = generator.permutation(len(views))[:views_per_step]
+        chosen = generator.permutation(len(views))[:stage.views]
         by_vertex, by_coefficient, loss = np.zeros_like(vertices), np.zeros_like(coefficients), 0.0
         for number in chosen:
             draw = (seed * 100003 + step * len(views) + int(number)) * 3 % 2**32
@@ -94,8 +118,7 @@ def descend(views: Sequence[View], shape_id: str, vertices: np.ndarray, faces: n
 
 
 class _ViewLoss:
-    """An open scene and its photo; squared error relative to the photo's brightest pixel, mean over
-    pixels.
+    """An open scene and its photo; squared error relative to the brightest pixel, mean over pixels.
     """
 
     def __init__(self, view: View, coefficients: np.ndarray, shape_id: str) -> None:

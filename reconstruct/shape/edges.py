@@ -29,6 +29,8 @@ def add_outline_gradient(scene: Any, image_gradient: np.ndarray, spp: int, seed:
         Derivative of the loss by the image.
     spp : int
         Outline samples, per pixel of the image.
+    seed : int
+        Of the samples.
     """
     import drjit as dr
     import mitsuba as mi

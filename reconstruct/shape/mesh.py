@@ -1,5 +1,4 @@
-"""Closed triangle meshes for the shape fit: a sphere to start from, subdivision, and the
-large-steps diffusion.
+"""Closed triangle meshes for the shape fit: sphere, subdivision, large-steps diffusion.
 
 Mitsuba's own ``mi.ad.LargeSteps`` needs a further package for the same sparse factor that SciPy
 gives.
@@ -22,8 +21,17 @@ _ICOSAHEDRON = np.array([(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 1
 
 
 def icosphere(level: int) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (10 * 4^level + 2, 3) on the unit sphere and faces (20 * 4^level, 3), outside
-    anticlockwise.
+    """Vertices on the unit sphere and faces, anticlockwise seen from outside.
+
+    Parameters
+    ----------
+    level : int
+        Subdivisions of the icosahedron, 0 or more.
+
+    Returns
+    -------
+    vertices : (10 * 4^level + 2, 3) array
+    faces : (20 * 4^level, 3) int
     """
     golden = (1 + np.sqrt(5)) / 2
     corners = [(first * sign, second * golden) for second in (1, -1) for first, sign in ((-1, 1),
@@ -37,7 +45,20 @@ def icosphere(level: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def subdivided(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same surface with every triangle cut into four at the middles of its edges."""
+    """The same surface with every triangle cut into four at the middles of its edges.
+
+    Parameters
+    ----------
+    vertices : (V, 3) array
+    faces : (F, 3) int
+        Of a closed mesh.
+
+    Returns
+    -------
+    vertices : (V + 3 F / 2, 3) array
+        The given ones first.
+    faces : (4 F, 3) int
+    """
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     unique, index = np.unique(edges, axis=0, return_inverse=True)
     ab, bc, ca = len(vertices) + index.reshape(-1, 3).T
@@ -50,11 +71,20 @@ def subdivided(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.
 def large_steps(faces: np.ndarray, count: int,
                 strength: float) -> tuple[Callable[[np.ndarray], np.ndarray],
                                           Callable[[np.ndarray], np.ndarray]]:
-    """Two functions that undo each other: u = (I + strength L) v, and v from u (Nicolet et al.
-    2021, Eq. 9).
+    """Two functions that undo each other: v to u = (I + strength L) v, and back.
 
-    L is the combinatorial Laplacian of the mesh, so the second also spreads a gradient (V, 3) over
-    the surface. The vertices of a smooth motion have a smooth u: descent in u moves them together.
+    L is the combinatorial Laplacian of the mesh (Nicolet et al. 2021, Eq. 9), so the second also
+    spreads a gradient (V, 3) over the surface. The vertices of a smooth motion have a smooth u:
+    descent in u moves them together.
+
+    Parameters
+    ----------
+    faces : (F, 3) int
+        Of a closed mesh.
+    count : int
+        V, of its vertices.
+    strength : float
+        0 or more; larger moves more of the surface together.
     """
     rows, columns = faces[:, [0, 1, 2, 1, 2, 0]].ravel(), faces[:, [1, 2, 0, 0, 1, 2]].ravel()
     neighbours = coo_matrix((np.ones(rows.size), (rows, columns)), shape=(count, count)).tocsr()
@@ -66,7 +96,14 @@ def large_steps(faces: np.ndarray, count: int,
 
 
 def write_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
-    """Write vertices (V, 3) and faces (F, 3) as PLY, with a smooth normal at every vertex."""
+    """Write a PLY file with a smooth normal at every vertex.
+
+    Parameters
+    ----------
+    path : Path
+    vertices : (V, 3) array
+    faces : (F, 3) int
+    """
     import mitsuba as mi
 
     mesh = mi.Mesh("mesh", len(vertices), len(faces), has_vertex_normals=True)

@@ -35,7 +35,6 @@ class ShapeSettings:
 
     coefficients: int = 9
     stages: tuple[Stage, ...] = STAGES  # coarse to fine
-    views_per_step: int = 4             # drawn anew for every step
     seed: int = 1
 
 
@@ -62,6 +61,9 @@ def reconstruct_shape(views: Sequence[View], shape_id: str, settings: ShapeSetti
         Three or more, each with its light scale. Their scenes hold the object as a shape with the
         id ``shape_id``, for instance a sphere, about where and as large as it is: the fit starts
         from the sphere in its bounding box. The object's own material is the only unknown one.
+    shape_id : str
+    settings : ShapeSettings
+    progress : function of (fraction done, what is being done)
 
     Raises
     ------
@@ -93,8 +95,7 @@ def reconstruct_shape(views: Sequence[View], shape_id: str, settings: ShapeSetti
 
             vertices, coefficients, history = descend(
                 shown, shape_id, vertices, faces, coefficients,
-                replace(stage, rate=stage.rate * radius), settings.views_per_step,
-                settings.seed * 1009 + number, part)
+                replace(stage, rate=stage.rate * radius), settings.seed * 1009 + number, part)
             losses += history
     outcome = Outcome.CONVERGED if stalled(history, len(history) // 2) else Outcome.STEP_LIMIT
     return ShapeReconstruction(vertices, faces, coefficients,
@@ -103,7 +104,17 @@ def reconstruct_shape(views: Sequence[View], shape_id: str, settings: ShapeSetti
 
 
 def with_mesh(view: View, shape_id: str, mesh: Path) -> View:
-    """The view with a mesh file, in the scene's coordinates, instead of one of its shapes."""
+    """The view with a mesh file instead of one of its shapes.
+
+    Parameters
+    ----------
+    view : View
+        Stays as it is.
+    shape_id : str
+        Of a shape of its scene, whose material the mesh takes over.
+    mesh : Path
+        PLY file, in the scene's coordinates.
+    """
     root = copy.deepcopy(view.scene_file.root)
     shape = next(node for node in root.iter("shape") if node.get("id") == shape_id)
     for child in [child for child in shape if child.tag != "ref"]:
@@ -114,8 +125,13 @@ def with_mesh(view: View, shape_id: str, mesh: Path) -> View:
 
 
 def bounding_sphere(view: View, shape_id: str) -> tuple[np.ndarray, float]:
-    """Centre (3,) and radius of the sphere in the bounding box of a shape, in the scene's
-    coordinates.
+    """Centre (3,) and radius of the sphere in a shape's bounding box, in the scene's coordinates.
+
+    Parameters
+    ----------
+    view : View
+    shape_id : str
+        Of a shape of its scene.
     """
     box = next(shape for shape in view.scene().shapes() if shape.id() == shape_id).bbox()
     lower, upper = np.array(box.min, dtype=float).ravel(), np.array(box.max, dtype=float).ravel()

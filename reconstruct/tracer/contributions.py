@@ -1,5 +1,6 @@
-"""Sums of what paths contribute, as integers: their sum is the same in any order, so the same seed
-gives the same bits on any number of threads.
+"""Sums of what paths contribute, as integers, whose sum does not depend on the order.
+
+The same seed therefore gives the same bits on any number of threads.
 """
 from __future__ import annotations
 
@@ -11,8 +12,7 @@ from spectrabox.reconstruct.tracer.tracer_tables import number_of
 
 
 class Contributions:
-    """Sums by region, light group and product of reflectances; or, with the signals of the
-    products, by region and band.
+    """Sums by region, light group and product of reflectances; or by region and band.
 
     Parameters
     ----------
@@ -21,6 +21,7 @@ class Contributions:
     light : UInt32 array or None
         Light group by the renderer's number of the emitter; None puts all into one.
     signals : (L E, K) array or None
+        Of the products: given, the sums are by band.
     bits : int
         Each contribution is rounded to a multiple of 2^-bits.
     """
@@ -38,8 +39,19 @@ class Contributions:
         self.buffer = dr.zeros(mi.Int64, regions * self.columns)
 
     def add(self, region: Any, contribution: Any, emitter: Any, product: Any, active: Any) -> None:
-        """Add a contribution of each active path: light of the emitter, reflected as the product
-        says.
+        """Add a contribution of each active path.
+
+        Parameters
+        ----------
+        region : UInt32
+            0 to R-1.
+        contribution : Float
+            Light that arrives with reflectances of 1; 0 and less is left out.
+        emitter : EmitterPtr
+            Whose light it is.
+        product : UInt32
+            Reflectances encountered, 0 to E-1; others are left out.
+        active : Bool
         """
         import drjit as dr
         import mitsuba as mi

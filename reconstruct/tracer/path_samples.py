@@ -1,5 +1,4 @@
-"""Random numbers of light paths from a shifted lattice: even over the picture, the lights and the
-bounces together.
+"""Random numbers of light paths from a shifted lattice, even over picture, lights and bounces.
 
 Point i of the rule has the coordinates frac(phi(i) z_d + shift_d), phi the radical inverse in base
 2, z a generating vector whose every pair of dimensions is spread evenly (Cools, Kuo and Nuyens,
@@ -26,8 +25,15 @@ MAX_POINTS = 1 << 20
 
 
 class ShiftedLattice:
-    """The first ``points`` points of one rule, as arrays of the renderer; another seed is another,
-    independent rule.
+    """The first points of one rule, as arrays of the renderer.
+
+    Parameters
+    ----------
+    dimensions : int
+    seed : int
+        Of the shift; another seed is another, independent rule.
+    points : int
+        At most ``MAX_POINTS``.
     """
 
     def __init__(self, dimensions: int, seed: int, points: int) -> None:
@@ -40,7 +46,13 @@ class ShiftedLattice:
                                                                     dtype=np.uint32))
 
     def integer(self, dimension: Any) -> Any:
-        """Coordinate times 2^32 of every point."""
+        """Coordinate times 2^32 of every point.
+
+        Parameters
+        ----------
+        dimension : UInt32
+            One for all points, or one for each.
+        """
         import drjit as dr
         import mitsuba as mi
 
@@ -48,7 +60,13 @@ class ShiftedLattice:
                 + dr.gather(mi.UInt32, self.shift, dimension))
 
     def pair(self, dimension: Any) -> Any:
-        """Two coordinates of every point in [0, 1), from ``dimension`` on."""
+        """Two coordinates of every point in [0, 1).
+
+        Parameters
+        ----------
+        dimension : UInt32
+            Of the first; the second is the next. One for all points, or one for each.
+        """
         import mitsuba as mi
 
         scale = 2.0**-24  # 24 bits, as many as a float32 holds: 32 could round up to 1
@@ -57,10 +75,18 @@ class ShiftedLattice:
 
 
 def generating_vector(dimensions: int) -> np.ndarray:
-    """The first ``dimensions`` components; odd numbers drawn once follow those of the published
-    vector.
+    """Components of the generating vector, all odd.
 
-    They belong to bounces beyond the sixteenth, where little light is left.
+    Odd numbers drawn once follow those of the published vector. They belong to bounces beyond the
+    sixteenth, where little light is left.
+
+    Parameters
+    ----------
+    dimensions : int
+
+    Returns
+    -------
+    (dimensions,) uint32
     """
     drawn = np.random.default_rng(1).integers(0, 1 << 31,
                                               max(dimensions - len(GENERATOR), 0)) * 2 + 1

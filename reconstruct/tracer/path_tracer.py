@@ -1,12 +1,11 @@
-"""The path tracer behind the traced transport: unit reflectances, and along each path the product
-of the reflectances encountered.
+"""The path tracer behind the traced transport, with unit reflectances.
 
-Direct light is sampled towards the emitters and by the surfaces, the two joined by multiple
-importance sampling; there is no Russian roulette, paths end at the stated number of bounces.
+Along each path it carries the product of the reflectances encountered. Direct light is sampled
+towards the emitters and by the surfaces, the two joined by multiple importance sampling; there is
+no Russian roulette, paths end at the stated number of bounces.
 """
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +22,7 @@ from spectrabox.reconstruct.tracer.tracer_tables import (
     number_of,
     profile_table,
 )
+from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 
 # random numbers: of pixel and position in it; of light and direction
 BEFORE_BOUNCES, PER_BOUNCE = 3, 4
@@ -46,36 +46,28 @@ class PathState:
 
 
 class Tracer:
-    """One scene made ready for tracing: tables from BSDF to material and from emitter to light
-    group.
+    """One scene made ready for tracing: tables of its pixels, materials, lights and products.
 
     Parameters
     ----------
-    scene : mi.Scene
-        Reflectances and light spectra 1.
-    material_of_bsdf : mapping
-        From BSDF id to material name.
-    materials : tuple of str
-        M names, in the order of the columns of ``exponents``.
-    size : (width, height) of the film in pixels
+    unit : UnitScene
     region : (H, W) int
         Region 0 to R-1 of each pixel, -1 where it is not wanted.
     exponents : (E, M) int
         Products of reflectances that are kept.
-    lights : L groups of ids of emitters or of their shapes; None for one group of all
-    profiles : mapping from the id of an area light's shape to its table of ``light_profile.py``
+
+    Raises
+    ------
+    InputError
+        If a BSDF that reflects light has no material.
     """
 
-    def __init__(self, scene: Any, material_of_bsdf: Mapping[str, str], materials: tuple[str, ...],
-                 size: tuple[int, int], region: np.ndarray, exponents: np.ndarray,
-                 lights: tuple[tuple[str, ...], ...] | None,
-                 profiles: Mapping[str, np.ndarray] | None = None) -> None:
+    def __init__(self, unit: UnitScene, region: np.ndarray, exponents: np.ndarray) -> None:
         import mitsuba as mi
 
-        self.scene, self.size = scene, size
-        self.regions = int(region.max()) + 1
-        self.groups = 1 if lights is None else len(lights)
-        self.products, self.materials = len(exponents), len(materials)
+        self.scene, self.size, self.bounces = unit.scene, unit.size, unit.bounces
+        self.regions, self.groups = int(region.max()) + 1, unit.groups
+        self.products, self.materials = len(exponents), len(unit.materials)
         row, column = np.nonzero(region >= 0)
         # Region after region: the paths of each are then an interval of the lattice's first
         # dimension, evenly filled.
@@ -86,70 +78,64 @@ class Tracer:
         self.pixels_of_region = np.bincount(region[row, column], minlength=self.regions)
         self.pixels = row.size
         self.next_product = mi.UInt32(product_after(exponents).ravel())
-        self.material = mi.UInt32(bsdf_table(scene, material_of_bsdf, materials))
-        self.light = None if lights is None else mi.UInt32(light_table(scene, lights))
-        shaped = bool(profiles) or any(is_sky_map(emitter) for emitter in scene.emitters())
-        self.profile = mi.Float(profile_table(scene, profiles or {})) if shaped else None
+        self.material = mi.UInt32(bsdf_table(unit.scene, unit.material_of_bsdf, unit.materials))
+        self.light = (None if unit.lights is None
+                      else mi.UInt32(light_table(unit.scene, unit.lights)))
+        shaped = bool(unit.profiles) or any(map(is_sky_map, unit.scene.emitters()))
+        self.profile = mi.Float(profile_table(unit.scene, unit.profiles)) if shaped else None
         self.units: dict[bool, int] = {}
 
-    def trace(self, bounces: int, paths: int, seed: int,
-              signals: np.ndarray | None = None) -> np.ndarray:
-        """Mean contribution (R, L, E) over the paths of each region; the same seed gives the same
-        paths.
-
-        With the signals (L E, K) of the products, the mean signal (R, K) instead.
+    def trace(self, paths: int, seed: int, signals: np.ndarray | None = None) -> np.ndarray:
+        """Mean contribution over the paths of each region, or mean signal.
 
         Parameters
         ----------
-        bounces : int
-            Reflections at which a path ends.
         paths : int
-            Over all pixels; a power of two is spread most evenly.
+            Over all pixels, at most ``MAX_POINTS``; a power of two is spread most evenly.
         seed : int
-            Of the lattice's shift.
+            Of the lattice's shift; the same seed gives the same paths.
         signals : (L E, K) array, optional
+            Of the products.
+
+        Returns
+        -------
+        (R, L, E) or, where signals are given, (R, K) float32
         """
-        bits = self._unit(bounces, signals) - int(np.ceil(np.log2(paths)))
+        bits = self._unit(signals) - int(np.ceil(np.log2(paths)))
         weight: np.ndarray = self.pixels / (np.maximum(self.pixels_of_region, 1) * float(paths))
-        sums = self._sums(bounces, paths, seed, signals, bits) * weight[:, None]
+        sums = self._sums(paths, seed, signals, bits) * weight[:, None]
         shape = (self.groups, self.products) if signals is None else signals.shape[1:]
         return sums.astype(np.float32).reshape(self.regions, *shape)
 
-    def _unit(self, bounces: int, signals: np.ndarray | None) -> int:
-        """Bits that the sum of paths leaves for one contribution: from few paths and ever finer
-        units.
-        """
+    def _unit(self, signals: np.ndarray | None) -> int:
+        """Bits that the sum of paths leaves for one contribution, judged by ``TRIAL_PATHS``."""
         known = self.units.get(signals is None)
         if known is not None:
             return known
         for bits in range(30, MAX_BITS + 40, 16):
-            largest = np.abs(self._sums(bounces, TRIAL_PATHS, 0, signals, bits)).max()
+            largest = np.abs(self._sums(TRIAL_PATHS, 0, signals, bits)).max()
             if largest * 2.0**bits >= MIN_COUNT:
                 break
         peak = int(np.ceil(np.log2(largest))) if largest > 0 else 0
         return self.units.setdefault(signals is None, MAX_BITS - HEADROOM - peak)
 
-    def _sums(self, bounces: int, paths: int, seed: int, signals: np.ndarray | None,
-              bits: int) -> np.ndarray:
-        """Sums (R, L E) or (R, K) over paths, each contribution rounded to a multiple of
-        2^-bits.
-        """
+    def _sums(self, paths: int, seed: int, signals: np.ndarray | None, bits: int) -> np.ndarray:
+        """Sums (R, L E) or (R, K) over paths, of contributions rounded to multiples of 2^-bits."""
         import drjit as dr
         import mitsuba as mi
 
         # ended paths read one bounce on
-        lattice = ShiftedLattice(BEFORE_BOUNCES + PER_BOUNCE * (bounces + 1), seed, paths)
+        lattice = ShiftedLattice(BEFORE_BOUNCES + PER_BOUNCE * (self.bounces + 1), seed, paths)
         pixel: Any = dr.mul_hi(lattice.integer(mi.UInt32(0)), mi.UInt32(self.pixels))
         column, row, region = (dr.gather(mi.UInt32, table, pixel)
                                for table in (self.column, self.row, self.region))
         position = (mi.Point2f(column, row) + lattice.pair(mi.UInt32(1))) / mi.Point2f(*self.size)
         ray, _ = self.scene.sensors()[0].sample_ray(0.0, 0.5, position, mi.Point2f(0.5))
         sums = Contributions(self.regions, self.groups, self.products, self.light, signals, bits)
-        self._follow(mi.Ray3f(ray), region, lattice, bounces, sums)
+        self._follow(mi.Ray3f(ray), region, lattice, sums)
         return sums.values()
 
-    def _follow(self, ray: Any, region: Any, lattice: ShiftedLattice, bounces: int,
-                sums: Contributions) -> None:
+    def _follow(self, ray: Any, region: Any, lattice: ShiftedLattice, sums: Contributions) -> None:
         """Follow the paths to their end; what they contribute to their regions goes to ``sums``."""
         import drjit as dr
         import mitsuba as mi
@@ -158,9 +144,9 @@ class Tracer:
                           depth=mi.UInt32(0), previous=dr.zeros(mi.SurfaceInteraction3f),
                           bsdf_pdf=mi.Float(0), active=mi.Bool(True))
         dr.while_loop((start,), lambda path: path.active,
-                      lambda path: (self._next_vertex(path, region, lattice, bounces, sums),))
+                      lambda path: (self._next_vertex(path, region, lattice, sums),))
 
-    def _next_vertex(self, path: PathState, region: Any, lattice: ShiftedLattice, bounces: int,
+    def _next_vertex(self, path: PathState, region: Any, lattice: ShiftedLattice,
                      sums: Contributions) -> PathState:
         """The paths one vertex on."""
         import drjit as dr
@@ -180,7 +166,7 @@ class Tracer:
         sums.add(region, path.throughput * weight * radiance, emitter, path.product, shines)
 
         # ------------------------- reflectance of the surface ------------------------
-        active &= hit.is_valid() & (path.depth < bounces)
+        active &= hit.is_valid() & (path.depth < self.bounces)
         bsdf = hit.bsdf(path.ray)
         material = dr.gather(mi.UInt32, self.material, number_of(bsdf), active)
         active &= material < self.materials
@@ -209,9 +195,7 @@ class Tracer:
                          bsdf_pdf=sample.pdf, active=active)
 
     def _profile(self, emitter: Any, cosine: Any, active: Any) -> Any:
-        """Relative radiance of an emitter in a direction at this cosine from its normal: 1 without
-        a profile.
-        """
+        """Relative radiance of an emitter at this cosine from its normal: 1 without a profile."""
         import drjit as dr
         import mitsuba as mi
 
@@ -225,8 +209,14 @@ class Tracer:
 
 
 def power_heuristic(pdf: Any, other: Any) -> Any:
-    """Weight of a direction drawn with density ``pdf`` that could have been drawn with ``other``
-    too (Veach 1997, beta = 2).
+    """Weight, 0 to 1, of a direction that two strategies could have drawn (Veach 1997, beta = 2).
+
+    Parameters
+    ----------
+    pdf : Float
+        Density of the strategy that drew it.
+    other : Float
+        Density of the other one.
     """
     import drjit as dr
 

@@ -1,6 +1,4 @@
-"""The sums of a long trace so far, in a file, so that it can be stopped and go on with the same
-bits.
-"""
+"""The sums of a long trace so far, in a file: a stopped trace goes on with the same bits."""
 from __future__ import annotations
 
 import hashlib
@@ -26,8 +24,11 @@ class PassSums:
     passes: tuple[np.ndarray, ...]
 
     def with_one_more(self, part: np.ndarray) -> PassSums:
-        """The sums with the next part added; these stay as they are, so an interrupt finds whole
-        ones.
+        """The sums with the next part added; these stay as they are, whole for an interrupt.
+
+        Parameters
+        ----------
+        part : (R, L, E) float32
         """
         turn = self.done % len(self.passes)
         return PassSums(self.done + 1, (*self.passes[:turn], self.passes[turn] + part,
@@ -35,16 +36,22 @@ class PassSums:
 
 
 class TraceCheckpoint:
-    """The file of one trace. Its content counts only for a trace with the same fingerprint."""
+    """The file of one trace. Its content counts only for a trace with the same fingerprint.
+
+    Parameters
+    ----------
+    path : Path
+        In a folder that can be written.
+    fingerprint : str
+        As of ``trace_fingerprint``.
+    """
 
     def __init__(self, path: Path, fingerprint: str) -> None:
         self.path, self.fingerprint = path, fingerprint
         self.written = time.monotonic()
 
     def read(self) -> PassSums | None:
-        """What an interrupted trace left, or None: no file, a broken one, or one of another
-        trace.
-        """
+        """What an interrupted trace left; None without a file of this very trace that is whole."""
         try:
             with self.path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
                 if str(stored["fingerprint"]) != self.fingerprint:
@@ -84,8 +91,15 @@ class TraceCheckpoint:
 
 
 def trace_fingerprint(scene: Any, facts: tuple[Any, ...], arrays: tuple[np.ndarray, ...]) -> str:
-    """SHA-256 of all that decides a trace's bits: the scene's parameters, and what it was asked
-    for.
+    """SHA-256 of all that decides a trace's bits: the scene's parameters, and the request.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+    facts : tuple
+        Whose ``repr`` counts.
+    arrays : tuple of arrays
+        Whose values count.
     """
     import mitsuba as mi
 

@@ -1,6 +1,4 @@
-"""Tables from the renderer's numbers of BSDFs and emitters to what a traced path must know of
-them.
-"""
+"""Tables from the renderer's numbers of BSDFs and emitters to what a traced path must know."""
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -22,8 +20,19 @@ def number_of(pointer: Any) -> Any:
 
 def bsdf_table(scene: Any, material_of_bsdf: Mapping[str, str],
                materials: tuple[str, ...]) -> np.ndarray:
-    """Material index by the renderer's number of the BSDF; the count of materials where a BSDF
-    reflects nothing.
+    """Material index by the renderer's number of the BSDF; M where a BSDF reflects nothing.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+    material_of_bsdf : mapping
+        From BSDF id to material name.
+    materials : M names
+
+    Raises
+    ------
+    InputError
+        If a BSDF that reflects light has no material.
     """
     import drjit as dr
     import mitsuba as mi
@@ -54,10 +63,19 @@ def is_sky_map(emitter: Any) -> bool:
 
 
 def profile_table(scene: Any, profiles: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Profiles, one after the other, by the renderer's number of the emitter; 1 where an emitter
-    has none.
+    """Profiles, one after the other, by the renderer's number of the emitter; 1 without a profile.
 
     A map of the sky is lit by Mitsuba's D65, which is taken off at the wavelength of the paths.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+    profiles : mapping
+        From the id of an area light's shape to its table of ``light_profile.py``.
+
+    Returns
+    -------
+    (numbers * 181,) float32
     """
     import drjit as dr
     import mitsuba as mi
@@ -79,8 +97,12 @@ def profile_table(scene: Any, profiles: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def light_table(scene: Any, lights: tuple[tuple[str, ...], ...]) -> np.ndarray:
-    """Light group by the renderer's number of the emitter; the count of groups where an emitter is
-    in none.
+    """Light group by the renderer's number of the emitter; L where an emitter is in none.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+    lights : L groups of ids of emitters or of their shapes
     """
     import drjit as dr
     import mitsuba as mi

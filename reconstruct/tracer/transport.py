@@ -7,10 +7,9 @@ paths are drawn in independent passes, kept separately for their scatter.
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from spectrabox.reconstruct.tracer.trace_checkpoint import (
     TraceCheckpoint,
     trace_fingerprint,
 )
+from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 
 MAX_BYTES = 2 << 30         # of memory for trace and fit; more is refused before it is allocated
 PILOT_PATHS = 1 << 19        # of all regions together, by which products are judged before pruning
@@ -34,8 +34,9 @@ PRUNE_ABOVE = 256            # products: below, pruning saves less than its pilo
 
 @dataclass(frozen=True)
 class TracedTransport:
-    """Transport coefficients of R regions, L lights and E products, in A independent passes of
-    equal length.
+    """Transport coefficients of R regions, L lights and E products, in A independent passes.
+
+    The passes have as many paths each.
     """
 
     materials: tuple[str, ...]
@@ -54,88 +55,65 @@ class TracedTransport:
 
     @property
     def deviations(self) -> np.ndarray:
-        """Deviations (A, R, L E) of the passes, scaled so that the sum of their squares is the
-        variance of the mean.
-        """
+        """Deviations (A, R, L E) of the passes; their squares sum to the variance of the mean."""
         count = len(self.passes)
         flat = self.passes.reshape(count, self.passes.shape[1], -1)
         return (flat - flat.mean(axis=0, dtype=float)) / np.sqrt(count * max(count - 1, 1))
 
     @property
     def relative_variance(self) -> np.ndarray:
-        """Monte Carlo variance (R,) of the signal that reflectances of 0.5 would give, relative to
-        its square.
-        """
+        """Monte Carlo variance (R,) of the signal of grey 0.5, relative to the signal's square."""
         grey = np.tile(0.5 ** self.exponents.sum(axis=1), self.passes.shape[2])
         return np.sum((self.deviations @ grey) ** 2, axis=0) / np.maximum(self.coefficients @ grey,
                                                                           1e-30) ** 2
 
 
-def trace_transport(scene: Any, material_of_bsdf: Mapping[str, str], size: tuple[int, int],
-                    region: np.ndarray, *, bounces: int, spp: int, seed: int, passes: int = 4,
-                    lights: tuple[tuple[str, ...], ...] | None = None,
+def trace_transport(unit: UnitScene, region: np.ndarray, *, spp: int, seed: int, passes: int = 4,
                     exponents: np.ndarray | None = None,
                     progress: Callable[[float], None] | None = None,
-                    checkpoint: Path | None = None,
-                    profiles: Mapping[str, np.ndarray] | None = None) -> TracedTransport:
+                    checkpoint: Path | None = None) -> TracedTransport:
     """Transport coefficients of every region, for unit reflectances and lights of unit spectrum.
-
-    Thirteen parameters: five describe the open scene and are passed on as they are, the others are
-    options of the trace and go by keyword.
 
     Parameters
     ----------
-    scene : mi.Scene
-        Loaded with ``optimize=False``, its reflectances and light spectra 1.
-    material_of_bsdf : mapping
-        From BSDF id to material name; BSDFs that reflect nothing (lamps) need no entry.
-    size : (width, height) of the film in pixels
+    unit : UnitScene
     region : (H, W) int
         Region 0 to R-1 of each pixel, -1 where it is not wanted. Regions receive the mean over
         their pixels.
-    bounces : int
-        Most reflections along a path; Mitsuba's ``max_depth`` less one.
     spp : int
         Paths per pixel in all passes together, at the least: each pass draws a power of two.
+    seed : int
     passes : int
         Independent passes A that are kept separately; their scatter is the Monte Carlo noise.
-    lights : groups of emitter (or light shape) ids, optional
-        Each group gets its own coefficients; None puts all lights into one.
     exponents : (E, M) int, optional
-        Products to keep; None for all up to ``bounces``, pruned where there are many.
+        Products to keep; None for all up to the scene's bounces, pruned where there are many.
+    progress : function of the fraction done, optional
     checkpoint : Path, optional
         File for what has been traced so far. A trace that was stopped goes on from there when it is
         asked for again, and ends with the same bits; the file is removed then. Another trace's file
         is not used.
-    profiles : mapping, optional
-        From the id of an area light's shape to its table of ``light_profile.py``.
 
     Raises
     ------
     InputError
         If the coefficients would not fit into memory, or a BSDF has no material.
     """
-    materials = tuple(dict.fromkeys(material_of_bsdf.values()))
-    groups = 1 if lights is None else len(lights)
-    regions, dropped = int(region.max()) + 1, 0.0
+    dropped = 0.0
     if exponents is None:
-        exponents, dropped = _exponents(scene, material_of_bsdf, materials, size, region, bounces,
-                                        seed, lights, profiles)
-    require_memory(regions, groups * len(exponents), passes, len(materials), bounces)
-    tracer = Tracer(scene, material_of_bsdf, materials, size, region, exponents, lights, profiles)
+        exponents, dropped = _exponents(unit, region, seed)
+    shape = int(region.max()) + 1, unit.groups, len(exponents)
+    require_memory(shape[0], shape[1] * shape[2], passes, len(unit.materials), unit.bounces)
+    tracer = Tracer(unit, region, exponents)
     count, paths = _schedule(spp, passes, tracer.pixels)
-    facts = (sorted(material_of_bsdf.items()), size, lights, list(profiles or ()), bounces, count,
-             paths, passes, seed)
-    kept = None if checkpoint is None else TraceCheckpoint(
-        checkpoint, trace_fingerprint(scene, facts,
-                                      (region, exponents, *(profiles or {}).values())))
-    sums = (kept and kept.read()) or PassSums(0,
-                                              (np.zeros((regions, groups, len(exponents)),
-                                                        np.float32),) * passes)
+    facts = (sorted(unit.material_of_bsdf.items()), unit.size, unit.lights, list(unit.profiles),
+             unit.bounces, count, paths, passes, seed)
+    kept = None if checkpoint is None else TraceCheckpoint(checkpoint, trace_fingerprint(
+        unit.scene, facts, (region, exponents, *unit.profiles.values())))
+    sums = (kept and kept.read()) or PassSums(0, (np.zeros(shape, np.float32),) * passes)
     try:
         with all_cores():
             for number in range(sums.done, count):
-                part = tracer.trace(bounces, paths, seed * 1009 + number)
+                part = tracer.trace(paths, seed * 1009 + number)
                 sums = sums.with_one_more(part * np.float32(passes / count))
                 if kept is not None:
                     kept.write_now_and_then(sums)
@@ -147,35 +125,49 @@ def trace_transport(scene: Any, material_of_bsdf: Mapping[str, str], size: tuple
         raise
     if kept is not None:
         kept.remove()
-    return TracedTransport(materials, exponents, np.array(sums.passes),
+    return TracedTransport(unit.materials, exponents, np.array(sums.passes),
                            round(count * paths / tracer.pixels), seed, dropped)
 
 
 def joined(first: TracedTransport, second: TracedTransport) -> TracedTransport:
-    """Two traces of the same products, each pass of one joined to a pass of the other."""
+    """Two traces as one, each pass of the first joined to a pass of the second.
+
+    Parameters
+    ----------
+    first, second : TracedTransport
+        Of the same regions, products and number of passes, with different seeds. The result has
+        the first's seed.
+    """
     spp = first.spp + second.spp
     passes = (first.passes * np.float32(first.spp / spp)
               + second.passes * np.float32(second.spp / spp))
     return TracedTransport(first.materials, first.exponents, passes, spp, first.seed, first.dropped)
 
 
-def shaded_image(scene: Any, material_of_bsdf: Mapping[str, str], size: tuple[int, int],
-                 exponents: np.ndarray, signals: np.ndarray, *, bounces: int, spp: int, seed: int,
-                 lights: tuple[tuple[str, ...], ...] | None = None,
-                 profiles: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
-    """Image (H, W, K) of the scene once the signals (L E, K) of its products are known.
+def shaded_image(unit: UnitScene, exponents: np.ndarray, signals: np.ndarray, *, spp: int,
+                 seed: int) -> np.ndarray:
+    """Image (H, W, K) of the scene once the signals of its products are known.
 
-    The same paths as in ``trace_transport``, and its parameters; every band of every path is exact,
-    so there is no noise of colour.
+    Paths are drawn as in ``trace_transport``; every band of every path is exact, so there is no
+    noise of colour.
+
+    Parameters
+    ----------
+    unit : UnitScene
+    exponents : (E, M) int
+        Products of reflectances; light of others is left out.
+    signals : (L E, K) array
+        Of the products, light group after light group.
+    spp : int
+        Paths per pixel, at the least.
+    seed : int
     """
-    width, height = size
+    width, height = unit.size
     region = np.arange(width * height).reshape(height, width)
-    tracer = Tracer(scene, material_of_bsdf, tuple(dict.fromkeys(material_of_bsdf.values())), size,
-                    region, exponents, lights, profiles)
+    tracer = Tracer(unit, region, exponents)
     count, paths = _schedule(spp, 1, region.size)
     with all_cores():
-        passes = [tracer.trace(bounces, paths, seed * 1013 + number, signals)
-                  for number in range(count)]
+        passes = [tracer.trace(paths, seed * 1013 + number, signals) for number in range(count)]
     image = np.mean(passes, axis=0)
     return image.reshape(height, width, signals.shape[1]).astype(float)
 
@@ -185,6 +177,15 @@ def require_memory(regions: int, products: int, passes: int, materials: int, bou
 
     A coefficient takes 4 bytes in each pass and 8 in each deviation and in the mean, or 28 while a
     pass is traced.
+
+    Parameters
+    ----------
+    regions : int
+    products : int
+        Of all light groups together, L E.
+    passes : int
+    materials, bounces : int
+        For the sentence.
 
     Raises
     ------
@@ -200,23 +201,19 @@ def require_memory(regions: int, products: int, passes: int, materials: int, bou
             "lower [reconstruct] width or the scene's max_depth")
 
 
-def _exponents(scene: Any, material_of_bsdf: Mapping[str, str], materials: tuple[str, ...],
-               size: tuple[int, int], region: np.ndarray, bounces: int, seed: int,
-               lights: tuple[tuple[str, ...], ...] | None,
-               profiles: Mapping[str, np.ndarray] | None) -> tuple[np.ndarray, float]:
-    """Products up to ``bounces``, pruned where they are many, and the share of the signal that is
+def _exponents(unit: UnitScene, region: np.ndarray, seed: int) -> tuple[np.ndarray, float]:
+    """Products up to the scene's bounces, pruned where they are many, and the share of the signal
     lost at most.
 
     One pilot picks the products, another says what is lost: the first has never encountered most of
     what it drops.
     """
-    exponents = exponents_up_to(len(materials), bounces)
+    exponents = exponents_up_to(len(unit.materials), unit.bounces)
     if len(exponents) <= PRUNE_ABOVE:
         return exponents, 0.0
-    tracer = Tracer(scene, material_of_bsdf, materials, size, np.where(region >= 0, 0, -1),
-                    exponents, lights, profiles)
+    tracer = Tracer(unit, np.where(region >= 0, 0, -1), exponents)
     with all_cores():
-        picking, judging = (tracer.trace(bounces, PILOT_PATHS, seed + draw).sum(axis=1)
+        picking, judging = (tracer.trace(PILOT_PATHS, seed + draw).sum(axis=1)
                             for draw in (104729, 130363))
     kept, _ = prune(exponents, picking, BRIGHTEST, DROPPED)
     bound = judging.sum(axis=0) * BRIGHTEST ** exponents.sum(axis=1)

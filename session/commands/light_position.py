@@ -57,7 +57,10 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
         from spectrabox.radiometry.spectra.named_spectra import light as spectrum_of_light
         from spectrabox.radiometry.spectra.named_spectra import sensitivities
         from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-        from spectrabox.reconstruct.scene.light_position import refine_light_position
+        from spectrabox.reconstruct.scene.light_position import (
+            PositionSettings,
+            refine_light_position,
+        )
         from spectrabox.reconstruct.scene.moved_light import light_number
         from spectrabox.reconstruct.scene.pose_scene import scene_with_light_moved
         from spectrabox.reconstruct.scene.scene_file import read_scene
@@ -87,8 +90,9 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
         start_mitsuba(device)
         with progress_display(as_json) as show:
             estimate = refine_light_position(
-                written, paints, response, bin_image(image, *size), light_id=light_id, spp=spp,
-                seed=seed, progress=lambda done, message: show("light", done, message))
+                written, paints, response, bin_image(image, *size), light_id,
+                PositionSettings(spp=spp, seed=seed),
+                lambda done, message: show("light", done, message))
         write_text_whole(out, scene_with_light_moved(scene, number, estimate.offset, out.parent))
         answer(as_json, _facts(estimate, out), _text(estimate, out))
         if estimate.outcome is Outcome.STEP_LIMIT:
