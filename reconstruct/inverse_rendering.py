@@ -97,8 +97,12 @@ def reconstruction_of(views: Sequence[View], fit: TransportFit | None,
 
     Parameters
     ----------
+    views : V of View
     fit : TransportFit or None
         None from an engine that takes a single view.
+    answers : V of EngineAnswer
+    settings : InversionSettings
+        Of which the errors of surfaces, the number of coefficients and the seed count.
     """
     records = [_record(view, answer, settings)
                for view, answer in zip(views, answers, strict=True)]

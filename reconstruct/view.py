@@ -82,8 +82,12 @@ class View:
         return self.photo.signal.shape[1], self.photo.signal.shape[0]
 
     def with_photo(self, photo: LinearImage) -> View:
-        """The same with another photo (H, W, K) of the same surfaces, whose pixels are compared
-        where this photo's are.
+        """The view with another photo of the same surfaces, compared at the same pixels.
+
+        Parameters
+        ----------
+        photo : LinearImage
+            (H, W, K).
         """
         other = replace(self, photo=photo)
         vars(other).update(surface=self.surface, used=self.used)  # found already, for this scene

@@ -94,6 +94,8 @@ def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
 
     Parameters
     ----------
+    traced : V of TracedView
+    settings : InversionSettings
     image : function of a traced view and its part of the fit
         The rendering (H, W, K) of the solution for a light scale of 1.
     """
