@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import time
 from collections.abc import Callable, Iterator
 
 StageProgress = Callable[[str, float, str], None]  # stage, share of it that is done, message
@@ -18,6 +19,26 @@ def progress_display(quiet: bool = False) -> Iterator[StageProgress]:
             yield show
     else:
         yield _print_line
+
+
+def with_time_left(show: StageProgress) -> StageProgress:
+    """The same display, its messages saying how many seconds a stage will still take.
+
+    Parameters
+    ----------
+    show : function of (stage, share of it that is done, message)
+    """
+    started: dict[str, float] = {}
+
+    def say(stage: str, fraction: float, message: str) -> None:
+        if stage not in started:
+            started[stage] = time.monotonic()
+            show(stage, 0.0, "")
+        taken = time.monotonic() - started[stage]
+        left = f"{taken * (1 - fraction) / fraction:.0f} s left" if 0 < fraction < 1 else ""
+        show(stage, fraction, message or left)
+
+    return say
 
 
 def _print_line(stage: str, fraction: float, message: str) -> None:

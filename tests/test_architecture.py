@@ -16,7 +16,8 @@ OWNERS = {"serial": ("capture/meter/serial_line.py",),
           "exifread": ("capture/photo/metadata.py",),
           "cv2": ("capture/chart/detection.py",           # pixels of a chart
                   "calibrate/geometry/projection.py"),    # a lens and its pose
-          "OpenImageIO": ("capture/photo/image_files.py",),
+          "OpenImageIO": ("capture/photo/image_files.py",
+                          "capture/photo/image_rows.py"),   # what is too large to hold
           "colour": ("radiometry/",),
           "mitsuba": ("reconstruct/", "fixtures/"),
           "drjit": ("reconstruct/", "fixtures/"),

@@ -64,6 +64,32 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
     pixels, spec, file_format = _read(path)
     if any(name.startswith(VARIANCE) for name in spec.channelnames):
         return _developed(path, spec)
+    scale, kind = full_scale(path, spec, file_format), str(spec.format)
+    pixels *= np.float32(1 / scale)
+    if scale > 1:
+        return _linear_image(path, pixels, spec, clip=CLIP_FRACTION, quantum=1 / scale)
+    clip = CLIP_FRACTION if pixels.max() <= 1 else np.inf
+    # relative rounding of half and single precision
+    step = 2.0**-11 if kind == "half" else 2.0**-24
+    return _linear_image(path, pixels, spec, clip=clip, quantum=step * float(np.abs(pixels).max()))
+
+
+def full_scale(path: Path, spec: oiio.ImageSpec, file_format: str) -> int:
+    """What white of the format reads in a file of linear values: 1 for floats.
+
+    Parameters
+    ----------
+    path : Path
+        For the message.
+    spec : oiio.ImageSpec
+    file_format : str
+        As OpenImageIO names it.
+
+    Raises
+    ------
+    InputError
+        If the values are not linear in the light, or of a full scale that nobody states.
+    """
     kind = str(spec.format)
     tagged_encoded = "srgb" in spec.get_string_attribute(
         "oiio:ColorSpace").lower() and kind in FULL_SCALE
@@ -75,14 +101,7 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
     if kind not in (*FULL_SCALE, *FLOATS):
         raise InputError(f"photo {path.name} holds {kind} values, whose full scale nobody states; "
                          "export it as a linear EXR or a 16-bit TIFF")
-    scale = FULL_SCALE.get(kind, 1)
-    pixels *= np.float32(1 / scale)
-    if scale > 1:
-        return _linear_image(path, pixels, spec, clip=CLIP_FRACTION, quantum=1 / scale)
-    clip = CLIP_FRACTION if pixels.max() <= 1 else np.inf
-    # relative rounding of half and single precision
-    step = 2.0**-11 if kind == "half" else 2.0**-24
-    return _linear_image(path, pixels, spec, clip=clip, quantum=step * float(np.abs(pixels).max()))
+    return FULL_SCALE.get(kind, 1)
 
 
 def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
@@ -211,7 +230,7 @@ def _developed(path: Path, spec: oiio.ImageSpec) -> LinearImage:
     signal, variance, saturated = (
         np.ascontiguousarray(stored[..., [names.index(prefix + band) for band in bands]],
                              dtype=np.float32) for prefix in ("", VARIANCE, SATURATED))
-    _require_finite(path, signal)
+    require_finite(path, signal)
     kind = spec.get_string_attribute("spectrabox:kind")
     return LinearImage(
         signal=signal, variance=variance, saturated=saturated > 0.5,
@@ -271,7 +290,7 @@ def write_png(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
 def _read(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
     """All bands (H, W, K) float32 as stored, in the order to use them; integers are not scaled."""
     stored, spec, file_format = _stored(path)
-    pixels = stored[..., _band_order(spec.channelnames)].astype(np.float32)
+    pixels = stored[..., band_order(spec.channelnames)].astype(np.float32)
     if pixels.shape[2] < 3:
         raise InputError(f"photo {path.name} has {pixels.shape[2]} band(s) "
                          f"({', '.join(spec.channelnames)}); at least 3 are needed")
@@ -300,7 +319,14 @@ def _stored(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
     return stored, spec, file.format_name()
 
 
-def _band_order(names: Sequence[str]) -> list[int]:
+def band_order(names: Sequence[str]) -> list[int]:
+    """Indices of the bands to use, R, G and B first; alpha and depth are left out.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the channels.
+    """
     plain = [name.split(".")[-1].upper() for name in names]
     bands = [index for index, name in enumerate(plain) if name not in NOT_BANDS]
     if not {"R", "G", "B"} <= set(plain):
@@ -311,7 +337,7 @@ def _band_order(names: Sequence[str]) -> list[int]:
 
 def _linear_image(path: Path, signal: np.ndarray, spec: oiio.ImageSpec, clip: float,
                   quantum: float) -> LinearImage:
-    _require_finite(path, signal)
+    require_finite(path, signal)
     saturated = signal >= clip
     variance = photon_transfer(signal, saturated, quantum, path.name).variance(signal)
     for array in (signal, saturated, variance):
@@ -326,7 +352,19 @@ def _linear_image(path: Path, signal: np.ndarray, spec: oiio.ImageSpec, clip: fl
         sha256=sha256_of(path))
 
 
-def _require_finite(path: Path, signal: np.ndarray) -> None:
+def require_finite(path: Path, signal: np.ndarray) -> None:
+    """Raise where a signal (H, W, K) holds values that are no numbers.
+
+    Parameters
+    ----------
+    path : Path
+        For the message.
+    signal : (H, W, K) array
+
+    Raises
+    ------
+    InputError
+    """
     bad = np.count_nonzero(~np.isfinite(signal))
     if bad:
         raise InputError(f"photo {path.name} has {bad} of {signal.size} values that are NaN or "

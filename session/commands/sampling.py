@@ -79,6 +79,10 @@ OutFolder = Annotated[Path, typer.Option(
 PixelNoise = Annotated[float, typer.Option(help="Relative standard error of a pixel.")]
 Side = Annotated[int, typer.Option(
     help="Points per side of the table; 33 is finer and slower.")]
+Step = Annotated[int, typer.Option(
+    help="Nanometres between the mean's wavelengths; twice as far between those of the spread.")]
+Full = Annotated[bool, typer.Option(
+    "--full", help="All 61 wavelengths of both in single floats: eight times as large.")]
 
 # of plan alone
 Steps = Annotated[int, typer.Option(help="Readings to plan.")]
@@ -164,32 +168,18 @@ def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signal
 
 
 def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
-           white: White = None, noise: PixelNoise = 0.01, side: Side = 25, family: Families = None,
-           as_json: Json = False, debug: Debug = False) -> None:
+           white: White = None, noise: PixelNoise = 0.01, side: Side = 25, step: Step = 10,
+           full: Full = False, family: Families = None, as_json: Json = False,
+           debug: Debug = False) -> None:
     """Mean and spread of the spectrum behind every pixel, as spectral EXR."""
     with command(as_json, debug):
-        import numpy as np
-
-        from spectrabox.capture.photo.image_files import write_exr
-        from spectrabox.capture.photo.linear import open_photo
-        from spectrabox.radiometry.files import writable
-        from spectrabox.sampling.prior.mixture import GRID
-        from spectrabox.session.signals.judgement_answers import uplift_answer
-        from spectrabox.session.signals.signal_options import numbers
-        signals = np.asarray(open_photo(image).signal, dtype=float)
-        if white is not None:
-            signals = signals / numbers(white, signals.shape[2], "white")
-        mean, spread, beyond = uplift_answer(signals, sensitivity, light, noise, side,
-                                             tuple(family or ()))
-        paths = {"mean": out / "mean.exr", "standard_deviation": out / "standard_deviation.exr"}
-        with writable(out):
-            for path, values in zip(paths.values(), (mean, spread), strict=True):
-                write_exr(path, values.astype(np.float32), [f"{nm:g}nm" for nm in GRID.nm])
-        answer(as_json, {**{name: str(path) for name, path in paths.items()},
-                         "pixels": int(mean[..., 0].size), "outside_0_to_1": beyond},
-               f"wrote {paths['mean']} and {paths['standard_deviation']}; {100 * beyond:.1f} % of "
-               "pixels lie outside what a reflectance between 0 and 1 can give and were taken at "
-               "the edge")
+        from spectrabox.session.progress_display import progress_display, with_time_left
+        from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
+        request = UpliftRequest(image, out, sensitivity, light, white, noise, side, step, full,
+                                tuple(family or ()))
+        with progress_display() as progress:
+            facts, text = uplift_answer(request, with_time_left(progress))
+        answer(as_json, facts, text)
 
 
 def plan(sensitivity: Sensitivity, light: Light,

@@ -1,4 +1,4 @@
-"""What plan, certify, prior train and uplift answer: names and folders in, numbers and text out."""
+"""What plan, certify and prior train answer: names and folders in, numbers and text out."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.sampling.further.more_measurements import joined
 from spectrabox.sampling.further.planner import (
@@ -30,23 +30,16 @@ from spectrabox.sampling.prior.mixture import (
     load_prior,
     of_families,
 )
-from spectrabox.sampling.prior.tables import build_table, outside, uplift_directly, uplift_pixels
 from spectrabox.sampling.prior.training import MIXED
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.signal_options import (
     measurement_of_signal,
     numbers,
     optional_numbers,
+    response_of_names,
 )
 
 PLAN_DRAWS = 2000
-
-
-def response_of_names(sensitivity: str, light: str) -> np.ndarray:
-    """Relative response (K, 61) of named curves and light, integrated at 1 nm."""
-    fine = visible_grid(1)
-    return named_spectra.relative_response(sensitivity, light, fine) \
-        @ interpolation_matrix(GRID.nm, fine.nm)
 
 
 @dataclass(frozen=True)
@@ -189,21 +182,3 @@ def _band_facts(judgement: Judgement, factor: np.ndarray) -> dict[str, float]:
     return {"rmse": judgement.rmse,
             "coverage": float(np.mean(judgement.scores[AT_95] <= factor)),
             "width": float(np.mean(judgement.width[AT_95] * factor))}
-
-
-def uplift_answer(signals: np.ndarray, sensitivity: str, light: str, noise: float, side: int,
-                  families: tuple[str, ...] = ()) -> tuple[np.ndarray, np.ndarray, float]:
-    """Mean and standard deviation (H, W, 61) of an image's signals (H, W, K) and the share outside
-    0 to 1.
-    """
-    relative_response = response_of_names(sensitivity, light)
-    if signals.shape[2] != len(relative_response):
-        raise InputError(f"the image has {signals.shape[2]} bands and the sensitivities "
-                         f"{len(relative_response)}")
-    flat = np.nan_to_num(signals.reshape(-1, len(relative_response)).astype(float))
-    prior = of_families(load_prior(), families)
-    small = len(flat) < side**3 or len(relative_response) != 3
-    mean, spread = (uplift_directly(prior, relative_response, np.clip(flat, 0, 1), noise) if small
-                    else uplift_pixels(build_table(prior, relative_response, noise, side), flat))
-    shape = (*signals.shape[:2], GRID.nm.size)
-    return mean.reshape(shape), spread.reshape(shape), float(outside(flat).mean())

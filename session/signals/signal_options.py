@@ -7,13 +7,22 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.sampling.further.conditioning import Reading
+from spectrabox.sampling.prior.mixture import GRID
 
 GRID_NM = 1.0           # of the integration; draws and bands are at every 5 nm
 READING_ERROR = 0.005   # standard error of a reading that states none
 FWHM_TO_SD = 1 / (2 * np.sqrt(2 * np.log(2)))
+
+
+def response_of_names(sensitivity: str, light: str) -> np.ndarray:
+    """Relative response (K, 61) of named curves and light, integrated at 1 nm."""
+    fine = visible_grid(1)
+    return named_spectra.relative_response(sensitivity, light, fine) \
+        @ interpolation_matrix(GRID.nm, fine.nm)
 
 
 def causes_of_error(signal: np.ndarray, noise_covariance: np.ndarray, light_error: float,

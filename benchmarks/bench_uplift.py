@@ -1,0 +1,79 @@
+"""``spectrabox uplift`` as a user types it: seconds, CPU seconds, memory and what is written, by
+pictures of one megapixel and more.
+
+The pictures are the demo's 24 measured reflectances in patches, shaded, with 1 % of noise.
+"""
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.session.signals.signal_options import response_of_names
+
+CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"
+ROWS = 64
+
+
+def write_picture(path: Path, height: int, width: int) -> None:
+    """A chart of measured reflectances as the camera sees it, some rows at a time."""
+    reflectances = next(iter(test_reflectances(GRID).values()))[:24]
+    patches = np.clip(reflectances, 0, 1) @ response_of_names(CAMERA, LIGHT).T
+    columns = patches.reshape(4, 6, 3)[:, np.arange(width) * 6 // width]
+    shade = 0.7 + 0.3 * np.cos(6 * np.arange(width) / width)[:, None]
+    rng = np.random.default_rng(0)
+    spec = oiio.ImageSpec(width, height, 3, oiio.HALF)
+    file = oiio.ImageOutput.create(str(path))
+    file.open(str(path), spec)
+    for first in range(0, height, ROWS):
+        rows = np.arange(first, min(first + ROWS, height))
+        noise = 1 + 0.01 * rng.standard_normal((len(rows), width, 3))
+        signal = columns[rows * 4 // height] * shade * noise
+        file.write_scanlines(first, first + len(rows), 0, signal.astype(np.float32))
+    file.close()
+
+
+def row(megapixels: float, options: list[str]) -> dict[str, float]:
+    """One whole process."""
+    side = round(1000 * megapixels**0.5)
+    with tempfile.TemporaryDirectory() as folder:
+        picture, out = Path(folder) / "picture.exr", Path(folder) / "out"
+        write_picture(picture, side, side)
+        started = time.perf_counter()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "spectrabox", "uplift", str(picture), "-o", str(out),
+             "--sensitivity", CAMERA, "--light", LIGHT, *options])
+        _, status, used = os.wait4(process.pid, 0)
+        taken = time.perf_counter() - started
+        if status:
+            raise SystemExit("uplift failed")
+        return {"megapixels": megapixels, "s": taken, "cpu_s": used.ru_utime + used.ru_stime,
+                "memory_mb": used.ru_maxrss / 1024,
+                "written_mb": sum(path.stat().st_size for path in out.iterdir()) / 1e6}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--megapixels", type=float, nargs="+", default=[1, 12])
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("options", nargs="*", help="of the command, after --")
+    arguments = parser.parse_args()
+    print(f"{'megapixels':>10} {'s':>7} {'CPU s':>7} {'memory MB':>10} {'written MB':>11}")
+    for megapixels in arguments.megapixels:
+        runs = [row(megapixels, arguments.options) for _ in range(arguments.repeats)]
+        best = min(runs, key=lambda run: run["s"])
+        print(f"{best['megapixels']:10g} {best['s']:7.1f} {best['cpu_s']:7.1f} "
+              f"{best['memory_mb']:10.0f} {best['written_mb']:11.0f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,138 @@
+"""Spectra behind every pixel of a picture, as the command writes them."""
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from sampling_cameras import surface
+
+from spectrabox.capture.photo import image_rows
+from spectrabox.capture.photo.image_files import read_linear_file, write_exr
+from spectrabox.capture.photo.image_rows import exr_rows, open_rows
+from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.prior.tables import build_table, uplift_directly, uplift_pixels
+from spectrabox.session.signals import uplift
+from spectrabox.session.signals.signal_options import response_of_names
+from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
+
+CAMERA, LIGHT, SIDE = "Nikon 5100 (NPL)", "D65", 5
+HALF, SINGLE = 2.0**-11, 2.0**-24       # relative rounding of half and single floats
+
+
+def picture(height=70, width=24):
+    """Signals (H, W, 3) of a few surfaces under light that falls off."""
+    response = response_of_names(CAMERA, LIGHT)
+    surfaces = np.array([response @ surface(GRID.nm, seed) for seed in range(6)])
+    shade = np.linspace(0.5, 1, height)[:, None, None]
+    return (surfaces[np.arange(width) % 6] * shade).astype(np.float32)
+
+
+def answer(folder, image, **options):
+    path = folder / "picture.exr"
+    write_exr(path, image, ["R", "G", "B"])
+    chosen = {"white": None, "noise": 0.01, "side": SIDE, "step_nm": 10, "full": False} | options
+    request = UpliftRequest(path, folder / "out", CAMERA, LIGHT, **chosen)
+    return uplift_answer(request, lambda stage, share, message: None)[0]
+
+
+def stored(path):
+    file = oiio.ImageInput.open(str(path))
+    return np.asarray(file.read_image("float")), list(file.spec().channelnames)
+
+
+def test_the_files_hold_the_spectra_of_the_table(tmp_path):
+    image = picture()
+    facts = answer(tmp_path, image)
+    table = build_table(load_prior(), response_of_names(CAMERA, LIGHT), side=SIDE)
+    mean, spread = uplift_pixels(table, image.reshape(-1, 3))
+    for name, values, step in (("mean", mean, 2), ("standard_deviation", spread, 4)):
+        kept, channels = stored(facts[name])
+        assert channels == [f"{nm:g}nm" for nm in GRID.nm[::step]]
+        # half floats, and 1e-6 of sums in another order
+        np.testing.assert_allclose(kept.reshape(len(values), -1), values[:, ::step], rtol=HALF,
+                                   atol=1e-6)
+    assert facts["pixels"] == image[..., 0].size
+    assert facts["outside_0_to_1"] == 0
+    assert facts["wavelengths_nm"] == GRID.nm[::2].tolist()
+
+
+def test_in_full_every_wavelength_is_kept_in_single_floats(tmp_path):
+    image = picture(3, 4)       # fewer pixels than points of the table: each by itself
+    facts = answer(tmp_path, image, full=True)
+    direct = uplift_directly(load_prior(), response_of_names(CAMERA, LIGHT),
+                             image.reshape(-1, 3).astype(float))
+    for name, values in zip(("mean", "standard_deviation"), direct, strict=True):
+        kept, _ = stored(facts[name])
+        np.testing.assert_allclose(kept.reshape(12, 61), values, rtol=4 * SINGLE)
+
+
+@pytest.mark.parametrize("rows", [1, 16, 48])
+def test_what_is_written_does_not_depend_on_how_many_rows_are_read_at_once(tmp_path, rows,
+                                                                           monkeypatch):
+    image = picture()
+    whole = {name: stored(answer(tmp_path, image)[name])[0] for name in ("mean",
+                                                                        "standard_deviation")}
+    monkeypatch.setattr(uplift, "ROWS_PER_BLOCK", rows)
+    monkeypatch.setattr(uplift, "PIXELS_AT_ONCE", 1)
+    facts = answer(tmp_path, image)
+    for name, values in whole.items():
+        np.testing.assert_array_equal(stored(facts[name])[0], values)
+
+
+def test_pixels_beyond_white_are_counted(tmp_path):
+    image = picture()
+    image[:7] *= 40
+    assert answer(tmp_path, image)["outside_0_to_1"] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("options, message", [
+    ({"step_nm": 7}, "--step 7 does not divide 400-700 nm into steps of 5 nm"),
+    ({"side": 8}, "--side 8 is not odd and at least 3"),
+    ({"white": "1,1"}, "--white has 2 values; the sensitivities have 3 bands")])
+def test_options_that_cannot_be_are_errors(tmp_path, options, message):
+    with pytest.raises(InputError, match=message):
+        answer(tmp_path, picture(2, 2), **options)
+
+
+def test_a_picture_of_other_bands_is_an_error(tmp_path):
+    write_exr(tmp_path / "four.exr", np.full((4, 4, 4), 0.5), ["b1", "b2", "b3", "b4"])
+    request = UpliftRequest(tmp_path / "four.exr", tmp_path, CAMERA, LIGHT, None, 0.01, 5, 10,
+                            False)
+    with pytest.raises(InputError, match="the image has 4 bands and the sensitivities 3"):
+        uplift_answer(request, lambda stage, share, message: None)
+
+
+@pytest.mark.parametrize("kind", ["uint16", "half", "float"])
+def test_rows_are_those_of_the_whole_picture(tmp_path, kind):
+    path = tmp_path / ("picture.tif" if kind == "uint16" else "picture.exr")
+    spec = oiio.ImageSpec(24, 70, 3, kind)
+    file = oiio.ImageOutput.create(str(path))
+    assert file.open(str(path), spec)
+    assert file.write_image(picture())
+    assert file.close()
+    rows, whole = open_rows(path), read_linear_file(path).signal
+    assert (rows.height, rows.width, rows.bands) == whole.shape
+    read = np.concatenate([rows.read(0, 33), rows.read(33, 70)])
+    # integers are divided by their full scale in another order
+    np.testing.assert_allclose(read, whole, rtol=2 * SINGLE)
+
+
+def test_a_value_that_is_no_number_is_an_error(tmp_path):
+    image = picture()
+    image[5, 5, 1] = np.nan
+    with pytest.raises(InputError, match=r"picture.exr has 1 of \d+ values that are NaN"):
+        answer(tmp_path, image)
+
+
+def test_a_picture_that_was_not_written_to_its_end_leaves_no_file(tmp_path):
+    with pytest.raises(ZeroDivisionError), \
+            exr_rows(tmp_path / "a.exr", 32, 8, ["R", "G", "B"], half=True) as write:
+        write(0, np.zeros((16, 8, 3), np.float32))
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_in_the_way_is_an_error(tmp_path):
+    (tmp_path / "a.part.exr").mkdir()
+    with pytest.raises(InputError, match=r"a.exr cannot be written"), \
+            image_rows.exr_rows(tmp_path / "a.exr", 4, 4, ["R", "G", "B"], half=True):
+        pass
