@@ -289,6 +289,14 @@ class Reconstruction(Record):
 
 
 @dataclass(frozen=True, eq=False)
+class StrayLight(Record):
+    """One cause of light that the scene does not hold, by its standard error."""
+
+    cause: str
+    relative: Annotated[np.ndarray, "M J"]          # of each material's signal, bands correlated
+
+
+@dataclass(frozen=True, eq=False)
 class JointReconstruction(Record):
     """Spectra that explain V photos, and the signals of J bands: every independent response.
 
@@ -309,6 +317,7 @@ class JointReconstruction(Record):
     signal_covariance: Annotated[np.ndarray, "M J J"]
     model_covariance: Annotated[np.ndarray, "M J J"]    # relative; independent between views
     regions: tuple[RegionTransport, ...] = ()       # of each view; none by engines without them
+    stray_light: tuple[StrayLight, ...] = ()        # independent of each other
 
 
 # ---- sampling ------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from spectrabox.reconstruct.agreement import (
 from spectrabox.reconstruct.engines.answer import EngineAnswer
 from spectrabox.reconstruct.engines.gradient_engine import engine_for, invert_by_gradient
 from spectrabox.reconstruct.engines.per_wavelength import invert_per_wavelength
-from spectrabox.reconstruct.engines.transport_engine import solve_views
+from spectrabox.reconstruct.engines.transport_engine import require_plain_products, solve_views
 from spectrabox.reconstruct.fit.transport_fit import TransportFit
 from spectrabox.reconstruct.joint_reconstruction import joint_record
 from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
@@ -49,6 +49,32 @@ def reconstruct(view: View, settings: InversionSettings, progress: Progress) -> 
     return reconstruct_views((view,), settings, progress).views[0]
 
 
+def settings_for(views: Sequence[View],
+                 settings: InversionSettings) -> tuple[InversionSettings, tuple[str, ...]]:
+    """The settings with the engine that the views' materials need, and a sentence where that is not
+    the default; nothing is traced.
+
+    Raises
+    ------
+    InputError
+        As ``reconstruct_views``.
+    """
+    if settings.engine not in ENGINES:
+        raise InputError(f"there is no engine {settings.engine!r}; use one of {', '.join(ENGINES)}")
+    chosen: tuple[str, ...] = ()
+    if settings.engine == "auto":
+        engine, chosen = engine_for([view.scene_file for view in views])
+        settings = replace(settings, engine=engine)
+    if len(views) > 1 and settings.engine in SINGLE_VIEW:
+        raise InputError(f"the engine {settings.engine!r} takes one photo, and {len(views)} are "
+                         "given; set [reconstruct] engine = \"transport\", or leave photos out")
+    if settings.engine not in SINGLE_VIEW:
+        for view in views:
+            require_plain_products(view)
+    check_views(views)
+    return settings, chosen
+
+
 def reconstruct_views(views: Sequence[View], settings: InversionSettings, progress: Progress,
                       checkpoint: Path | None = None) -> JointReconstruction:
     """Spectra that explain several photos together: other lights, exposures, viewpoints, cameras.
@@ -71,16 +97,7 @@ def reconstruct_views(views: Sequence[View], settings: InversionSettings, progre
         unknown, the transport engine encounters a material that it cannot treat, or an engine that
         takes one photo is given several.
     """
-    if settings.engine not in ENGINES:
-        raise InputError(f"there is no engine {settings.engine!r}; use one of {', '.join(ENGINES)}")
-    chosen: tuple[str, ...] = ()
-    if settings.engine == "auto":
-        engine, chosen = engine_for([view.scene_file for view in views])
-        settings = replace(settings, engine=engine)
-    if len(views) > 1 and settings.engine in SINGLE_VIEW:
-        raise InputError(f"the engine {settings.engine!r} takes one photo, and {len(views)} are "
-                         "given; set [reconstruct] engine = \"transport\", or leave photos out")
-    check_views(views)
+    settings, chosen = settings_for(views, settings)
     answers: tuple[EngineAnswer, ...]
     if settings.engine in SINGLE_VIEW:
         fit, answers = None, (SINGLE_VIEW[settings.engine](views[0], settings, progress),)

@@ -2,8 +2,10 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.config.session_schema import SessionConfig, SpectrumTable, ViewInputs
+from spectrabox.session.keys import stage_keys
 from spectrabox.session.stages.inputs import (
     GRID,
     chart_corners,
@@ -30,7 +33,13 @@ from spectrabox.session.stages.inputs import (
     require_exposed,
     require_materials,
 )
+from spectrabox.session.stages.order import STAGES
+from spectrabox.session.stages.reconstruct_stage import require_invertible
 from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
+from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.store.store import StoredStage, load_stage, save_stage, stage_folder
+
+LONG_STAGE, DEVICE = "reconstruct", "cpu"
 
 
 @dataclass(frozen=True)
@@ -99,7 +108,25 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
                 and light is not None and chart_signals is not None:
             attempt(_check_chart, config, view, chart[0],
                     typical_camera_signals(chart_signals, GRID, spectrum_on_grid(light, GRID)))
+    if not problems:
+        attempt(_run_up_to_tracing, config)
     return problems
+
+
+def _run_up_to_tracing(config: SessionConfig) -> None:
+    """Run the short stages as a run does, in a folder that vanishes, and what the long ones ask
+    before they begin.
+    """
+    stored: dict[str, StoredStage] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name in takewhile(lambda name: name != LONG_STAGE, stage_keys(config)):
+            with stage_folder(Path(folder), name) as new:
+                task = StageTask(config, DEVICE, stored, new, lambda done, what: None)
+                save_stage(new, {}, STAGES[name].run(task), 0.0, {})
+            finished = load_stage(Path(folder), name)
+            assert finished is not None
+            stored[name] = finished
+        require_invertible(config, stored, DEVICE)
 
 
 def _reflectances(config: SessionConfig) -> list[SpectrumTable]:

@@ -76,6 +76,7 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
         "settings": {"lights": lights, "sensitivity": _plain(config.sensitivity.source),
                      "method": config.sensitivity.method,
                      "coefficients": config.sensitivity.coefficients, "seed": config.session.seed,
+                     "lamp position": config.repeatability.lamp_position,
                      "relative_error": config.sensitivity.relative_error,
                      "reference": config.chart.reference},
         "stages": {"chart": fingerprint(keys["chart"])} if "chart" in keys
@@ -94,6 +95,7 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
                      "reconstruct": _plain(config.reconstruct),
                      "scale": config.scale.source,
                      "repeatability": _plain(config.repeatability),
+                     "stray light": _plain(config.stray_light),
                      "seed": config.session.seed},
         "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}} | made_by(
         "reconstruct")

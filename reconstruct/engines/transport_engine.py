@@ -110,6 +110,21 @@ def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
     return TracedSolution(tuple(traced), fit, _answers(traced, fit, images, settings))
 
 
+def require_plain_products(view: View) -> None:
+    """Refuse a scene with surfaces whose reflected light is no plain product with their
+    reflectance.
+
+    Raises
+    ------
+    InputError
+    """
+    if others := not_plain_products(view.scene_file):
+        raise InputError("the transport engine treats diffuse surfaces only, and "
+                         f"{', '.join(others)} of {view.scene_file.path.name} is coated or "
+                         "glossy: its spectrum does not just multiply; set [reconstruct] engine = "
+                         "\"gradient\"")
+
+
 def unit_scene(view: View, bounces: int, separate_lights: bool = False) -> UnitScene:
     """The view's scene for the tracer, with reflectances and light spectra of 1.
 
@@ -126,11 +141,7 @@ def unit_scene(view: View, bounces: int, separate_lights: bool = False) -> UnitS
     InputError
         If a surface's reflected light is no plain product with its reflectance.
     """
-    if others := not_plain_products(view.scene_file):
-        raise InputError("the transport engine treats diffuse surfaces only, and "
-                         f"{', '.join(others)} of {view.scene_file.path.name} is coated or "
-                         "glossy: its spectrum does not just multiply; set [reconstruct] engine = "
-                         "\"gradient\"")
+    require_plain_products(view)
     ones = np.ones(2)
     scene = load_scene(view.xml(dict.fromkeys(view.name_of_bsdf, ones), light=ones,
                                 bands={"one": ones}))

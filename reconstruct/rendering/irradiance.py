@@ -15,6 +15,7 @@ from spectrabox.reconstruct.scene.scene_xml import scene_xml
 CHART_SHAPE = "chart"
 SAMPLED_PART = 0.5       # of a patch's side, as the photo is sampled
 SAMPLES = 4096           # light directions per patch
+TINY = 1e-300
 
 
 def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tuple[float, float],
@@ -40,6 +41,42 @@ def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tup
     InputError
         If the scene has no such shape, or the light does not reach it.
     """
+    irradiance = _sampled(scene_file, centres_uv, size_uv, seed, ())[0]
+    if not np.all(irradiance > 0):
+        raise InputError(f"{scene_file.path.name}: the light does not reach "
+                         f"{np.count_nonzero(irradiance <= 0)} of the 24 patches; turn the chart's "
+                         "rectangle to face the light")
+    return irradiance
+
+
+def lamp_position_error(scene_file: SceneFile, centres_uv: np.ndarray,
+                        size_uv: tuple[float, float], position_error: float,
+                        seed: int = 0) -> float:
+    """Relative standard error of the light on the chart by that of the lamp's position.
+
+    By finite differences: the chart is moved by one standard error along each axis under the same
+    light directions. What all patches have in common counts; their differences show in the chart's
+    residuals.
+
+    Parameters
+    ----------
+    scene_file, centres_uv, size_uv, seed
+        As of ``patch_irradiance``.
+    position_error : float
+        Standard error of the position along each axis, relative to the distance of lamp and chart.
+    """
+    if position_error == 0:
+        return 0.0
+    still, *moved = _sampled(scene_file, centres_uv, size_uv, seed, position_error * np.eye(3))
+    changes = [np.log(np.maximum(one, TINY) / still).mean() for one in moved]
+    return float(np.linalg.norm(changes))
+
+
+def _sampled(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tuple[float, float],
+             seed: int, shifts: np.ndarray | tuple[()]) -> list[np.ndarray]:
+    """Irradiance (24,) on the patches as they lie, then shifted by each row of ``shifts``, along
+    the chart's tangents and its normal, as shares of the lamp's distance.
+    """
     import mitsuba as mi
 
     if CHART_SHAPE not in scene_file.surfaces:
@@ -56,17 +93,24 @@ def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tup
     interaction = shape.eval_parameterization(mi.Point2f(uv[:, 0], 1.0 - uv[:, 1]))
     interaction.wavelengths = mi.Spectrum(550.0)
     numbers = mi.Point2f(rng.random(len(uv)), rng.random(len(uv)))
-    direction, weight = scene.sample_emitter_direction(interaction, numbers, True)
-    normal, towards = interaction.n, direction.d
-    cosine = np.maximum(np.array(mi.Float(normal.x * towards.x + normal.y * towards.y
-                                          + normal.z * towards.z)), 0.0)
-    weight = np.array(weight[0]) * _profile(scene, scene_file.profiles, direction)
-    irradiance = (weight * cosine).reshape(len(centres_uv), SAMPLES).mean(axis=1)
-    if not np.all(irradiance > 0):
-        raise InputError(f"{scene_file.path.name}: the light does not reach "
-                         f"{np.count_nonzero(irradiance <= 0)} of the 24 patches; turn the chart's "
-                         "rectangle to face the light")
-    return irradiance
+
+    def irradiance() -> tuple[np.ndarray, float]:
+        direction, weight = scene.sample_emitter_direction(interaction, numbers, True)
+        normal, towards = interaction.n, direction.d
+        cosine = np.maximum(np.array(mi.Float(normal.x * towards.x + normal.y * towards.y
+                                              + normal.z * towards.z)), 0.0)
+        value = np.array(weight[0]) * _profile(scene, scene_file.profiles, direction) * cosine
+        distance = float(np.median(np.array(direction.dist)))
+        return value.reshape(len(centres_uv), SAMPLES).mean(axis=1), distance
+
+    still, distance = irradiance()
+    results, start = [still], mi.Point3f(interaction.p)
+    frame = mi.Frame3f(interaction.n)
+    for along_s, along_t, along_n in np.asarray(shifts) * distance:
+        # outwards along the normal: behind the card nothing is lit
+        interaction.p = start + along_s * frame.s + along_t * frame.t + along_n * frame.n
+        results.append(irradiance()[0])
+    return results
 
 
 def _profile(scene: Any, profiles: Mapping[str, np.ndarray], direction: Any) -> np.ndarray:

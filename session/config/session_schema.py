@@ -142,11 +142,22 @@ class RepeatabilitySection(Table):
                                  "it")
     shutter: RelativeError = Field(0.009, description="relative: of the exposure at one setting, "
                                    "from photo to photo; references of [drift] replace it")
+    lamp_position: RelativeError = Field(0.005, description="of the lamp in the chart scene, along "
+                                         "each axis, relative to its distance from the chart")
 
     @property
     def relative_error(self) -> float:
         """Of the exposure by light and shutter together."""
         return math.hypot(self.light, self.shutter)
+
+
+class StrayLightSection(Table):
+    """Light in the object photo that the scene does not hold: standard errors."""
+
+    glare: RelativeError = Field(0.005, description="veiling glare of the lens, of the picture's "
+                                 "mean signal; raised to what the chart photo shows")
+    ambient: RelativeError = Field(0.002, description="light from elsewhere than the lamp, of the "
+                                   "brightest irradiance in the picture")
 
 
 class LightSection(Table):
@@ -278,6 +289,7 @@ class SessionTables(Table):
     camera: CameraSection = CameraSection()
     drift: DriftSection = DriftSection()
     repeatability: RepeatabilitySection = RepeatabilitySection()
+    stray_light: StrayLightSection = StrayLightSection()
     light: LightSection
     sensitivity: SensitivitySection = SensitivitySection()
     scale: ScaleSection = ScaleSection()

@@ -16,11 +16,12 @@ from spectrabox.session.config.session_schema import (
     SamplingSection,
     SessionSection,
     SessionTables,
+    StrayLightSection,
 )
 
 SCHEMA_NAME = "session.schema.json"
 SESSION, CHART = SessionSection(), ChartSection()
-REPEATABILITY = RepeatabilitySection()
+REPEATABILITY, STRAY_LIGHT = RepeatabilitySection(), StrayLightSection()
 RECONSTRUCT, SAMPLING = ReconstructSection(), SamplingSection()
 SESSION_TEMPLATE = f'''#:schema ./{SCHEMA_NAME}
 # A spectrabox session. Every file name is relative to this folder. Lines with # are comments.
@@ -56,6 +57,11 @@ scene = "scene/chart.xml"           # light and chart in place; the chart is a r
 # [repeatability]                   # from chart photo to object photo; [drift] measures it instead
 # light = {REPEATABILITY.light}
 # shutter = {REPEATABILITY.shutter}
+# lamp_position = {REPEATABILITY.lamp_position}             # in the chart scene, of its distance
+
+# [stray_light]                     # in the object photo; a dark room and a lens hood lower it
+# glare = {STRAY_LIGHT.glare}                     # of the picture's mean signal
+# ambient = {STRAY_LIGHT.ambient}                   # of the brightest irradiance
 
 [light]
 spectrum = "spectra/light.csv"      # {{ file = "spectra/all.csv", column = 2 }} for one of several

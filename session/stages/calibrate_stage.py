@@ -17,11 +17,19 @@ from spectrabox.calibrate.calibration import (
 )
 from spectrabox.calibrate.prior.camera_prior import load_prior
 from spectrabox.calibrate.sensitivity import scale_of_photo
+from spectrabox.calibrate.trust import GLARE_SIGMA
 from spectrabox.capture.chart.quality import uneven_light_reasons
 from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
+from spectrabox.radiometry.light_scale import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.progress import Progress
-from spectrabox.radiometry.records import Calibration, LightScale, PatchSamples, Spectrum
-from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
+from spectrabox.radiometry.records import (
+    Calibration,
+    LightScale,
+    LinearImage,
+    PatchSamples,
+    Spectrum,
+)
+from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.inputs import (
@@ -72,6 +80,9 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
             scale = camera.light_scale if view.light == config.all_views[0].light else None
         records[view.record("calibration")] = dataclasses.replace(
             camera, light=lights[number], light_scale=scale)
+    records["glare"] = _certain_glare(first, charts)
+    if irradiance is not None:
+        _widen_by_lamp_position(config, records)
     records["notes"] = () if irradiance is None else _uneven_notes(config, task.stored, irradiance)
     return records
 
@@ -86,6 +97,39 @@ def chart_fit_of(stored: Mapping[str, StoredStage]) -> tuple[np.ndarray, np.ndar
     """Signals (24, K) that the calibration predicts for the first chart, and irradiance (24,)."""
     stage = stored["calibrate"]
     return stage.record(np.ndarray, "predicted"), stage.record(np.ndarray, "irradiance")
+
+
+def chart_glare_of(stored: Mapping[str, StoredStage]) -> np.ndarray:
+    """Veiling glare (K,) that the first chart photo shows for certain, of its mean signal."""
+    return stored["calibrate"].record(np.ndarray, "glare")
+
+
+def _certain_glare(first: ChartCalibration | None,
+                   charts: Sequence[tuple[Any, Any, LinearImage] | None]) -> np.ndarray:
+    """Glare (K,) of the first chart photo in the bands where it is beyond chance, of the picture's
+    mean signal; 0 where no fit tells.
+    """
+    if first is None or first.prior_fit is None or charts[0] is None:
+        return np.zeros(1)
+    state = first.prior_fit.photos[0]
+    certain = np.abs(state.glare) > GLARE_SIGMA * state.glare_error
+    return np.where(certain, np.abs(state.glare) / charts[0][2].signal.mean(axis=(0, 1)), 0.0)
+
+
+def _widen_by_lamp_position(config: SessionConfig, records: dict[str, Any]) -> None:
+    """Add to every light scale from a chart what the lamp's position in the chart scene leaves
+    open.
+    """
+    scene = read_chart_scene(config)
+    assert scene is not None
+    error = lamp_position_error(scene, patch_centres_uv(), patch_size_uv(),
+                                config.repeatability.lamp_position, config.session.seed)
+    for view in config.all_views:
+        calibration = records[view.record("calibration")]
+        if calibration.light_scale is not None:
+            records[view.record("calibration")] = dataclasses.replace(
+                calibration, light_scale=with_common_error(calibration.light_scale, LAMP_AT_CHART,
+                                                           error))
 
 
 def _uneven_notes(config: SessionConfig, stored: Mapping[str, StoredStage],

@@ -55,7 +55,15 @@ def signal_covariances(calibrations: Sequence[Calibration], joint: JointReconstr
     return {"photo and rendering noise": joint.signal_covariance[index],
             "sensitivities": sensitivity_covariance(calibrations, joint, index),
             "light spectrum": light_covariance(calibrations, joint, index), **scales,
+            **{stray.cause: _within_views(joint, stray.relative[index]) * both
+               for stray in joint.stray_light},
             "photo and model disagree": joint.model_covariance[index] * both}
+
+
+def _within_views(joint: JointReconstruction, pattern: np.ndarray) -> np.ndarray:
+    """Covariance (J, J) of an error that moves the bands of one photo by ``pattern`` (J,)."""
+    same = joint.view_of_band[:, None] == joint.view_of_band
+    return np.outer(pattern, pattern) * same
 
 
 def scale_covariances(calibration: Calibration, joint: JointReconstruction,

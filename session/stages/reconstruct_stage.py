@@ -23,14 +23,14 @@ from spectrabox.radiometry.records import (
     Reconstruction,
 )
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.reconstruct.inverse_rendering import reconstruct_views
+from spectrabox.reconstruct.inverse_rendering import SINGLE_VIEW, reconstruct_views, settings_for
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.prior.mixture import load_prior, reflectance_moments
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
-from spectrabox.session.stages.calibrate_stage import calibrations_of
+from spectrabox.session.stages.calibrate_stage import calibrations_of, chart_glare_of
 from spectrabox.session.stages.inputs import (
     GRID,
     band_names,
@@ -39,8 +39,10 @@ from spectrabox.session.stages.inputs import (
     require_materials,
 )
 from spectrabox.session.stages.photo_stages import chart_of, photo_of, reference_signals
+from spectrabox.session.stages.scene_sampling import require_one_transport
 from spectrabox.session.stages.scenes import read_session_scene
 from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.stages.stray_light import with_stray_light
 from spectrabox.session.store.store import StoredStage
 
 FIRST_VIEW = "photo"
@@ -63,7 +65,31 @@ def invert_photos(task: StageTask) -> dict[str, Any]:
     drift = drift_of(config, stored)
     joint = reconstruct_views(views_of(config, stored, drift), settings_of(config), task.progress,
                               config.results_folder / TRACE)
-    return {"drift": drift, "joint": joint if drift is None else _widened(joint, drift)}
+    joint = with_stray_light(joint if drift is None else _widened(joint, drift),
+                             np.hypot(config.stray_light.glare, chart_glare_of(stored)),
+                             config.stray_light.ambient)
+    return {"drift": drift, "joint": joint}
+
+
+def require_invertible(config: SessionConfig, stored: Mapping[str, StoredStage],
+                       device: str) -> None:
+    """Refuse a session that the stage would refuse, before anything is traced.
+
+    Parameters
+    ----------
+    stored : of the stages before
+    device : {"auto", "cpu", "cuda"}
+
+    Raises
+    ------
+    InputError
+    """
+    start_mitsuba(device)
+    views = views_of(config, stored, drift_of(config, stored))
+    settings, _ = settings_for(views, settings_of(config))
+    if config.sampling.through == "transport":
+        alike = settings.engine not in SINGLE_VIEW and not any(view.own_lights for view in views)
+        require_one_transport(len(views), alike)
 
 
 def views_of(config: SessionConfig, stored: Mapping[str, StoredStage],

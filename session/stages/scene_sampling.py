@@ -51,12 +51,7 @@ def draw_through_transport(calibration: Calibration, joint: JointReconstruction,
     ConvergenceError
         See ``sampling.scene_draws.draw_scene``.
     """
-    if len(joint.views) > 1 or not joint.regions:
-        reason = "the session has several photos" if len(joint.views) > 1 else \
-            "the engine kept no light transport, or the lights differ in spectrum"
-        raise InputError("sampling.through = \"transport\" takes one photo under lights of one "
-                         f"spectrum, fitted by the transport engine, and {reason}; set [sampling] "
-                         "through = \"surface\"")
+    require_one_transport(len(joint.views), bool(joint.regions))
     regions, view = joint.regions[0], joint.views[0]
     fine = joint.response * view.white_signal[:, None] * view.light_scale.value
     response = fine @ interpolation_matrix(PRIOR_GRID.nm, joint.grid.nm)
@@ -65,6 +60,28 @@ def draw_through_transport(calibration: Calibration, joint: JointReconstruction,
     return draw_scene(regions.transport, regions.signal, regions.standard_error, response, draws,
                       seed, common=_common_errors(calibration, joint, regions, fine), known=known,
                       families=families, coefficients=coefficients)
+
+
+def require_one_transport(photos: int, traced: bool) -> None:
+    """Refuse draws through the transport where there is not just one.
+
+    Parameters
+    ----------
+    photos : int
+        Of the session.
+    traced : bool
+        Whether the engine traces one light transport, for lights of one spectrum.
+
+    Raises
+    ------
+    InputError
+    """
+    if photos > 1 or not traced:
+        reason = "the session has several photos" if photos > 1 else \
+            "the engine kept no light transport, or the lights differ in spectrum"
+        raise InputError("sampling.through = \"transport\" takes one photo under lights of one "
+                         f"spectrum, fitted by the transport engine, and {reason}; set [sampling] "
+                         "through = \"surface\"")
 
 
 def _common_errors(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
@@ -83,9 +100,18 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
         of_curves = _of_tails(calibration, joint, regions, signal / white) * white
     else:
         of_curves = _of_curves(calibration, received, response, view.light_scale.value, joint)
-    return np.concatenate([of_curves, shared_errors(
+    return np.concatenate([of_curves, _of_stray_light(joint, regions, signal), shared_errors(
         signal, np.sum(list(scale_covariances(calibration, joint, 0).values()), axis=0), 0.0,
         regions.surface, regions.colour_error, regions.brightness_error)])
+
+
+def _of_stray_light(joint: JointReconstruction, regions: RegionTransport,
+                    signal: np.ndarray) -> np.ndarray:
+    """Errors (Q, R, K) by light that the scene does not hold, one for each cause."""
+    materials = joint.views[0].agreement.materials
+    index = [joint.materials.index(materials[surface]) for surface in regions.surface]
+    return np.array([signal * stray.relative[index] for stray in joint.stray_light]
+                    ).reshape(-1, *signal.shape)
 
 
 def _of_tails(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
