@@ -17,7 +17,7 @@ from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.lamp import radiance
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.light_scale import DRIFT, REPEATABILITY
+from spectrabox.radiometry.light_scale import DRIFT, LAMP_AT_CHART, REPEATABILITY
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished, run_stages
@@ -100,8 +100,8 @@ def test_a_lamp_that_dimmed_between_the_photos_is_found_by_a_reference_in_both(c
     before = run(append(captured, drift))
     found = joint_of(before).views[0].light_scale
     # The reference says how the photos compare, and to what: nothing needs to be assumed.
-    assert [error.cause for error in found.common_errors] == [DRIFT]
-    assert found.common_errors[0].relative == pytest.approx(np.sqrt(2) * 0.002, rel=1e-6)
+    assert [error.cause for error in found.common_errors] == [LAMP_AT_CHART, DRIFT]
+    assert found.common_errors[1].relative == pytest.approx(np.sqrt(2) * 0.002, rel=1e-6)
     dim(captured, 0.9)
     after = joint_of(run(read_session(captured))).views[0]
     assert after.light_scale.value / found.value == pytest.approx(0.9, abs=0.005)
