@@ -50,7 +50,7 @@ JUDGED = 300                    # curves of a part that are judged
 FAMILIAR = 0.995
 TENTHS = 10
 MEASURED_LIMITS = (0.7, 2.0)    # of factors
-MODEL_LIMITS = {"stated": (1.0, 1.5), "unstated": (0.85, 1.5)}
+MODEL_LIMITS = {"stated": (1.0, 1.5), "unstated": (0.75, 1.5)}
 # Dyed cloth, plastics and skins of which no library was trained on: at 1.06 the even half of CES99
 # is held at 94 % of wavelengths.
 COMMON = 1.06

@@ -12,6 +12,7 @@ signal, and weighs nothing.
 """
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -23,7 +24,8 @@ from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 
 # of the filter; the largest change of a logit that counts as standing still
 STEPS, STILL = 25, 1e-6
-TRIED, BEHIND = 4, 30.0     # steps before components are compared; nats that give one up
+TRIED, BEHIND = 2, 15.0     # steps before components are compared; nats that give one up
+BLOCK = 64                  # signals at a time: what they take then fits the cache
 NEGLIGIBLE = 2e-3           # weight of a component that is left out of a signal's posterior
 MAX_STEP = 2.0              # logits per step: keeps the linearisation where it is of use
 SIGNAL_FLOOR = 1e-3  # of white: the least standard error of a signal taken into the likelihood
@@ -155,13 +157,13 @@ def mean_and_spread(mixture: MixturePosterior) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation (T, P) of the reflectance, by nine-point Gauss-Hermite
     quadrature.
     """
-    weights, logits, deviations = _possible(mixture)
     first, second = np.zeros(mixture.logits.shape[1:]), np.zeros(mixture.logits.shape[1:])
-    for node, node_weight in zip(HERMITE_NODES, HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum(),
-                                 strict=True):
-        values = reflectance(logits + node * deviations)
-        first += node_weight * np.einsum("tc,tcp->tp", weights, values)
-        second += node_weight * np.einsum("tc,tcp->tp", weights, values**2)
+    for rows, weights, logits, deviations in _blocks(mixture):
+        for node, node_weight in zip(HERMITE_NODES, HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum(),
+                                     strict=True):
+            values = reflectance(logits + node * deviations)
+            first[rows] += node_weight * np.einsum("tc,tcp->tp", weights, values)
+            second[rows] += node_weight * np.einsum("tc,tcp->tp", weights, values**2)
     return first, np.sqrt(np.maximum(second - first**2, 1e-12))
 
 
@@ -174,7 +176,14 @@ def central_band(mixture: MixturePosterior, level: float) -> tuple[np.ndarray, n
 
 def mixture_quantile(mixture: MixturePosterior, probability: float) -> np.ndarray:
     """Quantile (T, P) of the Gaussian mixture in the logit, by bisection, then Newton's steps."""
-    weights, logits, deviations = _possible(mixture)
+    quantiles = np.empty(mixture.logits.shape[1:])
+    for rows, weights, logits, deviations in _blocks(mixture):
+        quantiles[rows] = _quantile(weights, logits, deviations, probability)
+    return quantiles
+
+
+def _quantile(weights: np.ndarray, logits: np.ndarray, deviations: np.ndarray,
+              probability: float) -> np.ndarray:
     at = logits + ndtri(probability) * deviations
     # the mixture's quantile lies between its components' quantiles
     possible = weights[..., None] > 0
@@ -192,13 +201,19 @@ def mixture_quantile(mixture: MixturePosterior, probability: float) -> np.ndarra
     return x
 
 
-def _possible(mixture: MixturePosterior) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Weights (T, c), logits and deviations (T, c, P) of the heaviest components, none left out."""
-    count = int(np.count_nonzero(mixture.weights, axis=1).max())
-    heaviest = np.argsort(-mixture.weights, axis=1, kind="stable")[:, :count]
-    rows = np.arange(len(heaviest))[:, None]
-    return (mixture.weights[rows, heaviest], mixture.logits[heaviest, rows],
-            np.sqrt(mixture.variances[heaviest, rows]))
+def _blocks(mixture: MixturePosterior) -> Iterator[tuple[np.ndarray, ...]]:
+    """Blocks of signals that allow about as many components: their rows (n,), and weights (n, c),
+    logits and deviations (n, c, P) of these, the heaviest first.
+    """
+    counts = np.count_nonzero(mixture.weights, axis=1)
+    by_count = np.argsort(counts, kind="stable")
+    for start in range(0, by_count.size, BLOCK):
+        rows = by_count[start:start + BLOCK]
+        heaviest = np.argsort(-mixture.weights[rows], axis=1,
+                              kind="stable")[:, :counts[rows[-1]]]
+        yield (rows, mixture.weights[rows[:, None], heaviest],
+               mixture.logits[heaviest, rows[:, None]],
+               np.sqrt(mixture.variances[heaviest, rows[:, None]]))
 
 
 def calibrated_band(prior: LogitMixture, mixture: MixturePosterior,
