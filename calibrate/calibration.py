@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations
+from spectrabox.calibrate.colour_matrix import matrix_sentences
 from spectrabox.calibrate.measured_curves import check_measured_curves
 from spectrabox.calibrate.photo_checks import disagreement, light_power, refuse_disagreement
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
@@ -136,7 +137,8 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     left_out = ("" if chosen.curves is not None
                 else f", {delta_e_without.mean():.2f} for patches left out of the fit")
     checks = (f"chart colour difference {delta_e.mean():.2f} CIEDE2000{left_out}",
-              *_checks(fit, covariance, scale), *unseen, *said)
+              *_checks(fit, covariance, scale), *unseen, *said,
+              *matrix_sentences(first.samples.camera_from_xyz, fit.curves, grid))
     calibration = Calibration(fit, first.light, None if first.irradiance is None else scale,
                               covariance, checks, () if prior_fit is None else doubts(prior_fit))
     return ChartCalibration(calibration, scale, predicted, without, delta_e, delta_e_without,

@@ -104,6 +104,7 @@ class RawFrame(Record):
     camera: str                                     # make, model and serial number as far as known
     file: str
     sha256: str
+    camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # R, G, B of X, Y, Z, any scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +122,7 @@ class LinearImage(Record):
     camera: str
     source: str
     sha256: str
+    camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # as in the raw frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +144,7 @@ class PatchSamples(Record):
     pixels: Annotated[np.ndarray, "24"]             # samples used in each patch
     saturated_fraction: Annotated[np.ndarray, "24 K"]
     gradient: Annotated[np.ndarray, "24 K"]         # relative change across the patch
+    camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # as in the raw frame
 
 
 # ---- calibrate -----------------------------------------------------------------------------------

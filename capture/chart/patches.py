@@ -50,7 +50,8 @@ def patches_and_excluded(image: LinearImage,
     mean, covariance, pixels, saturated, gradient, excluded = (
         np.array(column) for column in zip(*patches, strict=True))
     return PatchSamples(mean=mean, covariance_of_mean=covariance, pixels=pixels,
-                        saturated_fraction=saturated, gradient=gradient), excluded
+                        saturated_fraction=saturated, gradient=gradient,
+                        camera_from_xyz=image.camera_from_xyz), excluded
 
 
 def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: str) -> None:

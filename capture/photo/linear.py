@@ -230,4 +230,4 @@ def _image(frame: RawFrame | FullColourFrame, signal: np.ndarray, variance: np.n
     return LinearImage(signal=signal, variance=variance, saturated=saturated,
                        sensor_step=sensor_step, exposure_s=frame.exposure_s, iso=frame.iso,
                        f_number=frame.f_number, kind=kind, camera=frame.camera, source=frame.file,
-                       sha256=frame.sha256)
+                       sha256=frame.sha256, camera_from_xyz=frame.camera_from_xyz)

@@ -41,6 +41,7 @@ class FullColourFrame:
     camera: str
     file: str
     sha256: str
+    camera_from_xyz: np.ndarray | None = None   # (3, 3), as in the raw frame
 
 
 def read_raw(path: str | os.PathLike[str]) -> RawFrame:
@@ -88,7 +89,8 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
             "exposure_s": _known(metadata.exposure_s or raw.other.shutter_speed),
             "iso": _known(metadata.iso or raw.other.iso_speed),
             "f_number": _known(metadata.f_number or raw.other.aperture),
-            "camera": metadata.camera, "file": path.name, "sha256": sha256_of(path)}
+            "camera": metadata.camera, "file": path.name, "sha256": sha256_of(path),
+            "camera_from_xyz": _colour_matrix(raw)}
         white_level = float(raw.white_level)
         if raw.raw_type == rawpy.RawType.Stack:
             black_level = full_colour_black(raw, metadata)
@@ -204,6 +206,15 @@ def _require_range(black_level: np.ndarray, white_level: float, path: Path) -> N
         raise InputError(f"raw photo {path.name} states a white level of {white_level:g} DN, not "
                          f"above its black level of {black_level.max():g} DN; convert it with the "
                          "camera maker's software or Adobe DNG")
+
+
+def _colour_matrix(raw: rawpy.RawPy) -> np.ndarray | None:
+    """The matrix (3, 3) from X, Y, Z to R, G, B in daylight by which LibRaw knows the camera.
+
+    Of any scale; None where it has none, as for a DNG that states its own, which rawpy hides.
+    """
+    matrix = np.array(raw.rgb_xyz_matrix, dtype=float)[:3]
+    return matrix if raw.num_colors == 3 and matrix.any() else None
 
 
 def _known(value: float | Fraction | None) -> float | None:

@@ -1,0 +1,86 @@
+"""A file's colour matrix against curves: laws, and the mistaken light it names."""
+import numpy as np
+import pytest
+
+from fixtures.demo_photos import NM, camera_sensitivities
+from fixtures.dng import write_dng
+from spectrabox.calibrate.calibration import ChartPhoto, calibrate_chart
+from spectrabox.calibrate.colour_matrix import (
+    SPREAD,
+    TYPICAL,
+    matrix_deviation,
+    matrix_sentences,
+)
+from spectrabox.capture.photo.linear import open_photo
+from spectrabox.radiometry.appearance import tristimulus
+from spectrabox.radiometry.chart import chart_reflectances
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum
+from spectrabox.radiometry.spectra.named_spectra import light
+
+GRID = visible_grid()
+
+
+def measured_curves():
+    """The Nikon D5100 that colour-science ships, on the working grid."""
+    return np.array([np.interp(GRID.nm, NM, curve) for curve in camera_sensitivities()])
+
+
+def own_matrix(curves):
+    surfaces = chart_reflectances("BabelColor Average", GRID)
+    xyz = np.array([tristimulus(GRID.nm, surface) for surface in surfaces])
+    signals = surfaces @ (curves * light("D65", GRID) * GRID.weights_nm).T
+    return np.linalg.lstsq(xyz, signals, rcond=None)[0].T
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-4])
+def test_the_matrix_that_the_curves_predict_deviates_by_nothing(scale):
+    curves = measured_curves()
+    # Two least-squares solutions of condition 20: a hundred eps.
+    np.testing.assert_allclose(matrix_deviation(scale * own_matrix(curves), curves, GRID), 0,
+                               atol=1e-12)
+
+
+def test_a_row_that_is_brighter_deviates_in_its_own_band():
+    curves = measured_curves()
+    matrix = own_matrix(curves) * np.array([[1.0], [1.0], [1.2]])
+    deviation = matrix_deviation(matrix, curves, GRID)
+    # The common scale takes a part of the 20 %, the same of every band.
+    assert deviation[2, 0] - deviation[0, 0] == pytest.approx(deviation[2, 0] - deviation[1, 0])
+    assert deviation[2, 0] > 0.1 and np.all(deviation[:2, 0] < 0)
+
+
+def test_a_photo_without_a_matrix_or_of_other_bands_says_nothing():
+    curves = measured_curves()
+    assert matrix_sentences(None, curves, GRID) == ()
+    assert matrix_sentences(np.eye(3), np.vstack([curves, curves]), GRID) == ()
+
+
+def calibrated(light_name, taken_for):
+    curves, surfaces = measured_curves(), chart_reflectances("BabelColor Average", GRID)
+    signal = surfaces @ (curves * light(light_name, GRID) * GRID.weights_nm).T
+    signal *= 1 + 0.005 * np.random.default_rng(1).standard_normal(signal.shape)
+    zero = np.zeros((24, 3))
+    matrix = own_matrix(curves)
+    samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), zero, zero, matrix)
+    spectrum = Spectrum(GRID, light(taken_for, GRID), Quantity.RELATIVE, taken_for)
+    return calibrate_chart([ChartPhoto(samples, surfaces, spectrum)], GRID).calibration
+
+
+def test_a_mistaken_light_is_named_and_the_right_one_is_not():
+    def contradicts(calibration):
+        return any("colour matrix in the photo's file contradicts" in check
+                   for check in calibration.checks)
+    assert contradicts(calibrated("LED-B3", "LED-B2"))
+    assert not contradicts(calibrated("LED-B3", "LED-B3"))
+
+
+def test_a_camera_that_libraw_knows_by_its_name_brings_its_matrix(tmp_path):
+    grey = np.full((64, 64), 2000, np.uint16)
+    write_dng(tmp_path / "known.dng", grey, make="NIKON CORPORATION", model="NIKON D5100",
+              camera_from_xyz=None)
+    write_dng(tmp_path / "unknown.dng", grey, camera_from_xyz=None)
+    matrix = open_photo(tmp_path / "known.dng").camera_from_xyz
+    # Entries depart from the typical by two to three spreads at most, an outlier among cameras.
+    assert np.abs((matrix_deviation(matrix, measured_curves(), GRID) - TYPICAL) / SPREAD).max() < 4
+    assert open_photo(tmp_path / "unknown.dng").camera_from_xyz is None
