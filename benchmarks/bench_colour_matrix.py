@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fixtures.dng import write_dng
 from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.calibrate.colour_matrix import DOUBTFUL, matrix_deviation, matrix_doubt
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.capture.photo.raw import read_raw
+from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum

@@ -2,8 +2,6 @@
 import numpy as np
 import pytest
 
-from fixtures.demo_photos import NM, camera_sensitivities
-from fixtures.dng import write_dng
 from spectrabox.calibrate.calibration import ChartPhoto, calibrate_chart
 from spectrabox.calibrate.colour_matrix import (
     SPREAD,
@@ -12,6 +10,8 @@ from spectrabox.calibrate.colour_matrix import (
     matrix_sentences,
 )
 from spectrabox.capture.photo.linear import open_photo
+from spectrabox.fixtures.demo_photos import NM, camera_sensitivities
+from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import visible_grid
