@@ -147,7 +147,7 @@ def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Re
     coefficients = np.full((len(unknown), settings.coefficients), np.nan)
     signal[unknown], covariance[unknown] = answer.signals, answer.signal_covariance
     coefficients[unknown] = answer.coefficients
-    known = frozenset(_known_names(view))
+    known = frozenset(view.known)
     return Reconstruction(
         materials=tuple(material.name for material in view.scene_materials),
         known=tuple(not is_unknown for is_unknown in unknown), grid=view.grid, basis=basis,
@@ -170,10 +170,6 @@ def _light_scale(view: View, answer: EngineAnswer) -> LightScale:
     known_surface = view.known_surface
     if (known_surface >= 0).any():
         return scale_from_surfaces(view.measured, answer.rendered, known_surface,
-                                   f"known material {', '.join(_known_names(view))}")
+                                   f"known material {', '.join(view.known)}")
     return LightScale(answer.scale[0], answer.scale[1], None,
                       "materials in common with the other photos")
-
-
-def _known_names(view: View) -> list[str]:
-    return [material.name for material in view.scene_materials if material.reflectance is not None]

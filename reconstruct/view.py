@@ -133,6 +133,12 @@ class View:
         return tuple(material for material in self.scene_materials if material.reflectance is None)
 
     @property
+    def known(self) -> tuple[str, ...]:
+        """Names of the scene's materials whose reflectance is given."""
+        return tuple(material.name for material in self.scene_materials
+                     if material.reflectance is not None)
+
+    @property
     def name_of_bsdf(self) -> dict[str, str]:
         """Material name by BSDF id."""
         return {material.bsdf: material.name for material in self.scene_materials}
@@ -145,9 +151,8 @@ class View:
     @property
     def known_surface(self) -> np.ndarray:
         """Index (H, W) of the surface of known material in each usable pixel, -1 elsewhere."""
-        known = {material.bsdf for material in self.materials if material.reflectance is not None}
-        indices = [index for index, bsdf in enumerate(self.scene_file.surfaces.values())
-                   if bsdf in known]
+        indices = [index for index, name in enumerate(self.surface_materials)
+                   if name in self.known]
         return np.where(self.used & np.isin(self.surface, indices), self.surface, -1)
 
     def basis(self, coefficients: int) -> np.ndarray:

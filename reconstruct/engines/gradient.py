@@ -39,7 +39,6 @@ class GradientFit:
     coefficients: np.ndarray
     tail: np.ndarray         # (I, U, N) the averaged steps
     scale: float
-    scale_tail: np.ndarray   # (I,)
     loss_history: np.ndarray
     outcome: Outcome
 
@@ -109,8 +108,8 @@ def fit_by_gradient(view: View, settings: InversionSettings,
         progress((step + 1) / last, f"step {step + 1} of {'' if done else 'at most '}{last}")
         if step + 1 == last:
             break
-    end, last_scales = np.array(coefficients), np.array(scales[-len(coefficients):])
-    return GradientFit(end.mean(axis=0), end, float(last_scales.mean()), last_scales,
+    end = np.array(coefficients)
+    return GradientFit(end.mean(axis=0), end, float(np.mean(scales[-len(end):])),
                        np.array(losses), Outcome.CONVERGED if done else Outcome.STEP_LIMIT)
 
 

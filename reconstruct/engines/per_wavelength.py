@@ -181,5 +181,4 @@ def _descend(job: MonochromeJob) -> GradientFit:
         if step >= min((1 - TAIL) * job.steps, job.steps - 1):
             tail.append(np.array([np.array(optimizer[key]) for key in names], dtype=np.float64))
     history, last = np.array(losses), np.array(tail)
-    return GradientFit(last.mean(axis=0), last, scale, np.full(len(last), scale), history,
-                       outcome_of(history))
+    return GradientFit(last.mean(axis=0), last, scale, history, outcome_of(history))

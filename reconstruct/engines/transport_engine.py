@@ -239,9 +239,7 @@ def _informed_by(image: np.ndarray, traced: TracedView, settings: InversionSetti
     agreement = surface_agreement(tuple(view.scene_file.surfaces), view.surface_materials,
                                   view.measured, image * (given.scale or 1.0), view.surface,
                                   view.used)
-    known = frozenset(material.name for material in view.scene_materials
-                      if material.reflectance is not None)
-    errors = scene_errors(agreement, known, len(traced.group))
+    errors = scene_errors(agreement, frozenset(view.known), len(traced.group))
     if errors is None:
         return given
     return replace(given, surface_error=max(given.surface_error, errors.colour),

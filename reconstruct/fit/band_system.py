@@ -32,7 +32,6 @@ class BandSystem:
     noise: np.ndarray        # (Z, E) Monte Carlo noise of the rows, compressed as they are
     noise_root: np.ndarray   # (Z, K)
     noise_group: np.ndarray  # (Z,)
-    pixels: int              # that the equations stand for
 
 
 def compress(coefficients: np.ndarray, measured: np.ndarray, weight: np.ndarray, group: np.ndarray,
@@ -76,7 +75,7 @@ def compress(coefficients: np.ndarray, measured: np.ndarray, weight: np.ndarray,
         (np.concatenate(pieces) for pieces in zip(*noises, strict=True)) if noises else empty)
     products = coefficients.shape[1]
     return BandSystem(rows[:, :products], rows[:, products:], root, names, noise, noise_root,
-                      noise_names, len(counts))
+                      noise_names)
 
 
 def _smaller(rows: np.ndarray) -> np.ndarray:

@@ -39,11 +39,9 @@ class TracedTransport:
     The passes have as many paths each.
     """
 
-    materials: tuple[str, ...]
     exponents: np.ndarray        # (E, M)
     passes: np.ndarray           # (A, R, L, E) float32
     spp: int                     # paths per pixel of all passes together, on average
-    seed: int
     # share of the signal lost by pruning, were every reflectance 0.9: a bound for darker
     dropped: float
 
@@ -125,8 +123,8 @@ def trace_transport(unit: UnitScene, region: np.ndarray, *, spp: int, seed: int,
         raise
     if kept is not None:
         kept.remove()
-    return TracedTransport(unit.materials, exponents, np.array(sums.passes),
-                           round(count * paths / tracer.pixels), seed, dropped)
+    return TracedTransport(exponents, np.array(sums.passes), round(count * paths / tracer.pixels),
+                           dropped)
 
 
 def joined(first: TracedTransport, second: TracedTransport) -> TracedTransport:
@@ -135,13 +133,12 @@ def joined(first: TracedTransport, second: TracedTransport) -> TracedTransport:
     Parameters
     ----------
     first, second : TracedTransport
-        Of the same regions, products and number of passes, with different seeds. The result has
-        the first's seed.
+        Of the same regions, products and number of passes, with different seeds.
     """
     spp = first.spp + second.spp
     passes = (first.passes * np.float32(first.spp / spp)
               + second.passes * np.float32(second.spp / spp))
-    return TracedTransport(first.materials, first.exponents, passes, spp, first.seed, first.dropped)
+    return TracedTransport(first.exponents, passes, spp, first.dropped)
 
 
 def shaded_image(unit: UnitScene, exponents: np.ndarray, signals: np.ndarray, *, spp: int,
