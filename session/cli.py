@@ -16,6 +16,7 @@ from spectrabox.session.commands import (
     capture,
     geometry,
     meter,
+    rehearse,
     sampling,
     session,
     spectrum,
@@ -25,7 +26,7 @@ from spectrabox.session.commands import (
 app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
                   pretty_exceptions_enable=False, rich_markup_mode=None,
                   context_settings={"help_option_names": ["-h", "--help"]})
-for subject in (session, capture, geometry, camera, sampling, meter, spectrum):
+for subject in (session, rehearse, capture, geometry, camera, sampling, meter, spectrum):
     subject.register(app)
 
 

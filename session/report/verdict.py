@@ -12,6 +12,7 @@ from spectrabox.radiometry.light_scale import REPEATABILITY
 from spectrabox.radiometry.records import Outcome, Reconstruction, SurfaceAgreement
 from spectrabox.reconstruct.misfit import FALSE_ALARM
 from spectrabox.session.report.words import deviation_words, percent
+from spectrabox.session.store.rehearsals import too_narrow, verdict_sentence
 from spectrabox.session.store.results import AS_INTENDED, SessionResults
 
 # |photo / rendering - 1|: pass up to the first, fail beyond the second
@@ -70,7 +71,7 @@ def judge(results: SessionResults) -> Verdict:
                 *(_worst_surface(agreement, bands, where) for where, agreement, bands in compared),
                 *(_misfits(view, where) for where, view in fitted), _calibration_doubts(results),
                 _chart(results), _clipped(results), *_outcomes(results), *_between_photos(results),
-                _coverage(results))
+                *_rehearsal(results), _coverage(results))
     status = max((c.status for c in criteria), key=lambda s: s.value)
     reasons = [c.says for c in criteria if c.status is status]
     if status in (Status.WARN, Status.FAIL):
@@ -236,6 +237,17 @@ def _coverage(results: SessionResults) -> Criterion:
                      Status.INFO,
                      f"Over {len(tested)} materials with a measured spectrum, the band holds it at "
                      f"{percent(coverage)} of wavelengths; {percent(level)} is intended.")
+
+
+def _rehearsal(results: SessionResults) -> list[Criterion]:
+    facts = results.rehearsal
+    if facts is None:
+        return []
+    worst = min(float(each["coverage"]) for each in facts["materials"])
+    status = Status.WARN if too_narrow(facts) else Status.PASS
+    return [Criterion("Known truth inside the band, rehearsed; worst material", worst,
+                      percent(worst), f"{percent(facts['level'])} intended", status,
+                      f"R{verdict_sentence(facts)[1:]}.")]
 
 
 def _graded(name: str, value: float, limits: tuple[float, float], says: str) -> Criterion:

@@ -16,6 +16,7 @@ from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
 from spectrabox.session.stages.photo_stages import chart_of, notes_of, photo_of
 from spectrabox.session.stages.reconstruct_stage import joint_of
 from spectrabox.session.stages.sample_stage import samples_of
+from spectrabox.session.store.rehearsals import stored_rehearsal
 from spectrabox.session.store.results import ChartResult, MaterialResult, SessionResults, ViewResult
 
 CHART_WARNING, SURFACE_WARNING = 0.03, 0.05
@@ -45,7 +46,7 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
         provenance=provenance, warnings=notes_of(stored) + _warnings(config, calibration, joint)
         + _doubtful(materials),
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name,
-                stage in stored.items()])
+                stage in stored.items()], rehearsal=stored_rehearsal(config))
 
 
 def _material(config: SessionConfig, calibrations: list[Calibration], joint: JointReconstruction,

@@ -109,3 +109,4 @@ class SessionResults:
     provenance: dict[str, Any]
     warnings: list[str] = field(default_factory=list)
     views: list[ViewResult] = field(default_factory=list)  # photos beyond the first
+    rehearsal: dict[str, Any] | None = None     # facts of the last one of these results

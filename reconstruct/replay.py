@@ -1,0 +1,110 @@
+"""Photos of known spectra through a session's own light transport, and the inversion of them.
+
+A replay keeps what a session has: the scene, the pixels that are compared, the noise of the photo,
+the errors of surfaces that the scene showed. Spectra, curves of the camera and light are the
+truth's. What comes back is solved by the code that solves photos, with the transport traced once;
+a rendering is the mean of each region, which is all that a diffuse scene needs.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from spectrabox.radiometry.interreflection import products
+from spectrabox.radiometry.progress import Progress
+from spectrabox.radiometry.records import JointReconstruction
+from spectrabox.reconstruct.engines.transport_engine import solve_traced, trace_views
+from spectrabox.reconstruct.fit.traced_view import TracedView
+from spectrabox.reconstruct.fit.view_terms import ViewFit
+from spectrabox.reconstruct.inverse_rendering import reconstruction_of
+from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.view import View
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Traced views with the errors that the session's photos showed, ready to be replayed."""
+
+    views: tuple[TracedView, ...]
+    settings: InversionSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a replayed photo is made of.
+
+    ``reflectances`` (P,) by material; ``response`` (L, K, P) of each view: sensitivity x light x
+    integration weight, light after light where they were traced separately, light scale included.
+    """
+
+    reflectances: Mapping[str, np.ndarray]
+    responses: tuple[np.ndarray, ...]
+
+
+def set_stage(views: Sequence[View], settings: InversionSettings, progress: Progress) -> Stage:
+    """Trace the views, and solve their own photos once for the errors that the scene shows.
+
+    Raises
+    ------
+    InputError
+        As ``transport_engine.trace_views``.
+    """
+    traced = trace_views(views, settings, progress)
+    return Stage(solve_traced(traced, settings, region_picture).views, settings)
+
+
+def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconstruction:
+    """The reconstruction from photos of the truth, as noisy as the session's own.
+
+    Parameters
+    ----------
+    truth : Truth
+    rng : numpy.random.Generator
+        Of the noise and the errors of surfaces.
+    """
+    settings = stage.settings
+    given = [replace(traced, view=_photographed(traced, truth, number, rng))
+             for number, traced in enumerate(stage.views)]
+    solution = solve_traced(given, settings, region_picture)
+    return reconstruction_of([traced.view for traced in given], solution.fit, solution.answers,
+                             settings)
+
+
+def region_picture(traced: TracedView, solution: ViewFit) -> np.ndarray:
+    """The mean (K,) of each region of the solution in its pixels (H, W), for a light scale of 1."""
+    return _picture(traced.traced.coefficients @ solution.signals, traced.region,
+                    traced.view.measured)
+
+
+def _photographed(traced: TracedView, truth: Truth, number: int,
+                  rng: np.random.Generator) -> View:
+    """The view with a photo of the truth in place of its own."""
+    view, transport = traced.view, traced.traced
+    spectra = np.array([truth.reflectances[name] for name in (each.name for each in view.scene_materials)])
+    per_light = products(transport.exponents, spectra) @ truth.responses[number].transpose(0, 2, 1)
+    signal = transport.coefficients @ per_light.reshape(-1, per_light.shape[2])
+    signal = signal * _gains(traced, rng)
+    noise = np.sqrt(traced.variance * np.maximum(signal / traced.measured, 0))
+    signal = signal + noise * rng.standard_normal(signal.shape)
+    picture = _picture(np.maximum(signal, np.finfo(np.float32).tiny), traced.region, view.measured)
+    inside = (traced.region >= 0)[..., None]
+    ratio = np.where(inside, picture / view.measured, 1.0)
+    return view.with_photo(replace(view.photo, signal=picture.astype(np.float32),
+                                   variance=(view.photo.variance * ratio).astype(np.float32)))
+
+
+def _gains(traced: TracedView, rng: np.random.Generator) -> np.ndarray:
+    """Factors (R, K) by which surfaces are brighter than the scene says, in each band and in all.
+    """
+    errors, bands = traced.nuisances, traced.measured.shape[1]
+    surfaces = int(traced.group.max()) + 1
+    colour = errors.surface_error * rng.standard_normal((surfaces, bands))
+    brightness = errors.brightness_error * rng.standard_normal((surfaces, 1))
+    return np.exp(colour + brightness)[traced.group]
+
+
+def _picture(signal: np.ndarray, region: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:
+    """Signals (R, K) in the pixels (H, W, K) of their regions, and another picture elsewhere."""
+    return np.where((region >= 0)[..., None], signal[np.maximum(region, 0)], elsewhere)

@@ -1,0 +1,219 @@
+"""Simulation-based calibration of one session: its own photos again, with known truths.
+
+Talts, Betancourt, Simpson, Vehtari and Gelman 2018: where truths are drawn from the prior and data
+from the truths, the rank of each truth among the draws is uniform if everything between is right.
+Here the prior is that on reflectances, and what lies between is this session's geometry, light,
+camera, noise and errors. Reflectances, curves of the camera, the light's readings, scale and
+repeatability, surfaces that are brighter than the scene says and the noise of the photo are drawn
+anew each time; the transport, traced once, carries them to a photo, and the session's own code
+takes it from there. What the session takes as certain is certain here too: where the lamp stands,
+that surfaces are matt and even. It shows "calibrated here" as far as the stated errors are right.
+"""
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.progress import Progress
+from spectrabox.radiometry.records import Calibration, JointReconstruction
+from spectrabox.radiometry.response import response_matrix, white_signal
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.reconstruct.fit.traced_view import TracedView
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.replay import Stage, Truth, replay, set_stage
+from spectrabox.sampling.prior.draws import prior_spectra
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families, reflectance
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.pipeline import load_finished, stage_states
+from spectrabox.session.stages.calibrate_stage import calibrations_of
+from spectrabox.session.stages.error_budget import measurement_of, scale_covariances
+from spectrabox.session.stages.reconstruct_stage import drift_of, joint_of, settings_of, views_of
+
+DRAWS = 399              # of each posterior: ranks 0 to 399 fall into ten bins of 40
+RANK_BINS = 10
+RANK_STEP = 6            # every 30 nm: closer wavelengths rank alike
+MIN_TIMES = 20
+
+Scores = tuple[float, float, float, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialRehearsal:
+    """How one material's bands held known truths, over T rehearsals."""
+
+    name: str
+    coverage: np.ndarray        # (T,) share of wavelengths inside the band
+    rmse: np.ndarray            # (T,) of the mean
+    width: np.ndarray           # (T,) mean over wavelengths
+    ranks: np.ndarray           # (bins,) truths by their rank among the draws, every 30 nm
+
+    @property
+    def coverage_error(self) -> float:
+        """Standard error of the mean coverage; wavelengths of one truth are no separate trials."""
+        return float(self.coverage.std(ddof=1) / np.sqrt(self.coverage.size))
+
+
+def rehearse(config: SessionConfig, times: int, seed: int, device: str,
+             progress: Progress) -> list[MaterialRehearsal]:
+    """Replay a finished session with known truths.
+
+    Parameters
+    ----------
+    times : int
+        T, from 20 up.
+    seed : int
+        Of the truths, their photos and the draws.
+    device : {"auto", "cpu", "cuda"}
+
+    Returns
+    -------
+    list of MaterialRehearsal
+        Of every unknown material.
+
+    Raises
+    ------
+    InputError
+        If the session is not finished, was solved by another engine than the transport's, samples
+        by another method than the prior, or is to be rehearsed fewer than 20 times.
+    """
+    if times < MIN_TIMES:
+        raise InputError(f"{times} rehearsals tell nothing of coverage: {MIN_TIMES} or more are "
+                         "needed, and 200 know it to about one percent")
+    _require_replayable(config)
+    stored = load_finished(config).stored
+    calibrations, joint = calibrations_of(config, stored), joint_of(stored)
+    start_mitsuba(device)
+    progress(0.0, "tracing light")
+    stage = set_stage(views_of(config, stored, drift_of(config, stored)), settings_of(config),
+                      lambda done, what: progress(0.1 * done, what))
+    prior = load_prior()
+    priors = {name: of_families(prior, config.materials[name].families)
+              for name, known in zip(joint.materials, joint.known, strict=True) if not known}
+    scene = _Rehearsed(stage, calibrations, joint, priors, config.sampling.level,
+                       _cameras(calibrations[0], times, seed))
+    rows = []
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        seeds = np.random.SeedSequence(seed).spawn(times)
+        for number, row in enumerate(pool.map(scene.once, range(times), seeds), start=1):
+            progress(0.1 + 0.9 * number / times, f"rehearsal {number} of {times}")
+            rows.append(row)
+    return [_gathered(name, [row[index] for row in rows])
+            for index, name in enumerate(priors)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Rehearsed:
+    """A session as it is replayed, and the cameras (T, K, P) of the replays."""
+
+    stage: Stage
+    calibrations: Sequence[Calibration]
+    joint: JointReconstruction
+    priors: Mapping[str, LogitMixture]      # of every unknown material, of its families if stated
+    level: float
+    cameras: np.ndarray
+
+    def once(self, number: int, seed: np.random.SeedSequence) -> list[Scores]:
+        """Scores of every unknown material in one replay."""
+        rng, joint = np.random.default_rng(seed), self.joint
+        truths = {name: _truth(prior, rng) for name, prior in self.priors.items()}
+        spectra = {name: joint.spectra[index] for index, name in enumerate(joint.materials)}
+        spectra |= {name: np.interp(joint.grid.nm, PRIOR_GRID.nm, truth)
+                    for name, truth in truths.items()}
+        responses = tuple(_response(view, self.calibrations[index], joint, index,
+                                    self.cameras[number], rng)
+                          for index, view in enumerate(self.stage.views))
+        again = replay(self.stage, Truth(spectra, responses), rng)
+        scores = []
+        for name, truth in truths.items():
+            measurement = measurement_of(self.calibrations, again, again.materials.index(name))
+            draws = prior_spectra(measurement, DRAWS, int(rng.integers(1 << 31)),
+                                  self.priors[name])
+            scores.append(_scores(draws.spectra, truth, self.level))
+        return scores
+
+
+def facts(rehearsals: Sequence[MaterialRehearsal], level: float, seed: int) -> dict[str, Any]:
+    """The rehearsal as JSON."""
+    return {"level": level, "seed": seed, "times": int(rehearsals[0].coverage.size),
+            "materials": [{"name": each.name, "coverage": float(each.coverage.mean()),
+                           "coverage_standard_error": each.coverage_error,
+                           "rmse": float(each.rmse.mean()), "width": float(each.width.mean()),
+                           "ranks": each.ranks.tolist()} for each in rehearsals]}
+
+
+def _require_replayable(config: SessionConfig) -> None:
+    waiting = [state.name for state in stage_states(config) if state.state in ("stale", "missing")]
+    if waiting:
+        raise InputError(f"stage {waiting[0]!r} is not up to date: run 'spectrabox run' first")
+    if config.sampling.method != "prior" or config.sampling.through != "surface":
+        raise InputError("a rehearsal draws its truths from the learnt prior, one surface after "
+                         "another: set [sampling] method = \"prior\" and through = \"surface\"")
+    joint = joint_of(load_finished(config).stored)
+    if not any("transport" in view.engine or "bounce" in view.engine for view in joint.views):
+        raise InputError("a rehearsal needs the light transport, and this session was solved by "
+                         f"the engine {joint.views[0].engine!r}")
+
+
+def _cameras(calibration: Calibration, times: int, seed: int) -> np.ndarray:
+    """Curves (T, K, P) of as many cameras as there are rehearsals."""
+    fit = calibration.sensitivity
+    if fit.covariance is not None:
+        return sensitivity_draws(calibration, times, seed)
+    # measured curves: each admits a stated share of light from everywhere
+    rng = np.random.default_rng(seed)
+    bands = len(fit.curves)
+    shares = rng.multivariate_normal(np.zeros(bands), calibration.relative_covariance, times)
+    tails = fit.curves.mean(axis=1, keepdims=True) * np.ones_like(fit.curves)
+    return np.asarray(fit.curves + shares[..., None] * (tails - fit.curves))
+
+
+def _truth(prior: LogitMixture, rng: np.random.Generator) -> np.ndarray:
+    """A reflectance (61,) drawn from the prior."""
+    index = rng.choice(prior.weights.size, p=prior.weights / prior.weights.sum())
+    return reflectance(rng.multivariate_normal(prior.means[index],
+                                               prior.covariances[index].astype(float)))
+
+
+def _response(traced: TracedView, calibration: Calibration, joint: JointReconstruction, index: int,
+              curves: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Response (L, K, P) of a true camera (K, P) under true light, with the true scale in it."""
+    view = traced.view
+    stated = calibration.light.standard_error
+    noise = np.zeros_like(view.light) if stated is None else np.interp(
+        view.grid.nm, calibration.light.grid.nm, stated * rng.standard_normal(stated.size))
+    light = np.maximum(spectrum_on_grid(calibration.light, view.grid) + noise, 0)
+    separate = traced.traced.passes.shape[2] > 1
+    lights = [view.own_lights.get(name, light) for name, in view.light_groups] if separate \
+        else [light]
+    # what a band reads of white is calibrated, and known to the error of the scale
+    covariance = sum(scale_covariances(calibration, joint, index).values())
+    white = white_signal(view.response) * (1 + rng.multivariate_normal(
+        np.zeros(len(view.bands)), covariance))
+    factor = joint.views[index].light_scale.value * white / white_signal(
+        response_matrix(view.grid, curves, light))
+    return np.array([response_matrix(view.grid, curves, each) * factor[:, None]
+                     for each in lights])
+
+
+def _scores(draws: np.ndarray, truth: np.ndarray, level: float) -> Scores:
+    """Coverage, RMSE of the mean, mean width, and truths (bins,) by their rank."""
+    lower, upper = np.quantile(draws, [(1 - level) / 2, (1 + level) / 2], axis=0)
+    ranks = (draws[:, ::RANK_STEP] < truth[::RANK_STEP]).sum(axis=0)
+    bins = np.bincount(ranks * RANK_BINS // (DRAWS + 1), minlength=RANK_BINS)
+    inside = (truth >= lower) & (truth <= upper)
+    return (float(inside.mean()), float(np.sqrt(np.mean((draws.mean(axis=0) - truth) ** 2))),
+            float(np.mean(upper - lower)), bins)
+
+
+def _gathered(name: str, rows: Sequence[Scores]) -> MaterialRehearsal:
+    coverage, rmse, width, ranks = zip(*rows, strict=True)
+    return MaterialRehearsal(name, np.array(coverage), np.array(rmse), np.array(width),
+                             np.sum(ranks, axis=0))

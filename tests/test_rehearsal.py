@@ -1,0 +1,108 @@
+"""Rehearsals: a session's own photos again, with known truths."""
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.replay import Truth, replay, set_stage
+from spectrabox.session import rehearsal
+from spectrabox.session.cli import app
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import load_finished
+from spectrabox.session.rehearsal import rehearse
+from spectrabox.session.stages.reconstruct_stage import joint_of, settings_of, views_of
+from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal, too_narrow
+
+TIMES = 20
+
+
+def quiet(*_):
+    """No progress."""
+
+
+def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finished):
+    config = read_session(finished)
+    stored = load_finished(config).stored
+    joint = joint_of(stored)
+    stage = set_stage(views_of(config, stored, None), settings_of(config), quiet)
+    view = stage.views[0].view
+    truth = Truth(dict(zip(joint.materials, joint.spectra, strict=True)),
+                  (view.response[None] * joint.views[0].light_scale.value,))
+    again = replay(stage, truth, np.random.default_rng(5))
+    expected = joint.spectra @ joint.response.T
+    # the photo's noise, and surfaces brighter or darker by the stated error; of twelve signals
+    # one is beyond 3.5 standard deviations in less than one of a hundred replays
+    error = np.sqrt(np.einsum("mjj->mj", again.signal_covariance)
+                    + (stage.views[0].nuisances.surface_error * expected) ** 2)
+    assert np.abs((again.signal - expected) / error).max() < 3.5
+
+
+@pytest.fixture(scope="module")
+def honest(_finished):
+    return rehearse(read_session(_finished), TIMES, 4, "cpu", quiet)
+
+
+def test_bands_of_the_demo_hold_truths_that_its_own_errors_explain(honest):
+    coverage = np.mean([each.coverage for each in honest])
+    # 80 truths; coverage of one truth scatters by about 0.1, so the mean by about 0.012
+    assert 0.91 < coverage <= 1
+    assert sum(each.ranks.sum() for each in honest) == TIMES * len(honest) * 11
+
+
+def test_a_rehearsal_hears_an_error_that_the_session_does_not_state(finished, honest, monkeypatch):
+    response = rehearsal._response
+
+    def under_another_light(*given):
+        return response(*given) * np.array([1.3, 1.0, 0.75])[:, None]
+    monkeypatch.setattr(rehearsal, "_response", under_another_light)    # of truths alone
+    mistaken = rehearse(read_session(finished), TIMES, 4, "cpu", quiet)
+    held = [np.mean([each.coverage for each in some]) for some in (honest, mistaken)]
+    # bands of about 0.15 in reflectance hold few bright truths that are off by a quarter
+    assert held[1] < held[0] - 0.1
+    assert too_narrow(rehearsal.facts(mistaken, 0.95, 4))
+
+
+def test_the_command_answers_and_the_report_hears_it(finished, monkeypatch):
+    monkeypatch.setattr(rehearsal, "MIN_TIMES", 2)
+    outcome = CliRunner().invoke(app, ["rehearse", str(finished), "--times", "2", "--json",
+                                       "--device", "cpu"])
+    assert outcome.exit_code == 0, outcome.output
+    answers = json.loads(outcome.stdout)
+    assert {"level", "seed", "times", "materials", "file"} <= set(answers)
+    config = read_session(finished)
+    kept = stored_rehearsal(config)
+    assert kept is not None and kept["materials"] == answers["materials"]
+    report = CliRunner().invoke(app, ["report", str(finished)])
+    assert report.exit_code == 0
+    assert "Known truth inside the band, rehearsed" in (finished / "report.html").read_text()
+
+
+def test_a_rehearsal_of_other_results_is_not_shown(finished):
+    config = read_session(finished)
+    save_rehearsal(config, {"level": 0.95, "times": 20, "seed": 1, "materials": []})
+    assert stored_rehearsal(config) is not None
+    path = config.results_folder / "sample" / "facts.json"
+    path.write_text(path.read_text().replace('"seed": 1', '"seed": 2'))
+    assert stored_rehearsal(config) is None
+
+
+def test_the_same_seed_gives_the_same_rehearsal_on_any_number_of_threads(finished, monkeypatch):
+    config = read_session(finished)
+    monkeypatch.setattr(rehearsal, "MIN_TIMES", 2)
+    two = rehearse(config, 2, 8, "cpu", quiet)
+    monkeypatch.setattr(rehearsal.os, "cpu_count", lambda: 1)
+    one = rehearse(config, 2, 8, "cpu", quiet)
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_array_equal(a.coverage, b.coverage)
+
+
+def test_too_few_rehearsals_are_refused(finished):
+    with pytest.raises(InputError, match="5 rehearsals tell nothing of coverage: 20 or more"):
+        rehearse(read_session(finished), 5, 1, "cpu", quiet)
+
+
+def test_a_session_that_was_not_run_is_refused(captured):
+    with pytest.raises(InputError, match="is not up to date: run 'spectrabox run' first"):
+        rehearse(read_session(captured), TIMES, 1, "cpu", quiet)
