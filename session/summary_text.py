@@ -34,7 +34,7 @@ def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
             "warnings": results.warnings}
 
 
-def run_text(results: SessionResults, report: Path) -> str:
+def run_text(results: SessionResults) -> str:
     """A table of materials and the few numbers that matter first."""
     from rich.console import Console
     from rich.table import Table
@@ -53,7 +53,7 @@ def run_text(results: SessionResults, report: Path) -> str:
              "(worst band, median over surfaces)",
              f"verdict: {judge(results).status.name}"]
     lines += [f"warning: {sentence}" for sentence in results.warnings]
-    return "\n".join([*lines, f"report: {report}"])
+    return "\n".join(lines)
 
 
 def _cells(material: MaterialResult) -> list[str]:

@@ -109,17 +109,11 @@ def report(folder: Folder, allow_outside: Outside = False, as_json: Json = False
     with command(as_json, debug):
         from spectrabox.session.config.session_file import read_session
         from spectrabox.session.pipeline import load_finished
-        from spectrabox.session.report.page import write_report
-        from spectrabox.session.stages.assemble import assemble
-        from spectrabox.session.store.outputs import write_outputs
-        from spectrabox.session.store.provenance import provenance
+        from spectrabox.session.run_outputs import rewritten_outputs
         config = read_session(folder, allow_outside)
-        results = assemble(config, load_finished(config),
-                           provenance(["spectrabox", "report"], config.session.seed,
-                                      "stored results"))
-        path = write_report(results)
-        write_outputs(results)
-        answer(as_json, {"report": str(path)}, f"wrote {path}")
+        facts = rewritten_outputs(config, load_finished(config), ["spectrabox", "report"],
+                                  "stored results").facts
+        answer(as_json, {"report": facts["report"]}, f"wrote {facts['report']}")
 
 
 def relight(folder: Folder,
@@ -192,11 +186,7 @@ def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_o
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import load_finished, run_stages
     from spectrabox.session.progress_display import progress_display
-    from spectrabox.session.report.page import write_report
-    from spectrabox.session.stages.assemble import assemble
-    from spectrabox.session.store.outputs import write_outputs
-    from spectrabox.session.store.provenance import provenance
-    from spectrabox.session.summary_text import run_facts, run_text
+    from spectrabox.session.run_outputs import kept_outputs, rewritten_outputs
 
     config = read_session(folder, allow_outside)
     with progress_display() as progress:
@@ -209,11 +199,13 @@ def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_o
                    "for the report")
             return
         finished = load_finished(config) if only is not None else finished
-        progress("report", 0.0, "")
-        command_line = ["spectrabox", "run", folder.name, "--device", device,
-                        *(["--force"] if force else []), *(["--only", only] if only else [])]
-        results = assemble(config, finished, provenance(command_line, config.session.seed, device))
-        path = write_report(results)
-        write_outputs(results)
-        progress("report", 1.0, str(path))
-    answer(as_json, run_facts(results, path), run_text(results, path))
+        outputs = kept_outputs(config, finished)
+        if outputs is not None:
+            progress("report", 1.0, "up to date")
+        else:
+            progress("report", 0.0, "")
+            command_line = ["spectrabox", "run", folder.name, "--device", device,
+                            *(["--force"] if force else []), *(["--only", only] if only else [])]
+            outputs = rewritten_outputs(config, finished, command_line, device)
+            progress("report", 1.0, outputs.facts["report"])
+    answer(as_json, outputs.facts, outputs.text)

@@ -20,25 +20,34 @@ from spectrabox.session.store.results import MaterialResult, SessionResults
 MIN_SIGNAL = 1e-6  # signal under which a relative residual is not formed
 
 
-def write_outputs(results: SessionResults) -> None:
-    """Spectra, materials and pictures beside the report, each file whole or not at all."""
-    write_text_whole(results.folder / "spectra.csv", spectra_text(results))
+def write_outputs(results: SessionResults) -> list[Path]:
+    """Spectra, materials and pictures beside the report, each file whole or not at all.
+
+    Returns
+    -------
+    list of Path
+        Every file.
+    """
+    texts = {results.folder / "spectra.csv": spectra_text(results),
+             results.folder / "materials.xml": materials_text(results)}
     with writable(results.folder):
         (results.folder / "spdx").mkdir(exist_ok=True)
     for material in results.materials:
         name = re.sub(r"[^\w -]", "-", material.name)
-        write_text_whole(results.folder / "spdx" / f"{name}.spdx",
-                         spdx_text(results.reconstruction.grid.nm,
-                                   {material.name: best_spectrum(material)},
-                                   quantity=Quantity.REFLECTANCE,
-                                   source=f"{material.name}, {results.name}"))
-    write_text_whole(results.folder / "materials.xml", materials_text(results))
+        texts[results.folder / "spdx" / f"{name}.spdx"] = spdx_text(
+            results.reconstruction.grid.nm, {material.name: best_spectrum(material)},
+            quantity=Quantity.REFLECTANCE, source=f"{material.name}, {results.name}")
+    for path, text in texts.items():
+        write_text_whole(path, text)
     views = [("comparison", results.reconstruction, results.calibration, results.bands)]
     views += [(f"comparison {view.name}", view.reconstruction, view.calibration,
                view.bands) for view in results.views]
+    pictures = []
     for name, made, calibration, bands in views:
-        _write_comparison(results.folder / f"{name}.exr", made, bands)
-        write_png(results.folder / f"{name}.png", comparison_rgb8(made, calibration.sensitivity))
+        pictures += [results.folder / f"{name}.exr", results.folder / f"{name}.png"]
+        _write_comparison(pictures[-2], made, bands)
+        write_png(pictures[-1], comparison_rgb8(made, calibration.sensitivity))
+    return [*texts, *pictures]
 
 
 def best_spectrum(material: MaterialResult) -> np.ndarray:

@@ -1,0 +1,79 @@
+"""Report, spectra and pictures of a finished run, made again only where something in them changed.
+
+Beside the stages' results lies what they were made from and the digest of every file written. They
+are kept only while all of that is unchanged and no file has been touched.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from spectrabox.radiometry.files import sha256_of
+from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
+from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.store.provenance import PACKAGES, versions
+from spectrabox.session.store.stage_code import stage_code
+from spectrabox.session.store.store import ARRAYS, FACTS, load_stage, save_stage, stage_folder
+
+STAGE = "report"
+WRITER = "spectrabox.session.write_outputs"
+
+
+@dataclass(frozen=True)
+class RunOutputs:
+    """What a run says to a script and to a person."""
+
+    facts: dict[str, Any]
+    text: str
+
+
+def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | None:
+    """What the files beside the results say, where all of them are those of this run."""
+    stored = load_stage(config.results_folder, STAGE)
+    if stored is None or set(finished.states.values()) != {"kept"} \
+            or stored.key != _key(config, finished):
+        return None
+    for name, digest in stored.facts["outputs"].items():
+        path = config.folder / name
+        if not path.is_file() or sha256_of(path) != digest:
+            return None
+    stages = [{"name": name, "seconds": stage.seconds, "state": "kept"}
+              for name, stage in finished.stored.items()]
+    report = {name: str(config.folder / stored.facts["facts"][name])
+              for name in ("report", "spectra")}
+    return RunOutputs({**stored.facts["facts"], **report, "stages": stages},
+                      f"{stored.facts['text']}\nreport: {report['report']}")
+
+
+def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],
+                      device: str) -> RunOutputs:
+    """Write report, spectra, materials and pictures into the session folder.
+
+    Parameters
+    ----------
+    command_line : list of str
+        For the report, as the operator could type it again, without paths.
+    device : {"auto", "cpu", "cuda"} or "stored results"
+        For the report: where Mitsuba rendered.
+    """
+    from spectrabox.session.write_outputs import write_outputs_of
+    facts, text, files = write_outputs_of(config, finished, command_line, device)
+    digests = {path.relative_to(config.folder).as_posix(): sha256_of(path) for path in files}
+    named = {name: Path(facts[name]).name for name in ("report", "spectra")}
+    with stage_folder(config.results_folder, STAGE) as folder:
+        save_stage(folder, _key(config, finished), {}, 0.0,
+                   {"outputs": digests, "facts": {**facts, **named}, "text": text})
+    return RunOutputs(facts, f"{text}\nreport: {facts['report']}")
+
+
+def _key(config: SessionConfig, finished: FinishedRun) -> dict[str, Any]:
+    """What the outputs are made from: session.toml, spectra to compare with, results, and code."""
+    truths = [material.truth.file for material in config.materials.values() if material.truth]
+    if config.sensitivity.truth is not None:
+        truths.append(config.sensitivity.truth.file)
+    results = {f"{name}/{part}": sha256_of(stage.folder / part)
+               for name, stage in finished.stored.items() for part in (FACTS, ARRAYS)}
+    return {"files": {name: sha256_of(config.path(name)) for name in (FILE_NAME, *truths)},
+            "results": results, "versions": versions(PACKAGES),
+            "code": stage_code({STAGE: WRITER})[STAGE]}

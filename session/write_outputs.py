@@ -1,0 +1,38 @@
+"""Everything that a finished run leaves beside its results, and what it says of itself."""
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.report.page import write_report
+from spectrabox.session.stages.assemble import assemble
+from spectrabox.session.store.outputs import write_outputs
+from spectrabox.session.store.provenance import provenance
+from spectrabox.session.summary_text import run_facts, run_text
+
+
+def write_outputs_of(config: SessionConfig, finished: FinishedRun, command_line: list[str],
+                     device: str) -> tuple[dict[str, Any], str, list[Path]]:
+    """Write report, spectra, materials and pictures into the session folder.
+
+    Parameters
+    ----------
+    command_line : list of str
+        As the operator could type it again, without paths.
+    device : {"auto", "cpu", "cuda"}
+        Where Mitsuba rendered.
+
+    Returns
+    -------
+    facts : dict
+        For scripts.
+    text : str
+        For a person.
+    files : list of Path
+        All that were written.
+    """
+    results = assemble(config, finished, provenance(command_line, config.session.seed, device))
+    report = write_report(results)
+    return run_facts(results, report), run_text(results), [report, *write_outputs(results)]
