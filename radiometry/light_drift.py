@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.light_scale import (
@@ -67,7 +67,7 @@ def drift_between(chart_photo: LinearImage, chart_signals: np.ndarray, object_ph
     colour = ratio / level - 1
     colour_error = _colour_error(before, after, relative_error)
     changed = bool(np.sum((colour / colour_error) ** 2)
-                   > chi2.isf(SIGNIFICANCE, max(len(ratio) - 1, 1)))
+                   > chdtri(max(len(ratio) - 1, 1), SIGNIFICANCE))
     return LightDrift(ratio, error, level, level_error, colour, changed,
                       _sentence(level, level_error, colour, changed,
                                 rounding_error(chart_photo, object_photo)))

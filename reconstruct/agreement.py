@@ -120,7 +120,7 @@ def covariance_from_few(scatter: np.ndarray, freedom: int, stated_error: float) 
     stated_error : float
         Standard deviation in each band.
     """
-    from scipy.stats import norm, t
+    from scipy.special import ndtri, stdtrit
 
     bands = len(scatter)
     even = (np.eye(bands) + 1) / 2
@@ -130,7 +130,7 @@ def covariance_from_few(scatter: np.ndarray, freedom: int, stated_error: float) 
     own = (freedom - 1) / (freedom + bands)
     shrunk = own * scatter + (1 - own) * np.trace(scatter) / bands * even
     count = STATED_FREEDOM + freedom
-    widening = t.isf(TAIL, count) / norm.isf(TAIL)
+    widening = stdtrit(count, TAIL) / ndtri(TAIL)
     return np.asarray(widening**2 * (STATED_FREEDOM * stated + shrunk) / count)
 
 

@@ -21,10 +21,8 @@ from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
-from spectrabox.session.stages.calibrate_stage import calibrations_of
-from spectrabox.session.stages.reconstruct_stage import joint_of
-from spectrabox.session.stages.sample_stage import samples_of
 from spectrabox.session.stages.scenes import read_session_scene
+from spectrabox.session.stages.stored_records import calibrations_of, joint_of, samples_of
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 WHITE_PERCENTILE = 99.5            # percentile of luminance that the picture shows as white

@@ -18,10 +18,8 @@ from spectrabox.session.pipeline import (
     run_stages,
     stage_states,
 )
-from spectrabox.session.stages.calibrate_stage import calibrations_of
 from spectrabox.session.stages.error_budget import measurement_of
-from spectrabox.session.stages.reconstruct_stage import joint_of
-from spectrabox.session.stages.sample_stage import samples_of
+from spectrabox.session.stages.stored_records import calibrations_of, joint_of, samples_of
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -4,6 +4,7 @@ import json
 import pytest
 
 from spectrabox.radiometry.files import sha256_of
+
 from tests.test_command_line import call, edit
 
 FILES = ("report.html", "spectra.csv", "materials.xml", "comparison.exr", "comparison.png")

@@ -10,7 +10,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished, run_stages
 from spectrabox.session.stages.inputs import read_photo
-from spectrabox.session.stages.reconstruct_stage import reconstruction_of
+from spectrabox.session.stages.stored_records import reconstruction_of
 
 BANDS = {"red filter": 0, "green filter": 1, "blue filter": 2}
 EXPOSED = (1.0, 0.5, 2.0)   # of each band, times the photo's own

@@ -21,12 +21,12 @@ from spectrabox.radiometry.light_scale import DRIFT, LAMP_AT_CHART, REPEATABILIT
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished, run_stages
-from spectrabox.session.stages.calibrate_stage import calibrations_of
-from spectrabox.session.stages.photo_stages import chart_of
-from spectrabox.session.stages.reconstruct_stage import (
+from spectrabox.session.stages.reconstruct_stage import scale_of_view
+from spectrabox.session.stages.stored_records import (
+    calibrations_of,
+    chart_of,
     joint_of,
     reconstruction_of,
-    scale_of_view,
 )
 
 SIZE = (208, 312)

@@ -17,7 +17,7 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished, run_stages
 from spectrabox.session.report.page import write_report
 from spectrabox.session.stages.assemble import assemble
-from spectrabox.session.stages.reconstruct_stage import joint_of
+from spectrabox.session.stages.stored_records import joint_of
 from spectrabox.session.store.outputs import write_outputs
 
 SIZE = (208, 312)

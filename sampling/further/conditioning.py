@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement, WavelengthGrid
@@ -121,7 +121,7 @@ def check_agreement(grid: WavelengthGrid, readings: list[Reading]) -> None:
     InputError
         Naming both.
     """
-    limit = np.sqrt(chi2.isf(CONTRADICTION, 1))
+    limit = np.sqrt(chdtri(1, CONTRADICTION))
     for index, first in enumerate(readings):
         for second in readings[:index]:
             if np.abs(first.row(grid) - second.row(grid)).sum() < 0.05:
@@ -143,8 +143,8 @@ def _averaged(first: SpectralMeasurement, second: SpectralMeasurement) -> Spectr
                              "their noise")
         return first
     gain = first.noise_covariance @ np.linalg.pinv(total, hermitian=True)
-    if difference @ np.linalg.pinv(total, hermitian=True) @ difference > chi2.isf(CONTRADICTION,
-                                                                                  len(difference)):
+    surprise = difference @ np.linalg.pinv(total, hermitian=True) @ difference
+    if surprise > chdtri(len(difference), CONTRADICTION):
         raise InputError("two patches said to be the same material differ by "
                          f"{np.abs(difference).max():.3g} of white, far beyond their noise; they "
                          "are different materials, or the light on them differs")

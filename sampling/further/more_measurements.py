@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement
@@ -100,7 +100,7 @@ def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: Logi
         expected = spectra @ rows.T
         spread = np.atleast_2d(np.cov(expected, rowvar=False)) + with_floor(covariance)
         away = values - expected.mean(axis=0)
-        if away @ np.linalg.solve(spread, away) > chi2.isf(CONTRADICTION, len(away)):
+        if away @ np.linalg.solve(spread, away) > chdtri(len(away), CONTRADICTION):
             worst = int(np.argmax(np.abs(away)))
             sentences.append(f"{further.name} is hard to believe beside the others: "
                              f"{values[worst]:.3g} was measured and "
@@ -119,7 +119,7 @@ def _possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> bool:
         targets.append(whiten @ values)
     A, y = np.vstack(rows), np.concatenate(targets)
     misfit = 2 * lsq_linear(A, y, bounds=(0, 1), tol=1e-8).cost
-    return bool(misfit < chi2.isf(CONTRADICTION, y.size))
+    return bool(misfit < chdtri(y.size, CONTRADICTION))
 
 
 def measured_rows(base: SpectralMeasurement,

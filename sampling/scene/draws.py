@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.bspline import basis_matrix
@@ -146,4 +146,4 @@ def surprise(problem: JointProblem, modes: Modes) -> float:
     best = int(np.argmax(modes.evidence))
     z = modes.z[best]
     residual, _ = residual_by_logit(problem, logits_of(problem, modes.labels[best], z[None])[0])
-    return float(chi2.sf(residual @ residual + z @ z, len(residual)))
+    return float(chdtrc(len(residual), residual @ residual + z @ z))

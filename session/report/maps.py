@@ -9,7 +9,6 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_hex, to_rgb
 from matplotlib.ticker import FuncFormatter
-from scipy.ndimage import distance_transform_edt
 
 from spectrabox.radiometry.records import Reconstruction, SensitivityFit
 from spectrabox.session.report.svg import figure, inline_svg, plain_line
@@ -175,10 +174,19 @@ def surface_figure(name: str, made: Reconstruction) -> Markup:
 
 
 def _middle(mask: np.ndarray) -> tuple[float, float]:
-    """The pixel of a mask farthest from its border, so the number stands on its own surface."""
-    depth = distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
-    row, column = np.unravel_index(np.argmax(depth), mask.shape)
-    return float(row), float(column)
+    """The middle of what is left of a mask just before its border has eaten it up, so the number
+    stands on its own surface.
+    """
+    left = np.pad(mask, 1)
+    while True:
+        inner = left[1:-1, 1:-1] & left[:-2, 1:-1] & left[2:, 1:-1] & left[1:-1, :-2] & left[1:-1,
+                                                                                             2:]
+        if not inner.any():
+            break
+        left = np.pad(inner, 1)
+    rows, columns = np.nonzero(left[1:-1, 1:-1])
+    nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
+    return float(rows[nearest]), float(columns[nearest])
 
 
 def _panel_height(width_in: float, height: int, width: int) -> float:

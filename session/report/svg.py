@@ -19,6 +19,7 @@ import matplotlib
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from spectrabox.session.report.safe_json import json_for_script
@@ -108,8 +109,10 @@ def inline_svg(drawing: Figure, name: str, title: str, description: str,
 
 def _svg_text(drawing: Figure) -> str:
     buffer = io.StringIO()
-    drawing.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None,
-                                                    "Type": None})
+    # Not savefig: it draws every figure twice, the first time for bounding boxes that are not asked
+    # for.
+    FigureCanvasSVG(drawing).print_svg(buffer, metadata={"Date": None, "Creator": None,
+                                                         "Format": None, "Type": None})
     return buffer.getvalue()
 
 

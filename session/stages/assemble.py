@@ -10,12 +10,17 @@ from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, s
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.scores import score
-from spectrabox.session.stages.calibrate_stage import calibrations_of, chart_fit_of
 from spectrabox.session.stages.error_budget import relative_errors, variance_shares
 from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
-from spectrabox.session.stages.photo_stages import chart_of, notes_of, photo_of
-from spectrabox.session.stages.reconstruct_stage import joint_of
-from spectrabox.session.stages.sample_stage import samples_of
+from spectrabox.session.stages.stored_records import (
+    calibrations_of,
+    chart_fit_of,
+    chart_of,
+    joint_of,
+    notes_of,
+    photo_of,
+    samples_of,
+)
 from spectrabox.session.store.rehearsals import stored_rehearsal
 from spectrabox.session.store.results import ChartResult, MaterialResult, SessionResults, ViewResult
 

@@ -23,7 +23,6 @@ from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
 from spectrabox.radiometry.light_scale import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import (
-    Calibration,
     LightScale,
     LinearImage,
     PatchSamples,
@@ -38,9 +37,10 @@ from spectrabox.session.stages.inputs import (
     read_light,
     read_sensitivities,
 )
-from spectrabox.session.stages.photo_stages import chart_of, light_on_chart
+from spectrabox.session.stages.photo_stages import light_on_chart
 from spectrabox.session.stages.scenes import read_chart_scene
 from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.stages.stored_records import chart_of
 from spectrabox.session.store.store import StoredStage
 
 
@@ -85,23 +85,6 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
         _widen_by_lamp_position(config, records)
     records["notes"] = () if irradiance is None else _uneven_notes(config, task.stored, irradiance)
     return records
-
-
-def calibrations_of(config: SessionConfig, stored: Mapping[str, StoredStage]) -> list[Calibration]:
-    """The calibration of every view."""
-    return [stored["calibrate"].record(Calibration, view.record("calibration"))
-            for view in config.all_views]
-
-
-def chart_fit_of(stored: Mapping[str, StoredStage]) -> tuple[np.ndarray, np.ndarray]:
-    """Signals (24, K) that the calibration predicts for the first chart, and irradiance (24,)."""
-    stage = stored["calibrate"]
-    return stage.record(np.ndarray, "predicted"), stage.record(np.ndarray, "irradiance")
-
-
-def chart_glare_of(stored: Mapping[str, StoredStage]) -> np.ndarray:
-    """Veiling glare (K,) that the first chart photo shows for certain, of its mean signal."""
-    return stored["calibrate"].record(np.ndarray, "glare")
 
 
 def _certain_glare(first: ChartCalibration | None,

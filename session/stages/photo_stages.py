@@ -17,7 +17,6 @@ from spectrabox.capture.photo.binning import bin_image, render_size
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.capture.photo.preview import preview_rgb8
 from spectrabox.radiometry.chart import PATCH_NAMES, typical_camera_signals
-from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
@@ -118,38 +117,7 @@ def bin_object_photos(task: StageTask) -> dict[str, Any]:
     return records
 
 
-def photo_of(stored: Mapping[str, StoredStage], view: ViewInputs | None = None) -> LinearImage:
-    """The object photo at the render's size; of the first view unless another is named."""
-    photo: LinearImage = stored["photo"].record(LinearImage,
-                                                view.record("photo") if view else "photo")
-    return photo
-
-
-def chart_of(stored: Mapping[str, StoredStage], view: ViewInputs | None = None
-             ) -> tuple[ChartDetection, PatchSamples, LinearImage] | None:
-    """Detection, patch statistics and a thumbnail of the chart photo, where one was used."""
-    detection, samples, thumbnail = (view.record(kind) if view else kind
-                                     for kind in ("detection", "samples", "thumbnail"))
-    stage = stored.get("chart")
-    if stage is None or detection not in stage.facts["records"]:
-        return None
-    return (stage.record(ChartDetection, detection), stage.record(PatchSamples, samples),
-            stage.record(LinearImage, thumbnail))
-
-
 def light_on_chart(stored: Mapping[str, StoredStage], view: ViewInputs) -> np.ndarray:
     """Light (24,) on the patches of a view's chart photo, as it changes evenly over the chart."""
     light: np.ndarray = stored["chart"].record(np.ndarray, view.record("light on chart"))
     return light
-
-
-def reference_signals(stage: StoredStage) -> np.ndarray:
-    """Signals (Q, K) of the neutral references in the first view's chart photo or object photo."""
-    signals: np.ndarray = stage.record(np.ndarray, "references")
-    return signals
-
-
-def notes_of(stored: Mapping[str, StoredStage]) -> list[str]:
-    """What the decoding of the photos had worth saying."""
-    return [note for name in ("chart", "photo", "calibrate") if name in stored
-            for note in stored[name].record(tuple[str, ...], "notes")]

@@ -20,7 +20,6 @@ from spectrabox.radiometry.records import (
     LearntSpectra,
     LightScale,
     LinearImage,
-    Reconstruction,
 )
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.inverse_rendering import SINGLE_VIEW, reconstruct_views, settings_for
@@ -30,7 +29,6 @@ from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.prior.mixture import load_prior, reflectance_moments
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
-from spectrabox.session.stages.calibrate_stage import calibrations_of, chart_glare_of
 from spectrabox.session.stages.inputs import (
     GRID,
     band_names,
@@ -38,10 +36,16 @@ from spectrabox.session.stages.inputs import (
     read_reflectance,
     require_materials,
 )
-from spectrabox.session.stages.photo_stages import chart_of, photo_of, reference_signals
 from spectrabox.session.stages.scene_sampling import require_one_transport
 from spectrabox.session.stages.scenes import read_session_scene
 from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.stages.stored_records import (
+    calibrations_of,
+    chart_glare_of,
+    chart_of,
+    photo_of,
+    reference_signals,
+)
 from spectrabox.session.stages.stray_light import with_stray_light
 from spectrabox.session.store.store import StoredStage
 
@@ -126,17 +130,6 @@ def settings_of(config: SessionConfig) -> InversionSettings:
     chosen = config.reconstruct
     return InversionSettings(**chosen.settings(), seed=config.session.seed,
                              learnt=_learnt_spectra(chosen.spectrum_prior))
-
-
-def joint_of(stored: Mapping[str, StoredStage]) -> JointReconstruction:
-    """The reconstruction from all photos."""
-    joint: JointReconstruction = stored["reconstruct"].record(JointReconstruction, "joint")
-    return joint
-
-
-def reconstruction_of(stored: Mapping[str, StoredStage]) -> Reconstruction:
-    """What the reconstruction says of the first photo."""
-    return joint_of(stored).views[0]
 
 
 def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpec, ...]:

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,12 +15,10 @@ from spectrabox.radiometry.records import (
 from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.sampling.summary import summarise
-from spectrabox.session.stages.calibrate_stage import calibrations_of
 from spectrabox.session.stages.error_budget import measurement_of
-from spectrabox.session.stages.reconstruct_stage import joint_of
 from spectrabox.session.stages.scene_sampling import draw_through_transport
 from spectrabox.session.stages.stage_task import StageTask
-from spectrabox.session.store.store import StoredStage
+from spectrabox.session.stages.stored_records import calibrations_of, joint_of
 
 
 def sample_materials(task: StageTask) -> dict[str, Any]:
@@ -54,14 +51,6 @@ def sample_materials(task: StageTask) -> dict[str, Any]:
         records[f"summary {name}"] = on_finer_grid(summarise(
             draws, measurement, chosen.level, conditions(draws, measurement)), joint.grid)
     return records
-
-
-def samples_of(stored: Mapping[str, StoredStage],
-               material: str) -> tuple[SpectrumSamples, SpectrumSummary]:
-    """Draws and summary of one unknown material."""
-    stage = stored["sample"]
-    return (stage.record(SpectrumSamples, f"samples {material}"),
-            stage.record(SpectrumSummary, f"summary {material}"))
 
 
 def conditions(draws: SpectrumSamples, measurement: SpectralMeasurement) -> str:

@@ -3,10 +3,13 @@ pickle.
 """
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import types
 import typing
 import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -41,7 +44,7 @@ def pack(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
     return value
 
 
-def unpack(kind: Any, node: Any, arrays: typing.Mapping[str, np.ndarray]) -> Any:
+def unpack(kind: Any, node: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     """The value of type ``kind`` that ``pack`` wrote.
 
     Parameters
@@ -77,8 +80,9 @@ def save_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
     np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
 
 
-def load_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Arrays of one .npz.
+@contextlib.contextmanager
+def opened_arrays(path: Path) -> Iterator[Mapping[str, np.ndarray]]:
+    """Arrays of one .npz by name, each read from disk when it is asked for.
 
     Raises
     ------
@@ -87,7 +91,7 @@ def load_arrays(path: Path) -> dict[str, np.ndarray]:
     """
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            return {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+            yield stored
+    except (OSError, ValueError, zipfile.BadZipFile, zlib.error) as error:
         raise InputError(f"the stored result {path.name} is damaged ({error}); run again with "
                          "--force") from None

@@ -17,7 +17,7 @@ from typing import Any
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import writable
-from spectrabox.session.store.record_files import load_arrays, pack, save_arrays, unpack
+from spectrabox.session.store.record_files import opened_arrays, pack, save_arrays, unpack
 
 FACTS, ARRAYS = "facts.json", "arrays.npz"
 
@@ -46,7 +46,8 @@ class StoredStage:
             If the stored files are damaged.
         """
         try:
-            return unpack(kind, self.facts["records"][name], load_arrays(self.folder / ARRAYS))
+            with opened_arrays(self.folder / ARRAYS) as arrays:
+                return unpack(kind, self.facts["records"][name], arrays)
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"the stored results of stage {self.folder.name} are damaged "
                              f"({error!r}); run again with --force") from None

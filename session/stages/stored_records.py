@@ -1,0 +1,87 @@
+"""What the stages of a run stored, read back as records."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from spectrabox.radiometry.records import (
+    Calibration,
+    ChartDetection,
+    JointReconstruction,
+    LinearImage,
+    PatchSamples,
+    Reconstruction,
+    SpectrumSamples,
+    SpectrumSummary,
+)
+from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
+from spectrabox.session.store.store import StoredStage
+
+
+def photo_of(stored: Mapping[str, StoredStage], view: ViewInputs | None = None) -> LinearImage:
+    """The object photo at the render's size; of the first view unless another is named."""
+    photo: LinearImage = stored["photo"].record(LinearImage,
+                                                view.record("photo") if view else "photo")
+    return photo
+
+
+def chart_of(stored: Mapping[str, StoredStage], view: ViewInputs | None = None
+             ) -> tuple[ChartDetection, PatchSamples, LinearImage] | None:
+    """Detection, patch statistics and a thumbnail of the chart photo, where one was used."""
+    detection, samples, thumbnail = (view.record(kind) if view else kind
+                                     for kind in ("detection", "samples", "thumbnail"))
+    stage = stored.get("chart")
+    if stage is None or detection not in stage.facts["records"]:
+        return None
+    return (stage.record(ChartDetection, detection), stage.record(PatchSamples, samples),
+            stage.record(LinearImage, thumbnail))
+
+
+def reference_signals(stage: StoredStage) -> np.ndarray:
+    """Signals (Q, K) of the neutral references in the first view's chart photo or object photo."""
+    signals: np.ndarray = stage.record(np.ndarray, "references")
+    return signals
+
+
+def notes_of(stored: Mapping[str, StoredStage]) -> list[str]:
+    """What the decoding of the photos had worth saying."""
+    return [note for name in ("chart", "photo", "calibrate") if name in stored
+            for note in stored[name].record(tuple[str, ...], "notes")]
+
+
+def calibrations_of(config: SessionConfig, stored: Mapping[str, StoredStage]) -> list[Calibration]:
+    """The calibration of every view."""
+    return [stored["calibrate"].record(Calibration, view.record("calibration"))
+            for view in config.all_views]
+
+
+def chart_fit_of(stored: Mapping[str, StoredStage]) -> tuple[np.ndarray, np.ndarray]:
+    """Signals (24, K) that the calibration predicts for the first chart, and irradiance (24,)."""
+    stage = stored["calibrate"]
+    return stage.record(np.ndarray, "predicted"), stage.record(np.ndarray, "irradiance")
+
+
+def chart_glare_of(stored: Mapping[str, StoredStage]) -> np.ndarray:
+    """Veiling glare (K,) that the first chart photo shows for certain, of its mean signal."""
+    glare: np.ndarray = stored["calibrate"].record(np.ndarray, "glare")
+    return glare
+
+
+def joint_of(stored: Mapping[str, StoredStage]) -> JointReconstruction:
+    """The reconstruction from all photos."""
+    joint: JointReconstruction = stored["reconstruct"].record(JointReconstruction, "joint")
+    return joint
+
+
+def reconstruction_of(stored: Mapping[str, StoredStage]) -> Reconstruction:
+    """What the reconstruction says of the first photo."""
+    return joint_of(stored).views[0]
+
+
+def samples_of(stored: Mapping[str, StoredStage],
+               material: str) -> tuple[SpectrumSamples, SpectrumSummary]:
+    """Draws and summary of one unknown material."""
+    stage = stored["sample"]
+    return (stage.record(SpectrumSamples, f"samples {material}"),
+            stage.record(SpectrumSummary, f"summary {material}"))
