@@ -22,6 +22,7 @@ from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.tracer import transport
 from spectrabox.reconstruct.tracer.transport import (
+    image_of_signals,
     joined,
     require_memory,
     shaded_image,
@@ -125,6 +126,19 @@ def test_the_shaded_image_is_the_transport_with_signals_put_in(view):
     # Two renderings of 260 000 paths, each mean good to 0.4 %: five standard deviations of their
     # difference.
     np.testing.assert_allclose(image.mean(axis=(0, 1)), other.mean(axis=(0, 1)), rtol=0.03)
+
+
+def test_one_trace_gives_the_image_of_any_signals(view, monkeypatch):
+    exponents = exponents_up_to(3, 4)
+    box = unit_scene(view, 4)
+    image = image_of_signals(box, exponents, spp=16, seed=5)
+    for reflectance in (SPECTRA, 0.5 * SPECTRA):
+        signals = band_products(exponents, reflectance, view.response)
+        shaded = shaded_image(box, exponents, signals, spp=16, seed=5)
+        # The same paths, their contributions rounded before or after the signals: float32.
+        np.testing.assert_allclose(image(signals), shaded, rtol=1e-5, atol=1e-6 * shaded.max())
+    monkeypatch.setattr(transport, "MAX_IMAGE_COEFFICIENTS", 0)
+    np.testing.assert_array_equal(image_of_signals(box, exponents, spp=16, seed=5)(signals), shaded)
 
 
 def test_lights_traced_separately_add_up(tmp_path):

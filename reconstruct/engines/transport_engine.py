@@ -24,8 +24,8 @@ from spectrabox.reconstruct.scene.scene_file import not_plain_products
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import (
     TracedTransport,
+    image_of_signals,
     joined,
-    shaded_image,
     trace_transport,
 )
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
@@ -62,7 +62,9 @@ def solve_views(views: Sequence[View], settings: InversionSettings, progress: Pr
     """
     traced = trace_views(views, settings, progress, checkpoint)
     progress(0.7, "fitting spectra")
-    solution = solve_traced(traced, settings, lambda view, fit: _image(view, fit, settings))
+    images = {id(view.traced): _image_of_signals(view, settings) for view in traced}
+    solution = solve_traced(traced, settings,
+                            lambda view, fit: images[id(view.traced)](fit.signals))
     progress(1.0, "")
     return solution.fit, solution.answers
 
@@ -247,11 +249,12 @@ def _informed_by(image: np.ndarray, traced: TracedView, settings: InversionSetti
                    brightness_error=max(given.brightness_error, errors.brightness))
 
 
-def _image(traced: TracedView, solution: ViewFit, settings: InversionSettings) -> np.ndarray:
+def _image_of_signals(traced: TracedView, settings: InversionSettings
+                      ) -> Callable[[np.ndarray], np.ndarray]:
+    """The view's rendering for a light scale of 1 by the signals of its products."""
     view, transport = traced.view, traced.traced
     unit = unit_scene(view, _bounces(view, settings), transport.passes.shape[2] > 1)
-    return shaded_image(unit, transport.exponents, solution.signals, spp=IMAGE_SPP,
-                        seed=settings.seed + 7919)
+    return image_of_signals(unit, transport.exponents, spp=IMAGE_SPP, seed=settings.seed + 7919)
 
 
 def _answers(traced: Sequence[TracedView], fit: TransportFit, images: Sequence[np.ndarray],

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,7 @@ MAX_BYTES = 2 << 30         # of memory for trace and fit; more is refused befor
 PILOT_PATHS = 1 << 19        # of all regions together, by which products are judged before pruning
 BRIGHTEST = 0.9  # reflectance that no material is taken to exceed when products are judged
 DROPPED = 1e-4  # share of the pilot's signal, at that reflectance, whose products are dropped
+MAX_IMAGE_COEFFICIENTS = 1 << 23  # of all pixels of a picture, 28 bytes each while traced
 PRUNE_ABOVE = 256            # products: below, pruning saves less than its pilot costs
 
 
@@ -141,6 +143,27 @@ def joined(first: TracedTransport, second: TracedTransport) -> TracedTransport:
     return TracedTransport(first.exponents, passes, spp, first.dropped)
 
 
+def image_of_signals(unit: UnitScene, exponents: np.ndarray, *, spp: int,
+                     seed: int) -> Callable[[np.ndarray], np.ndarray]:
+    """The image of the scene as a function of the signals of its products: that of
+    ``shaded_image``, to round-off.
+
+    The paths are followed once, however many images are asked for, where the coefficients of all
+    pixels fit into ``MAX_IMAGE_COEFFICIENTS``; otherwise once an image. Parameters as of
+    ``shaded_image``.
+    """
+    width, height = unit.size
+    if width * height * unit.groups * len(exponents) > MAX_IMAGE_COEFFICIENTS:
+        return partial(shaded_image, unit, exponents, spp=spp, seed=seed)
+    coefficients = _pixel_means(unit, exponents, spp, seed)
+
+    def image(signals: np.ndarray) -> np.ndarray:
+        # Not @: BLAS splits its sums by the number of cores.
+        bands = np.einsum("re,ek->rk", coefficients, signals)
+        return bands.reshape(height, width, signals.shape[1])
+    return image
+
+
 def shaded_image(unit: UnitScene, exponents: np.ndarray, signals: np.ndarray, *, spp: int,
                  seed: int) -> np.ndarray:
     """Image (H, W, K) of the scene once the signals of its products are known.
@@ -160,13 +183,20 @@ def shaded_image(unit: UnitScene, exponents: np.ndarray, signals: np.ndarray, *,
     seed : int
     """
     width, height = unit.size
+    image = _pixel_means(unit, exponents, spp, seed, signals)
+    return image.reshape(height, width, signals.shape[1])
+
+
+def _pixel_means(unit: UnitScene, exponents: np.ndarray, spp: int, seed: int,
+                 signals: np.ndarray | None = None) -> np.ndarray:
+    """Mean contribution (H W, L E) of each pixel's paths, or their mean signal (H W, K)."""
+    width, height = unit.size
     region = np.arange(width * height).reshape(height, width)
     tracer = Tracer(unit, region, exponents)
     count, paths = _schedule(spp, 1, region.size)
     with all_cores():
         passes = [tracer.trace(paths, seed * 1013 + number, signals) for number in range(count)]
-    image = np.mean(passes, axis=0)
-    return image.reshape(height, width, signals.shape[1]).astype(float)
+    return np.mean(passes, axis=0).reshape(region.size, -1).astype(float)
 
 
 def require_memory(regions: int, products: int, passes: int, materials: int, bounces: int) -> None:
