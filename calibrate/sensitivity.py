@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import ChartEquations
@@ -37,6 +36,7 @@ from spectrabox.calibrate.prior.prior_fit import (
 from spectrabox.calibrate.prior.smooth_prior import smooth_prior
 from spectrabox.calibrate.spline_fit import SPLINE_METHODS, BandFits, fit_bands
 from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.records import (
     LightScale,
@@ -240,7 +240,7 @@ def _normalised(bands: BandFits, patches: PatchSamples, grid: WavelengthGrid,
              "nonnegative": "non-negative splines with zero ends",
              "smooth": "non-negative splines, smoothness by cross-validation"}
     fit = SensitivityFit(grid, curves / peak, bands.basis, bands.coefficients / peak,
-                         block_diag(*bands.covariance) / peak**2, error, residuals, held_out,
+                         block_diagonal(*bands.covariance) / peak**2, error, residuals, held_out,
                          bands.condition_number, names[method], outcome)
     covariance = relative_prediction_covariance(held_out, patches)
     # Of a band's mean relative residual over held-out patches: errors of bands are independent.

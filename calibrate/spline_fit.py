@@ -16,7 +16,6 @@ from functools import partial
 from typing import Annotated
 
 import numpy as np
-from scipy.optimize import nnls
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import CalibrationError
@@ -125,6 +124,7 @@ def _solve_nonnegative(design: np.ndarray, signal: np.ndarray,
                        sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Non-negative coefficients, and their covariance over those that are not held at zero."""
     weighted = design / sigma[:, None]
+    from scipy.optimize import nnls  # slow to import, and only splines need it
     solution, norm = nnls(weighted, signal / sigma)
     free = solution > 0
     covariance = np.zeros((solution.size,) * 2)
@@ -147,6 +147,7 @@ def _solve_smooth(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray, *,
     weighted, target = design / sigma[:, None], signal / sigma
     precision = weighted.T @ weighted + roughness
     lower = np.linalg.cholesky(precision)
+    from scipy.optimize import nnls  # slow to import, and only splines need it
     solution, _ = nnls(lower.T, np.linalg.solve(lower, weighted.T @ target))
     inverse = np.linalg.inv(precision)
     freedom = max(signal.size - np.trace(inverse @ weighted.T @ weighted), 1.0)

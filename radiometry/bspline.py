@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import VISIBLE_NM
@@ -43,7 +42,19 @@ def basis_matrix(nm: np.ndarray, coefficients: int) -> np.ndarray:
     Raises
     ------
     InputError
-        If there are fewer than 4 coefficients.
+        If there are fewer than 4 coefficients, or a wavelength lies outside.
     """
-    return BSpline.design_matrix(np.asarray(nm, dtype=float), knots_nm(coefficients),
-                                 DEGREE).toarray()
+    knots, nm = knots_nm(coefficients), np.asarray(nm, dtype=float)
+    if np.any((nm < knots[0]) | (nm > knots[-1])):
+        raise InputError(f"splines cover {knots[0]:g}-{knots[-1]:g} nm, and {nm.min():g}-"
+                         f"{nm.max():g} nm are asked for")
+    # The last interval includes its end.
+    interval = np.clip(np.searchsorted(knots, nm, side="right") - 1, DEGREE, coefficients - 1)
+    basis = np.eye(len(knots) - 1)[interval]
+    for degree in range(1, DEGREE + 1):  # de Boor's recursion; of an empty interval nothing is left
+        width = knots[degree:-1] - knots[:-degree - 1]
+        rising = (nm[:, None] - knots[:-degree - 1]) / np.where(width > 0, width, np.inf)
+        width = knots[degree + 1:] - knots[1:-degree]
+        falling = (knots[degree + 1:] - nm[:, None]) / np.where(width > 0, width, np.inf)
+        basis = rising * basis[:, :-1] + falling * basis[:, 1:]
+    return np.asarray(basis)

@@ -1,4 +1,4 @@
-"""What makes a matrix a covariance."""
+"""What makes a matrix a covariance, and covariances of independent parts."""
 from __future__ import annotations
 
 import numpy as np
@@ -20,3 +20,12 @@ def is_covariance(matrix: np.ndarray, rtol: float = ROUND_OFF) -> bool:
     atol = rtol * np.abs(matrix).max(initial=0)
     return bool(np.abs(matrix - matrix.T).max(initial=0) <= atol
                 and np.linalg.eigvalsh(matrix).min(initial=0) >= -atol)
+
+
+def block_diagonal(*blocks: np.ndarray) -> np.ndarray:
+    """Matrix (sum of rows, sum of columns) with the blocks on its diagonal and 0 elsewhere."""
+    rows, columns = np.cumsum([(0, 0), *(block.shape for block in blocks)], axis=0).T
+    whole = np.zeros((rows[-1], columns[-1]))
+    for block, row, column in zip(blocks, rows[:-1], columns[:-1], strict=True):
+        whole[row:row + block.shape[0], column:column + block.shape[1]] = block
+    return whole

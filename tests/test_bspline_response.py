@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 
-from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.bspline import basis_matrix, knots_nm
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.response import relative_operator, response_matrix, white_signal
@@ -24,6 +25,19 @@ def test_coefficients_in_the_unit_box_give_reflectance_in_it(coefficients):
     reflectance = c @ basis_matrix(GRID.nm, coefficients).T
     # round-off of the partition of unity
     assert reflectance.min() >= 0 and reflectance.max() <= 1 + 1e-14
+
+
+@pytest.mark.parametrize("coefficients", [4, 5, 11, 40])
+def test_the_basis_is_that_of_scipy(coefficients):
+    nm = np.linspace(400.0, 700.0, 301)
+    theirs = BSpline.design_matrix(nm, knots_nm(coefficients), 3).toarray()
+    # Three steps of the recursion, each of numbers up to 1.
+    np.testing.assert_allclose(basis_matrix(nm, coefficients), theirs, rtol=0, atol=1e-15)
+
+
+def test_wavelengths_outside_the_basis_are_refused():
+    with pytest.raises(InputError, match="splines cover 400-700 nm, and 390-700 nm are asked for"):
+        basis_matrix(np.array([390.0, 700.0]), 5)
 
 
 def test_too_few_coefficients_are_refused():

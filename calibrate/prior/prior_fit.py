@@ -14,7 +14,6 @@ from itertools import product
 from typing import Annotated
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from spectrabox.calibrate.chart_equations import (
     ChartEquations,
@@ -24,6 +23,7 @@ from spectrabox.calibrate.chart_equations import (
     unlit_design,
 )
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import CalibrationError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import WavelengthGrid
@@ -205,7 +205,7 @@ def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: f
     slope = prior.slope(mean)
     bands = curves.reshape(prior.bands, -1)
     moved = prior.slope(centre) * factor / slope  # derivative of the scaled state by the state
-    gains = block_diag(*(gain_sd * band[:, None] for band in bands)) / slope[:, None]
+    gains = block_diagonal(*(gain_sd * band[:, None] for band in bands)) / slope[:, None]
     covariance = spread * np.outer(moved, moved) + gains @ gains.T
     # (1 - brighter seen) covariance (1 - brighter seen)^T: the whole signal does not vary
     brighter, seen = curves / slope, whole * slope
@@ -249,7 +249,7 @@ def _equations(photos: list[ChartEquations], designs: list[np.ndarray], state: n
 
 
 def _noise(photos: list[ChartEquations], error: float) -> np.ndarray:
-    return block_diag(*(noise_covariance(photo, error) for photo in photos))
+    return block_diagonal(*(noise_covariance(photo, error) for photo in photos))
 
 
 def _linearise(photos: list[ChartEquations], designs: list[np.ndarray], start: np.ndarray,

@@ -132,8 +132,7 @@ def _fit_line(mean: np.ndarray, variance: np.ndarray, terms: int,
     read, gain = floor, 0.0
     # The quantile is taken of variance / line, so that a level may span a range of signals.
     for _ in range(ROUNDS):
-        ratio = np.array([np.quantile(part, QUANTILE)
-                          for part in np.split(variance / model, starts[1:])]) / flat
+        ratio = _level_quantiles(variance / model, starts, count) / flat
         at_level = np.maximum(ratio * of_level, floor)
         # Not the line alone: texture, which lifts a level off it, would have the weight of noise.
         sigma = np.maximum(at_level, of_level) * np.sqrt(1 / count + SMOOTH_ERROR**2)
@@ -142,6 +141,16 @@ def _fit_line(mean: np.ndarray, variance: np.ndarray, terms: int,
         model = read + gain * np.maximum(mean, 0)
         of_level = np.add.reduceat(model, starts) / count
     return read, gain
+
+
+def _level_quantiles(values: np.ndarray, starts: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """The ``QUANTILE`` of the values of each level, as of ``np.quantile``, for all levels at once."""
+    level = np.repeat(np.arange(starts.size), count)
+    ordered = values[np.lexsort((values, level))]
+    position = QUANTILE * (count - 1)
+    below = starts + position.astype(int)
+    above = np.minimum(below + 1, starts + count - 1)
+    return np.asarray(ordered[below] + (position % 1) * (ordered[above] - ordered[below]))
 
 
 def _level_starts(mean: np.ndarray) -> np.ndarray:

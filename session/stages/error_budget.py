@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import block_diag
 
+from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.light_scale import error_of_each_band
 from spectrabox.radiometry.records import Calibration, JointReconstruction, SpectralMeasurement
@@ -49,7 +49,7 @@ def signal_covariances(calibrations: Sequence[Calibration], joint: JointReconstr
     both = np.outer(signal, signal)
     views = np.unique(joint.view_of_band)
     by_view = [scale_covariances(calibrations[view], joint, view) for view in views]
-    scales = {cause: block_diag(*(parts.get(cause, np.zeros_like(parts[SCALE]))
+    scales = {cause: block_diagonal(*(parts.get(cause, np.zeros_like(parts[SCALE]))
                                   for parts in by_view)) * both
               for cause in dict.fromkeys(cause for parts in by_view for cause in parts)}
     return {"photo and rendering noise": joint.signal_covariance[index],
@@ -128,7 +128,7 @@ def light_covariance(calibrations: Sequence[Calibration], joint: JointReconstruc
         by_reading = by_nm / np.maximum(power, DARK * power.max()) \
             @ interpolation_matrix(light.grid.nm, joint.grid.nm)
         rows.append(by_reading * light.standard_error)
-    return block_diag(*(row @ row.T for row in rows))
+    return block_diagonal(*(row @ row.T for row in rows))
 
 
 def variance_shares(calibrations: Sequence[Calibration], joint: JointReconstruction,
@@ -176,7 +176,7 @@ def sensitivity_covariance(calibrations: Sequence[Calibration], joint: JointReco
     """
     signal, fit = joint.signal[index], calibrations[0].sensitivity
     if fit.covariance is None or fit.basis is None:
-        return block_diag(*(calibrations[view].relative_covariance
+        return block_diagonal(*(calibrations[view].relative_covariance
                             * signal[joint.view_of_band == view].max() ** 2
                             for view in np.unique(joint.view_of_band)))
     bands, coefficients = len(fit.curves), fit.basis.shape[1]
