@@ -23,6 +23,7 @@ FLOATS = ("half", "float", "double")          # hold the signal itself
 CLIP_FRACTION = 0.98
 NOT_BANDS = ("A", "ALPHA", "Z", "DEPTH")
 VARIANCE, SATURATED = "variance.", "saturated."  # channels of a developed photo beside its bands
+NO_DATE = "0000:00:00 00:00:00"     # unknown, as EXIF has it: the same image is the same file
 
 
 def is_image_file(path: Path) -> bool:
@@ -265,6 +266,7 @@ def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Se
     spec = oiio.ImageSpec(image.shape[1], image.shape[0], image.shape[2], oiio.FLOAT)
     spec.channelnames = tuple(channel_names)
     spec.attribute("compression", "zip")
+    spec.attribute("DateTime", NO_DATE)  # OpenImageIO would put the time of writing there
     if exposure_s is not None:
         spec.attribute("ExposureTime", float(exposure_s))
     _write(Path(path), np.ascontiguousarray(image, dtype=np.float32), spec)

@@ -144,7 +144,7 @@ def _fit_line(mean: np.ndarray, variance: np.ndarray, terms: int,
 
 
 def _level_quantiles(values: np.ndarray, starts: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """The ``QUANTILE`` of the values of each level, as of ``np.quantile``, for all levels at once."""
+    """The ``QUANTILE`` of the values of each level, as ``np.quantile`` has it."""
     level = np.repeat(np.arange(starts.size), count)
     ordered = values[np.lexsort((values, level))]
     position = QUANTILE * (count - 1)

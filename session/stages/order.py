@@ -17,9 +17,12 @@ class Stage:
     function: str
 
     def run(self, task: StageTask) -> dict[str, Any]:
-        """Records of the stage by name."""
-        records: dict[str, Any] = getattr(importlib.import_module(self.module),
-                                          self.function)(task)
+        """Records of the stage by name, the same to the last bit on any number of cores."""
+        from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+        function = getattr(importlib.import_module(self.module), self.function)
+        importlib.import_module("scipy.linalg")  # brings its own BLAS, which is limited too
+        with threadpool_limits(1, user_api="blas"):  # BLAS splits its sums by the cores
+            records: dict[str, Any] = function(task)
         return records
 
 

@@ -1,0 +1,51 @@
+"""No command imports what it does not use."""
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+# Each takes a tenth of a second to seconds to import.
+HEAVY = {"numpy", "scipy", "cv2", "colour", "matplotlib", "mitsuba", "drjit", "OpenImageIO",
+         "rawpy", "exifread", "numba", "sklearn", "pydantic", "jinja2", "rich", "serial", "pandas"}
+PHOTOS = {"cv2", "OpenImageIO", "rawpy", "exifread"}
+SAMPLE = ["sample", "--sensitivity", "CIE 1931 2 Degree Standard Observer", "--light", "D65",
+          "--signal", "0.3,0.4,0.2", "--samples", "1000", "--json"]
+MAY_IMPORT = {
+    "--help": (["--help"], set()),
+    "--version": (["--version"], set()),
+    "new": (["new", "{new}"], {"pydantic", "numpy"}),
+    "status": (["status", "{session}"], {"pydantic", "numpy"}),
+    "check": (["check", "{session}"], {"pydantic", "numpy", *PHOTOS}),
+    "sample": (SAMPLE, {"pydantic", "numpy", "scipy", "numba"}),
+    "camera fit": (["camera", "fit", "--chart", "{session}/photos/chart.dng", "--light",
+                    "{session}/spectra/light.csv", "--json"], {"pydantic", "numpy", *PHOTOS}),
+}
+RUN = """
+import sys
+sys.argv = ["spectrabox", *sys.argv[1:]]
+from spectrabox.session.cli import main
+try:
+    main()
+except SystemExit as left:
+    assert not left.code, left.code
+print("MODULES", *{name.split(".")[0] for name in sys.modules})
+"""
+
+
+def modules_of(*arguments):
+    """Names of the packages that a command has imported when it ends."""
+    ran = subprocess.run([sys.executable, "-c", RUN, *arguments], capture_output=True, text=True,
+                         check=False, cwd=ROOT)
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout.splitlines()[-1].split()[1:]
+
+
+@pytest.mark.parametrize("command", MAY_IMPORT)
+def test_a_command_imports_what_it_uses(command, captured, tmp_path):
+    arguments, allowed = MAY_IMPORT[command]
+    imported = modules_of(*(word.format(session=captured, new=tmp_path / "new")
+                            for word in arguments))
+    assert HEAVY & set(imported) <= allowed
+    assert "scipy.stats" not in imported
