@@ -17,7 +17,8 @@ MAY_IMPORT = {
     "--version": (["--version"], set()),
     "new": (["new", "{new}"], {"pydantic", "numpy"}),
     "status": (["status", "{session}"], {"pydantic", "numpy"}),
-    "check": (["check", "{session}"], {"pydantic", "numpy", *PHOTOS}),
+    # It runs what a run asks before it traces: the camera is fitted, the scene is opened.
+    "check": (["check", "{session}"], {"pydantic", "numpy", "scipy", "mitsuba", "drjit", *PHOTOS}),
     "sample": (SAMPLE, {"pydantic", "numpy", "scipy", "numba"}),
     "camera fit": (["camera", "fit", "--chart", "{session}/photos/chart.dng", "--light",
                     "{session}/spectra/light.csv", "--json"], {"pydantic", "numpy", *PHOTOS}),

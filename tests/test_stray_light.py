@@ -16,9 +16,8 @@ from spectrabox.reconstruct.scene.moved_light import with_light_moved
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
-from spectrabox.session.stages.calibrate_stage import calibrations_of
 from spectrabox.session.stages.error_budget import signal_covariances
-from spectrabox.session.stages.reconstruct_stage import joint_of
+from spectrabox.session.stages.stored_records import calibrations_of, joint_of
 from spectrabox.session.stages.stray_light import AMBIENT, GLARE, with_stray_light
 
 GRID = visible_grid(50)
