@@ -82,7 +82,7 @@ def _photographed(traced: TracedView, truth: Truth, number: int,
                   rng: np.random.Generator) -> View:
     """The view with a photo of the truth in place of its own."""
     view, transport = traced.view, traced.traced
-    spectra = np.array([truth.reflectances[name] for name in (each.name for each in view.scene_materials)])
+    spectra = np.array([truth.reflectances[each.name] for each in view.scene_materials])
     per_light = products(transport.exponents, spectra) @ truth.responses[number].transpose(0, 2, 1)
     signal = transport.coefficients @ per_light.reshape(-1, per_light.shape[2])
     signal = signal * _gains(traced, rng)

@@ -15,7 +15,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.sampling.measurement import response_on
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, reflectance
-from spectrabox.sampling.prior.posterior import SIGNAL_FLOOR, posterior
+from spectrabox.sampling.prior.posterior import SIGNAL_FLOOR, MixturePosterior, posterior
 
 METAMERISM, FLOOR = "metamerism", "model floor"
 
@@ -41,19 +41,53 @@ def error_budget(prior: LogitMixture, measurement: SpectralMeasurement,
     relative_response = response_on(measurement, GRID)
     mixture = posterior(prior, relative_response, measurement.signal[None],
                         measurement.noise_covariance)
-    index = int(np.argmax(mixture.weights[0]))
-    p = reflectance(mixture.logits[index, 0])
+    budgets = error_budgets(prior, relative_response, mixture,
+                            {name: covariance[None] for name, covariance in causes.items()})
+    return {name: variance[0] for name, variance in budgets.items()}
+
+
+def error_budgets(prior: LogitMixture, relative_response: np.ndarray, mixture: MixturePosterior,
+                  causes: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Variances (T, P) of the reflectances of T signals by cause, as `error_budget` has them.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    relative_response : (K, P) array
+    mixture : MixturePosterior
+        Of the signals, for the noise that is the sum of the causes.
+    causes : dict of (T, K, K) arrays
+    """
+    index = np.argmax(mixture.weights, axis=1)
+    S = prior.covariances[index]
+    p = reflectance(mixture.logits[index, np.arange(index.size)])
     slope = p * (1 - p)
-    jacobian = relative_response * slope
-    base = prior.covariances[index] @ jacobian.T
-    parts = {**causes, FLOOR: SIGNAL_FLOOR**2 * np.eye(len(total))}
-    gain = base @ np.linalg.inv(jacobian @ base + total + parts[FLOOR])
-    rest = np.eye(p.size) - gain @ jacobian
-    budget = {METAMERISM: slope**2 * np.einsum("ij,jk,ik->i", rest, prior.covariances[index], rest,
-                                               optimize=True)}
-    budget |= {name: slope**2 * np.einsum("pk,kl,pl->p", gain, covariance, gain)
-               for name, covariance in parts.items()}
-    return budget
+    floor = np.broadcast_to(SIGNAL_FLOOR**2 * np.eye(len(relative_response)),
+                            (index.size, *np.eye(len(relative_response)).shape))
+    parts = {**causes, FLOOR: floor}
+    jacobian = relative_response * slope[:, None, :]
+    base = jacobian @ S                                         # (T, K, P)
+    of_signal = base @ jacobian.transpose(0, 2, 1)
+    gain = np.linalg.solve(of_signal + np.sum(list(parts.values()), axis=0), base)
+    # diag((I - G J) S (I - G J)'), multiplied out
+    left = np.diagonal(S, axis1=1, axis2=2) - 2 * np.einsum("tkp,tkp->tp", gain, base) \
+        + np.einsum("tkp,tkp->tp", gain, of_signal @ gain)
+    budgets = {METAMERISM: slope**2 * left}
+    return budgets | {name: slope**2 * np.einsum("tkp,tkp->tp", gain, covariance @ gain)
+                      for name, covariance in parts.items()}
+
+
+def shares_by_cause(budgets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Shares (T,) of the causes in the mean variance over wavelength.
+
+    Parameters
+    ----------
+    budgets : dict of (T, P) arrays
+        From `error_budgets`.
+    """
+    means = {name: variance.mean(axis=1) for name, variance in budgets.items()}
+    total = np.sum(list(means.values()), axis=0)
+    return {name: mean / total for name, mean in means.items()}
 
 
 def sensitivity_covariance(light: np.ndarray, weights_nm: np.ndarray, spectrum: np.ndarray,

@@ -74,12 +74,22 @@ def check_draws(effective_samples: float, level: float) -> None:
     ConvergenceError
         If fewer than 25 draws are to be expected beyond each end of the band.
     """
-    if not 0 < level < 1:
-        raise InputError(f"a level of {level} was asked for; it is a probability between 0 and 1")
+    check_level(level)
     needed = round(2 * TAIL_DRAWS / (1 - level))
     if effective_samples < needed:
         raise ConvergenceError(f"a {100 * level:.4g} % band needs {needed} effective draws and "
                                f"there are {effective_samples:.0f}; draw more")
+
+
+def check_level(level: float) -> None:
+    """Raise unless a level is a probability.
+
+    Raises
+    ------
+    InputError
+    """
+    if not 0 < level < 1:
+        raise InputError(f"a level of {level} was asked for; it is a probability between 0 and 1")
 
 
 def next_measurement_nm(grid: WavelengthGrid, covariance: np.ndarray) -> float:

@@ -79,15 +79,20 @@ class PriorSpectra:
     @property
     def sentence(self) -> str:
         """How the draws ended, and what they are conditional on."""
-        if self.outcome is not Outcome.FAMILIAR:
-            return self.outcome.value
-        allowed = sorted(self.shares, key=lambda name: -self.shares[name])
-        said = ", ".join(f"{name} {100 * self.shares[name]:.0f} %" for name in allowed
-                         if self.shares[name] >= MENTIONED)
-        if self.stated:
-            given = f"Conditional on the surface being {' or '.join(self.stated)}, as stated"
-            return f"{self.outcome.value} {given}{f': {said}' if len(self.stated) > 1 else ''}."
-        return f"{self.outcome.value} No family of surfaces was stated; the signal allows {said}."
+        return sentence_of(self.outcome, self.stated, self.shares)
+
+
+def sentence_of(outcome: Outcome, stated: tuple[str, ...], shares: dict[str, float]) -> str:
+    """An outcome, and what it is conditional on: families stated, and shares of those allowed."""
+    if outcome is not Outcome.FAMILIAR:
+        return outcome.value
+    allowed = sorted(shares, key=lambda name: -shares[name])
+    said = ", ".join(f"{name} {100 * shares[name]:.0f} %" for name in allowed
+                     if shares[name] >= MENTIONED)
+    if stated:
+        given = f"Conditional on the surface being {' or '.join(stated)}, as stated"
+        return f"{outcome.value} {given}{f': {said}' if len(stated) > 1 else ''}."
+    return f"{outcome.value} No family of surfaces was stated; the signal allows {said}."
 
 
 def sample_prior(measurement: SpectralMeasurement, draws: int, seed: int, coefficients: int = 13,

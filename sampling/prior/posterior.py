@@ -13,7 +13,7 @@ signal, and weighs nothing.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -234,6 +234,14 @@ def widened(mean: np.ndarray, lower: np.ndarray, upper: np.ndarray,
 def band_factors(prior: LogitMixture, mixture: MixturePosterior, level: float) -> np.ndarray:
     """Factors (T, P) by which central bands are widened: the families', by share, for the width."""
     return width_factors(prior, mixture) * prior.band_factor(level, mixture.weights)
+
+
+def as_drawn(prior: LogitMixture, mixture: MixturePosterior, level: float) -> MixturePosterior:
+    """The mixture that draws follow: moved away from its mean logit by the factors of ``level``."""
+    factor = band_factors(prior, mixture, level)
+    middle = np.einsum("tc,ctp->tp", mixture.weights, mixture.logits)
+    return replace(mixture, logits=middle + factor * (mixture.logits - middle),
+                   variances=factor**2 * mixture.variances)
 
 
 def width_factors(prior: LogitMixture, mixture: MixturePosterior) -> np.ndarray:

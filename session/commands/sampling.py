@@ -159,7 +159,7 @@ def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signal
             readings=tuple(reading or ()), photos=tuple(photo or ()), same=tuple(same or ()),
             more=more, twice=twice, baseline=baseline, truth=truth, column=column,
             lights=tuple(delta_light or DELTA_LIGHTS), light_error=light_error,
-            sensitivity_error=sensitivity_error)
+            sensitivity_error=sensitivity_error, keep_draws=out is not None)
         facts, text, arrays = sample_answer(request)
         if out is not None:
             write_arrays(out, arrays)

@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import (
+    Outcome,
     Quantity,
     SpectralMeasurement,
     SpectrumSamples,
@@ -23,11 +25,20 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_of,
     spectrum_on_grid,
 )
-from spectrabox.sampling.error_budget import error_budget
+from spectrabox.sampling.checks import check_measurement
+from spectrabox.sampling.error_budget import (
+    FLOOR,
+    METAMERISM,
+    error_budget,
+    shares_by_cause,
+)
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful
-from spectrabox.sampling.prior.draws import family_shares
+from spectrabox.sampling.measurement import response_on, spline_operator
+from spectrabox.sampling.polytope.bounds import bounds_of_many
+from spectrabox.sampling.prior.draws import family_shares, sentence_of
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior, of_families
-from spectrabox.sampling.summary import summarise
+from spectrabox.sampling.prior.summaries import summaries
+from spectrabox.sampling.summary import check_level, summarise
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.request_draws import DrawOptions, check_options, draws_of
 from spectrabox.session.signals.signal_options import (
@@ -69,6 +80,7 @@ class SampleRequest:
     lights: tuple[str, ...]
     light_error: float
     sensitivity_error: float
+    keep_draws: bool = True             # they are written, or wanted
 
 
 def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], str, dict[str, np.ndarray]]:
@@ -97,14 +109,90 @@ def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], str, dict[str
                                               "coefficients": draws.coefficients,
                                               "wavelengths_nm": draws.grid.nm}
     assert request.signals is not None
-    answers = [_answer(request, parsed, signal)
-               for signal in read_signals(request.signals, len(parsed.relative_response))]
-    text = "\n\n".join(f"signal {number}\n{_text(facts, request)}"
-                       for number, (facts, _) in enumerate(answers, 1))
+    signals = read_signals(request.signals, len(parsed.relative_response))
+    if not request.keep_draws and may_go_without_draws(request, bool(parsed.more)):
+        results = bulk_facts(request, parsed, signals)
+        return {"results": results}, _texts(results, request), {}
+    answers = [_answer(request, parsed, signal) for signal in signals]
     arrays = {"spectra": np.array([draws.spectra for _, draws in answers]),
               "wavelengths_nm": answers[0][1].grid.nm,
               "coefficients": np.array([draws.coefficients for _, draws in answers])}
-    return {"results": [facts for facts, _ in answers]}, text, arrays
+    results = [facts for facts, _ in answers]
+    return {"results": results}, _texts(results, request), arrays
+
+
+def _texts(results: list[dict[str, Any]], request: SampleRequest) -> str:
+    return "\n\n".join(f"signal {number}\n{_text(facts, request)}"
+                       for number, facts in enumerate(results, 1))
+
+
+def may_go_without_draws(request: SampleRequest, further: bool) -> bool:
+    """Whether the answers follow from the mixture: the learnt prior, and nothing that needs draws.
+
+    Parameters
+    ----------
+    request : SampleRequest
+    further : bool
+        Whether there are further measurements of the surface.
+    """
+    return request.options.method == "prior" and not further and not request.baseline
+
+
+def bulk_facts(request: SampleRequest, parsed: _Parsed,
+               signals: list[np.ndarray]) -> list[dict[str, Any]]:
+    """What `sample` answers of each of many signals, without draws but for those that no spectrum
+    of the prior gives.
+
+    Parameters
+    ----------
+    request : SampleRequest
+    parsed : _Parsed
+    signals : list of (K,) arrays
+
+    Raises
+    ------
+    InputError, CalibrationError, ConvergenceError
+    """
+    started, prior = time.perf_counter(), parsed.prior
+    assert prior is not None
+    check_level(request.level)
+    bases = [measurement_of_signal(parsed.relative_response, signal, parsed.white, parsed.noise)
+             for signal in signals]
+    for base in bases:
+        check_measurement(base, request.options.samples)
+    by_signal = [causes_of_error(base.signal, base.noise_covariance, request.light_error,
+                                 request.sensitivity_error) for base in bases]
+    causes = {name: np.array([one[name] for one in by_signal]) for name in by_signal[0]}
+    noise = np.sum(list(causes.values()), axis=0)
+    y = np.array([base.signal for base in bases])
+    found = summaries(prior, response_on(bases[0], GRID), y, causes, request.level)
+    count = request.options.coefficients
+    bound_lower, bound_upper = bounds_of_many(
+        spline_operator(bases[0], count).A, y, noise, basis_matrix(GRID.nm, count), request.level)
+    seconds = (time.perf_counter() - started) / len(signals)
+    results = []
+    for row in range(len(signals)):
+        if found.outcome[row] is Outcome.TOO_ROUGH:     # draws tell how near one can come
+            results.append(_answer(request, parsed, signals[row])[0])
+            continue
+        shares = dict(zip(prior.families, found.family_shares[row].tolist(), strict=True))
+        familiar = found.outcome[row] is Outcome.FAMILIAR
+        method = "learnt prior" if familiar else "smoothness prior"
+        sentence = sentence_of(found.outcome[row], prior.stated, shares)
+        results.append({
+            "wavelengths_nm": GRID.nm.tolist(), "mean": found.mean[row].tolist(),
+            "standard_deviation": found.standard_deviation[row].tolist(),
+            "lower": found.lower[row].tolist(), "upper": found.upper[row].tolist(),
+            "bound_lower": bound_lower[row].tolist(), "bound_upper": bound_upper[row].tolist(),
+            "effective_samples": None, "samples": 0, "level": request.level, "method": method,
+            "seed": request.options.seed, "outcome": sentence,
+            "conditional_on": f"Conditional on the prior {method}, no draws needed. {sentence}",
+            "next_measurement_nm": float(found.next_measurement_nm[row]),
+            "bounds_from": "all measurements",
+            "error_budget": dict(zip((METAMERISM, *causes, FLOOR), found.budget[row].tolist(),
+                                     strict=True)),
+            "families": shares, "seconds": seconds})
+    return results
 
 
 @dataclass(frozen=True)
@@ -156,9 +244,8 @@ def _answer(request: SampleRequest, parsed: _Parsed,
         facts["doubtful"] = doubtful(base, more, prior, options.seed)
     if prior is not None and options.method == "prior" and not more and parsed.twice is None:
         budget = error_budget(prior, base, causes)
-        total = float(np.mean(sum(budget.values(), np.zeros(1))))
-        facts["error_budget"] = {name: float(np.mean(variance)) / total
-                                 for name, variance in budget.items()}
+        shares = shares_by_cause({name: variance[None] for name, variance in budget.items()})
+        facts["error_budget"] = {name: float(share[0]) for name, share in shares.items()}
     if prior is not None and options.method == "prior":
         facts["families"] = family_shares(prior, measurement)
     if request.baseline or request.truth is not None:
@@ -217,7 +304,8 @@ def _text(facts: dict[str, Any], request: SampleRequest) -> str:
                                                    for name, share in facts["error_budget"].items()
                                                    if share > 0))
     lines += facts.get("doubtful", [])
-    lines += [facts["outcome"], f"{facts['samples']} draws, {facts['method']}; "
+    draws = f"{facts['samples']} draws" if facts["samples"] else "no draws needed"
+    lines += [facts["outcome"], f"{draws}, {facts['method']}; "
               f"{facts['seconds']:.2f} s; the next reading helps most at "
               f"{facts['next_measurement_nm']:.0f} nm"]
     if "judged" in facts:

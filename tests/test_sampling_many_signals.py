@@ -1,0 +1,88 @@
+"""Many signals answered at once, without draws: against each alone, and against draws."""
+import numpy as np
+import pytest
+from sampling_cameras import surface
+
+from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.prior.summaries import summaries
+from spectrabox.session.signals.answers import SampleRequest, sample_answer
+from spectrabox.session.signals.request_draws import DrawOptions
+from spectrabox.session.signals.signal_options import response_of_names
+
+CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"
+CURVES = ("mean", "standard_deviation", "lower", "upper")
+
+
+def problem(count):
+    response = response_of_names(CAMERA, LIGHT)
+    signals = np.array([response @ surface(GRID.nm, seed) for seed in range(count)])
+    return response, signals, {"photo noise": np.tile(1e-5 * np.eye(3), (count, 1, 1)),
+                               "light": 1e-4 * signals[:, :, None] * signals[:, None, :]}
+
+
+def test_a_signal_among_many_is_answered_as_alone():
+    response, signals, causes = problem(110)        # more than one batch
+    together = summaries(load_prior(), response, signals, causes, 0.95)
+    for row in (0, 99, 109):
+        alone = summaries(load_prior(), response, signals[[row]],
+                          {name: part[[row]] for name, part in causes.items()}, 0.95)
+        for name in (*CURVES, "budget", "family_shares"):
+            # The posterior's mode is known to 1e-6 of a logit.
+            np.testing.assert_allclose(getattr(together, name)[row], getattr(alone, name)[0],
+                                       atol=1e-6)
+
+
+def test_the_order_of_signals_does_not_matter():
+    response, signals, causes = problem(12)
+    forth = summaries(load_prior(), response, signals, causes, 0.95)
+    back = summaries(load_prior(), response, signals[::-1],
+                     {name: part[::-1] for name, part in causes.items()}, 0.95)
+    for name in CURVES:
+        np.testing.assert_allclose(getattr(back, name)[::-1], getattr(forth, name), atol=1e-6)
+
+
+def asked(folder, signals, keep_draws):
+    path = folder / "signals.csv"
+    path.write_text("R,G,B\n" + "".join(f"{r},{g},{b}\n" for r, g, b in signals))
+    return sample_answer(SampleRequest(
+        sensitivity=CAMERA, light=LIGHT, signal=None, signals=path, white=None,
+        noise="0.003,0.003,0.003", options=DrawOptions(13, "prior", 4000, 0, "bounded", None, None),
+        prior=None, families=(), level=0.95, readings=(), photos=(), same=(), more=None,
+        twice=None, baseline=False, truth=None, column=None, lights=("D65",), light_error=0.01,
+        sensitivity_error=0.0, keep_draws=keep_draws))[0]["results"]
+
+
+@pytest.fixture(scope="module")
+def both_ways(tmp_path_factory):
+    _, signals, _ = problem(8)
+    folder = tmp_path_factory.mktemp("signals")
+    return asked(folder, signals, False), asked(folder, signals, True)
+
+
+def test_answers_without_draws_agree_with_those_of_draws(both_ways):
+    without, drawn = both_ways
+    spread = np.array([facts["standard_deviation"] for facts in drawn])
+    for name in CURVES:
+        away = np.array([facts[name] for facts in without]) - [facts[name] for facts in drawn]
+        # 4000 draws tell a 97.5 % quantile to 0.04 standard deviations; the rest is the projection
+        # of draws onto the signal, which the mixture's own quantiles leave out.
+        assert np.sqrt(np.mean((away / spread)**2)) < 0.25, name
+
+
+def test_what_needs_no_draws_is_the_same_either_way(both_ways):
+    for without, drawn in zip(*both_ways, strict=True):
+        assert without["samples"] == 0
+        assert without["effective_samples"] is None
+        assert {**drawn, **without}.keys() == drawn.keys()
+        assert without["outcome"] == drawn["outcome"]
+        # The same programmes, in another order: round-off over a weight of 1e-3.
+        for bound in ("bound_lower", "bound_upper"):
+            np.testing.assert_allclose(without[bound], drawn[bound], atol=1e-10)
+        for cause, share in drawn["error_budget"].items():
+            assert without["error_budget"][cause] == pytest.approx(share, abs=1e-6)
+
+
+def test_a_signal_that_nothing_gives_falls_back_to_draws(tmp_path):
+    facts = asked(tmp_path, [[0.9, 0.05, 0.9], [0.3, 0.3, 0.3]], False)
+    assert facts[0]["samples"] == 4000
+    assert facts[1]["samples"] == 0
