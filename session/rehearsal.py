@@ -33,9 +33,9 @@ from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families, reflectance
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import load_finished, stage_states
-from spectrabox.session.stages.calibrate_stage import calibrations_of
 from spectrabox.session.stages.error_budget import measurement_of, scale_covariances
-from spectrabox.session.stages.reconstruct_stage import drift_of, joint_of, settings_of, views_of
+from spectrabox.session.stages.reconstruct_stage import drift_of, settings_of, views_of
+from spectrabox.session.stages.stored_records import calibrations_of, joint_of
 
 DRAWS = 399              # of each posterior: ranks 0 to 399 fall into ten bins of 40
 RANK_BINS = 10

@@ -12,7 +12,8 @@ from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.rehearsal import rehearse
-from spectrabox.session.stages.reconstruct_stage import joint_of, settings_of, views_of
+from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
+from spectrabox.session.stages.stored_records import joint_of
 from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal, too_narrow
 
 TIMES = 20
