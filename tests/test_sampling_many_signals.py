@@ -64,8 +64,8 @@ def test_answers_without_draws_agree_with_those_of_draws(both_ways):
     spread = np.array([facts["standard_deviation"] for facts in drawn])
     for name in CURVES:
         away = np.array([facts[name] for facts in without]) - [facts[name] for facts in drawn]
-        # 4000 draws tell a 97.5 % quantile to 0.04 standard deviations; the rest is the projection
-        # of draws onto the signal, which the mixture's own quantiles leave out.
+        # 4000 draws tell a 97.5 % quantile to 0.04 standard deviations; the rest is likely the
+        # projection of draws onto the signal, which the mixture's own quantiles leave out.
         assert np.sqrt(np.mean((away / spread)**2)) < 0.25, name
 
 
