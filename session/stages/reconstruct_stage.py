@@ -36,7 +36,7 @@ from spectrabox.session.stages.inputs import (
     read_reflectance,
     require_materials,
 )
-from spectrabox.session.stages.scene_sampling import require_one_transport
+from spectrabox.session.stages.one_transport import require_one_transport
 from spectrabox.session.stages.scenes import read_session_scene
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import (

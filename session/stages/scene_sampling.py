@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import (
     Calibration,
@@ -20,6 +19,7 @@ from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.scene.draws import draw_scene, shared_errors
 from spectrabox.session.stages.error_budget import scale_covariances
+from spectrabox.session.stages.one_transport import require_one_transport
 
 KEPT = 1e-4              # of the largest variance of a direction of the sensitivities' error
 
@@ -60,28 +60,6 @@ def draw_through_transport(calibration: Calibration, joint: JointReconstruction,
     return draw_scene(regions.transport, regions.signal, regions.standard_error, response, draws,
                       seed, common=_common_errors(calibration, joint, regions, fine), known=known,
                       families=families, coefficients=coefficients)
-
-
-def require_one_transport(photos: int, traced: bool) -> None:
-    """Refuse draws through the transport where there is not just one.
-
-    Parameters
-    ----------
-    photos : int
-        Of the session.
-    traced : bool
-        Whether the engine traces one light transport, for lights of one spectrum.
-
-    Raises
-    ------
-    InputError
-    """
-    if photos > 1 or not traced:
-        reason = "the session has several photos" if photos > 1 else \
-            "the engine kept no light transport, or the lights differ in spectrum"
-        raise InputError("sampling.through = \"transport\" takes one photo under lights of one "
-                         f"spectrum, fitted by the transport engine, and {reason}; set [sampling] "
-                         "through = \"surface\"")
 
 
 def _common_errors(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
