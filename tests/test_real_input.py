@@ -99,7 +99,8 @@ def test_a_surface_that_does_not_fit_is_named(converted):
     outcome = run(converted)
     facts = json.loads(outcome.stdout)
     assert facts["verdict"] == "fail", facts["surfaces"]
-    assert any("disagree on white" in warning for warning in facts["warnings"]), facts["warnings"]
+    assert any(warning.startswith("white / ") and "does not fit" in warning
+               for warning in facts["warnings"]), facts["warnings"]
     report = (converted / "report.html").read_text(encoding="utf-8")
     assert "does not fit" in report
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
-from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.further.more_measurements import joined
 from spectrabox.sampling.further.self_reflection import given_reflected_twice
@@ -229,7 +229,8 @@ def test_weighting_by_light_reflected_twice_is_bayes_rule():
     ones = np.ones((1, 61)) / 61
     levels = np.array([0.5, 0.6])
     spectra = levels[:, None] * np.ones((2, 61))
-    samples = SpectrumSamples(GRID, spectra, np.zeros((2, 5)), "m", 2.0, 0, "o")
+    samples = SpectrumSamples(GRID, spectra, np.zeros((2, 5)), "m", 2.0, 0, Outcome.FAMILIAR,
+                              "o")
     away = 0.36 - 0.25
     variance = away**2 / (2 * np.log(4))    # the second draw is then 4 times less likely
     twice = SpectralMeasurement(GRID, ones, np.array([0.25]), np.array([[variance - 1e-6]]))

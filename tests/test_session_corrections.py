@@ -75,7 +75,11 @@ def test_a_photo_through_a_distorting_lens_is_undistorted(captured, finished):
     mended = reconstruction_of(run(append(captured, '\n[camera]\nlens = "lens.json"\n')))
     whole = reconstruction_of(load_finished(read_session(finished)).stored)
     off = [np.abs(made.signal / whole.signal - 1).max() for made in (crooked, mended)]
-    assert off[1] < 0.03 and off[1] < off[0], off
+    assert off[1] < off[0] / 2, off
+    # the two photos differ in noise and in pixels near edges; one of twelve signals beyond three
+    # standard errors would be seen in three of a hundred such pairs
+    error = np.sqrt(np.einsum("mjj->mj", whole.signal_covariance + mended.signal_covariance))
+    assert np.abs((mended.signal - whole.signal) / error).max() < 3
 
 
 def dim(folder, factor):
