@@ -7,9 +7,11 @@ from scipy import stats
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.colour_upsampling import METHODS, observer_response, upsampled
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as shipped_reflectances
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
-from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families
+from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.prior.tables import (
     build_table,
     lattice,
@@ -35,6 +37,21 @@ def test_the_table_is_exact_at_its_points(table):
     # Single precision of the table and of the place in it, times slopes of the table of order 6.
     np.testing.assert_allclose(mean, direct_mean, atol=1e-4)
     np.testing.assert_allclose(spread, direct_spread, atol=1e-4)
+
+
+@pytest.mark.parametrize("families", [(), ("paint",)])
+def test_a_pixel_is_as_uncertain_as_a_signal_of_its_own(families):
+    prior, noise = of_families(load_prior(), families), 0.01
+    matrix = response(3)[1]
+    signals = matrix @ np.array([surface(GRID.nm, seed) for seed in range(8)]).T
+    causes = {"noise": np.einsum("kt,kl->tkl", (noise * signals)**2, np.eye(3))}
+    alone = summaries(prior, matrix, signals.T, causes, 0.95)
+    known = alone.outcome == Outcome.FAMILIAR
+    assert known.sum() > 3
+    found = uplift_directly(prior, matrix, signals.T, noise)
+    for values, expected in zip(found, (alone.mean, alone.standard_deviation), strict=True):
+        # the same sums
+        np.testing.assert_allclose(values[known], expected[known], rtol=1e-12)
 
 
 def test_greys_are_on_the_lattice_but_for_their_level():

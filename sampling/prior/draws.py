@@ -27,6 +27,7 @@ from spectrabox.sampling.polytope.tilt import is_reachable
 from spectrabox.sampling.polytope.tilted_rejection import noise_columns
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior, reflectance
 from spectrabox.sampling.prior.posterior import (
+    LEVEL,
     MISFIT,
     MixturePosterior,
     band_factors,
@@ -35,7 +36,6 @@ from spectrabox.sampling.prior.posterior import (
 )
 from spectrabox.sampling.prior.smoothness import smoothness_prior
 
-LEVEL = 0.95                    # whose calibrated factor enlarges the draws
 SIGNAL_ATOL = 1e-10             # of white
 NEWTON_STEPS = 12
 MAX_STEP = 3.0                  # logits

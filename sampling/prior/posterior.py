@@ -35,6 +35,7 @@ HERMITE_NODES, HERMITE_WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
 BISECTIONS, NEWTON_STEPS = 10, 6
 ROOT_2_PI = np.sqrt(2 * np.pi)
 USUAL_WIDTH = 0.12          # mean of a 95 % band before calibration
+LEVEL = 0.95                # whose calibrated factor enlarges draws, and what is said of them
 
 
 @dataclass(frozen=True, eq=False)

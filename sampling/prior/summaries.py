@@ -16,9 +16,9 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.records import Outcome
 from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
-from spectrabox.sampling.prior.draws import LEVEL
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, reflectance
 from spectrabox.sampling.prior.posterior import (
+    LEVEL,
     MISFIT,
     MixturePosterior,
     as_drawn,

@@ -20,7 +20,12 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture
-from spectrabox.sampling.prior.posterior import mean_and_spread, posterior
+from spectrabox.sampling.prior.posterior import (
+    LEVEL,
+    as_drawn,
+    mean_and_spread,
+    posterior,
+)
 
 SIDE = 25                   # odd, so that grey is on the lattice
 MIN_ROOT = 0.12  # cube root of the darkest middle band; darker signals are taken for as dark
@@ -95,6 +100,8 @@ def uplift_directly(prior: LogitMixture, relative_response: np.ndarray, signals:
                     progress: Progress = lambda share: None) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation (n, 61) of signals (n, K), each by itself.
 
+    They are those of calibrated draws: as wide as the 95 % band, not as the bare mixture.
+
     Parameters
     ----------
     prior : LogitMixture
@@ -111,7 +118,8 @@ def uplift_directly(prior: LogitMixture, relative_response: np.ndarray, signals:
     def part(start: int) -> tuple[np.ndarray, np.ndarray]:
         some = signals[start:start + BATCH]
         covariance = np.einsum("tk,kl->tkl", (noise * some)**2, np.eye(len(relative_response)))
-        return mean_and_spread(posterior(prior, relative_response, some, covariance))
+        mixture = posterior(prior, relative_response, some, covariance)
+        return mean_and_spread(as_drawn(prior, mixture, LEVEL))
 
     means, spreads = np.empty((len(signals), GRID.nm.size)), np.empty((len(signals), GRID.nm.size))
     # Every core has a part of its own: threads within its small products would only wait.
