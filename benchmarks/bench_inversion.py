@@ -140,7 +140,7 @@ def by_transport(view: View, seed: int = 5) -> tuple[np.ndarray, float, float]:
     transport = traced(view, region, TRACE_SPP, seed)
     between = time.perf_counter()
     fit = fit_traced([TracedView(view, transport, region, group, Nuisances(scale=1.0))],
-                     smooth_prior(COEFFICIENTS, 0.1))
+                     [smooth_prior(COEFFICIENTS, 0.1)] * len(view.unknown))
     return fit.coefficients, between - start, time.perf_counter() - between
 
 

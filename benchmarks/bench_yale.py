@@ -156,7 +156,7 @@ def without_scale(view: View, truth: dict[str, np.ndarray], given: Reconstructio
     free = replace(nuisances(view, settings), scale=None, brightness_error=shown.brightness,
                    surface_error=shown.colour, block_error=shown.block)
     fit = fit_traced([TracedView(view, traced, region, group, free)],
-                     spectrum_prior(settings, GRID))
+                     [spectrum_prior(settings, GRID)] * len(view.unknown))
     spectra = view.spectra(fit.coefficients)
     return {"photo": view.name, "case": "no scale", "seconds": time.perf_counter() - start,
             "scale": fit.views[0].scale, "scale_error": fit.views[0].scale_error,

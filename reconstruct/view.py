@@ -14,6 +14,7 @@ import numpy as np
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.records import (
     Calibration,
+    LearntSpectra,
     LightScale,
     LinearImage,
     Spectrum,
@@ -34,11 +35,15 @@ PLACEHOLDER = 0.5
 
 @dataclass(frozen=True, eq=False)
 class MaterialSpec:
-    """A material of the session: its BSDF in the scene, and its reflectance (P,) if it is known."""
+    """A material of the session: its BSDF in the scene, and its reflectance (P,) if it is known.
+
+    ``learnt`` is what is expected of an unknown one whose family of surfaces was stated.
+    """
 
     name: str
     bsdf: str
     reflectance: np.ndarray | None = None
+    learnt: LearntSpectra | None = None
 
 
 @dataclass(frozen=True, eq=False)

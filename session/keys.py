@@ -85,10 +85,13 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
              is not None}
     read_by_scenes = {name: digest for scene in scenes.values()
                       for name, digest in _scene_files(scene, config.folder).items()}
+    learnt = config.reconstruct.spectrum_prior == "learnt"
+    families = {name: material.families for name, material in config.materials.items()}
     keys["reconstruct"] = {
         "files": files(*scenes, *(reference.file for reference in known.values())) | read_by_scenes,
         "settings": {"materials": {name: material.bsdf for name,
                                    material in config.materials.items()},
+                     "families": families if learnt else {},
                      "known": {name: _plain(reference) for name, reference in known.items()},
                      "scenes": {view.name: view.scene for view in views},
                      "lights by id": [list(view.lights_by_id) for view in views],
@@ -100,8 +103,7 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
         "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}} | made_by(
         "reconstruct")
     keys["sample"] = {"settings": {"sampling": _plain(config.sampling),
-                                   "families": {name: material.families for name, material
-                                                in config.materials.items()},
+                                   "families": families,
                                    "seed": config.session.seed},
                       "stages": {"reconstruct": fingerprint(keys["reconstruct"])}} | made_by(
         "sample")

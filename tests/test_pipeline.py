@@ -11,6 +11,7 @@ import pytest
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.sampling.measurement import response_on
+from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import (
     STAGES,
@@ -19,6 +20,8 @@ from spectrabox.session.pipeline import (
     stage_states,
 )
 from spectrabox.session.stages.error_budget import measurement_of
+from spectrabox.session.stages.reconstruct_stage import read_materials, settings_of
+from spectrabox.session.stages.scenes import read_session_scene
 from spectrabox.session.stages.stored_records import calibrations_of, joint_of, samples_of
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -59,12 +62,29 @@ def test_the_same_seed_gives_the_same_results_bit_for_bit(finished):
 @pytest.mark.parametrize("change, stale", [
     (("draws = 1000", "draws = 1200"), {"sample"}),
     (("steps = 80", "steps = 81"), {"reconstruct", "sample"}),
+    (('bsdf = "cube"', 'bsdf = "cube"\nfamily = "paint"'), {"reconstruct", "sample"}),
     (("width = 40", "width = 30"), {"photo", "reconstruct", "sample"}),
     (("coefficients = 10 ", "coefficients = 9 "), {"calibrate", "reconstruct", "sample"}),
     (("seed = 1", "seed = 2"), {"calibrate", "reconstruct", "sample"})])
 def test_only_what_a_change_touches_becomes_stale(finished, change, stale):
     edit(finished, *change)
     assert {name for name, state in states(finished).items() if state == "stale"} == stale
+
+
+def test_the_family_that_was_stated_is_what_the_fit_expects(captured):
+    edit(captured, 'bsdf = "cube"', 'bsdf = "cube"\nfamily = ["skin", "leaf"]')
+    config = read_session(captured)
+    materials = {each.name: each for each in read_materials(config, read_session_scene(config))}
+    assert materials["white"].learnt is None
+    expected = materials["cube"].learnt
+    mean, covariance = reflectance_moments(of_families(load_prior(), ["skin", "leaves"]))
+    np.testing.assert_array_equal(expected.mean, mean)
+    np.testing.assert_array_equal(expected.covariance, covariance)
+    assert not np.allclose(expected.mean, settings_of(config).learnt.mean, rtol=0.1)
+    edit(captured, "[reconstruct]", '[reconstruct]\nspectrum_prior = "smooth"')
+    config = read_session(captured)
+    plain = read_materials(config, read_session_scene(config))
+    assert all(each.learnt is None for each in plain)
 
 
 def test_a_changed_photo_says_why_its_stages_are_stale(finished):

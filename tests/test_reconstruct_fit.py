@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
@@ -14,6 +15,7 @@ from spectrabox.radiometry.response import relative_operator, response_matrix
 from spectrabox.reconstruct.fit.band_system import compress, huber_weight
 from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
 from spectrabox.reconstruct.fit.spectrum_prior import (
+    SpectrumPrior,
     learnt_prior,
     smooth_prior,
     smoothness_precision,
@@ -39,8 +41,9 @@ def model(known=None):
 def fit_spectra(system, model, smoothness=0.1, **nuisances):
     """The fit of one view."""
     terms = ViewTerms(system, model, Nuisances(**nuisances))
-    return fit_views([terms], [tuple(range(len(model.unknown)))],
-                     smooth_prior(model.basis.shape[1], smoothness))
+    unknown = len(model.unknown)
+    return fit_views([terms], [tuple(range(unknown))],
+                     [smooth_prior(model.basis.shape[1], smoothness)] * unknown)
 
 
 def transport(rng):
@@ -242,8 +245,7 @@ def test_two_lights_together_recover_spectra_better_than_either():
             photos.append(photo(rows, clean + sigma * rng.standard_normal(clean.shape),
                                 1 / sigma**2, response))
         fits = [fit_views([photos[n] for n in chosen], [(0, 1)] * len(chosen),
-                           prior) for chosen in ((0,), (1,),
-                                                 (0, 1))]
+                          [prior, prior]) for chosen in ((0,), (1,), (0, 1))]
         errors.append([np.sqrt(np.mean(((fit.coefficients - truth) @ BASIS.T) ** 2))
                        for fit in fits])
         traces.append([np.trace(fit.covariance) for fit in fits])
@@ -259,7 +261,7 @@ def test_photos_that_share_some_materials_only():
     other = ViewTerms(compress(rows, measured, weight, GROUP),
                        SpectrumModel(turned, RESPONSE[None], BASIS, {}), Nuisances(scale=1.0))
     fit = fit_views([photo(rows, measured, weight), other], [(0, 1), (1, 0)],
-                     smooth_prior(COUNT, 0.0))
+                    [smooth_prior(COUNT, 0.0)] * 2)
     # As for one photo without noise: a flat valley at a weight of 1e-4.
     np.testing.assert_allclose(fit.coefficients @ OPERATOR.T, truth @ OPERATOR.T, rtol=0.01)
 
@@ -275,7 +277,7 @@ def test_the_gain_of_a_light_is_found_and_leaves_the_spectra_alone():
     weight = 1 / (0.003 * clean) ** 2
     measured = clean * (1 + 0.003 * rng.standard_normal(clean.shape))
     plain, gained = (fit_views([photo(rows, measured, weight, responses, light_error=error)],
-                                [(0, 1)], smooth_prior(COUNT, 0.1)) for error in (0.0, 0.3))
+                                [(0, 1)], [smooth_prior(COUNT, 0.1)] * 2) for error in (0.0, 0.3))
     # Two hundred and forty regions of 0.3 %, and interreflection to tell light from paint.
     np.testing.assert_allclose(gained.views[0].light_gains, [1.0, 1.3], rtol=0.03)
     off = [np.abs(fit.coefficients @ OPERATOR.T / (truth @ OPERATOR.T) - 1).max()
@@ -354,6 +356,26 @@ def test_the_learnt_prior_is_that_of_its_reflectances():
     np.testing.assert_allclose(prior.mean, coefficients.mean(axis=0), atol=1e-9)
     spread = np.linalg.inv(prior.precision) - 0.01**2 * np.eye(COUNT)
     np.testing.assert_allclose(spread, np.cov(coefficients, rowvar=False), atol=1e-9)
+
+
+def test_every_material_has_a_prior_of_its_own():
+    rows, measured, weight, _ = case()
+    names, means = ("wall", "block"), np.array([[0.3], [0.7]]) * np.ones((2, COUNT))
+    # the priors are all that is known: the photo is worth 1e-8 of them
+    precision = np.array([1e3 * np.eye(COUNT), 1e5 * np.eye(COUNT)])
+    priors = [SpectrumPrior(*each) for each in zip(means, precision, strict=True)]
+    blind = fit_views([photo(rows, measured, 1e-15 * weight)], [(0, 1)], priors)
+    np.testing.assert_allclose(blind.coefficients, means, atol=1e-6)
+    np.testing.assert_allclose(blind.covariance, block_diag(*np.linalg.inv(precision)),
+                               atol=1e-10)
+    # What the photo says is divided by what each prior says: in light that met one surface only,
+    # the ratios of a prior a hundred times as sharp are a hundredth.
+    rows = rows * (EXPONENTS.sum(axis=1) == 1)
+    broad, own = (identifiability(fit_views([photo(rows, measured, weight, scale=1.0)], [(0, 1)],
+                                            each), names, OPERATOR)
+                  for each in ([priors[0], SpectrumPrior(means[1], precision[0])], priors))
+    np.testing.assert_allclose(own[1].ratio[:3], broad[1].ratio[:3] / 100, rtol=0.05)
+    np.testing.assert_allclose(own[0].ratio[:3], broad[0].ratio[:3], rtol=0.05)
 
 
 def test_gains_as_unknowns_are_the_same_as_gains_in_the_covariance():

@@ -253,6 +253,23 @@ def test_the_prior_on_spectra_is_an_option(first):
         spectrum_prior(replace(SETTINGS, spectrum_prior="learnt"), GRID)
 
 
+def test_what_a_material_is_said_to_be_decides_what_the_photo_leaves_open(first):
+    names = [material.name for material in first.materials]
+    broad = LearntSpectra(GRID.nm, np.full(GRID.nm.size, 0.4), 0.04 * np.eye(GRID.nm.size))
+    narrow = LearntSpectra(GRID.nm, TRUTH["red"], 1e-4 * np.eye(GRID.nm.size))
+    said = replace(first, materials=tuple(
+        replace(material, learnt=narrow if material.name == "red" else None)
+        for material in first.materials))
+    settings = replace(SETTINGS, spectrum_prior="learnt", learnt=broad)
+    free, stated = (np.sqrt(np.mean((reconstruct_views([one], settings, silent).views[0].spectra
+                                     - SPECTRA)**2, axis=1)) for one in (first, said))
+    red = names.index("red")
+    # within the narrow prior, and a fraction of what the broad one leaves open
+    assert stated[red] < 0.015 and stated[red] < free[red] / 3
+    # others change by no more than interreflection of the red tells
+    assert np.abs(np.delete(stated - free, red)).max() < 0.01
+
+
 def test_what_only_the_prior_says_is_said(first):
     found = reconstruct_views([first], replace(SETTINGS, coefficients=20), silent).views[0]
     assert "left to the prior" in found.notes[0] and "Solved, but" in found.outcome.value

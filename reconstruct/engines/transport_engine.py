@@ -101,13 +101,14 @@ def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
     image : function of a traced view and its part of the fit
         The rendering (H, W, K) of the solution for a light scale of 1.
     """
-    prior = spectrum_prior(settings, traced[0].view.grid)
-    fit = fit_traced(traced, prior)
+    priors = [spectrum_prior(settings, traced[0].view.grid, material.learnt)
+              for material in unknown_materials([view.view for view in traced])]
+    fit = fit_traced(traced, priors)
     images = [image(view, part) for view, part in zip(traced, fit.views, strict=True)]
     informed = [replace(view, nuisances=_informed_by(shown, view, settings))
                 for view, shown in zip(traced, images, strict=True)]
     if [view.nuisances for view in informed] != [view.nuisances for view in traced]:
-        traced, fit = informed, fit_traced(informed, prior)
+        traced, fit = informed, fit_traced(informed, priors)
         images = [image(view, part) for view, part in zip(traced, fit.views, strict=True)]
     return TracedSolution(tuple(traced), fit, _answers(traced, fit, images, settings))
 

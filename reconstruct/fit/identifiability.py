@@ -4,6 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from spectrabox.reconstruct.fit.transport_fit import TransportFit
 
@@ -92,13 +93,14 @@ def identifiability(fit: TransportFit, materials: tuple[str, ...],
     U of Identifiability
     """
     count = operator.shape[1]
-    prior = fit.prior_precision
-    root = np.linalg.cholesky(prior)
+    precision = block_diag(*fit.prior_precision)
     answers = []
     photo = _spectra_alone(fit.information, count * len(materials))
     for index, name in enumerate(materials):
         own = slice(index * count, (index + 1) * count)
-        information = _others_marginalised(photo, prior, own, len(materials)) - prior
+        prior = fit.prior_precision[index]
+        root = np.linalg.cholesky(prior)
+        information = _others_marginalised(photo, precision, own) - prior
         whitened = np.linalg.solve(root, np.linalg.solve(root, information).T)
         ratio, vectors = np.linalg.eigh((whitened + whitened.T) / 2)
         ratio, vectors = ratio[::-1], vectors[:, ::-1]
@@ -130,8 +132,6 @@ def _spectra_alone(information: np.ndarray, count: int) -> np.ndarray:
     return np.asarray(information[:count, :count] - cross @ nuisances @ cross.T)
 
 
-def _others_marginalised(information: np.ndarray, prior: np.ndarray, own: slice,
-                         materials: int) -> np.ndarray:
+def _others_marginalised(information: np.ndarray, prior: np.ndarray, own: slice) -> np.ndarray:
     """Posterior precision (N, N) of one material with all others integrated out."""
-    whole = information + np.kron(np.eye(materials), prior)
-    return np.linalg.inv(np.linalg.inv(whole)[own, own])
+    return np.linalg.inv(np.linalg.inv(information + prior)[own, own])

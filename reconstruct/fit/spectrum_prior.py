@@ -8,7 +8,7 @@ import numpy as np
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records import LearntSpectra, WavelengthGrid
 from spectrabox.reconstruct.settings import SPECTRUM_PRIORS, InversionSettings
 
 BROAD = 1.0  # standard deviation of a coefficient around 0.5 by the prior, besides smoothness
@@ -23,8 +23,9 @@ class SpectrumPrior:
     precision: np.ndarray               # (N, N)
 
 
-def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid) -> SpectrumPrior:
-    """Prior of the coefficients of every unknown material, as the settings choose it.
+def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid,
+                   of_family: LearntSpectra | None = None) -> SpectrumPrior:
+    """Prior of the coefficients of an unknown material, as the settings choose it.
 
     Parameters
     ----------
@@ -32,6 +33,8 @@ def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid) -> Spectru
         Of which ``spectrum_prior``, ``smoothness``, ``coefficients`` and ``learnt`` count.
     grid : WavelengthGrid
         P wavelengths, on which a learnt prior is interpolated.
+    of_family : LearntSpectra, optional
+        In place of ``learnt``, where somebody said what family of surfaces the material is of.
 
     Raises
     ------
@@ -44,10 +47,10 @@ def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid) -> Spectru
     if settings.spectrum_prior != "learnt":
         return smooth_prior(settings.coefficients,
                             settings.smoothness if settings.spectrum_prior == "smooth" else 0.0)
-    if settings.learnt is None:
+    learnt = of_family or settings.learnt
+    if learnt is None:
         raise InputError("a learnt prior on spectra needs the mean and covariance of measured "
                          "reflectances: give them, or choose the prior \"smooth\"")
-    learnt = settings.learnt
     between = interpolation_matrix(learnt.nm, grid.nm)
     return learnt_prior(basis_matrix(grid.nm, settings.coefficients), between @ learnt.mean,
                         between @ learnt.covariance @ between.T)

@@ -114,7 +114,7 @@ class TracedView:
                              view.basis(coefficients), known)
 
 
-def fit_traced(views: Sequence[TracedView], prior: SpectrumPrior) -> TransportFit:
+def fit_traced(views: Sequence[TracedView], priors: Sequence[SpectrumPrior]) -> TransportFit:
     """Most probable spectra of all views, fitted robustly.
 
     Regions that no spectrum explains lose weight round by round. Regions that see the lamp count
@@ -123,20 +123,20 @@ def fit_traced(views: Sequence[TracedView], prior: SpectrumPrior) -> TransportFi
     Parameters
     ----------
     views : V views
-    prior : SpectrumPrior
-        The same for every material.
+    priors : U of SpectrumPrior
+        In the order of ``unknown_materials``.
     """
     # the matrices are small: several threads would take longer than one
     with threadpool_limits(1, "blas"):
         bsdfs = [material.bsdf for material in unknown_materials([view.view for view in views])]
         materials = [tuple(bsdfs.index(material.bsdf) for material in view.view.unknown)
                      for view in views]
-        count = prior.mean.size
-        fit = fit_views([view.terms(count) for view in views], materials, prior)
+        count = priors[0].mean.size
+        fit = fit_views([view.terms(count) for view in views], materials, priors)
         for _ in range(ROBUST_ROUNDS):
             terms = [view.terms(count, view.trust(solution))
                      for view, solution in zip(views, fit.views, strict=True)]
-            fit = fit_views(terms, materials, prior, fit.coefficients)
+            fit = fit_views(terms, materials, priors, fit.coefficients)
         return fit
 
 

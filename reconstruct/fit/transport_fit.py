@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from spectrabox.radiometry.records import Outcome
 from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior
@@ -36,26 +37,25 @@ class TransportFit:
     pull: np.ndarray                    # (D,) minus half the gradient of that part of the cost
     # (D,) bool: surface gains and light scales, whose errors later stages add
     added_later: np.ndarray
-    prior_precision: np.ndarray         # (N, N) of each material
+    prior_precision: np.ndarray         # (U, N, N)
     views: tuple[ViewFit, ...]
     cost_history: np.ndarray
     outcome: Outcome
 
 
 def fit_views(views: Sequence[ViewTerms], materials: Sequence[tuple[int, ...]],
-              prior: SpectrumPrior, start: np.ndarray | None = None) -> TransportFit:
+              priors: Sequence[SpectrumPrior], start: np.ndarray | None = None) -> TransportFit:
     """Most probable coefficients of the materials that the views share.
 
     Parameters
     ----------
     views : V views
     materials : for each view, which of the U materials each of its unknown materials is
-    prior : SpectrumPrior
-        The same for every material.
+    priors : U of SpectrumPrior
     start : (U, N) array, optional
         Flat spectra where it is left out.
     """
-    cost_of = _Cost(views, materials, prior)
+    cost_of = _Cost(views, materials, priors)
     state = cost_of.start(start)
     cost, gradient, curvature = cost_of.expand(state)
     damping, costs, calm, outcome = 1e-3, [cost], 0, Outcome.STEP_LIMIT
@@ -82,10 +82,9 @@ class _Cost:
     """The cost of all views and priors, with its gradient and Gauss-Newton curvature."""
 
     def __init__(self, views: Sequence[ViewTerms], materials: Sequence[tuple[int, ...]],
-                 prior: SpectrumPrior) -> None:
-        self.views, self.spectrum = views, prior
-        self.unknown = max((index for indices in materials for index in indices), default=-1) + 1
-        coefficients = prior.mean.size
+                 priors: Sequence[SpectrumPrior]) -> None:
+        self.views, self.spectra, self.unknown = views, priors, len(priors)
+        coefficients = priors[0].mean.size
         self.count = self.unknown * coefficients
         self.index, end = [], self.count     # of each view's state in the whole state
         for view, indices in zip(views, materials, strict=True):
@@ -96,11 +95,12 @@ class _Cost:
             end += extra
         self.size = end
         self.prior = np.zeros((end, end))
-        self.prior[:self.count, :self.count] = np.kron(np.eye(self.unknown), prior.precision)
+        self.prior[:self.count, :self.count] = block_diag(
+            *(prior.precision for prior in priors))
         for view, index in zip(views, self.index, strict=True):
             self.prior[np.ix_(index[view.count:], index[view.count:])] = view.prior
         self.centre = np.zeros(end)
-        self.centre[:self.count] = np.tile(prior.mean, self.unknown)
+        self.centre[:self.count] = np.concatenate([prior.mean for prior in priors])
 
     def start(self, coefficients: np.ndarray | None) -> np.ndarray:
         """Flat spectra, or the given ones, and the light scales that fit them best."""
@@ -160,7 +160,8 @@ class _Cost:
             added_later[index[view.gain]] = added_later[index[view.free_scale]] = True
         return TransportFit(
             state[:self.count].reshape(self.unknown, -1), covariance[:self.count, :self.count],
-            information + held, pull - held @ state, added_later, self.spectrum.precision,
+            information + held, pull - held @ state, added_later,
+            np.array([prior.precision for prior in self.spectra]),
             tuple(view.solution(state[index], covariance[np.ix_(index, index)])
                   for view, index in zip(self.views, self.index, strict=True)), costs, outcome)
 

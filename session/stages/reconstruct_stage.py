@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import MaterialSpec, View
-from spectrabox.sampling.prior.mixture import load_prior, reflectance_moments
+from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
     GRID,
@@ -129,11 +129,12 @@ def settings_of(config: SessionConfig) -> InversionSettings:
     """The settings of the inversion, with the learnt prior where it is asked for."""
     chosen = config.reconstruct
     return InversionSettings(**chosen.settings(), seed=config.session.seed,
-                             learnt=_learnt_spectra(chosen.spectrum_prior))
+                             learnt=_learnt_spectra(chosen.spectrum_prior, ()))
 
 
 def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpec, ...]:
-    """Materials of the session with their known spectra on the working grid.
+    """Materials of the session with their known spectra on the working grid, or what is expected of
+    their families.
 
     Raises
     ------
@@ -141,9 +142,14 @@ def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpe
         If scene and session do not name the same materials.
     """
     require_materials(scene, {name: material.bsdf for name, material in config.materials.items()})
-    return tuple(MaterialSpec(name, material.bsdf, None if material.known is None else
-                              spectrum_on_grid(read_reflectance(config, material.known), GRID))
-                 for name, material in config.materials.items())
+    specs = []
+    for name, material in config.materials.items():
+        known = None if material.known is None else \
+            spectrum_on_grid(read_reflectance(config, material.known), GRID)
+        learnt = _learnt_spectra(config.reconstruct.spectrum_prior, material.families) \
+            if material.families else None
+        specs.append(MaterialSpec(name, material.bsdf, known, learnt))
+    return tuple(specs)
 
 
 def drift_of(config: SessionConfig, stored: Mapping[str, StoredStage]) -> LightDrift | None:
@@ -177,10 +183,12 @@ def _widened(joint: JointReconstruction, drift: LightDrift) -> JointReconstructi
     return dataclasses.replace(joint, model_covariance=model, views=(first, *joint.views[1:]))
 
 
-def _learnt_spectra(spectrum_prior: str) -> LearntSpectra | None:
-    prior = load_prior() if spectrum_prior == "learnt" else None
-    return None if prior is None else LearntSpectra(np.asarray(prior.nm),
-                                                    *reflectance_moments(prior))
+def _learnt_spectra(spectrum_prior: str, families: Sequence[str]) -> LearntSpectra | None:
+    """Moments of the learnt prior where it is asked for, of some families if any were stated."""
+    if spectrum_prior != "learnt":
+        return None
+    prior = of_families(load_prior(), families)
+    return LearntSpectra(np.asarray(prior.nm), *reflectance_moments(prior))
 
 
 def scale_of_view(config: SessionConfig, view: ViewInputs, photo: LinearImage,
