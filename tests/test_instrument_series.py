@@ -68,7 +68,7 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):
 
 
 def test_a_name_that_leaves_the_folder_is_refused(tmp_path):
-    with pytest.raises(InputError, match="must start with a letter"):
+    with pytest.raises(InputError, match="begins with a letter"):
         readings_folder(tmp_path, "../x")
 
 

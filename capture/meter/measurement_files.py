@@ -13,6 +13,8 @@ import numpy as np
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.outside.names import file_stem, name_fault
+from spectrabox.radiometry.outside.words import shortened
 from spectrabox.radiometry.records import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 
@@ -36,9 +38,11 @@ def readings_folder(spectra: Path, name: str) -> Path:
     InputError
         If the name cannot be a folder's.
     """
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_. -]*", name):
-        raise InputError(f"the name {name!r} must start with a letter or digit and hold letters, "
-                         "digits, '-', '_', '.' only")
+    if (fault := name_fault(name)) is not None:
+        raise InputError(f"the name {shortened(name)}: {fault}")
+    if file_stem(name) != name:
+        raise InputError(f"the name {name!r} must hold letters, digits, spaces, '-', '_', '.' "
+                         f"only, since files are named after it: {file_stem(name)!r}, say")
     return spectra / "readings" / name
 
 

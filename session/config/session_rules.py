@@ -1,8 +1,8 @@
 """Faults of a session.toml between keys that are each well written."""
 from __future__ import annotations
 
-import re
-
+from spectrabox.radiometry.outside.names import name_fault, sharing_a_file
+from spectrabox.radiometry.outside.words import shortened
 from spectrabox.sampling.prior.families.words import unknown_families
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
@@ -51,15 +51,28 @@ def inconsistencies(config: SessionConfig) -> list[str]:
     if config.drift.chart_px and not config.needs_chart:
         problems.append(f"{FILE_NAME}: [drift] compares the object photo with the chart photo, but "
                         "nothing of this session comes from a chart photo; leave it out")
-    return problems + _views(config) + _bands(config)
+    return problems + _names(config) + _views(config) + _bands(config)
+
+
+def _names(config: SessionConfig) -> list[str]:
+    """Names of the session and of what it has, by one rule; files are named after them."""
+    named: dict[str, list[str]] = {
+        "session.name = ": [config.session.name], "materials.": [*config.materials],
+        "views.": [*config.views],
+        "photos.object.": [band for band in by_band(config.photos.object) if band != ONE_PHOTO]}
+    problems = []
+    for place, names in named.items():
+        problems += [f"{FILE_NAME}: {place}{shortened(name)}: {fault}" for name in names
+                     if (fault := name_fault(name)) is not None]
+        problems += [f"{FILE_NAME}: {place}{shortened(first)} and {shortened(other)}: files would "
+                     "be named alike after both; rename one"
+                     for first, other in sharing_a_file(names)]
+    return problems
 
 
 def _views(config: SessionConfig) -> list[str]:
     problems = []
     for name, view in config.views.items():
-        if not re.fullmatch(r"[\w -]+", name):
-            problems.append(f"{FILE_NAME}: [views.\"{name}\"]: a view's name is made of letters, "
-                            "digits, - and _, since files are named after it")
         if view.chart is not None and config.chart.scene is None:
             problems.append(f"{FILE_NAME}: views.{name}.chart needs chart.scene: a scale from a "
                             "chart photo needs light and chart in their places")

@@ -325,7 +325,7 @@ class ViewInputs:
 
     def record(self, kind: str) -> str:
         """The name under which a stage stores what it makes of this view."""
-        return f"{kind} {self.name}".rstrip()
+        return f"{kind} {self.name}" if self.name else kind
 
 
 class SessionConfig(SessionTables):

@@ -3,13 +3,13 @@ pictures as numbers.
 """
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
 
 from spectrabox.capture.photo.image_files import write_exr, write_png
 from spectrabox.radiometry.files import writable, write_text_whole
+from spectrabox.radiometry.outside.names import file_stem
 from spectrabox.radiometry.records import Quantity, Reconstruction
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.spectra.spectrum_files import table_text
@@ -33,14 +33,13 @@ def write_outputs(results: SessionResults) -> list[Path]:
     with writable(results.folder):
         (results.folder / "spdx").mkdir(exist_ok=True)
     for material in results.materials:
-        name = re.sub(r"[^\w -]", "-", material.name)
-        texts[results.folder / "spdx" / f"{name}.spdx"] = spdx_text(
+        texts[results.folder / "spdx" / f"{file_stem(material.name)}.spdx"] = spdx_text(
             results.reconstruction.grid.nm, {material.name: best_spectrum(material)},
             quantity=Quantity.REFLECTANCE, source=f"{material.name}, {results.name}")
     for path, text in texts.items():
         write_text_whole(path, text)
     views = [("comparison", results.reconstruction, results.calibration, results.bands)]
-    views += [(f"comparison {view.name}", view.reconstruction, view.calibration,
+    views += [(f"comparison {file_stem(view.name)}", view.reconstruction, view.calibration,
                view.bands) for view in results.views]
     pictures = []
     for name, made, calibration, bands in views:
