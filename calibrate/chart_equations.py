@@ -67,10 +67,26 @@ def field_terms(positions: np.ndarray) -> np.ndarray:
     positions : (I, 2) array
         Of the patches on the chart, any unit.
     """
-    centred = (positions - positions.mean(axis=0)) / positions.std(axis=0)
-    x, y = centred.T
-    terms = np.column_stack([x, y, x**2, y**2, x * y])
-    return (terms - terms.mean(axis=0)) / terms.std(axis=0)
+    return field_terms_at(positions, positions)
+
+
+def field_terms_at(places: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """The same terms (n, 5) at any places; ``positions`` of the patches set mean and spread.
+
+    Parameters
+    ----------
+    places : (n, 2) array
+        In the unit of the positions; beyond the chart the terms grow.
+    positions : (I, 2) array
+    """
+    centre, spread = positions.mean(axis=0), positions.std(axis=0)
+
+    def terms(at: np.ndarray) -> np.ndarray:
+        x, y = ((at - centre) / spread).T
+        return np.column_stack([x, y, x**2, y**2, x * y])
+
+    of_patches = terms(positions)
+    return (terms(places) - of_patches.mean(axis=0)) / of_patches.std(axis=0)
 
 
 def unlit_design(photo: ChartEquations, basis: np.ndarray) -> np.ndarray:

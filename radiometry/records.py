@@ -88,6 +88,24 @@ class Spectrum(Record):
     standard_error: Annotated[np.ndarray, "P"] | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class UnknownLight(Record):
+    """A light whose spectrum nobody stated; what is known of it narrows the lamps it may be."""
+
+    kind: str | None = None     # one of LIGHT_KINDS
+    cct: float | None = None    # correlated colour temperature, K
+
+    @property
+    def words(self) -> str:
+        """What is known of it, as a report says it."""
+        if self.cct is not None:
+            return f"unknown light of {self.cct:g} K"
+        return "unknown light" if self.kind is None else f"unknown light, {self.kind}"
+
+
+LIGHT_KINDS = ("daylight", "halogen", "led", "fluorescent")
+
+
 # ---- capture -------------------------------------------------------------------------------------
 
 @dataclass(frozen=True, eq=False)
@@ -191,6 +209,60 @@ class CalibrationDoubt(Enum):
 
     UNLIKE_CAMERAS = ("the curves are like those of no measured camera: check that the light "
                       "spectrum is that of the photo")
+    WRONG_LIGHT = ("the chart contradicts the stated light: correct its spectrum, or state the "
+                   "light as \"unknown\"")
+
+
+@dataclass(frozen=True, eq=False)
+class LightPosterior(Record):
+    """What a chart says of a light by itself whose spectrum nobody stated; of mean 1."""
+
+    grid: WavelengthGrid
+    kinds: tuple[str, ...]                          # Q of LIGHT_KINDS
+    probabilities: Annotated[np.ndarray, "Q"]
+    mean: Annotated[np.ndarray, "P"]
+    lower: Annotated[np.ndarray, "P"]               # pointwise band at ``level``
+    upper: Annotated[np.ndarray, "P"]
+    level: float
+    sentences: tuple[str, ...]                      # how wide it is, whether it has two peaks
+
+
+@dataclass(frozen=True, eq=False)
+class ChartWhite(Record):
+    """What a perfect white would read in place of the chart, and beyond it, in one chart photo.
+
+    signal = level exp(terms @ field) x relative signal + glare, with the ``terms`` (E,) of a place
+    from ``calibrate.chart_equations.field_terms_at``.
+    """
+
+    level: Annotated[np.ndarray, "K"]               # signal, where the terms of the field are 0
+    field: Annotated[np.ndarray, "E"]               # of the logarithm; E = 0 where light is even
+    glare: Annotated[np.ndarray, "K"]               # signal
+    covariance: Annotated[np.ndarray, "Z Z"]        # of log level, field, glare: Z = 2 K + E
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOutPatches(Record):
+    """Reflectance of each patch of a chart from its own signal and a calibration without it."""
+
+    grid: WavelengthGrid
+    mean: Annotated[np.ndarray, "I P"]
+    lower: Annotated[np.ndarray, "I P"]             # pointwise band at ``level``
+    upper: Annotated[np.ndarray, "I P"]
+    reference: Annotated[np.ndarray, "I P"]         # of the chart, taken as the truth
+    kept_out: Annotated[np.ndarray, "I"]            # bool: of no fit at all, by the operator's word
+    level: float
+
+    @property
+    def rmse(self) -> np.ndarray:
+        """Root mean square error (I,) of each patch over wavelengths."""
+        return np.asarray(np.sqrt(np.mean((self.mean - self.reference) ** 2, axis=1)))
+
+    @property
+    def inside(self) -> np.ndarray:
+        """Share (I,) of wavelengths at which the band holds the reference."""
+        within = (self.lower <= self.reference) & (self.reference <= self.upper)
+        return np.asarray(within.mean(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,6 +275,9 @@ class Calibration(Record):
     relative_covariance: Annotated[np.ndarray, "K K"]   # of (photo - predicted) / photo
     checks: tuple[str, ...]
     doubts: tuple[CalibrationDoubt, ...] = ()
+    # Where the light is unknown ``sensitivity`` holds the products of sensitivity and light,
+    # ``light`` is 1 at every wavelength, and this says what is known of the light by itself.
+    light_posterior: LightPosterior | None = None
 
 
 # ---- reconstruct ---------------------------------------------------------------------------------

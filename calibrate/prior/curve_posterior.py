@@ -19,7 +19,7 @@ from spectrabox.calibrate.chart_equations import (
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.prior_fit import CurvePosterior
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Calibration
+from spectrabox.radiometry.records import Calibration, ChartWhite
 from spectrabox.radiometry.shaped import Record
 
 ROUND_OFF = 1e-9             # of the largest value
@@ -53,6 +53,7 @@ class PhotoState(Record):
     glare: Annotated[np.ndarray, "K"]
     glare_error: Annotated[np.ndarray, "K"]
     predicted: Annotated[np.ndarray, "I K"]
+    white: ChartWhite
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,10 +222,29 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
         if photo.glare:
             glare = nuisance[terms:]
             glare_error = np.sqrt(np.diag(covariance)[index + 1 + terms:index + count])
+        white = _white(photo, posterior.basis, moments.coefficients * moments.peak, mean,
+                       covariance, index)
         states.append(PhotoState(scale, scale * error, np.exp(photo.field_terms @ nuisance[:terms]),
-                                 glare, glare_error, predicted.reshape(-1, bands)))
+                                 glare, glare_error, predicted.reshape(-1, bands), white))
         index += count
     return states
+
+
+def _white(photo: ChartEquations, basis: np.ndarray, coefficients: np.ndarray, mean: np.ndarray,
+           covariance: np.ndarray, index: int) -> ChartWhite:
+    """White signal, field and glare with their covariance; ``index`` is of the log exposure."""
+    bands, terms = len(coefficients), photo.field_terms.shape[1]
+    lit = photo.power @ basis
+    white = coefficients @ lit
+    jacobian = np.zeros((2 * bands + terms, len(covariance)))
+    jacobian[:bands, :coefficients.size] = np.kron(np.eye(bands), lit) / white[:, None]
+    jacobian[:bands, index] = 1.0
+    count = nuisance_sd(photo).size
+    jacobian[bands:bands + count, index + 1:index + 1 + count] = np.eye(count)
+    nuisance = mean[index + 1:index + 1 + count]
+    glare = nuisance[terms:] if photo.glare else np.zeros(bands)
+    return ChartWhite(np.exp(mean[index]) * white, nuisance[:terms], glare,
+                      jacobian @ covariance @ jacobian.T)
 
 
 def _white_error(photo: ChartEquations, basis: np.ndarray, coefficients: np.ndarray,
