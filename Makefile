@@ -34,7 +34,7 @@ demo: $(STAMP)
 	@$(VENV)/bin/spectrabox demo $(DEMO)
 
 test: $(STAMP)
-	@$(PY) -m pytest -q
+	@$(PY) -m pytest -q -n auto --dist loadfile
 
 lint: $(STAMP)
 	@$(PY) -m ruff check .
