@@ -6,6 +6,7 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
@@ -24,6 +25,14 @@ def names_a_file(word: str) -> bool:
     return Path(word).exists() or (suffix != "" and not suffix.isdigit())
 
 
+@dataclass(frozen=True)
+class FileState:
+    """What a file is at one moment: equal only where nobody has written to it in between."""
+
+    sha256: str
+    stamp: tuple[int, ...]      # device, inode, bytes, times of the last change
+
+
 def sha256_of(path: Path) -> str:
     """SHA-256 of a file's content.
 
@@ -36,9 +45,27 @@ def sha256_of(path: Path) -> str:
     InputError
         If the file is missing or cannot be read.
     """
+    return file_state(path).sha256
+
+
+def file_state(path: Path) -> FileState:
+    """A file's content as SHA-256, with what changes when it is replaced or written to.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        If the file is missing or cannot be read.
+    """
     try:
         with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+            # Taken first: what is written while the file is read shows in the next state.
+            of = os.fstat(stream.fileno())
+            return FileState(hashlib.file_digest(stream, "sha256").hexdigest(),
+                             (of.st_dev, of.st_ino, of.st_size, of.st_mtime_ns, of.st_ctime_ns))
     except FileNotFoundError:
         raise InputError(
             f"{path} is missing: add the file or correct its name in session.toml") from None

@@ -37,6 +37,7 @@ from spectrabox.session.stages.order import STAGES
 from spectrabox.session.stages.reconstruct_stage import require_invertible
 from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
 from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.store import StoredStage, load_stage, save_stage, stage_folder
 
 LONG_STAGE, DEVICE = "reconstruct", "cpu"
@@ -119,7 +120,8 @@ def _run_up_to_tracing(config: SessionConfig) -> None:
     """
     stored: dict[str, StoredStage] = {}
     with tempfile.TemporaryDirectory() as folder:
-        for name in takewhile(lambda name: name != LONG_STAGE, stage_keys(config)):
+        keys = stage_keys(config, InputFiles(config))
+        for name in takewhile(lambda name: name != LONG_STAGE, keys):
             with stage_folder(Path(folder), name) as new:
                 task = StageTask(config, DEVICE, stored, new, lambda done, what: None)
                 save_stage(new, {}, STAGES[name].run(task), 0.0, {})

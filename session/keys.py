@@ -5,11 +5,11 @@ import os
 from pathlib import Path
 from typing import Any
 
-from spectrabox.radiometry.files import sha256_of
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig
 from spectrabox.session.stages.order import STAGES
 from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
+from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.provenance import DECISIVE, versions
 from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import fingerprint
@@ -17,8 +17,13 @@ from spectrabox.session.store.store import fingerprint
 Key = dict[str, Any]
 
 
-def stage_keys(config: SessionConfig) -> dict[str, Key]:
+def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
     """What each stage of this session is made from.
+
+    Parameters
+    ----------
+    inputs : InputFiles
+        Takes the state of every file that a key names.
 
     Returns
     -------
@@ -31,14 +36,9 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
     InputError
         If an input file is missing.
     """
-    hashes: dict[str, str] = {}
-
-    def files(*names: str | None) -> dict[str, str]:
-        for name in names:
-            if name is not None and name not in hashes:
-                hashes[name] = sha256_of(config.path(name))
-        return {name: hashes[name] for name in names if name is not None}
-
+    files = inputs.digests
+    # before they are parsed: a scene that is replaced after this is noticed
+    files(config.chart.scene, *(view.scene for view in config.all_views))
     chart_scene = read_chart_scene(config)
     scenes = {view.scene: read_session_scene(config, view.scene) for view in config.all_views}
     reference = config.chart.reference_file
@@ -72,7 +72,8 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
                      } | made_by("photo")
     keys["calibrate"] = {
         "files": files(*light_files, config.chart.scene, curves, reference,
-                       config.sensitivity.prior) | _scene_files(chart_scene, config.folder),
+                       config.sensitivity.prior) | files(
+                           *_named_by(chart_scene, config.folder)),
         "settings": {"lights": lights, "sensitivity": _plain(config.sensitivity.source),
                      "method": config.sensitivity.method,
                      "coefficients": config.sensitivity.coefficients, "seed": config.session.seed,
@@ -83,12 +84,11 @@ def stage_keys(config: SessionConfig) -> dict[str, Key]:
         else {}} | made_by("calibrate")
     known = {name: material.known for name, material in config.materials.items() if material.known
              is not None}
-    read_by_scenes = {name: digest for scene in scenes.values()
-                      for name, digest in _scene_files(scene, config.folder).items()}
+    named = [name for scene in scenes.values() for name in _named_by(scene, config.folder)]
     learnt = config.reconstruct.spectrum_prior == "learnt"
     families = {name: material.families for name, material in config.materials.items()}
     keys["reconstruct"] = {
-        "files": files(*scenes, *(reference.file for reference in known.values())) | read_by_scenes,
+        "files": files(*scenes, *(reference.file for reference in known.values()), *named),
         "settings": {"materials": {name: material.bsdf for name,
                                    material in config.materials.items()},
                      "families": families if learnt else {},
@@ -120,12 +120,9 @@ def as_stored(key: Key) -> Key:
     return stored
 
 
-def _scene_files(scene: SceneFile | None, folder: Path) -> dict[str, str]:
-    """Digests of the meshes and textures of a scene, by their place as seen from the session
-    folder.
-    """
-    return {} if scene is None else {os.path.relpath(path, folder): sha256_of(path)
-                                     for path in scene.files}
+def _named_by(scene: SceneFile | None, folder: Path) -> list[str]:
+    """Meshes and textures of a scene, by their place as seen from the session folder."""
+    return [] if scene is None else [os.path.relpath(path, folder) for path in scene.files]
 
 
 def _plain(section: Any) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from spectrabox.session.keys import Key, as_stored, stage_keys
 from spectrabox.session.progress_display import StageProgress
 from spectrabox.session.stages.order import STAGES
 from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.store import (
     StoredStage,
     load_stage,
@@ -47,7 +48,7 @@ def stage_states(config: SessionConfig) -> list[StageState]:
     list of StageState
         Of all stages, in order.
     """
-    keys, states = stage_keys(config), []
+    keys, states = stage_keys(config, InputFiles(config)), []
     for name in STAGES:
         stored = load_stage(config.results_folder, name)
         if name not in keys:
@@ -77,7 +78,8 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
     InputError
         If ``only`` names no stage of this session, or a stage before it is not up to date.
     """
-    keys, order = stage_keys(config), list(STAGES)
+    inputs, order = InputFiles(config), list(STAGES)
+    keys = stage_keys(config, inputs)
     if only is not None and only not in keys:
         raise InputError(f"there is no stage {only!r} in this session; it has {', '.join(keys)}")
     finished = FinishedRun({}, {})
@@ -96,7 +98,8 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
             finished.stored[name], finished.states[name] = stored, "kept"
             progress(name, 1.0, "up to date")
         else:
-            finished.stored[name] = _run_stage(config, name, key, device, finished.stored, progress)
+            finished.stored[name] = _run_stage(config, name, key, inputs, device,
+                                               finished.stored, progress)
             finished.states[name] = "run"
     return finished
 
@@ -118,13 +121,14 @@ def load_finished(config: SessionConfig) -> FinishedRun:
                        dict.fromkeys(stored, "kept"))
 
 
-def _run_stage(config: SessionConfig, name: str, key: Key, device: str,
+def _run_stage(config: SessionConfig, name: str, key: Key, inputs: InputFiles, device: str,
                stored: dict[str, StoredStage], progress: StageProgress) -> StoredStage:
     start = time.perf_counter()
     progress(name, 0.0, "")
     with stage_folder(config.results_folder, name) as folder:
         records = STAGES[name].run(StageTask(config, device, stored, folder,
                                              lambda done, message: progress(name, done, message)))
+        inputs.require_unchanged(key.get("files", ()))
         save_stage(folder, as_stored(key), records, time.perf_counter() - start, {"stage": name})
     finished = load_stage(config.results_folder, name)
     assert finished is not None

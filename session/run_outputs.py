@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.radiometry.files import sha256_of
-from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
+from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.provenance import PACKAGES, versions
 from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import ARRAYS, FACTS, load_stage, save_stage, stage_folder
@@ -32,7 +33,7 @@ def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | N
     """What the files beside the results say, where all of them are those of this run."""
     stored = load_stage(config.results_folder, STAGE)
     if stored is None or set(finished.states.values()) != {"kept"} \
-            or stored.key != _key(config, finished):
+            or stored.key != _key(config, finished, InputFiles(config)):
         return None
     for name, digest in stored.facts["outputs"].items():
         path = config.folder / name
@@ -58,22 +59,27 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
         For the report: where Mitsuba rendered.
     """
     from spectrabox.session.write_outputs import write_outputs_of
+    inputs = InputFiles(config)
+    key = _key(config, finished, inputs)
     facts, text, files = write_outputs_of(config, finished, command_line, device)
+    inputs.require_unchanged(key["files"])
     digests = {path.relative_to(config.folder).as_posix(): sha256_of(path) for path in files}
     named = {name: Path(facts[name]).name for name in ("report", "spectra")}
     with stage_folder(config.results_folder, STAGE) as folder:
-        save_stage(folder, _key(config, finished), {}, 0.0,
+        save_stage(folder, key, {}, 0.0,
                    {"outputs": digests, "facts": {**facts, **named}, "text": text})
     return RunOutputs(facts, f"{text}\nreport: {facts['report']}")
 
 
-def _key(config: SessionConfig, finished: FinishedRun) -> dict[str, Any]:
+def _key(config: SessionConfig, finished: FinishedRun, inputs: InputFiles) -> dict[str, Any]:
     """What the outputs are made from: session.toml, spectra to compare with, results, and code."""
     truths = [material.truth.file for material in config.materials.values() if material.truth]
     if config.sensitivity.truth is not None:
         truths.append(config.sensitivity.truth.file)
     results = {f"{name}/{part}": sha256_of(stage.folder / part)
                for name, stage in finished.stored.items() for part in (FACTS, ARRAYS)}
-    return {"files": {name: sha256_of(config.path(name)) for name in (FILE_NAME, *truths)},
+    # as it was read: the file may have been edited since
+    settings = config.model_dump(mode="json", exclude={"folder", "allow_outside"})
+    return {"settings": settings, "files": inputs.digests(*truths),
             "results": results, "versions": versions(PACKAGES),
             "code": stage_code({STAGE: WRITER})[STAGE]}

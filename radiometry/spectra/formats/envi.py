@@ -35,6 +35,11 @@ def envi_header_of(path: Path) -> Path | None:
                  if candidate != path and candidate.is_file()), None)
 
 
+def envi_partner(path: Path) -> Path | None:
+    """The other file that is read with a header or a binary library, if it is beside it."""
+    return _values_of(path) if path.suffix.lower() == ".hdr" else envi_header_of(path)
+
+
 def read_envi(content: bytes, path: Path) -> SpectralTable:
     """Every spectrum of a library, given its header or its binary file.
 
@@ -128,11 +133,15 @@ def _both_files(content: bytes, path: Path) -> tuple[Path, bytes, str]:
             raise InputError(f"{path.name} is the binary half of an ENVI library; put its header "
                              f"{path.stem}.hdr beside it")
         return header, content, path.name
-    for suffix in (".sli", ".slb", ".lib", ""):
-        if (data := path.with_suffix(suffix)).is_file() and data != path:
-            return path, _bytes_of(data), data.name
-    raise InputError(f"{path.name} is the header of an ENVI library; put its values "
-                     f"{path.stem}.sli beside it")
+    if (data := _values_of(path)) is None:
+        raise InputError(f"{path.name} is the header of an ENVI library; put its values "
+                         f"{path.stem}.sli beside it")
+    return path, _bytes_of(data), data.name
+
+
+def _values_of(header: Path) -> Path | None:
+    return next((data for suffix in (".sli", ".slb", ".lib", "")
+                 if (data := header.with_suffix(suffix)) != header and data.is_file()), None)
 
 
 def _bytes_of(path: Path) -> bytes:

@@ -1,0 +1,75 @@
+"""What a stage reads is what its key says, also where files change while a run goes on."""
+import sys
+
+import pytest
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.keys import stage_keys
+from spectrabox.session.pipeline import run_stages, stage_states
+from spectrabox.session.stages import photo_stages
+from spectrabox.session.store.input_files import InputFiles
+
+from tests.test_command_line import call
+
+
+def run(folder, only=None):
+    return run_stages(read_session(folder), device="cpu", only=only, force=False,
+                      progress=lambda *_: None)
+
+
+@pytest.mark.parametrize("put_back", [False, True], ids=["replaced", "replaced and put back"])
+def test_results_of_a_photo_that_changed_while_it_was_read_are_refused(captured, monkeypatch,
+                                                                      put_back):
+    photo = captured / "photos" / "chart.dng"
+    right, read = photo.read_bytes(), photo_stages.read_photo
+
+    def read_another(config, files):
+        photo.write_bytes(right[:-1] + bytes([right[-1] ^ 1]))
+        try:
+            return read(config, files)
+        finally:
+            if put_back:
+                photo.write_bytes(right)
+
+    monkeypatch.setattr(photo_stages, "read_photo", read_another)
+    with pytest.raises(InputError, match=r"photos/chart\.dng was changed or replaced while"):
+        run(captured)
+    photo.write_bytes(right)
+    states = {state.name: state.state for state in stage_states(read_session(captured))}
+    assert states["chart"] == "missing"
+    assert not list((captured / "results").glob(".*"))
+
+
+def test_every_input_that_a_stage_opens_is_in_its_key(captured):
+    """Of what Python opens; pixels and meshes are opened by libraries, beside what it opens."""
+    opened, config = set(), read_session(captured)
+    watching = [True]
+
+    def watch(event, arguments):
+        if watching and event == "open" and isinstance(arguments[0], str):
+            opened.add(arguments[0])
+
+    sys.addaudithook(watch)
+    keys = stage_keys(config, InputFiles(config))
+    for stage in ("chart", "photo", "calibrate"):
+        run(captured, only=stage)
+    watching.clear()
+    seen = {path.removeprefix(f"{captured}/") for path in opened if path.startswith(str(captured))}
+    read = {path for path in seen if path.split("/")[0] in ("photos", "spectra", "scene")}
+    assert "spectra/light.csv" in read
+    assert read <= {name for key in keys.values() for name in key.get("files", {})}
+
+
+def test_both_files_of_a_spectral_library_are_inputs(captured):
+    light = captured / "spectra" / "light.csv"
+    assert call("spectrum", "convert", light, "--out", light.with_suffix(".sli")).exit_code == 0
+    light.unlink()
+    text = (captured / "session.toml").read_text(encoding="utf-8")
+    (captured / "session.toml").write_text(text.replace("light.csv", "light.hdr"), encoding="utf-8")
+    config = read_session(captured)
+    before = stage_keys(config, InputFiles(config))["calibrate"]
+    values = bytearray(light.with_suffix(".sli").read_bytes())
+    values[0] ^= 1
+    light.with_suffix(".sli").write_bytes(values)
+    assert stage_keys(config, InputFiles(config))["calibrate"] != before
