@@ -65,7 +65,7 @@ def box_transport(cuts: int = CUTS, bounces: int = BOUNCES) -> LightTransport:
         arrived = {key: form @ value for key, value in radiance.items()}
     keys = sorted(left, key=lambda key: (sum(key), key))
     return LightTransport(("left", "right", "white"), np.array(keys),
-                          np.array([left[key] for key in keys]).T, None)
+                          np.array([left[key] for key in keys]).T)
 
 
 def _patches(cuts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -106,7 +106,7 @@ def artists_paints(data: Path) -> tuple[LogitMixture, np.ndarray]:
 
 def direct_only() -> LightTransport:
     """Each material seen alone under direct light."""
-    return LightTransport(("left", "right", "white"), np.eye(3, dtype=int), np.eye(3), None)
+    return LightTransport(("left", "right", "white"), np.eye(3, dtype=int), np.eye(3))
 
 
 def scene(transport: LightTransport, prior: LogitMixture, response: np.ndarray, truth: np.ndarray,

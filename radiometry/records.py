@@ -302,7 +302,6 @@ class LightTransport(Record):
     materials: tuple[str, ...]
     exponents: Annotated[np.ndarray, "E M"]         # how often a path encounters each material
     coefficients: Annotated[np.ndarray, "R E"]
-    covariance: Annotated[np.ndarray, "R E E"] | None   # Monte Carlo
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,6 +312,7 @@ class RegionTransport(Record):
     signal: Annotated[np.ndarray, "R K"]            # NaN where the fit does not trust the region
     standard_error: Annotated[np.ndarray, "R K"]    # independent: photo, Monte Carlo, unevenness
     surface: Annotated[np.ndarray, "R"]             # index into the scene's surfaces
+    material: Annotated[np.ndarray, "R"]            # index into the transport's materials
     colour_error: float                             # relative, of each surface in each band
     brightness_error: float                         # relative, of each surface in all bands alike
 

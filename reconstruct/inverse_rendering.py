@@ -134,9 +134,8 @@ def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Re
     names, materials = tuple(view.scene_file.surfaces), view.surface_materials
     agreement = surface_agreement(names, materials, *shown)
     stated_error = float(np.hypot(settings.surface_error, settings.brightness_error))
-    tests = surface_tests([f"{material} / {name}"
-                           for name, material in zip(names, materials, strict=True)], *shown,
-                          stated_error)
+    labels = [f"{material} / {name}" for name, material in zip(names, materials, strict=True)]
+    tests = surface_tests(labels, *shown, stated_error)
     misfits = surface_misfits(tests, view.bands)
     shift = shift_sentence(view.measured, rendered)
     spectra, basis = view.spectra(answer.coefficients), view.basis(settings.coefficients)
@@ -155,12 +154,19 @@ def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Re
         signal_covariance=covariance,
         model_covariance=np.array([model_covariance(agreement, material.name, known, stated_error)
                                    for material in view.scene_materials]),
-        measured=view.measured, rendered=rendered, used=view.used, surface=view.surface,
+        measured=view.measured, rendered=rendered, used=view.used,
+        surface=_numbered(view.surface, labels, agreement.names),
         agreement=agreement, light_scale=scale, loss_history=answer.loss_history,
         engine=answer.engine, spp=answer.spp, seed=settings.seed, outcome=answer.outcome,
         notes=(*answer.notes, *(misfit.sentence for misfit in misfits),
                *([shift] if shift else [])),
         misfits=misfits)
+
+
+def _numbered(surface: np.ndarray, labels: Sequence[str], compared: Sequence[str]) -> np.ndarray:
+    """Index (H, W) into the compared surfaces, -1 where another or none fills the pixel."""
+    numbers = [compared.index(label) if label in compared else -1 for label in labels]
+    return np.array([*numbers, -1])[surface]  # -1, no surface, is the last
 
 
 def _light_scale(view: View, answer: EngineAnswer) -> LightScale:

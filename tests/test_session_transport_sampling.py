@@ -1,13 +1,20 @@
 """Draws of all materials at once through the traced light."""
+import dataclasses
 import re
 
 import numpy as np
 import pytest
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.inverse_rendering import reconstruct_views
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished, run_stages
 from spectrabox.session.stages.assemble import assemble
+from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
+from spectrabox.session.stages.scene_sampling import _of_stray_light, _of_tails
+from spectrabox.session.stages.stored_records import calibrations_of
+from spectrabox.session.stages.stray_light import with_stray_light
 
 
 def through(folder, how, more=""):
@@ -44,3 +51,34 @@ def test_what_cannot_be_drawn_through_the_transport_is_said(captured):
     with pytest.raises(InputError, match=re.escape('draws from the learnt prior alone; set '
                                                    'sampling.method = "prior"')):
         through(captured, "transport\"\nmethod = \"uniform")
+
+
+def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finished):
+    config = read_session(finished)
+    stored = load_finished(config).stored
+    start_mitsuba("cpu")
+    view, = views_of(config, stored, None)
+    shapes, materials = list(view.scene_file.surfaces), np.array(view.surface_materials)
+    hidden = 0
+    saturated = np.array(view.photo.saturated)
+    saturated[view.surface == hidden] = True
+    partly = dataclasses.replace(view, photo=dataclasses.replace(view.photo, saturated=saturated))
+    joint = reconstruct_views([partly], settings_of(config), lambda *_: None)
+    made, regions = joint.views[0], joint.regions[0]
+    assert len(made.agreement.names) == len(shapes) - 1
+    seen = made.surface >= 0
+    assert [made.agreement.names[index] for index in made.surface[seen]] == [
+        f"{materials[index]} / {shapes[index]}" for index in partly.surface[seen]]
+    assert seen[partly.used].all() and not seen[partly.surface == hidden].any()
+    of_region = np.array(regions.transport.materials)[regions.material]
+    np.testing.assert_array_equal(of_region, materials[regions.surface])
+    # an error of one material's signal befalls the regions of that material and no other
+    relative = np.ones(regions.signal.shape)
+    for error in _of_tails(calibrations_of(config, stored)[0], regions, relative):
+        assert len(set(of_region[(error != 0).any(axis=1)])) == 1
+    stray = with_stray_light(joint, np.full(3, 0.01), 0.0)
+    glare = _of_stray_light(stray, regions, relative)[0]
+    for name, expected in zip(stray.materials, stray.stray_light[0].relative, strict=True):
+        assert (expected > 0).all()
+        np.testing.assert_array_equal(glare[of_region == name], np.broadcast_to(
+            expected, glare[of_region == name].shape))

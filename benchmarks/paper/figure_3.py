@@ -61,7 +61,7 @@ def by_posterior(signals: np.ndarray, errors: np.ndarray, response: np.ndarray,
     """Draws (T, 2, 61) of the joint posterior under the learnt prior."""
     exponents = np.array(PRODUCTS[products])
     count = len(exponents)
-    transport = LightTransport(("one", "other"), exponents, np.eye(count), None)
+    transport = LightTransport(("one", "other"), exponents, np.eye(count))
     problem = joint_problem(transport, response, signals[:count], errors[:count], load_prior())
     return sample_joint(problem, 0).spectra
 

@@ -99,9 +99,16 @@ class TracedView:
         weight = np.where(seen, self.trust(fit).min(axis=1), 0.0)
         return RegionTransport(
             LightTransport(tuple(material.name for material in self.view.scene_materials),
-                           np.array(traced.exponents), np.array(traced.coefficients), None),
+                           np.array(traced.exponents), np.array(traced.coefficients)),
             np.where(weight[:, None] >= DOUBTED, self.measured, np.nan), np.sqrt(self.variance),
-            np.array(self.group), self.nuisances.surface_error, self.nuisances.brightness_error)
+            np.array(self.group), self._material, self.nuisances.surface_error,
+            self.nuisances.brightness_error)
+
+    @property
+    def _material(self) -> np.ndarray:
+        """Index (R,) of each region's material among those of the scene."""
+        names = [material.name for material in self.view.scene_materials]
+        return np.array([names.index(name) for name in self.view.surface_materials])[self.group]
 
     def _model(self, coefficients: int) -> SpectrumModel:
         """What the transport's products stand for; a response for each light traced separately."""

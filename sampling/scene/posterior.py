@@ -122,8 +122,7 @@ def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.nd
     mean, root = gaussian_of(prior)
     kept = np.abs(transport.coefficients).max(axis=0) > NEGLIGIBLE * np.abs(
         transport.coefficients).max()
-    weight = 1 / np.sqrt(standard_error[used]**2 + _monte_carlo_variance(transport, response, mean,
-                                                                         used))
+    weight = 1 / standard_error[used]
     shared = np.zeros((0, *signal.shape)) if common is None else common
     rows, targets = _whitened(transport.coefficients[used][:, kept], signal[used], weight,
                               shared[:, used])
@@ -312,15 +311,3 @@ def _above_noise(problem: JointProblem) -> JointProblem:
     kept = directions[size > BELOW_NOISE]
     return replace(problem, rows=np.einsum("gf,fke->gke", kept, problem.rows),
                    targets=kept @ problem.targets)
-
-
-def _monte_carlo_variance(transport: LightTransport, response: np.ndarray, mean: np.ndarray,
-                          used: np.ndarray) -> np.ndarray:
-    """Variance (R, K) of signals from the noise of the traced coefficients, at the prior's mean
-    spectrum.
-    """
-    if transport.covariance is None:
-        return np.zeros((int(used.sum()), len(response)))
-    rho = np.tile(reflectance(mean), (len(transport.materials), 1))
-    received = np.exp(transport.exponents.astype(float) @ np.log(rho)) @ response.T
-    return np.einsum("ek,ref,fk->rk", received, transport.covariance[used], received, optimize=True)

@@ -75,7 +75,7 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
     signal = received @ response.T
     fit, white = calibration.sensitivity, white_signal(response)
     if fit.covariance is None or fit.basis is None:
-        of_curves = _of_tails(calibration, joint, regions, signal / white) * white
+        of_curves = _of_tails(calibration, regions, signal / white) * white
     else:
         of_curves = _of_curves(calibration, received, response, view.light_scale.value, joint)
     return np.concatenate([of_curves, _of_stray_light(joint, regions, signal), shared_errors(
@@ -86,13 +86,13 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
 def _of_stray_light(joint: JointReconstruction, regions: RegionTransport,
                     signal: np.ndarray) -> np.ndarray:
     """Errors (Q, R, K) by light that the scene does not hold, one for each cause."""
-    materials = joint.views[0].agreement.materials
-    index = [joint.materials.index(materials[surface]) for surface in regions.surface]
+    index = [joint.materials.index(regions.transport.materials[material])
+             for material in regions.material]
     return np.array([signal * stray.relative[index] for stray in joint.stray_light]
                     ).reshape(-1, *signal.shape)
 
 
-def _of_tails(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
+def _of_tails(calibration: Calibration, regions: RegionTransport,
               relative: np.ndarray) -> np.ndarray:
     """Errors (Q, R, K) of measured curves, relative to white, as
     ``error_budget.sensitivity_covariance`` has them.
@@ -102,11 +102,9 @@ def _of_tails(calibration: Calibration, joint: JointReconstruction, regions: Reg
     """
     values, vectors = np.linalg.eigh(calibration.relative_covariance)
     patterns = (vectors * np.sqrt(np.maximum(values, 0))).T[values > 0]
-    material = np.array([joint.views[0].agreement.materials[surface]
-                         for surface in regions.surface])
     brightest = relative.max(axis=1, keepdims=True)
-    errors = [np.where((material == name)[:, None], brightest * pattern, 0.0)
-              for name in np.unique(material) for pattern in patterns]
+    errors = [np.where((regions.material == material)[:, None], brightest * pattern, 0.0)
+              for material in np.unique(regions.material) for pattern in patterns]
     return np.array(errors).reshape(-1, *relative.shape)
 
 
