@@ -257,6 +257,27 @@ def test_pixels_that_are_no_numbers_are_counted_and_refused(tmp_path):
         open_photo(tmp_path / "photo.exr")
 
 
+@pytest.mark.parametrize("value", [1e36, -1e20, 3.4e38])
+def test_pixels_too_large_for_a_variance_are_refused(tmp_path, value):
+    pixels = noisy()
+    pixels[3, 4, 1] = value
+    write_exr(tmp_path / "photo.exr", pixels, ("R", "G", "B"))
+    with pytest.raises(InputError, match=r"holds values up to .*; scale it so that white is near"):
+        open_photo(tmp_path / "photo.exr")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e-9, 1e30])
+def test_a_developed_photo_states_variances_that_can_be(tmp_path, value):
+    names = [f"{kind}{band}" for kind in ("", "variance.", "saturated.") for band in "RGB"]
+    pixels = np.concatenate([noisy(), np.full((40, 60, 3), 1e-6), np.zeros((40, 60, 3))], axis=2)
+    write_exr(tmp_path / "photo.exr", pixels, names)
+    assert np.all(open_photo(tmp_path / "photo.exr").variance == np.float32(1e-6))
+    pixels[5, 6, 4] = value
+    write_exr(tmp_path / "photo.exr", pixels, names)
+    with pytest.raises(InputError, match="variance that is negative, NaN or too large at 1 of"):
+        open_photo(tmp_path / "photo.exr")
+
+
 def test_two_bands_are_too_few(tmp_path):
     write_exr(tmp_path / "photo.exr", noisy((40, 60, 2)), ("Y", "X"))
     with pytest.raises(InputError, match=r"has 2 band\(s\).* at least 3 are needed"):

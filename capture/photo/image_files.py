@@ -23,6 +23,7 @@ FLOATS = ("half", "float", "double")          # hold the signal itself
 CLIP_FRACTION = 0.98
 NOT_BANDS = ("A", "ALPHA", "Z", "DEPTH")
 VARIANCE, SATURATED = "variance.", "saturated."  # channels of a developed photo beside its bands
+MAX_SIGNAL = 1e9                    # its square is a variance, which single precision must hold
 NO_DATE = "0000:00:00 00:00:00"     # unknown, as EXIF has it: the same image is the same file
 
 
@@ -232,6 +233,7 @@ def _developed(path: Path, spec: oiio.ImageSpec) -> LinearImage:
         np.ascontiguousarray(stored[..., [names.index(prefix + band) for band in bands]],
                              dtype=np.float32) for prefix in ("", VARIANCE, SATURATED))
     require_finite(path, signal)
+    _require_variance(path, variance)
     kind = spec.get_string_attribute("spectrabox:kind")
     return LinearImage(
         signal=signal, variance=variance, saturated=saturated > 0.5,
@@ -355,7 +357,7 @@ def _linear_image(path: Path, signal: np.ndarray, spec: oiio.ImageSpec, clip: fl
 
 
 def require_finite(path: Path, signal: np.ndarray) -> None:
-    """Raise where a signal (H, W, K) holds values that are no numbers.
+    """Raise where a signal (H, W, K) holds values that are no numbers, or too large to square.
 
     Parameters
     ----------
@@ -372,6 +374,17 @@ def require_finite(path: Path, signal: np.ndarray) -> None:
         raise InputError(f"photo {path.name} has {bad} of {signal.size} values that are NaN or "
                          "infinite; export it again without them, nothing is guessed in their "
                          "place")
+    largest = float(np.abs(signal).max(initial=0))
+    if largest > MAX_SIGNAL:
+        raise InputError(f"photo {path.name} holds values up to {largest:.2g}, beyond "
+                         f"{MAX_SIGNAL:.0e}; scale it so that white is near 1")
+
+
+def _require_variance(path: Path, variance: np.ndarray) -> None:
+    bad = np.count_nonzero(~((variance >= 0) & (variance <= MAX_SIGNAL**2)))
+    if bad:
+        raise InputError(f"developed photo {path.name} states a variance that is negative, NaN or "
+                         f"too large at {bad} of {variance.size} values; develop it again")
 
 
 def _positive(spec: oiio.ImageSpec, name: str) -> float | None:

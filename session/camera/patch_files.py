@@ -10,6 +10,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import PatchSamples
 
 PATCHES = 24
+MAX_SIGNAL = 1e9        # white is near 1, or near 65535
 ERROR_PREFIX = "standard_error"
 
 
@@ -28,8 +29,8 @@ def read_patches(path: Path) -> tuple[PatchSamples, tuple[str, ...]]:
     Raises
     ------
     InputError
-        If the file is missing, does not hold 24 rows, a cell is not a number, two bands have one
-        name, or a standard error is negative or of no band.
+        If the file is missing, does not hold 24 rows, a cell is not a number up to 1e9, two bands
+        have one name, or a standard error is negative or of no band.
     """
     rows = _rows(path)
     header = rows.pop(0) if not any(_is_number(cell) for cell in rows[0]) else None
@@ -42,7 +43,7 @@ def read_patches(path: Path) -> tuple[PatchSamples, tuple[str, ...]]:
     if len({len(row) for row in rows}) != 1 or not all(_is_number(cell) for row in rows
                                                        for cell in row):
         raise InputError(f"{path.name}: some rows are shorter than others or hold words; give a "
-                         "number in every cell")
+                         f"number up to {MAX_SIGNAL:.0e} in every cell")
     values = np.array(rows, dtype=float)
     names = [name.strip() for name in header or (f"band {column + 1}"
                                                  for column in range(values.shape[1]))]
@@ -99,6 +100,6 @@ def _rows(path: Path) -> list[list[str]]:
 
 def _is_number(cell: str) -> bool:
     try:
-        return bool(np.isfinite(float(cell)))
+        return abs(float(cell)) <= MAX_SIGNAL
     except ValueError:
         return False
