@@ -7,8 +7,6 @@ the instrument reports.
 from __future__ import annotations
 
 import contextlib
-import signal
-import threading
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
@@ -29,6 +27,7 @@ from spectrabox.capture.meter.instruments.interface import (
     Instrument,
     MeterSettings,
 )
+from spectrabox.capture.meter.interruption import Interruptions
 from spectrabox.capture.meter.serial_line import Log, Pace, open_line
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Quantity, Spectrum
@@ -46,7 +45,9 @@ def open_instrument(name: str, port: str, log: Log,
                     pace: Pace | None = None) -> Iterator[Instrument]:
     """A driver on an open line; the instrument is left as it was, however the block ends.
 
-    Ctrl-C included.
+    Ctrl-C, SIGTERM and SIGHUP are a KeyboardInterrupt here: a command under way is finished, the
+    instrument's answer or the end of its measurement is waited for, then settings are put back.
+    What could not be put back stays in ``restore`` of the driver.
 
     Parameters
     ----------
@@ -64,11 +65,14 @@ def open_instrument(name: str, port: str, log: Log,
     InputError, InstrumentError
     """
     driver = driver_named(name)
-    instrument = driver(open_line(port, driver.line_settings, log, pace))
-    try:
-        yield instrument
-    finally:
-        with _interrupts_held():
+    with Interruptions() as interruptions:
+        instrument = driver(open_line(port, driver.line_settings, log, pace, interruptions.held))
+        try:
+            try:
+                yield instrument
+            finally:
+                interruptions.hold()
+        finally:  # of its own: an interrupt may fall before the hold, and no second one is raised
             instrument.close()
 
 
@@ -200,19 +204,3 @@ def _value_flags(held: HeldResult) -> tuple[str, ...]:
     if held.luminance is None:
         flags.append("the instrument reports no luminance: the spectrum was not checked against it")
     return tuple(flags)
-
-
-@contextlib.contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C back while the instrument is given back; it is raised afterwards."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if came:
-        raise KeyboardInterrupt

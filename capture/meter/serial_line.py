@@ -10,7 +10,7 @@ import errno
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,11 +23,13 @@ from spectrabox.capture.meter.instruments.errors import (
     NoReplyError,
     PortError,
 )
+from spectrabox.radiometry.errors import SpectraboxError
 
 INNER_TIMEOUT_S = 0.02      # one pyserial read; short, so that a deadline is kept to within this
 WRITE_TIMEOUT_S = 5.0       # a port whose driver hangs on the first write must not hang us
 SHOWN_BYTES = 60            # of a bad reply in an error sentence
 Log = Callable[[str, bytes], None]
+Hold = Callable[[], AbstractContextManager[None]]
 
 
 @dataclass(frozen=True)
@@ -62,12 +64,18 @@ class Pace:
 
 
 class SerialLine:
-    """Bytes to and from an instrument; all that pass go to ``log`` as (">" or "<", bytes)."""
+    """Bytes to and from an instrument; all that pass go to ``log`` as (">" or "<", bytes).
 
-    def __init__(self, port: Any, name: str, settings: LineSettings, log: Log, pace: Pace) -> None:
+    ``held`` opens a block that no signal interrupts: a command is sent whole or not at all.
+    """
+
+    def __init__(self, port: Any, name: str, settings: LineSettings, log: Log, pace: Pace,
+                 held: Hold = nullcontext) -> None:
         self.name = name
         self.settings = settings
         self.pace = pace
+        self.held = held
+        self.unanswered = False         # a command was written whose reply was not waited for yet
         self._port = port
         self._log = log
         self._buffer = bytearray()
@@ -92,7 +100,9 @@ class SerialLine:
                                  "the cable and that no other program uses this port, then measure "
                                  "again")
         self._buffer.clear()
-        self.send(command)
+        with self.held():
+            self.send(command)
+            self.unanswered = True
 
     def send(self, command: bytes) -> None:
         """Send without looking at what waits; for leaving and for flushing.
@@ -102,7 +112,7 @@ class SerialLine:
         command : bytes
         """
         self._log(">", command)
-        with self._lost():
+        with self.held(), self._lost():
             if not self.settings.pace_s:
                 self._port.write(command)
                 return
@@ -130,6 +140,7 @@ class SerialLine:
             if after:
                 taken = bytes(self._buffer[:min(after)])
                 del self._buffer[:min(after)]
+                self.unanswered = False
                 return taken
             if time.monotonic() > deadline:
                 raise self._no_reply(limit_s)
@@ -169,6 +180,7 @@ class SerialLine:
             while self._buffer:
                 byte = bytes([self._buffer.pop(0)])
                 if byte in wanted:
+                    self.unanswered = False
                     return byte
                 if byte not in skip:
                     raise LineFaultError(
@@ -177,6 +189,19 @@ class SerialLine:
             if time.monotonic() > deadline:
                 raise self._no_reply(limit_s)
             self._take(wait=True)
+
+    def await_bytes(self, limit_s: float) -> None:
+        """Return as soon as something arrives, or after ``limit_s``; nothing is taken.
+
+        Parameters
+        ----------
+        limit_s : float
+            Wall clock.
+        """
+        deadline = time.monotonic() + self.pace.limit_s(limit_s)
+        while not self._buffer and time.monotonic() < deadline:
+            self._take(wait=True)
+        self.unanswered = False
 
     def drain(self, quiet_s: float, limit_s: float = 5.0) -> bytes:
         """Drop what arrives until the line is quiet; gives the bytes dropped.
@@ -218,6 +243,15 @@ class SerialLine:
             self.pace.sleep(low_s)
             self._port.rts = True
 
+    def outlive_log(self) -> None:
+        """From here on a log that fails, as on a full disk, stops no command."""
+        log = self._log
+
+        def log_where_possible(direction: str, passed: bytes) -> None:
+            with suppress(SpectraboxError):
+                log(direction, passed)
+        self._log = log_where_possible
+
     def close(self) -> None:
         """Close the port; a line already lost is closed too."""
         with suppress(OSError):
@@ -234,6 +268,7 @@ class SerialLine:
     def _no_reply(self, limit_s: float) -> NoReplyError:
         partial = bytes(self._buffer)
         self._buffer.clear()
+        self.unanswered = False
         what = (f"only {len(partial)} bytes came, ending {shown(partial[-SHOWN_BYTES:])}" if partial
                 else "nothing came")
         return NoReplyError(f"{self.name}: no complete reply within {limit_s:g} s ({what}); check "
@@ -253,7 +288,8 @@ class SerialLine:
                                 "already taken are kept") from None
 
 
-def open_line(port: str, settings: LineSettings, log: Log, pace: Pace | None = None) -> SerialLine:
+def open_line(port: str, settings: LineSettings, log: Log, pace: Pace | None = None,
+              held: Hold = nullcontext) -> SerialLine:
     """Open a port for one program alone.
 
     Parameters
@@ -265,6 +301,8 @@ def open_line(port: str, settings: LineSettings, log: Log, pace: Pace | None = N
     log : function of (direction, bytes)
         Called with everything that passes.
     pace : Pace, optional
+    held : function that gives a context, optional
+        As ``SerialLine`` takes it.
 
     Raises
     ------
@@ -278,7 +316,7 @@ def open_line(port: str, settings: LineSettings, log: Log, pace: Pace | None = N
         opened = serial.serial_for_url(port, **options)
     except (OSError, ValueError) as error:
         raise _port_error(port, error) from None
-    return SerialLine(opened, port, settings, log, pace or Pace())
+    return SerialLine(opened, port, settings, log, pace or Pace(), held)
 
 
 def list_ports() -> list[dict[str, str | None]]:

@@ -37,18 +37,24 @@ class TranscriptPlayer:
         Characters that follow each other faster are lost, as PR-655s lose them.
     over_socket : bool
         Serve a loopback socket in place of a pseudo-terminal.
+    deaf_while_busy : bool
+        What arrives before a reply has been given is lost, as most instruments lose it.
     """
 
     def __init__(self, transcript: Transcript, *, time_scale: float = 1.0, strict: bool = True,
                  fault: Fault | None = None, character_gap_s: float = 0.0,
-                 over_socket: bool = False, seed: int = 0) -> None:
+                 over_socket: bool = False, deaf_while_busy: bool = False,
+                 seed: int = 0) -> None:
         self.transcript = transcript
         self.problems: list[str] = []
         self.heard = bytearray()
+        self.obeyed: list[bytes] = []   # commands as the instrument understood them
+        self.mute = False               # it hears, and answers nothing
         self._scale = time_scale
         self._strict = strict
         self._fault = fault
         self._gap = character_gap_s
+        self._deaf = deaf_while_busy
         self._random = random.Random(seed)
         self._step = 0
         self._pending = b""
@@ -75,6 +81,12 @@ class TranscriptPlayer:
         """Whether the whole recording was played."""
         return self._step >= len(self.transcript.events)
 
+    def unplug(self) -> None:
+        """Break the line."""
+        self._stop.set()
+        self._thread.join(5)
+        self._line.close()
+
     def _settle(self) -> None:
         """Let the last bytes of the computer arrive."""
         quiet = 0
@@ -95,6 +107,8 @@ class TranscriptPlayer:
     def _speak(self, step: int) -> None:
         event = self.transcript.events[step]
         self._wait(event.delay_s * self._scale)
+        if self.mute:
+            return
         if self._wrong_speed():
             self._line.write(self._garbage(len(event.data)))
             return
@@ -156,6 +170,7 @@ class TranscriptPlayer:
 
     def _advance(self, step: int) -> bool:
         self._command = self.transcript.events[step].data
+        self.obeyed.append(self._command)
         self._pending = self._pending[len(self._command):]
         self._step = step + 1
         return True
@@ -184,7 +199,10 @@ class TranscriptPlayer:
         end = time.monotonic() + seconds
         while not self._stop.is_set() and (left := end - time.monotonic()) > 0:
             if arrived := self._line.read(min(left, 0.01)):
-                self._take_in(arrived)  # an instrument hears while it works
+                if self._deaf:
+                    self.heard += arrived
+                else:
+                    self._take_in(arrived)
 
 
 class _TerminalEnd:

@@ -16,8 +16,8 @@ from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command
 
 if TYPE_CHECKING:
-    from spectrabox.capture.meter.instruments.interface import MeterSettings
-    from spectrabox.capture.meter.serial_line import Pace
+    from spectrabox.capture.meter.instruments.interface import Instrument, MeterSettings
+    from spectrabox.capture.meter.serial_line import Log, Pace
     from spectrabox.radiometry.records import Spectrum
     from spectrabox.radiometry.spectra.readings import SpectralReading
 
@@ -56,8 +56,8 @@ def list_of_ports(as_json: Json = False, debug: Debug = False) -> None:
 def identify(port: Port, instrument: Meter, as_json: Json = False, debug: Debug = False) -> None:
     """Ask the instrument who it is, then leave it as found."""
     with command(as_json, debug), _stopped_by_termination():
-        from spectrabox.capture.meter.measurement import open_instrument, trusted_identity
-        with open_instrument(instrument, port, lambda direction, data: None, _pace()) as meter:
+        from spectrabox.capture.meter.measurement import trusted_identity
+        with _instrument(instrument, port, lambda direction, data: None) as meter:
             identity = trusted_identity(meter)
         answer(as_json, {"instrument": identity.model, "serial_number": identity.serial_number,
                          "firmware": identity.firmware, "port": port},
@@ -165,7 +165,7 @@ def _measure_all(spectra: Path, names: list[str], port: str, instrument: str, wa
                  repeat: int,
                  wait: bool) -> list[SpectralReading]:
     """Take the readings that are still missing; those on disk are not taken again."""
-    from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
+    from spectrabox.capture.meter.measurement import take_reading, trusted_identity
     from spectrabox.capture.meter.measurement_files import (
         readings_folder,
         store_reading,
@@ -182,7 +182,7 @@ def _measure_all(spectra: Path, names: list[str], port: str, instrument: str, wa
               file=sys.stderr)
         return taken
     with record(spectra / "readings", instrument, wanted) as log, \
-            open_instrument(instrument, port, log, _pace()) as meter:
+            _instrument(instrument, port, log) as meter:
         identity = trusted_identity(meter)
         meter.settings(wanted)
         for number, name in enumerate(missing, 1):
@@ -195,6 +195,30 @@ def _measure_all(spectra: Path, names: list[str], port: str, instrument: str, wa
                 taken.append(reading)
                 print(f"{name}, {_reading_line(count + 1, reading)}", file=sys.stderr, flush=True)
     return taken
+
+
+@contextlib.contextmanager
+def _instrument(name: str, port: str, log: Log) -> Iterator[Instrument]:
+    """An open instrument that is left as it was found, or else the operator is told so."""
+    from spectrabox.capture.meter.measurement import open_instrument
+    from spectrabox.capture.meter.serial_line import shown
+    opened: list[Instrument] = []
+    try:
+        with open_instrument(name, port, log, _pace()) as meter:
+            opened.append(meter)
+            try:
+                yield meter
+            except KeyboardInterrupt:
+                print("interrupted: the instrument ends what it was told to do and gets its "
+                      "settings back; its measurement may have to end first", file=sys.stderr,
+                      flush=True)
+                raise
+    finally:
+        if opened and opened[0].restore:
+            commands = ", ".join(shown(command) for command in opened[0].restore)
+            print(f"spectrabox: {port}: the {opened[0].family} did not confirm that its settings "
+                  f"were put back ({commands}): look at its settings, or switch it off and on",
+                  file=sys.stderr)
 
 
 def _ready(what: str) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 
 from spectrabox.capture.meter.instruments.errors import LineFaultError
 from spectrabox.capture.meter.instruments.interface import (
+    RESTORE_S,
     HeldResult,
     Identity,
     Instrument,
@@ -28,6 +29,7 @@ REPLY_S = 5.0
 BETWEEN_S = 0.05            # the manual asks for 50 ms between commands
 AFTER_SPECTRUM_S = 0.2
 MEASURE_S = 85.0            # slow speed takes up to 75 s
+ECHO = b"E\r"               # a toggle without an answer
 SPECTRORADIOMETER = "2"
 ERRORS = {
     -300: "the sync mode does not fit", -301: "the sync period is out of range",
@@ -82,9 +84,12 @@ class Cr250(Instrument):
             self._set("SyncFreq", f"{wanted.sync_hz:g}")
 
     def measure(self) -> Measured:
-        self.busy = True
-        code, _ = self._exchange("M", self.longest_measurement_s())
-        self.busy = False
+        limit_s = self.longest_measurement_s()
+        self.line.pace.sleep(BETWEEN_S)
+        with self.measuring(limit_s):
+            self.line.write(b"M\r")
+        code, _ = self._answer("M", limit_s)
+        self.measured()
         if code in OUTCOMES:
             return Measured(OUTCOMES[code])
         if code < 0:
@@ -109,22 +114,24 @@ class Cr250(Instrument):
         return HeldResult(nm, values, quantity, numbers(xyz, 3, self.line.name)[1], milliseconds,
                           (header, *rows, xyz, radiometric, exposure))
 
-    def leave(self) -> None:
-        if self.busy:
-            self.line.drain(0.5)
-        self.put_back(0.1)
+    def obeyed(self, command: bytes) -> bool:
+        if command == ECHO:
+            return super().obeyed(command)
+        self.line.pace.sleep(BETWEEN_S)
+        self.line.send(command)
+        return self._answer(command.decode().rstrip(), RESTORE_S)[0] >= 0
 
     def longest_measurement_s(self) -> float:
         return MEASURE_S * self.averages + 10
 
     def _enter(self) -> None:
+        self.entered = True
         self.line.send(b"\r")
         if b">" in self.line.drain(0.3):
-            # a toggle without an answer: off now, on again when the instrument is left
-            self.line.send(b"E\r")
+            with self.line.held():
+                self.restore.append(ECHO)
+                self.line.send(ECHO)
             self.line.drain(0.3)
-            self.restore.append(b"E\r")
-        self.entered = True
 
     def _set(self, key: str, value: str) -> None:
         before = agreed(self._ask, f"RS {key}").split(" ")[0]
@@ -145,6 +152,9 @@ class Cr250(Instrument):
     def _exchange(self, command: str, limit_s: float) -> tuple[int, str]:
         self.line.pace.sleep(BETWEEN_S)
         self.line.write(command.encode() + b"\r")
+        return self._answer(command, limit_s)
+
+    def _answer(self, command: str, limit_s: float) -> tuple[int, str]:
         reply = self.line.read_line(limit_s)
         match = re.fullmatch(r"(OK|ER):(-?\d+):([^:]*):(.*)", reply)
         if match is None and command == "RC Model":

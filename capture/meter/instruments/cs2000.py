@@ -12,6 +12,7 @@ import numpy as np
 
 from spectrabox.capture.meter.instruments.errors import LineFaultError, UntrustedReadingError
 from spectrabox.capture.meter.instruments.interface import (
+    RESTORE_S,
     HeldResult,
     Identity,
     Instrument,
@@ -56,6 +57,7 @@ class Cs2000(Instrument):
     name = "cs2000"
     family = "Konica Minolta CS-2000"
     line_settings = LineSettings(115200, rtscts=True)
+    announced = False                   # the duration of the measurement under way
 
     def identify(self) -> Identity:
         if not self.entered:
@@ -78,12 +80,14 @@ class Cs2000(Instrument):
             self._ask(f"SCMS,1,{round(wanted.sync_hz * 100)}")
 
     def measure(self) -> Measured:
-        self.line.write(b"MEAS,1\n")
-        self.busy = True
+        with self.measuring(ANNOUNCE_S):
+            self.announced = False
+            self.line.write(b"MEAS,1\n")
         code, fields = self._reply("MEAS,1", ANNOUNCE_S)
         if code in OUTCOMES:
-            self.busy = False
+            self.measured()
             return Measured(OUTCOMES[code])
+        self.announced = True
         announced = numbers(",".join(fields), 1, self.line.name)[0]
         if not 0 <= announced <= 300:
             raise LineFaultError(f"{self.line.name}: a measurement of {announced:g} s is "
@@ -92,7 +96,7 @@ class Cs2000(Instrument):
         if fields:
             raise LineFaultError(f"{self.line.name}: the end of the measurement should be a bare "
                                  "OK00; measure again")
-        self.busy = False
+        self.measured()
         if code in OUTCOMES:
             return Measured(OUTCOMES[code])
         return Measured(ReadingOutcome.LOW_LIGHT if announced >= LONG_S
@@ -116,19 +120,23 @@ class Cs2000(Instrument):
                           int(conditions[2]) / 1000,
                           tuple(",".join(cells) for cells in (conditions, *blocks, colours)))
 
-    def leave(self) -> None:
-        if self.busy:
-            self.line.send(b"MEAS,0\n")
-            self.line.drain(2.0)
-        for command in (*self.restore, b"MSWE,1\n"):
-            self.line.send(command)
+    def stop(self) -> None:
+        """Cancel; before the duration is announced the instrument hears nothing, not even that."""
+        if not self.announced:
+            self.line.await_bytes(self.busy_for_s())
             self.line.drain(0.2)
-        self.line.send(b"RMTS,0\n")
-        self.line.drain(0.2)
+        self.line.send(b"MEAS,0\n")
+        self.line.await_bytes(RESTORE_S)
+        self.line.drain(0.5)
+
+    def obeyed(self, command: bytes) -> bool:
+        self.line.send(command)
+        return self.line.read_line(RESTORE_S) == "OK00"
 
     def _enter(self) -> None:
         self.line.drain(0.2)
         self.entered = True
+        self.restore.append(b"RMTS,0\n")
         self.line.write(b"RMTS,2\n")
         reply = self.line.read_line(REPLY_S)
         if reply in ("ER00", "ER17"):  # firmware before 3.00 knows RMTS,1 only
@@ -136,6 +144,7 @@ class Cs2000(Instrument):
             reply = self.line.read_line(REPLY_S)
         if reply != "OK00":
             raise self.wrong(reply)
+        self.restore.append(b"MSWE,1\n")
         self._ask("MSWE,0")  # with the body's button enabled, reading a result clears it
 
     def _remember(self, command: str, question: str) -> None:
@@ -158,6 +167,6 @@ class Cs2000(Instrument):
         if match[1] == "ER":
             if command.startswith("MEAS") and int(match[2]) in OUTCOMES:
                 return int(match[2]), []
-            self.busy = False
+            self.measured()
             raise refused(self, command, int(match[2]), ERRORS)
         return 0, match[3][1:].split(",") if match[3] else []

@@ -3,7 +3,9 @@ from __future__ import annotations
 
 import abc
 import re
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +13,7 @@ import numpy as np
 from spectrabox.capture.meter.instruments.errors import (
     InstrumentError,
     LineFaultError,
+    NoReplyError,
     RefusedError,
     UntrustedReadingError,
     WrongInstrumentError,
@@ -28,6 +31,9 @@ LANGUAGES = (  # what a reply of each family looks like, to name the instrument 
     (r"JETI|SB05|^[\x06\x15]", "a JETI specbos 1211 (specbos1211)"))
 MAX_POINTS = 5000
 RANGE_NM = (100, 3000)
+RESTORE_TRIES = 3
+RESTORE_S = 3.0             # for the answer to a command that puts a setting back
+ANSWER_S = 10.0             # for the answer to a command after which the work was broken off
 UNITS = {0: Quantity.RADIANCE, 1: Quantity.IRRADIANCE}
 
 
@@ -81,7 +87,7 @@ class Instrument(abc.ABC):
         self.line = line
         self.restore: list[bytes] = []      # commands that undo what was set, sent on leaving
         self.entered = False
-        self.busy = False                   # a measurement has started and not been seen to end
+        self.busy_until: float | None = None  # monotonic; None: no measurement is under way
 
     @abc.abstractmethod
     def identify(self) -> Identity:
@@ -104,35 +110,107 @@ class Instrument(abc.ABC):
     def read(self) -> HeldResult:
         """Read the held result; may be called as often as wanted."""
 
-    @abc.abstractmethod
     def leave(self) -> None:
-        """Stop a running measurement, put settings back, give the instrument back to its user."""
+        """Give the instrument back to its user, once it is idle and its settings are put back."""
+        self.line.drain(0.05)
+
+    def stop(self) -> None:
+        """End a running measurement; one that cannot be cancelled is waited for."""
+        self.line.await_bytes(self.busy_for_s())
+
+    def obeyed(self, command: bytes) -> bool:
+        """Send a command that puts a setting back; whether the instrument says that it has.
+
+        Parameters
+        ----------
+        command : bytes
+
+        Raises
+        ------
+        NoReplyError, LineFaultError, RefusedError
+        """
+        self.line.send(command)
+        self.line.drain(0.1)
+        return True
 
     def close(self) -> None:
-        """Leave the instrument as it was and close the line, however the work ended."""
+        """Leave the instrument as it was and close the line, however the work ended.
+
+        What could not be put back stays in ``restore``.
+        """
+        self.line.outlive_log()
         try:
             if self.entered:
+                self._finish()
+                self._put_back()
                 self.leave()
         except InstrumentError:
-            pass    # the line is lost or mute: the caller has the error, or all its readings
+            pass    # the line is lost: the caller has the error, or all its readings
         finally:
             self.line.close()
+
+    @contextmanager
+    def measuring(self, limit_s: float) -> Iterator[None]:
+        """Start a measurement in this block; ``measured`` notes its end.
+
+        An interrupt waits for the end of the block: a measurement that was started is known to be
+        under way, and one that is thought to be under way was started.
+
+        Parameters
+        ----------
+        limit_s : float
+            By when it must have ended.
+        """
+        with self.line.held():
+            self.busy_until = time.monotonic() + self.line.pace.limit_s(limit_s)
+            yield
+
+    def measured(self) -> None:
+        """Note that no measurement is under way any more."""
+        self.busy_until = None
+
+    def busy_for_s(self) -> float:
+        """Seconds, of the instrument, after which a measurement under way must have ended."""
+        left = 0.0 if self.busy_until is None else self.busy_until - time.monotonic()
+        return max(left, 0.0) / self.line.pace.scale
 
     def longest_measurement_s(self) -> float:
         """Seconds after which a measurement has failed."""
         return 240.0
 
-    def put_back(self, quiet_s: float) -> None:
-        """Send the commands that undo what was set, last first.
+    def _finish(self) -> None:
+        """Let the instrument end what it was told to do before it is told to undo it."""
+        if self.busy_until is not None:
+            self.stop()
+            self.measured()
+        elif self.line.unanswered:
+            self.line.await_bytes(ANSWER_S)
+        self.line.drain(0.3)
 
-        Parameters
-        ----------
-        quiet_s : float
-            For which the line must be quiet after each.
+    def _put_back(self) -> None:
+        """Send the commands that undo what was set, last first, until each is confirmed.
+
+        An instrument that once kept silent is told each thing once: its ear may still work.
         """
-        for command in reversed(self.restore):
-            self.line.send(command)
-            self.line.drain(quiet_s)
+        tries = RESTORE_TRIES
+        for command in reversed(self.restore[:]):
+            outcomes: list[bool | None] = []
+            while len(outcomes) < tries and True not in outcomes:
+                outcomes.append(self._tried(command))
+            if True in outcomes:
+                self.restore.remove(command)
+            if set(outcomes) == {None}:
+                tries = 1
+
+    def _tried(self, command: bytes) -> bool | None:
+        """Whether a command is confirmed; None where nothing answers."""
+        try:
+            return self.obeyed(command)
+        except NoReplyError:
+            return None
+        except (LineFaultError, RefusedError):
+            self.line.drain(0.2)
+            return False
 
     def no_reply(self, reply: str, command: str) -> LineFaultError:
         """The error for bytes that cannot be the answer to ``command``.

@@ -4,7 +4,13 @@ from __future__ import annotations
 import re
 
 from spectrabox.capture.meter.instruments.errors import LineFaultError, NoReplyError
-from spectrabox.capture.meter.instruments.interface import NUMBER, Instrument, Measured, refused
+from spectrabox.capture.meter.instruments.interface import (
+    NUMBER,
+    RESTORE_S,
+    Instrument,
+    Measured,
+    refused,
+)
 from spectrabox.capture.meter.serial_line import SerialLine, ascii_text, shown
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
@@ -156,14 +162,36 @@ def measure(instrument: Instrument, command: str, limit_s: float) -> Measured:
 
 def _ended(instrument: Instrument, command: str, limit_s: float) -> int:
     """0, or the number of the instrument's error."""
-    instrument.line.write(command.encode() + b"\r")
-    instrument.busy = True
+    with instrument.measuring(limit_s):
+        instrument.line.write(command.encode() + b"\r")
     for wanted, limit in ((ACK, REPLY_S), (BEL, limit_s)):
         if instrument.line.read_byte(wanted + NAK, limit, skip=ENQ) == NAK:
-            instrument.busy = False
+            instrument.measured()
             return error_number(instrument)
-    instrument.busy = False
+    instrument.measured()
     return 0
+
+
+def cancel(line: SerialLine) -> None:
+    """Break off a measurement under way."""
+    line.send(ESC)
+    line.drain(0.5)
+
+
+def obeyed(line: SerialLine, command: bytes) -> bool:
+    """Send a command that puts a setting back; whether it is acknowledged.
+
+    Parameters
+    ----------
+    line : SerialLine
+    command : bytes
+
+    Raises
+    ------
+    NoReplyError, LineFaultError
+    """
+    line.send(command)
+    return line.read_byte(ACK + NAK, RESTORE_S, skip=ENQ) == ACK
 
 
 def error_number(instrument: Instrument) -> int:

@@ -30,6 +30,7 @@ from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 REPLY_S = 10.0
+RESET_S = 0.1               # RTS low for 50 ms or more
 EXPOSURE_S = 6.0
 POINTS = 101
 MAX_EMPTY_LINES = 20
@@ -77,9 +78,11 @@ class Pr650(Instrument):
             raise refused(self, "S", code, ERRORS)
 
     def measure(self) -> Measured:
-        self.busy = True
-        code = self._code("m0", self.longest_measurement_s())
-        self.busy = False
+        limit_s = self.longest_measurement_s()
+        with self.measuring(limit_s):
+            self.line.write(b"m0\n")
+        code = self._answer("m0", limit_s)
+        self.measured()
         if code and code not in OUTCOMES:
             raise refused(self, "m0", code, ERRORS)
         return Measured(OUTCOMES.get(code, ReadingOutcome.MEASURED))
@@ -112,14 +115,21 @@ class Pr650(Instrument):
         return HeldResult(nm, pairs[:, 1], quantity, luminance, None,
                           (grid, header, integral, *rows, colour))
 
+    def stop(self) -> None:
+        """Nothing to wait for: the reset on leaving ends a measurement too."""
+
     def leave(self) -> None:
-        """Nothing to send: it leaves remote mode when it is switched off."""
+        """Reset it, where the cable carries RTS: it has no command for leaving, and a reset brings
+        its own settings back.
+        """
+        self.line.pulse_rts(RESET_S)
 
     def longest_measurement_s(self) -> float:
         return 30 + self.averages * 2 * EXPOSURE_S
 
     def _enter(self) -> None:
-        self.line.pulse_rts(0.1)
+        self.entered = True
+        self.line.pulse_rts(RESET_S)
         self.line.pace.sleep(1.0)
         self.line.drain(0.1)
         try:
@@ -130,10 +140,12 @@ class Pr650(Instrument):
                                "command at once") from None
         if code:
             raise self.wrong(str(code))
-        self.entered = True
 
     def _code(self, command: str, limit_s: float) -> int:
         self.line.write(command.encode() + b"\n")
+        return self._answer(command, limit_s)
+
+    def _answer(self, command: str, limit_s: float) -> int:
         reply = self._line(limit_s)
         if not re.fullmatch(r"\d{3}|-\d+", reply):
             if command == "b1":

@@ -12,6 +12,7 @@ import numpy as np
 from spectrabox.capture.meter.instruments.errors import LineFaultError, UntrustedReadingError
 from spectrabox.capture.meter.instruments.interface import (
     NUMBER,
+    RESTORE_S,
     HeldResult,
     Identity,
     Instrument,
@@ -28,6 +29,7 @@ from spectrabox.radiometry.spectra.readings import ReadingOutcome
 REPLY_S = 10.0
 SETTLE_S = 1.0              # between Q and PHOTO
 MAX_EXPOSURE_S = 30.0
+ECHO = b"E\r"               # a toggle without an answer
 INTEGRAL_RTOL = 0.01        # report 5 states the sum of its values times the step, in four digits
 ERRORS = {
     -1: "the light is not constant", -2: "the light is too strong",
@@ -73,13 +75,19 @@ class Pr655(Instrument):
             if len(before) < 13 or before[12].strip().lower() != "no sync":
                 raise LineFaultError(f"{self.line.name}: its sync setting could not be put back; "
                                      "set it on the instrument")
+            frequency = re.fullmatch(r"\s*(\d+(?:\.\d+)?) Hertz\s*", before[-1])
+            if frequency is None:
+                raise LineFaultError(f"{self.line.name}: the sync frequency {before[-1]!r} could "
+                                     "not be put back; set it on the instrument")
             self._set("SS3", "SS0")
-            self._set(f"SK{wanted.sync_hz:g}", None)
+            self._set(_sync_frequency(wanted.sync_hz), _sync_frequency(float(frequency[1])))
 
     def measure(self) -> Measured:
-        self.busy = True
-        code, _ = self._exchange("M1", self.longest_measurement_s())
-        self.busy = False
+        limit_s = self.longest_measurement_s()
+        with self.measuring(limit_s):
+            self.line.write(b"M1\r")
+        code, _ = self._code("M1", limit_s)
+        self.measured()
         if code in OUTCOMES:
             self.line.send(b"C\r")  # clears the error state; whether it is answered is not known
             self.line.drain(0.3)
@@ -111,10 +119,13 @@ class Pr655(Instrument):
         return HeldResult(nm, pairs[:, 1], quantity, numbers(colour, 4, self.line.name)[1],
                           _last_number(exposure), (grid, header, *rows, colour, exposure))
 
+    def obeyed(self, command: bytes) -> bool:
+        if command == ECHO:
+            return super().obeyed(command)
+        self.line.send(command)
+        return self._code(command.decode().rstrip(), RESTORE_S, digits=4)[0] == 0
+
     def leave(self) -> None:
-        if self.busy:
-            self.line.drain(1.0)
-        self.put_back(0.2)
         self.line.send(b"Q")
 
     def longest_measurement_s(self) -> float:
@@ -132,13 +143,13 @@ class Pr655(Instrument):
         reply = self.line.read_line(REPLY_S)
         if "D111" in reply:  # echo was left on: a toggle; put back when the instrument is left
             self.line.drain(0.5)
-            self.restore.append(b"E\r")
-            self.line.send(b"E\r")
+            with self.line.held():
+                self.restore.append(ECHO)
+                self.line.send(ECHO)
             self.line.drain(0.5)
 
-    def _set(self, command: str, back: str | None) -> None:
-        if back is not None:
-            self.restore.append(back.encode() + b"\r")
+    def _set(self, command: str, back: str) -> None:
+        self.restore.append(back.encode() + b"\r")
         code = self._exchange_codes(command)
         if code:
             raise refused(self, command, code, ERRORS)
@@ -154,6 +165,10 @@ class Pr655(Instrument):
 
     def _exchange(self, command: str, limit_s: float, digits: int = 5) -> tuple[int, str]:
         self.line.write(command.encode() + b"\r")
+        return self._code(command, limit_s, digits)
+
+    def _code(self, command: str, limit_s: float, digits: int = 5) -> tuple[int, str]:
+        """The code that a reply begins with, and the rest of the reply."""
         reply = self.line.read_line(limit_s)
         match = re.fullmatch(rf"(\d{{{digits}}}|-\d+)(?:,(.*))?", reply)
         if match is None and command == "D111":
@@ -161,6 +176,11 @@ class Pr655(Instrument):
         if match is None:
             raise self.no_reply(reply, command)
         return int(match[1]), match[2] or ""
+
+
+def _sync_frequency(hz: float) -> str:
+    """The command for a frequency in whole hertz, as drivers in use send it."""
+    return f"SK{round(hz):03d}"
 
 
 def _leading_integer(text: str, line_name: str) -> int:

@@ -83,10 +83,13 @@ class Specbos1211(Instrument):
         return HeldResult(nm, values, Quantity.IRRADIANCE if irradiance else Quantity.RADIANCE,
                           luminance, self.integration_ms, (head, text, colour))
 
+    def stop(self) -> None:
+        jeti.cancel(self.line)
+
+    def obeyed(self, command: bytes) -> bool:
+        return jeti.obeyed(self.line, command)
+
     def leave(self) -> None:
-        if self.busy:
-            self.line.send(jeti.ESC)
-            self.line.drain(0.5)
         self.line.send(b"*CONTR:LASER 0\r")
         self.line.drain(0.1)
 

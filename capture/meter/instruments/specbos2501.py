@@ -86,11 +86,11 @@ class Specbos2501(Instrument):
         return HeldResult(wanted, pairs[:, 1], Quantity.RADIANCE, luminance, self.integration_ms,
                           (grid, *rows, colour))
 
-    def leave(self) -> None:
-        if self.busy:
-            self.line.send(jeti.ESC)
-            self.line.drain(0.5)
-        self.put_back(0.1)
+    def stop(self) -> None:
+        jeti.cancel(self.line)
+
+    def obeyed(self, command: bytes) -> bool:
+        return jeti.obeyed(self.line, command)
 
     def longest_measurement_s(self) -> float:
         return 20 + self.averages * 2 * EXPOSURE_S
