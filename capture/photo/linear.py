@@ -97,14 +97,15 @@ def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,
     _require_above_black(frame, signal)
     tiles = (frame.cfa.shape[0] // step) * (frame.cfa.shape[1] // step)
     quantum = np.sqrt(variance_of_rounding / tiles)
+    samples = np.bincount([position.band for position in positions]) // tiles
     clips = clip_points(frame)
     saturated = _saturated(frame, positions, signal.shape, clips)
-    transfer = noise or photon_transfer(signal, saturated, quantum, frame.file)
+    transfer = noise or photon_transfer(signal, saturated, quantum, frame.file, samples)
     believed = np.array([clip if piles_up(frame, clip, band, transfer) else frame.white_level
                          for band, clip in enumerate(clips)])
     if np.any(believed != clips):
         saturated = _saturated(frame, positions, signal.shape, believed)
-        transfer = noise or photon_transfer(signal, saturated, quantum, frame.file)
+        transfer = noise or photon_transfer(signal, saturated, quantum, frame.file, samples)
     variance = transfer.variance(signal)
     if dark_part is not None:
         variance += dark_part

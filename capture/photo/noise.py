@@ -14,6 +14,15 @@ right to 1e-4 for the f of these tiles. Neighbouring pixels must have independen
 interpolated or denoised files look better than they are. A gain that comes out negative is 0, read
 noise is at least that of rounding to steps of the file, step^2 / 12, and negative signals count as
 black.
+
+Some cameras cut off what lies below black. A tile whose share f of samples is at the lowest value
+of the file then holds a censored normal distribution, of the mean m = c + b s, c half a step above
+that value, b = -z(f), and with h = b (1 - f) + phi(b) of the variance
+
+    v s^2 + 2 c f h s + c^2 f (1 - f) + (1 - f) step^2 / 12,    v = b h + 1 - f - h^2,
+
+which is solved for s; uncorrected, the noise of black would read as 0.58 of what it is. Tiles that
+are at black nearly throughout tell nothing and are left out.
 """
 from __future__ import annotations
 
@@ -31,6 +40,7 @@ TILES_PER_LEVEL, MAX_LEVELS = 40, 100
 MAX_TILES = 10_000  # of each band, spread over the picture: the line is then known to about 1 %
 QUANTILE = 0.15                 # q
 ROUNDS = 6                      # of weights from the line itself
+MAX_AT_BLACK = 0.9              # of a tile's samples: above, their share says too little of the noise
 SMOOTH_ERROR = 0.03             # relative, of a level however many its tiles: texture
 # Second differences of white noise are correlated by -2/3 and 1/6 along the row; their mean square
 # has fewer degrees of freedom than terms, by 1 + 2 (4/9 + 1/36).
@@ -62,7 +72,7 @@ class PhotonTransfer:
 
 
 def photon_transfer(signal: np.ndarray, saturated: np.ndarray, quantum: np.ndarray | float,
-                    source: str = "") -> PhotonTransfer:
+                    source: str = "", samples: np.ndarray | int = 1) -> PhotonTransfer:
     """The photon-transfer line of each band.
 
     Parameters
@@ -75,25 +85,31 @@ def photon_transfer(signal: np.ndarray, saturated: np.ndarray, quantum: np.ndarr
         Signal of one step of the file; its rounding error is the least read noise.
     source : str
         Of the photo, for errors.
+    samples : int or (K,) array
+        Of the sensor, whose mean is one value of the picture.
 
     Raises
     ------
     InputError
-        If the picture is too small, or saturated nearly everywhere, so that nothing could be
-        measured.
+        If the picture is too small, or saturated or cut off at black nearly everywhere, so that
+        nothing could be measured.
     """
     bands = signal.shape[2]
     floor = np.broadcast_to(np.square(quantum, dtype=float) / 12, bands)
     name = f"photo {source}" if source else "a photo"
-    lines = [_fit_line(*_tile_statistics(signal[..., band], saturated[..., band], name),
-                       floor[band]) for band in range(bands)]
+    averaged = np.broadcast_to(samples, bands)
+    lines = [_fit_line(*_tile_statistics(signal[..., band], saturated[..., band], floor[band],
+                                         int(averaged[band]), name), floor[band])
+             for band in range(bands)]
     read, gain = np.array(lines).T
     return PhotonTransfer(read=read, gain=gain)
 
 
-def _tile_statistics(signal: np.ndarray, saturated: np.ndarray,
+def _tile_statistics(signal: np.ndarray, saturated: np.ndarray, floor: float, samples: int,
                      name: str) -> tuple[np.ndarray, np.ndarray, int]:
-    """Mean and variance of each unsaturated tile, and the terms in each variance."""
+    """Mean and variance of each tile that is neither saturated nor black throughout, and the terms
+    in each variance.
+    """
     height, width = signal.shape
     size = LARGE_TILE if height * width >= MANY_TILES * LARGE_TILE**2 else SMALL_TILE
     rows, columns = height // size, width // size
@@ -106,11 +122,39 @@ def _tile_statistics(signal: np.ndarray, saturated: np.ndarray,
     # The weights 1, -2, 1 give 6 times the variance of a pixel.
     variance = np.mean(np.square(second), axis=(2, 3), dtype=float) / 6
     mean = tiles.mean(axis=(2, 3), dtype=float)
-    if np.count_nonzero(~clipped) < MIN_TILES:
+    lowest = float(signal.min())
+    at_black = np.mean(tiles == lowest, axis=(2, 3)) if lowest <= 0 else np.zeros(mean.shape)
+    told = ~clipped & (at_black <= MAX_AT_BLACK)
+    if np.count_nonzero(told) < MIN_TILES:
         raise InputError(f"the noise of {name} of {width} x {height} pixels with "
-                         f"{np.mean(saturated):.0%} saturated cannot be measured; at least "
-                         f"{MIN_TILES} unsaturated tiles of {size} x {size} are needed")
-    return mean[~clipped], variance[~clipped], size * (size - 2)
+                         f"{np.mean(saturated):.0%} saturated and {np.mean(at_black):.0%} cut off "
+                         f"at black cannot be measured; at least {MIN_TILES} tiles of {size} x "
+                         f"{size} that are neither are needed")
+    return (*_uncensored(mean[told], variance[told], at_black[told], lowest, floor, samples),
+            size * (size - 2))
+
+
+def _uncensored(mean: np.ndarray, variance: np.ndarray, at_black: np.ndarray, lowest: float,
+                floor: float, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and variance of tiles as they were before samples below black were cut off."""
+    cut = at_black > 0
+    if not cut.any():
+        return mean, variance
+    from scipy.special import ndtri
+
+    share = at_black[cut] ** (1 / samples)      # of single samples: all of a pixel's must be cut
+    step = np.sqrt(12 * floor * samples)        # of a single sample
+    b, c = -ndtri(share), step / 2
+    density = np.exp(-b**2 / 2) / np.sqrt(2 * np.pi)
+    h = b * (1 - share) + density
+    v = b * h + 1 - share - h**2
+    half = c * share * h
+    rest = c**2 * share * (1 - share) + (1 - share) * step**2 / 12 - samples * variance[cut]
+    s = (-half + np.sqrt(np.maximum(half**2 - v * rest, 0))) / v
+    mean, variance = mean.copy(), variance.copy()
+    mean[cut] = lowest + c + b * s
+    variance[cut] = (np.maximum(s, 0)**2 + step**2 / 12) / samples
+    return mean, variance
 
 
 def _fit_line(mean: np.ndarray, variance: np.ndarray, terms: int,
