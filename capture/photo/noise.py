@@ -40,7 +40,7 @@ TILES_PER_LEVEL, MAX_LEVELS = 40, 100
 MAX_TILES = 10_000  # of each band, spread over the picture: the line is then known to about 1 %
 QUANTILE = 0.15                 # q
 ROUNDS = 6                      # of weights from the line itself
-MAX_AT_BLACK = 0.9              # of a tile's samples: above, their share says too little of the noise
+MAX_AT_BLACK = 0.9              # of a tile's samples: beyond, their share tells too little
 SMOOTH_ERROR = 0.03             # relative, of a level however many its tiles: texture
 # Second differences of white noise are correlated by -2/3 and 1/6 along the row; their mean square
 # has fewer degrees of freedom than terms, by 1 + 2 (4/9 + 1/36).
