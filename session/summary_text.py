@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.sampling.prior.certified import certified_sentence, mostly_in_doubt
+from spectrabox.session.report.numbers import family_facts
 from spectrabox.session.report.verdict import judge, median_surface_error
 from spectrabox.session.report.words import percent
 from spectrabox.session.store.results import MaterialResult, SessionResults
@@ -52,6 +54,8 @@ def run_text(results: SessionResults) -> str:
              f"{percent(median_surface_error(results.reconstruction.agreement))} of the photo "
              "(worst band, median over surfaces)",
              f"verdict: {judge(results).status.name}"]
+    lines += [f"{material.name}: {certified_sentence(material.families)}"
+              for material in results.materials if mostly_in_doubt(material.families)]
     lines += [f"warning: {sentence}" for sentence in results.warnings]
     return "\n".join(lines)
 
@@ -77,7 +81,8 @@ def _material_facts(material: MaterialResult, results: SessionResults) -> dict[s
                   "next_measurement_nm": material.summary.next_measurement_nm,
                   "error_budget": {cause: [float(value) for value in errors]
                                    for cause, errors in material.error_budget.items()},
-                  "variance_shares": material.variance_shares}
+                  "variance_shares": material.variance_shares,
+                  "families": family_facts(material)}
     if material.scores is not None:
         facts |= {"rmse_mean": material.scores.rmse_mean,
                   "rmse_inverse_rendering": material.scores.rmse_inverse_rendering,

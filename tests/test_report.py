@@ -16,11 +16,18 @@ from report_example import SURFACES, WORST_RATIO, example_session
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.light_scale import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import CalibrationDoubt, Outcome, SurfaceMisfit
+from spectrabox.sampling.prior.certified import (
+    BandCertificate,
+    FamilyCertificate,
+    FamilyStanding,
+)
 from spectrabox.session.report.maps import residual_limit, residual_maps
+from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import write_report
 from spectrabox.session.report.svg import band_colours, plain_line
 from spectrabox.session.report.verdict import Status, judge
 from spectrabox.session.report.words import exposure, number, percent, signed_percent
+from spectrabox.session.summary_text import run_facts, run_text
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 HOSTILE = "<script>alert(1)</script>"
@@ -192,6 +199,26 @@ def test_a_signal_unlike_what_the_prior_knows_is_said_where_the_material_is_show
     section = page.split(f'<h3 id="material-1">{first.name}</h3>')[1].split("<h3")[0]
     assert f'<p class="doubt">{Outcome.UNFAMILIAR.value}</p>' in section
     assert 'class="doubt"' not in page.split('<h3 id="material-2">')[1]
+
+
+def test_how_a_family_was_certified_is_said_where_the_material_is_shown(tmp_path):
+    results = example_session(tmp_path)
+    certificate = FamilyCertificate(False, 2, 600, BandCertificate(0.915, 0.193),
+                                    BandCertificate(0.891, 0.164))
+    families = (FamilyStanding("textile", 0.7, False, certificate),)
+    first = dataclasses.replace(results.materials[0], families=families)
+    results = dataclasses.replace(results, materials=[first, *results.materials[1:]])
+    page = written(results)
+    said = "textile 89.1 % at a mean width of 0.164 (models, no measured library)"
+    section = page.split(f'<h3 id="material-1">{first.name}</h3>')[1].split("<h3")[0]
+    assert said in section and page.count("What 95 % bands held") == 1
+    assert said in run_text(results)
+    facts = run_facts(results, tmp_path / "report.html")["materials"]
+    assert facts[0]["families"] == [{"name": "textile", "share": 0.7, "stated": False,
+                                     "measured": False, "coverage": 0.891, "width": 0.164}]
+    assert facts[1]["families"] == []
+    numbers = report_numbers(results, judge(results))["materials"]
+    assert [each["families"] for each in numbers[:2]] == [facts[0]["families"], []]
 
 
 def test_what_is_assumed_between_the_photos_is_said_with_its_cost(tmp_path):

@@ -15,6 +15,13 @@ from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement
 from spectrabox.sampling.measurement import nearest_splines, response_on
 from spectrabox.sampling.prior.calibration import AT_95, judge, train
+from spectrabox.sampling.prior.certified import (
+    BandCertificate,
+    FamilyCertificate,
+    certified_sentence,
+    mostly_in_doubt,
+    standings,
+)
 from spectrabox.sampling.prior.draws import sample_prior
 from spectrabox.sampling.prior.families.catalogue import FAMILIES, Family
 from spectrabox.sampling.prior.families.skin import skin
@@ -73,6 +80,8 @@ def test_the_shipped_prior_is_small_and_well_formed(prior):
     shares = [prior.weights[prior.family == index].sum() for index in range(len(prior.families))]
     # kept in double precision, from shares that add up to 1 in round-off
     np.testing.assert_allclose(shares, [family.share for family in FAMILIES.values()], atol=1e-12)
+    assert set(prior.certificates) == set(prior.families)
+    assert {name for name, one in prior.certificates.items() if one.measured} == {"paint", "earth"}
     for factors in (prior.band_factors, prior.stated_factors):
         assert factors.min() > 0.5 and factors.max() < 3
 
@@ -83,6 +92,7 @@ def test_a_prior_survives_its_file(prior, tmp_path):
     # already rounded to single precision
     np.testing.assert_array_equal(again.covariances, prior.covariances)
     assert again.source == prior.source
+    assert again.certificates == prior.certificates
 
 
 def test_bad_prior_files_are_errors(prior, tmp_path):
@@ -281,6 +291,15 @@ def test_training_calibrates_on_what_was_left_out():
         if part.measured and not part.mixed:
             assert np.mean(part.stated.scores[AT_95] <= factor) >= 0.9499
         np.testing.assert_allclose(part.unstated.shares.sum(axis=1), 1, atol=1e-12)  # round-off
+        both = part.family == "paint"
+        assert prior.certificates[part.family].measured is both
+        assert prior.certificates[part.family].parts == 2
+    paints = [part for part in left_out if part.measured and not part.mixed]
+    assert prior.certificates["paint"].curves == sum(part.curves for part in paints)
+    certified = prior.certificates["paint"].stated
+    held = [np.mean(part.stated.scores[AT_95] <= prior.stated_factors[0, AT_95])
+            for part in paints]
+    assert certified.coverage == pytest.approx(min(held), abs=1e-12)
     assert "one (260)" in prior.source and "white: tiles" in prior.source
 
 
@@ -313,6 +332,34 @@ def test_conformal_scores_are_the_factor_that_was_needed():
     truth = np.array([[0.3, 0.6, 0.9]])
     np.testing.assert_allclose(conformal_scores(mean, lower, upper, truth), [[2.0, 0.5, 2.0]],
                                atol=1e-12)
+
+
+CERTIFICATES = {
+    "paint": FamilyCertificate(True, 2, 600, BandCertificate(0.95, 0.09),
+                               BandCertificate(0.92, 0.11)),
+    "skin": FamilyCertificate(False, 2, 600, BandCertificate(0.997, 0.066),
+                              BandCertificate(0.97, 0.098))}
+
+
+def test_what_the_bands_of_a_family_held_is_said():
+    said = certified_sentence(standings({"skin": 1.0}, ["skin"], CERTIFICATES))
+    assert "skin 99.7 % at a mean width of 0.066 (models, no measured library)" in said
+    free = standings({"paint": 0.6, "skin": 0.36, "animal": 0.04}, (), CERTIFICATES)
+    assert [one.name for one in free] == ["paint", "skin"]     # 4 % is not named
+    assert "paint 92.0 % at a mean width of 0.110 (measured libraries)" in certified_sentence(free)
+    assert certified_sentence(()) == ""
+    unknown = standings({"animal": 1.0}, ["animal"], CERTIFICATES)
+    assert "animal was never judged" in certified_sentence(unknown) and mostly_in_doubt(unknown)
+
+
+@pytest.mark.parametrize("shares, stated, doubt", [
+    ({"paint": 1.0}, ("paint",), False),            # measured, and held
+    ({"paint": 1.0}, (), True),                     # held at 92 % where nobody said what it is
+    ({"skin": 1.0}, ("skin",), True),               # held, but by models alone
+    ({"paint": 0.6, "skin": 0.4}, ("paint", "skin"), False),
+    ({"paint": 0.4, "skin": 0.6}, ("paint", "skin"), True)])
+def test_families_are_in_doubt_where_most_was_not_certified_on_measured_ones(shares, stated, doubt):
+    assert mostly_in_doubt(standings(shares, stated, CERTIFICATES)) is doubt
 
 
 # ---- families ------------------------------------------------------------------------------------

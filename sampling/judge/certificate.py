@@ -20,12 +20,12 @@ from spectrabox.sampling.judge.scores import (
     spectral_angle,
     winkler_score,
 )
+from spectrabox.sampling.prior.certified import CERTIFIED
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, condition_on_families
 from spectrabox.sampling.prior.posterior import calibrated_band, posterior, widened
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
-CERTIFIED = 0.93            # of wavelengths within the 95 % band
 FEWEST = 10
 BATCH = 200
 TENTHS = 10                 # of wavelengths

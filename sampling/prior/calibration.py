@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.prior.certified import BandCertificate, FamilyCertificate
 from spectrabox.sampling.prior.families.catalogue import FAMILIES, Family
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, of_families
@@ -115,7 +116,8 @@ def train(libraries: dict[str, list[ReflectanceLibrary]], relative_response: np.
     models = [f"{family}: {part.name}" for family in fitted for part in parts
               if part.family == family and not part.measured]
     prior = joined(fitted, families, "; ".join(names + models))
-    return calibrated(prior, left_out), left_out
+    prior = calibrated(prior, left_out)
+    return replace(prior, certificates=certificates(prior, left_out)), left_out
 
 
 def prior_without(part: Part, parts: Sequence[Part], fitted: dict[str, LogitMixture],
@@ -166,6 +168,36 @@ def calibrated(prior: LogitMixture, left_out: Sequence[LeftOut]) -> LogitMixture
     return replace(prior, band_factors=unstated, stated_factors=stated,
                    curve_factor=float(np.quantile(np.concatenate(widest), 0.95)),
                    familiar_surprise=float(np.quantile(surprise, FAMILIAR)))
+
+
+def certificates(prior: LogitMixture,
+                 left_out: Sequence[LeftOut]) -> dict[str, FamilyCertificate]:
+    """What the calibrated 95 % bands held of every family: of its measured libraries left out in
+    turn, or where there are none of what its models make.
+    """
+    found = {}
+    for name in prior.families:
+        mine = [part for part in left_out if part.family == name and not part.mixed]
+        mine = [part for part in mine if part.measured] or mine
+        if mine:
+            bands = {kind: [band_figures(prior, part, kind) for part in mine]
+                     for kind in ("stated", "unstated")}
+            found[name] = FamilyCertificate(
+                mine[0].measured, len(mine) if len(mine) > 1 else 0,
+                sum(part.curves for part in mine),
+                **{kind: BandCertificate(min(one.coverage for one in each),
+                                         float(np.mean([one.width for one in each])))
+                   for kind, each in bands.items()})
+    return found
+
+
+def band_figures(prior: LogitMixture, part: LeftOut, kind: str) -> BandCertificate:
+    """What the calibrated 95 % bands did on a part left out, its family "stated" or "unstated"."""
+    judgement: Judgement = getattr(part, kind)
+    factor = prior.stated_factors[prior.families.index(part.family), AT_95] \
+        if kind == "stated" else judgement.shares @ prior.band_factors[:, AT_95]
+    return BandCertificate(float(np.mean(judgement.scores[AT_95] <= factor)),
+                           float(np.mean(judgement.width[AT_95] * factor)))
 
 
 def _factor(groups: list[np.ndarray], limits: tuple[float, float], place: int) -> np.ndarray:

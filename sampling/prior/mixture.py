@@ -9,9 +9,10 @@ a surface is.
 """
 from __future__ import annotations
 
+import json
 import zipfile
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +22,7 @@ from spectrabox.radiometry.covariance import is_covariance
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.shaped import Record
+from spectrabox.sampling.prior.certified import BandCertificate, FamilyCertificate
 from spectrabox.sampling.prior.families.words import WORDS, unknown_families
 
 GRID = visible_grid(5)
@@ -28,7 +30,7 @@ SHIPPED = Path(__file__).parent / "models" / "surface_families.npz"
 EDGE = 0.004            # training reflectances are clipped to 0.004-0.996 before the logit
 MOMENT_DRAWS = 20000
 SINGLE = 1e-6           # round-off of covariances kept in single precision, with room for products
-FORMAT = "spectrabox prior 2"
+FORMAT = "spectrabox prior 3"
 SCALARS = ("curve_factor", "familiar_surprise", "width_power")
 ARRAYS = ("nm", "weights", "means", "covariances", "family", "levels", "band_factors",
           "stated_factors", *SCALARS)
@@ -56,6 +58,7 @@ class LogitMixture(Record):
     width_power: float              # of a band's mean width over the usual, in its factor
     source: str                                 # what it was trained on, with licences
     stated: tuple[str, ...] = ()                # families that somebody said it is one of
+    certificates: Mapping[str, FamilyCertificate] = field(default_factory=dict)     # by family
 
     def band_factor(self, level: float, weights: np.ndarray) -> np.ndarray:
         """Factors (T, P) by which central bands of ``level`` are widened, for weights (T, C)."""
@@ -140,7 +143,9 @@ def save_prior(path: Path, prior: LogitMixture) -> None:
               for name in ARRAYS}
     with path.open("wb") as file:  # a name without .npz is kept as it was given
         np.savez_compressed(file, format=np.array(FORMAT), source=np.array(prior.source),
-                            families=np.array(prior.families), **arrays)  # type: ignore[arg-type]
+                            families=np.array(prior.families),
+                            certificates=np.array(_certificates_text(prior)),
+                            **arrays)  # type: ignore[arg-type]
 
 
 def load_prior(path: Path | None = None) -> LogitMixture:
@@ -159,18 +164,30 @@ def load_prior(path: Path | None = None) -> LogitMixture:
                                  "'spectrabox prior train'")
             numbers = {name: np.asarray(stored[name], dtype=float) for name in ARRAYS}
             source, families = str(stored["source"]), tuple(stored["families"].tolist())
+            certificates = _certificates_of(str(stored["certificates"]))
     except FileNotFoundError:
         raise InputError(f"the prior {path} is missing; give another file or train one with "
                          "'spectrabox prior train'") from None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"the prior {path.name} is damaged ({error}); train it again") from None
     scalars = {name: float(numbers.pop(name)) for name in SCALARS}
     try:
-        prior = LogitMixture(source=source, families=families, **numbers, **scalars)  # type: ignore[arg-type]
+        prior = LogitMixture(source=source, families=families, certificates=certificates,
+                             **numbers, **scalars)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
         raise InputError(f"the prior {path.name} is damaged ({error}); train it again") from None
     check_prior(prior, path.name)
     return prior
+
+
+def _certificates_text(prior: LogitMixture) -> str:
+    return json.dumps({name: asdict(one) for name, one in prior.certificates.items()})
+
+
+def _certificates_of(text: str) -> dict[str, FamilyCertificate]:
+    return {name: FamilyCertificate(**row | {kind: BandCertificate(**row[kind])
+                                             for kind in ("stated", "unstated")})
+            for name, row in json.loads(text).items()}
 
 
 def check_prior(prior: LogitMixture, name: str) -> None:

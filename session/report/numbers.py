@@ -53,7 +53,7 @@ def _material(material: MaterialResult, results: SessionResults) -> dict[str, An
         "inverse_rendering": {"nm": made.grid.nm, "reflectance": material.spectrum},
         "signal": material.signal, "signal_covariance": material.signal_covariance,
         "model_covariance": material.model_covariance, "error_budget": material.error_budget,
-        "variance_shares": material.variance_shares,
+        "variance_shares": material.variance_shares, "families": family_facts(material),
         "summary": _fields(material.summary, "mean", "standard_deviation", "lower", "upper",
                            "bound_lower", "bound_upper", "level", "conditional_on",
                            "next_measurement_nm"),
@@ -61,6 +61,17 @@ def _material(material: MaterialResult, results: SessionResults) -> dict[str, An
         "truth": _fields(material.truth, "values", "standard_error", "source"),
         "scores": None if material.scores is None else vars(material.scores),
         }
+
+
+def family_facts(material: MaterialResult) -> list[dict[str, Any]]:
+    """The families that a material may be of, and what 95 % bands of each held when it was judged;
+    None where it was not.
+    """
+    return [{"name": one.name, "share": one.share, "stated": one.stated,
+             "measured": one.certificate is not None and one.certificate.measured,
+             "coverage": None if one.bands is None else one.bands.coverage,
+             "width": None if one.bands is None else one.bands.width}
+            for one in material.families]
 
 
 def _samples(samples: SpectrumSamples | None) -> dict[str, Any] | None:

@@ -8,6 +8,7 @@ import numpy as np
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.chart import PATCH_NAMES
 from spectrabox.radiometry.records import Reconstruction
+from spectrabox.sampling.prior.certified import certified_sentence, mostly_in_doubt
 from spectrabox.session.report.figures import (
     chart_residual_figure,
     irradiance_figure,
@@ -48,6 +49,8 @@ def material_section(number: int, material: MaterialResult, results: SessionResu
         "swatch": css_colour(reflectance_to_srgb(nm, shown)), "band_width": width,
         "columns": list(curves), "rows": every_10_nm(nm, curves),
         "figure": material_figure(f"spectrum-{number}", material, made),
+        "certified": certified_sentence(material.families),
+        "in_doubt": mostly_in_doubt(material.families),
         "budget": error_budget_figure(f"budget-{number}", material, results.signal_bands),
         }
 

@@ -1,7 +1,7 @@
 """What plan, certify and prior train answer: names and folders in, numbers and text out."""
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from spectrabox.sampling.further.planner import (
     wavelength_candidates,
 )
 from spectrabox.sampling.judge.certificate import LEVELS, Certificate, certificate_page, certify
-from spectrabox.sampling.prior.calibration import AT_95, Judgement, LeftOut, train
+from spectrabox.sampling.prior.calibration import AT_95, LeftOut, band_figures, train
 from spectrabox.sampling.prior.draws import sample_prior
 from spectrabox.sampling.prior.families.catalogue import FAMILIES
 from spectrabox.sampling.prior.families.words import WORDS
@@ -156,7 +156,9 @@ def train_answer(folders: list[str], sensitivity: str, light: str, seed: int,
     factors = {name: {"none stated": prior.band_factors[index, AT_95].tolist(),
                       "stated": prior.stated_factors[index, AT_95].tolist()}
                for index, name in enumerate(prior.families)}
-    facts = {"left_out_in_turn": rows, "band_factors_95": factors,
+    facts = {"left_out_in_turn": rows,
+             "certificates": {name: asdict(one) for name, one in prior.certificates.items()},
+             "band_factors_95": factors,
              "curve_factor": prior.curve_factor, "source": prior.source}
     return facts, "\n".join(lines), prior
 
@@ -171,14 +173,8 @@ def family_and_folder(text: str) -> tuple[str, Path]:
 
 def left_out_facts(prior: LogitMixture, part: LeftOut) -> dict[str, Any]:
     """What the calibrated 95 % bands did on a library or model left out."""
-    mine = prior.stated_factors[prior.families.index(part.family), AT_95]
-    mixed = part.unstated.shares @ prior.band_factors[:, AT_95]
+    unstated, stated = ({"rmse": getattr(part, kind).rmse}
+                        | asdict(band_figures(prior, part, kind))
+                        for kind in ("unstated", "stated"))
     return {"name": part.name, "family": part.family, "curves": part.curves,
-            "measured": part.measured, **_band_facts(part.unstated, mixed),
-            "stated": _band_facts(part.stated, mine)}
-
-
-def _band_facts(judgement: Judgement, factor: np.ndarray) -> dict[str, float]:
-    return {"rmse": judgement.rmse,
-            "coverage": float(np.mean(judgement.scores[AT_95] <= factor)),
-            "width": float(np.mean(judgement.width[AT_95] * factor))}
+            "measured": part.measured, **unstated, "stated": stated}

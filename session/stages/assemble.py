@@ -10,7 +10,11 @@ from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, s
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.scores import score
-from spectrabox.session.stages.error_budget import relative_errors, variance_shares
+from spectrabox.session.stages.error_budget import (
+    families_allowed,
+    relative_errors,
+    variance_shares,
+)
 from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
 from spectrabox.session.stages.stored_records import (
     calibrations_of,
@@ -22,7 +26,13 @@ from spectrabox.session.stages.stored_records import (
     samples_of,
 )
 from spectrabox.session.store.rehearsals import stored_rehearsal
-from spectrabox.session.store.results import ChartResult, MaterialResult, SessionResults, ViewResult
+from spectrabox.session.store.results import (
+    AS_INTENDED,
+    ChartResult,
+    MaterialResult,
+    SessionResults,
+    ViewResult,
+)
 
 CHART_WARNING, SURFACE_WARNING = 0.03, 0.05
 
@@ -69,7 +79,9 @@ def _material(config: SessionConfig, calibrations: list[Calibration], joint: Joi
                                               summary, samples)
     by_prior = config.sampling.method == "prior" and config.sampling.through == "surface"
     shares = variance_shares(calibrations, joint, index, section.families) if by_prior else {}
-    return MaterialResult(*known, summary, samples, errors, truth, scores, shares)
+    by_learnt = config.sampling.method == "prior" and samples.outcome in AS_INTENDED
+    families = families_allowed(calibrations, joint, index, section.families) if by_learnt else ()
+    return MaterialResult(*known, summary, samples, errors, truth, scores, shares, families)
 
 
 def _chart(config: SessionConfig, run: FinishedRun) -> ChartResult | None:

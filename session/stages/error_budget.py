@@ -14,6 +14,8 @@ from spectrabox.radiometry.records import Calibration, JointReconstruction, Spec
 from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.error_budget import error_budget
+from spectrabox.sampling.prior.certified import FamilyStanding, standings
+from spectrabox.sampling.prior.draws import family_shares
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 
 DARK = 1e-12             # of the light's strongest wavelength
@@ -155,6 +157,24 @@ def variance_shares(calibrations: Sequence[Calibration], joint: JointReconstruct
                           signal_covariances(calibrations, joint, index))
     total = sum(float(np.mean(variance)) for variance in budget.values())
     return {cause: float(np.mean(variance)) / total for cause, variance in budget.items()}
+
+
+def families_allowed(calibrations: Sequence[Calibration], joint: JointReconstruction, index: int,
+                     stated: Sequence[str]) -> tuple[FamilyStanding, ...]:
+    """The families of surfaces that a material's signal allows, or of those stated, and how their
+    bands were certified.
+
+    Parameters
+    ----------
+    calibrations : sequence of Calibration
+        Of every view, in the order of ``joint.views``.
+    index : int
+        Of the material, in ``joint.materials``.
+    stated : words for families
+    """
+    prior = of_families(load_prior(), stated)
+    shares = family_shares(prior, measurement_of(calibrations, joint, index))
+    return standings(shares, prior.stated, prior.certificates)
 
 
 def sensitivity_covariance(calibrations: Sequence[Calibration], joint: JointReconstruction,

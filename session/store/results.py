@@ -19,6 +19,7 @@ from spectrabox.radiometry.records import (
     SpectrumSamples,
     SpectrumSummary,
 )
+from spectrabox.sampling.prior.certified import FamilyStanding
 
 # outcomes of a sampler without reservation
 AS_INTENDED = frozenset({Outcome.EXACT, Outcome.FAMILIAR, Outcome.THROUGH_TRANSPORT})
@@ -55,6 +56,8 @@ class MaterialResult:
     scores: Scores | None
     # cause -> share of the spectrum's variance
     variance_shares: dict[str, float] = field(default_factory=dict)
+    # of surfaces that the signal allows, or that were stated; none without the learnt prior
+    families: tuple[FamilyStanding, ...] = ()
 
     @property
     def doubtful(self) -> bool:

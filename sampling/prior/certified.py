@@ -1,0 +1,101 @@
+"""What 95 % bands held of each family of surfaces while it was left out of the training.
+
+Training makes the table (calibration.py) and it is kept with the prior, so that whoever shows a
+band can say how far the surfaces at hand have been tested: on measured libraries, on reflectances
+that theory made, or not at all.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+CERTIFIED = 0.93        # of wavelengths within the 95 % band
+MENTIONED = 0.05        # share from which a family that nobody stated is named
+MOSTLY = 0.5            # share of families in doubt from which the terminal names them
+
+
+@dataclass(frozen=True)
+class BandCertificate:
+    """What the 95 % bands did on one family; coverage is of the part that was held least."""
+
+    coverage: float         # of wavelengths
+    width: float            # mean over parts
+
+
+@dataclass(frozen=True)
+class FamilyCertificate:
+    """How a family was judged, where it was stated and where it was not."""
+
+    measured: bool          # on measured libraries; if not, on what its models make
+    parts: int              # libraries or models that were left out in turn; 0 if none was
+    curves: int
+    stated: BandCertificate
+    unstated: BandCertificate
+
+
+@dataclass(frozen=True)
+class FamilyStanding:
+    """A family that a signal allows, and how its bands were certified, if they were."""
+
+    name: str
+    share: float                            # 0 to 1
+    stated: bool
+    certificate: FamilyCertificate | None
+
+    @property
+    def bands(self) -> BandCertificate | None:
+        """The figures that apply: with the family stated, or with none."""
+        if self.certificate is None:
+            return None
+        return self.certificate.stated if self.stated else self.certificate.unstated
+
+    @property
+    def in_doubt(self) -> bool:
+        """Whether the family was certified on theory alone, held too seldom, or not judged."""
+        return (self.certificate is None or self.bands is None or not self.certificate.measured
+                or self.bands.coverage < CERTIFIED)
+
+    @property
+    def words(self) -> str:
+        """The family's figures as part of a sentence."""
+        if self.certificate is None or self.bands is None:
+            return f"{self.name} was never judged"
+        judged = ("measured libraries" if self.certificate.measured else
+                  "models, no measured library" if self.certificate.parts else
+                  "its own model, not left out, no measured library")
+        return (f"{self.name} {100 * self.bands.coverage:.1f} % at a mean width of "
+                f"{self.bands.width:.3f} ({judged})")
+
+
+def standings(shares: Mapping[str, float], stated: Sequence[str],
+              certificates: Mapping[str, FamilyCertificate]) -> tuple[FamilyStanding, ...]:
+    """The families that were stated, else those that a signal gives a share of 5 % or more.
+
+    Parameters
+    ----------
+    shares : by family
+        That the signal allows, 0 to 1.
+    stated : names of families
+    certificates : by family
+
+    Returns
+    -------
+    tuple of FamilyStanding
+        The largest share first.
+    """
+    named = stated or [name for name in shares if shares[name] >= MENTIONED]
+    return tuple(FamilyStanding(name, shares.get(name, 0.0), bool(stated), certificates.get(name))
+                 for name in sorted(named, key=lambda name: -shares.get(name, 0.0)))
+
+
+def certified_sentence(families: Sequence[FamilyStanding]) -> str:
+    """What the 95 % bands of these families held when they were judged; empty for none."""
+    if not families:
+        return ""
+    return ("What 95 % bands held of surfaces left out of the training: "
+            f"{'; '.join(family.words for family in families)}.")
+
+
+def mostly_in_doubt(families: Sequence[FamilyStanding]) -> bool:
+    """Whether most of what a signal may be was not certified on measured surfaces."""
+    return sum(family.share for family in families if family.in_doubt) >= MOSTLY
