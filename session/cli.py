@@ -2,15 +2,22 @@
 from __future__ import annotations
 
 import copy
+import io
 import os
 import sys
-from types import TracebackType
+import warnings
 from typing import Annotated
 
 import typer
+from typer.main import get_command
 
 import spectrabox
-from spectrabox.session.command_line import INTERRUPTED, CommandGroup
+from spectrabox.session.command_line import (
+    CommandGroup,
+    flushed_output,
+    last_resort,
+    stop_on_signals,
+)
 from spectrabox.session.commands import (
     camera,
     capture,
@@ -45,13 +52,6 @@ def spectrabox_options(
     """Ordinary camera captures to calibrated reflectance spectra, with honest uncertainty."""
 
 
-def say_unexpected(kind: type[BaseException], error: BaseException,
-                   traceback: TracebackType | None) -> None:
-    """One line for an error that nobody foresaw; Python then leaves with exit code 1."""
-    print(f"spectrabox: unexpected {kind.__name__}: {error}; run again with --debug and report "
-          "what it shows", file=sys.stderr)
-
-
 def with_only(name: str) -> typer.Typer:
     """The command line with no other command than the named one, or whole where it has none such.
 
@@ -69,13 +69,16 @@ def main() -> None:
     """Entry point of the ``spectrabox`` command."""
     # Pydantic looks for plugins in every installed package; none may change what a file says.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    if "--debug" not in sys.argv:
-        sys.excepthook = say_unexpected
-    try:
-        with_only("".join(sys.argv[1:2]))(prog_name="spectrabox")
-    except KeyboardInterrupt:
-        print("spectrabox: interrupted", file=sys.stderr)
-        sys.exit(INTERRUPTED)
+    debug = "--debug" in sys.argv
+    if not debug:
+        warnings.simplefilter("ignore")     # lines of our code, which tell an operator nothing
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")   # names that no locale can write
+    stop_on_signals()
+    with last_resort("--json" in sys.argv, debug), flushed_output():
+        # Not the Typer object itself: it would put its own hook in place of ours.
+        get_command(with_only("".join(sys.argv[1:2])))(prog_name="spectrabox")
 
 
 if __name__ == "__main__":

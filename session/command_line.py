@@ -2,16 +2,21 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
+import os
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from types import FrameType
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
 
-from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
+from spectrabox.radiometry.outside.words import message, plain
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.",
                                         show_default=False)]
@@ -30,6 +35,11 @@ SUBJECTS = {"A session": ("new", "check", "run", "status", "report", "relight",
             "Trying it out": ("demo", "doctor")}
 INTERRUPTED = 130
 STOPPED = "interrupted: finished stages are kept, run the same command again to go on"
+
+NO_MEMORY = ("memory ran out: close other programs, or give smaller pictures, fewer draws or fewer "
+             "regions")
+NOT_WRITTEN = "the output cannot be written: free space, then run again"
+DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
 
 
 class CommandGroup(TyperGroup):
@@ -53,48 +63,138 @@ def _first_paragraph(text: str | None) -> str:
     return " ".join((text or "").split("\n\n")[0].split())
 
 
+class Stopped(KeyboardInterrupt):
+    """Asked to end by the system: SIGTERM or SIGHUP, which end a command as Ctrl-C does."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(f"signal {number}")
+        self.exit_code = 128 + number
+
+
+def stop_on_signals() -> None:
+    """Let SIGTERM and SIGHUP end a command as Ctrl-C does, unless the caller has them ignored."""
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise Stopped(number)
+
+    for name in ("SIGTERM", "SIGHUP"):      # Windows has no SIGHUP
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, stop)
+
+
 @contextlib.contextmanager
 def command(as_json: bool, debug: bool) -> Iterator[None]:
-    """Turn errors into one clear message and the documented exit code."""
+    """Turn errors that an operator can mend into one clear message and the documented exit code."""
     try:
         yield
     except typer.Exit:
         raise
-    except KeyboardInterrupt:
-        fail(as_json, STOPPED, INTERRUPTED)
     except SpectraboxError as error:
         if debug:
             raise
         fail(as_json, str(error), error.exit_code)
     except BrokenPipeError:
         raise typer.Exit(1) from None
-    except Exception as error:
-        if not _began_as_interrupt(error):
+    except OSError as error:
+        if debug or error.filename is None or error.strerror is None:
             raise
-        fail(as_json, STOPPED, INTERRUPTED)
+        fail(as_json, f"{_text(error.filename)} cannot be read or written ({error.strerror}): "
+             "correct its name, or change its permissions",
+             EnvironmentProblem.exit_code if error.errno in DISK_TROUBLE else InputError.exit_code)
+    except (KeyboardInterrupt, Exception) as error:
+        stop = _interrupt_behind(error)
+        if stop is None:
+            raise
+        fail(as_json, STOPPED, getattr(stop, "exit_code", INTERRUPTED))
 
 
-def _began_as_interrupt(error: BaseException) -> bool:
-    """Dr.Jit wraps a Ctrl-C that falls into the tracing of a loop in an error of its own."""
+@contextlib.contextmanager
+def last_resort(as_json: bool, debug: bool) -> Iterator[None]:
+    """Turn any error that nobody foresaw into one sentence and exit code 1, or 7 where memory ran
+    out.
+
+    Whatever it is: libraries also raise what is no ``Exception``.
+    """
+    try:
+        yield
+    except (SystemExit, GeneratorExit):
+        raise
+    except BaseException as error:
+        if debug:
+            raise
+        stop = _interrupt_behind(error)
+        if stop is not None:
+            said, code = STOPPED, getattr(stop, "exit_code", INTERRUPTED)
+        elif isinstance(error, SpectraboxError):
+            said, code = str(error), error.exit_code
+        elif isinstance(error, MemoryError):
+            said, code = NO_MEMORY, EnvironmentProblem.exit_code
+        elif isinstance(error, OSError) and error.errno in DISK_TROUBLE:
+            said, code = f"{NOT_WRITTEN} ({error.strerror})", EnvironmentProblem.exit_code
+        else:
+            said, code = (f"unexpected {type(error).__name__}: {error}; run again with --debug and "
+                          "report what it shows"), 1
+        with contextlib.suppress(typer.Exit):
+            fail(as_json, said, code)
+        sys.exit(code)
+
+
+@contextlib.contextmanager
+def flushed_output() -> Iterator[None]:
+    """Write out what was printed before leaving; a reader that has gone is no error.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If it cannot be written.
+    """
+    try:
+        yield
+    finally:
+        try:
+            sys.stdout.flush()
+        except OSError as error:
+            # else Python tries again when it ends, and complains
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            if not isinstance(error, BrokenPipeError):
+                raise EnvironmentProblem(f"{NOT_WRITTEN} ({error.strerror})") from None
+
+
+def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
+    """The interrupt that an error began as: Dr.Jit wraps a Ctrl-C that falls into the tracing of a
+    loop in an error of its own.
+    """
     causes: list[BaseException] = []
     cause: BaseException | None = error
     while cause is not None and cause not in causes:
+        if isinstance(cause, KeyboardInterrupt):
+            return cause
         causes.append(cause)
         cause = cause.__cause__ or cause.__context__
-    return any(isinstance(cause, KeyboardInterrupt) for cause in causes)
+    return None
 
 
-def fail(as_json: bool, message: str, exit_code: int) -> None:
+def fail(as_json: bool, said: str, exit_code: int) -> NoReturn:
     """Print an error where the caller looks for it and leave."""
+    said = message(said)
     if as_json:
-        print(json.dumps({"error": message, "exit_code": exit_code}))
-    print(f"spectrabox: {message}", file=sys.stderr)
+        print(json.dumps({"error": said, "exit_code": exit_code}))
+    tell(f"spectrabox: {said}")
     raise typer.Exit(exit_code)
 
 
 def answer(as_json: bool, facts: dict[str, Any], text: str) -> None:
     """One JSON object, or text for a person."""
-    print(json.dumps(facts, allow_nan=False) if as_json else text)
+    print(json.dumps(facts, allow_nan=False) if as_json else plain(text))
+
+
+def tell(text: str) -> None:
+    """A line for a person on standard error, beside the answer."""
+    print(message(text), file=sys.stderr, flush=True)
+
+
+def _text(name: Any) -> str:
+    return os.fsdecode(name) if isinstance(name, bytes | str) else str(name)
 
 
 def check_device(device: str) -> None:

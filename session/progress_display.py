@@ -6,6 +6,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
+from spectrabox.radiometry.outside.words import plain
+
 StageProgress = Callable[[str, float, str], None]  # stage, share of it that is done, message
 
 
@@ -43,8 +45,8 @@ def with_time_left(show: StageProgress) -> StageProgress:
 
 def _print_line(stage: str, fraction: float, message: str) -> None:
     if fraction in (0.0, 1.0):
-        print(f"{stage:<12} {'started' if fraction == 0.0 else message or 'done'}", file=sys.stderr,
-              flush=True)
+        said = message or ("started" if fraction == 0.0 else "done")
+        print(plain(f"{stage:<12} {said}"), file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
@@ -55,12 +57,13 @@ def _live_bars() -> Iterator[StageProgress]:
 
     with Bars(TextColumn("{task.fields[stage]:<12}"), BarColumn(),
               TextColumn("{task.percentage:>3.0f}%"), TimeElapsedColumn(),
-              TextColumn("{task.fields[message]}"), console=Console(stderr=True)) as bars:
+              TextColumn("{task.fields[message]}", markup=False),
+              console=Console(stderr=True)) as bars:
         tasks: dict[str, object] = {}
 
         def show(stage: str, fraction: float, message: str) -> None:
             if stage not in tasks:
                 tasks[stage] = bars.add_task("", total=1.0, stage=stage, message="")
-            bars.update(tasks[stage], completed=fraction, message=message)  # type: ignore[arg-type]
+            bars.update(tasks[stage], completed=fraction, message=plain(message))  # type: ignore[arg-type]
 
         yield show

@@ -48,7 +48,7 @@ def run_text(results: SessionResults) -> str:
     for material in results.materials:
         table.add_row(material.name, *_cells(material))
     stream = io.StringIO()
-    Console(file=stream, width=110).print(table)
+    Console(file=stream, width=110, markup=False, emoji=False, highlight=False).print(table)
     lines = [stream.getvalue().rstrip(),
              "rendered signal within "
              f"{percent(median_surface_error(results.reconstruction.agreement))} of the photo "

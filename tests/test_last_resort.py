@@ -1,0 +1,120 @@
+"""What the installed command does with errors that nobody foresaw, with signals, and with words
+that a terminal would obey.
+"""
+import json
+import os
+import signal
+import subprocess
+import sysconfig
+import time
+from pathlib import Path
+
+import pytest
+
+from spectrabox.session.command_line import command, last_resort
+
+ROOT = Path(__file__).resolve().parent.parent
+COMMAND = Path(sysconfig.get_path("scripts")) / "spectrabox"
+# Stands before the standard library's own: an error that no code of ours can foresee.
+FAULT = """
+class TOMLDecodeError(ValueError): pass
+def loads(text): raise {error}
+"""
+
+
+def installed(*arguments, fault=None, folder=None, **environment):
+    """The command as an operator's shell starts it."""
+    if not COMMAND.exists():
+        pytest.skip("spectrabox is not installed as a command here: run 'make setup'")
+    paths = [str(ROOT)]
+    if fault is not None:
+        (folder / "faults").mkdir(exist_ok=True)
+        (folder / "faults" / "tomllib.py").write_text(FAULT.format(error=fault))
+        paths.insert(0, str(folder / "faults"))
+    return subprocess.run([COMMAND, *map(str, arguments)], capture_output=True, text=True,
+                          check=False, timeout=60,
+                          env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)} | environment)
+
+
+@pytest.fixture
+def session(tmp_path):
+    (tmp_path / "session.toml").write_text("[photos]\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize("fault, code, said", [
+    ('ZeroDivisionError("in [/x] \\x1b[31m" + 5000 * "y")', 1, "unexpected ZeroDivisionError"),
+    ("RecursionError", 1, "unexpected RecursionError"), ("MemoryError", 7, "memory ran out"),
+    ("type('Panic', (BaseException,), {})('of Rust')", 1, "unexpected Panic: of Rust"),
+    ("KeyboardInterrupt", 130, "interrupted"),
+    ("PermissionError(13, 'Permission denied', 'a/b.csv')", 3, "a/b.csv cannot be read")])
+def test_an_error_that_nobody_foresaw_is_one_sentence(session, fault, code, said):
+    ended = installed("status", session, "--json", fault=fault, folder=session)
+    assert ended.returncode == code, ended.stderr
+    (line,) = ended.stderr.splitlines()
+    assert said in line and "\x1b" not in line and len(line) < 3000
+    answer = json.loads(ended.stdout)
+    assert answer["exit_code"] == code and said in answer["error"]
+
+
+def test_debug_shows_the_traceback_of_an_unforeseen_error(session):
+    ended = installed("status", session, "--debug", fault="ZeroDivisionError(1)", folder=session)
+    assert ended.returncode == 1
+    assert "Traceback" in ended.stderr and "ZeroDivisionError: 1" in ended.stderr
+
+
+def test_a_reader_that_left_is_no_error(session):
+    with (session / "log").open("w") as log:
+        command = f"'{COMMAND}' --help | true"
+        subprocess.run(["bash", "-c", command], stderr=log, check=True, timeout=60,
+                       env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert (session / "log").read_text() == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+def test_a_full_disk_under_the_output_is_one_sentence(session):
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run([COMMAND, "--version"], stdout=full, stderr=subprocess.PIPE,
+                               text=True, check=False, timeout=60,
+                               env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert ended.returncode == 7
+    assert ended.stderr == ("spectrabox: the output cannot be written: free space, then run again "
+                            "(No space left on device)\n")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_a_run_as_an_interrupt_does(captured, number):
+    running = subprocess.Popen([COMMAND, "run", captured, "--device", "cpu"], text=True,
+                               stderr=subprocess.PIPE, stdout=subprocess.PIPE,
+                               env=os.environ | {"PYTHONPATH": str(ROOT)})
+    deadline = time.monotonic() + 60
+    while not (captured / "results" / ".chart.new").exists():
+        assert time.monotonic() < deadline and running.poll() is None
+        time.sleep(0.01)
+    running.send_signal(number)
+    _, errors = running.communicate(timeout=60)
+    assert running.returncode == 128 + number
+    assert "interrupted: finished stages are kept" in errors.splitlines()[-1]
+    assert "Traceback" not in errors
+    assert [path.name for path in (captured / "results").iterdir()
+            if path.name.endswith(".new")] == []
+
+
+def test_a_signal_that_is_ignored_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    from spectrabox.session.command_line import stop_on_signals
+    terminate = signal.getsignal(signal.SIGTERM)
+    try:
+        stop_on_signals()   # as under nohup
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+        signal.signal(signal.SIGTERM, terminate)
+
+
+def test_leaving_is_no_error():
+    with pytest.raises(SystemExit) as left, last_resort(as_json=False, debug=False):
+        raise SystemExit(4)
+    assert left.value.code == 4
+    with pytest.raises(FileNotFoundError), command(as_json=False, debug=True):
+        Path("/nowhere").read_text()
