@@ -90,6 +90,41 @@ def patch_size_uv() -> tuple[float, float]:
     return PATCH_CM / CARD_CM[0], PATCH_CM / CARD_CM[1]
 
 
+def plane_centres() -> np.ndarray:
+    """Centres (24, 2) of the patches in widths of the card, from its dark-skin corner."""
+    return patch_centres_uv() * np.array([1.0, CARD_CM[1] / CARD_CM[0]])
+
+
+def plane_from_picture(centres_px: np.ndarray) -> np.ndarray:
+    """Matrix (3, 3) from pixels to the plane of the chart, in widths of the card.
+
+    Parameters
+    ----------
+    centres_px : (24, 2) array
+        Of the patches in a photo, in chart order.
+    """
+    (x, y), (u, v) = centres_px.T, plane_centres().T
+    unit = np.abs(centres_px).max()         # pixels in the thousands would spoil the last digits
+    x, y = x / unit, y / unit
+    zero, one = np.zeros(x.size), np.ones(x.size)
+    equations = np.vstack([np.column_stack([x, y, one, zero, zero, zero, -u * x, -u * y]),
+                           np.column_stack([zero, zero, zero, x, y, one, -v * x, -v * y])])
+    solution = np.linalg.lstsq(equations, np.r_[u, v], rcond=None)[0]
+    return np.append(solution, 1.0).reshape(3, 3) @ np.diag([1 / unit, 1 / unit, 1.0])
+
+
+def projected(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points (N, 2) through a matrix (3, 3) of the plane.
+
+    Parameters
+    ----------
+    matrix : (3, 3) array
+    points : (N, 2) array
+    """
+    mapped = points @ matrix[:, :2].T + matrix[:, 2]
+    return np.asarray(mapped[:, :2] / mapped[:, 2:])
+
+
 def typical_camera_signals(reflectances: np.ndarray, grid: WavelengthGrid,
                            light: np.ndarray | None = None) -> np.ndarray:
     """Signals (24, 3) that an ordinary camera would read, a perfect reflector about 1 in each band.

@@ -165,6 +165,18 @@ class PatchSamples(Record):
     camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # as in the raw frame
 
 
+@dataclass(frozen=True, eq=False)
+class RegionSamples(Record):
+    """Statistics of R outlined regions of one photo."""
+
+    names: tuple[str, ...]
+    mean: Annotated[np.ndarray, "R K"]              # signal
+    covariance_of_mean: Annotated[np.ndarray, "R K K"]  # by the noise of the pixels
+    pixels: Annotated[np.ndarray, "R"]
+    scatter: Annotated[np.ndarray, "R K"]           # relative, beyond noise and a plane
+    points_px: Annotated[np.ndarray, "R Q 2"]       # spread over each region, full resolution
+
+
 # ---- calibrate -----------------------------------------------------------------------------------
 
 @dataclass(frozen=True, eq=False)
@@ -396,6 +408,35 @@ class JointReconstruction(Record):
     model_covariance: Annotated[np.ndarray, "M J J"]    # relative; independent between views
     regions: tuple[RegionTransport, ...] = ()       # of each view; none by engines without them
     stray_light: tuple[StrayLight, ...] = ()        # independent of each other
+
+
+# ---- what all kinds of sessions end in -----------------------------------------------------------
+
+@dataclass(frozen=True, eq=False)
+class SignalError(Record):
+    """One cause of error of M surfaces' signals; its covariance holds what bands share."""
+
+    cause: str
+    covariance: Annotated[np.ndarray, "M J J"]
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceSignals(Record):
+    """What the photos of a session say of M surfaces, in the J bands of all lights.
+
+    ``signal = response @ reflectance + errors``, relative to a perfect white in the surface's
+    position. The errors are independent of each other.
+    """
+
+    names: tuple[str, ...]
+    known: tuple[bool, ...]                         # True: spectrum given, not estimated
+    grid: WavelengthGrid
+    spectra: Annotated[np.ndarray, "M P"]           # given, or the estimate about which errors hold
+    bands: tuple[str, ...]                          # J names
+    view_of_band: Annotated[np.ndarray, "J"]        # int, index of the photo's view
+    response: Annotated[np.ndarray, "J P"]          # of each band; rows sum to 1
+    signal: Annotated[np.ndarray, "M J"]            # relative to white; NaN where not photographed
+    errors: tuple[SignalError, ...]
 
 
 # ---- sampling ------------------------------------------------------------------------------------

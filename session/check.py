@@ -24,18 +24,21 @@ from spectrabox.session.keys import stage_keys
 from spectrabox.session.stages.inputs import (
     GRID,
     chart_corners,
-    check_aspect,
     read_chart_reference,
     read_light,
     read_photo,
     read_reflectance,
     read_sensitivities,
     require_exposed,
-    require_materials,
 )
 from spectrabox.session.stages.order import STAGES
 from spectrabox.session.stages.reconstruct_stage import require_invertible
-from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
+from spectrabox.session.stages.scenes import (
+    check_aspect,
+    read_chart_scene,
+    read_session_scene,
+    require_materials,
+)
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.store import StoredStage, load_stage, save_stage, stage_folder

@@ -2,19 +2,22 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from spectrabox.reconstruct.scene.scene_file import SceneFile
-from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig
-from spectrabox.session.stages.order import STAGES
-from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
+from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig, SpectrumTable
+from spectrabox.session.stages.order import stages_of
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.provenance import DECISIVE, versions
 from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import fingerprint
 
+if TYPE_CHECKING:
+    from spectrabox.reconstruct.scene.scene_file import SceneFile
+
 Key = dict[str, Any]
+Files = Callable[..., dict[str, str]]       # names of files to their digests
 
 
 def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
@@ -37,14 +40,12 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
         If an input file is missing.
     """
     files = inputs.digests
-    # before they are parsed: a scene that is replaced after this is noticed
-    files(config.chart.scene, *(view.scene for view in config.all_views))
-    chart_scene = read_chart_scene(config)
-    scenes = {view.scene: read_session_scene(config, view.scene) for view in config.all_views}
+    chart_scene, scenes = (None, {}) if config.flat else _scenes(config, files)
     reference = config.chart.reference_file
     curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
     installed = versions(DECISIVE)
-    code = stage_code({name: stage.module for name, stage in STAGES.items()})
+    code = stage_code({name: stage.module for name, stage in
+                       stages_of(config.flat).items()})
 
     def made_by(stage: str) -> Key:
         return {"versions": installed, "code": code[stage]}
@@ -67,7 +68,8 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
     if config.views_with_chart and ONE_PHOTO not in views[0].photo:
         photos += config.views_with_chart[0].chart_files  # the channel of each band is chosen there
     keys["photo"] = {"files": files(*photos, *correcting, *scenes, config.camera.lens),
-                     "settings": {"width": config.reconstruct.width,
+                     "settings": {"shown": _outlines(config) if config.flat
+                                  else {"width": config.reconstruct.width},
                                   "photos": {view.name: view.photo for view in views}} | developing
                      } | made_by("photo")
     keys["calibrate"] = {
@@ -82,16 +84,38 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
                      "reference": config.chart.reference},
         "stages": {"chart": fingerprint(keys["chart"])} if "chart" in keys
         else {}} | made_by("calibrate")
-    known = {name: material.known for name, material in config.materials.items() if material.known
-             is not None}
+    last = "signals" if config.flat else "reconstruct"
+    found = _signals_key(config, files) if config.flat else _reconstruct_key(config, scenes, files)
+    before = ("chart", "photo", "calibrate") if config.flat else ("photo", "calibrate")
+    keys[last] = found | {"stages": {name: fingerprint(keys[name]) for name in before}
+                          } | made_by(last)
+    keys["sample"] = {"settings": {"sampling": _plain(config.sampling),
+                                   "families": _families(config),
+                                   "seed": config.session.seed},
+                      "stages": {last: fingerprint(keys[last])}} | made_by("sample")
+    return keys
+
+
+def _scenes(config: SessionConfig,
+            files: Files) -> tuple[SceneFile | None, dict[str, SceneFile]]:
+    """The scene of the chart photo, and those of the object photos by file."""
+    from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
+    # before they are parsed: a scene that is replaced after this is noticed
+    files(config.chart.scene, *(view.scene for view in config.all_views))
+    return read_chart_scene(config), {view.scene: read_session_scene(config, view.scene)
+                                      for view in config.all_views}
+
+
+def _reconstruct_key(config: SessionConfig, scenes: dict[str, SceneFile], files: Files) -> Key:
+    """Files and settings of the stage that inverts photos of a scene."""
+    views, known = config.all_views, _known(config)
     named = [name for scene in scenes.values() for name in _named_by(scene, config.folder)]
     learnt = config.reconstruct.spectrum_prior == "learnt"
-    families = {name: material.families for name, material in config.materials.items()}
-    keys["reconstruct"] = {
+    return {
         "files": files(*scenes, *(reference.file for reference in known.values()), *named),
         "settings": {"materials": {name: material.bsdf for name,
                                    material in config.materials.items()},
-                     "families": families if learnt else {},
+                     "families": _families(config) if learnt else {},
                      "known": {name: _plain(reference) for name, reference in known.items()},
                      "scenes": {view.name: view.scene for view in views},
                      "lights by id": [list(view.lights_by_id) for view in views],
@@ -99,15 +123,31 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
                      "scale": config.scale.source,
                      "repeatability": _plain(config.repeatability),
                      "stray light": _plain(config.stray_light),
-                     "seed": config.session.seed},
-        "stages": {name: fingerprint(keys[name]) for name in ("photo", "calibrate")}} | made_by(
-        "reconstruct")
-    keys["sample"] = {"settings": {"sampling": _plain(config.sampling),
-                                   "families": families,
-                                   "seed": config.session.seed},
-                      "stages": {"reconstruct": fingerprint(keys["reconstruct"])}} | made_by(
-        "sample")
-    return keys
+                     "seed": config.session.seed}}
+
+
+def _signals_key(config: SessionConfig, files: Files) -> Key:
+    """Files and settings of the stage that reads the signals of flat samples."""
+    known = _known(config)
+    return {"files": files(*(reference.file for reference in known.values())),
+            "settings": {"known": {name: _plain(reference) for name, reference in known.items()},
+                         "families": _families(config),
+                         "repeatability": _plain(config.repeatability),
+                         "stray light": _plain(config.stray_light)}}
+
+
+def _outlines(config: SessionConfig) -> dict[str, Any]:
+    return {name: {"rect": region.rect, "polygon": region.polygon, "photo": region.photos}
+            for name, region in config.regions.items()}
+
+
+def _known(config: SessionConfig) -> dict[str, SpectrumTable]:
+    return {name: surface.known for name, surface in config.surfaces.items()
+            if surface.known is not None}
+
+
+def _families(config: SessionConfig) -> dict[str, tuple[str, ...]]:
+    return {name: surface.families for name, surface in config.surfaces.items()}
 
 
 def as_stored(key: Key) -> Key:

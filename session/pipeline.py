@@ -8,9 +8,10 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.keys import Key, as_stored, stage_keys
 from spectrabox.session.progress_display import StageProgress
-from spectrabox.session.stages.order import STAGES
+from spectrabox.session.stages.order import stages_of
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.store.input_files import InputFiles
+from spectrabox.session.store.open_photos import OpenPhotos
 from spectrabox.session.store.store import (
     StoredStage,
     load_stage,
@@ -49,7 +50,7 @@ def stage_states(config: SessionConfig) -> list[StageState]:
         Of all stages, in order.
     """
     keys, states = stage_keys(config, InputFiles(config)), []
-    for name in STAGES:
+    for name in stages_of(config.flat):
         stored = load_stage(config.results_folder, name)
         if name not in keys:
             states.append(StageState(name, "not needed", (), None))
@@ -78,11 +79,11 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
     InputError
         If ``only`` names no stage of this session, or a stage before it is not up to date.
     """
-    inputs, order = InputFiles(config), list(STAGES)
+    inputs, order = InputFiles(config), list(stages_of(config.flat))
     keys = stage_keys(config, inputs)
     if only is not None and only not in keys:
         raise InputError(f"there is no stage {only!r} in this session; it has {', '.join(keys)}")
-    finished = FinishedRun({}, {})
+    finished, photos = FinishedRun({}, {}), OpenPhotos()
     for name, key in keys.items():
         stored = load_stage(config.results_folder, name)
         fresh = stored is not None and stored.key == as_stored(key)
@@ -99,7 +100,7 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
             progress(name, 1.0, "up to date")
         else:
             finished.stored[name] = _run_stage(config, name, key, inputs, device,
-                                               finished.stored, progress)
+                                               finished.stored, progress, photos)
             finished.states[name] = "run"
     return finished
 
@@ -112,7 +113,7 @@ def load_finished(config: SessionConfig) -> FinishedRun:
     InputError
         If a stage has none.
     """
-    stored = {name: load_stage(config.results_folder, name) for name in STAGES
+    stored = {name: load_stage(config.results_folder, name) for name in stages_of(config.flat)
               if name != "chart" or config.views_with_chart}
     missing = [name for name, stage in stored.items() if stage is None]
     if missing:
@@ -122,12 +123,14 @@ def load_finished(config: SessionConfig) -> FinishedRun:
 
 
 def _run_stage(config: SessionConfig, name: str, key: Key, inputs: InputFiles, device: str,
-               stored: dict[str, StoredStage], progress: StageProgress) -> StoredStage:
+               stored: dict[str, StoredStage], progress: StageProgress,
+               photos: OpenPhotos) -> StoredStage:
     start = time.perf_counter()
     progress(name, 0.0, "")
     with stage_folder(config.results_folder, name) as folder:
-        records = STAGES[name].run(StageTask(config, device, stored, folder,
-                                             lambda done, message: progress(name, done, message)))
+        task = StageTask(config, device, stored, folder,
+                         lambda done, message: progress(name, done, message), photos)
+        records = stages_of(config.flat)[name].run(task)
         inputs.require_unchanged(key.get("files", ()))
         save_stage(folder, as_stored(key), records, time.perf_counter() - start, {"stage": name})
     finished = load_stage(config.results_folder, name)

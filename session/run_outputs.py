@@ -73,7 +73,7 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
 
 def _key(config: SessionConfig, finished: FinishedRun, inputs: InputFiles) -> dict[str, Any]:
     """What the outputs are made from: session.toml, spectra to compare with, results, and code."""
-    truths = [material.truth.file for material in config.materials.values() if material.truth]
+    truths = [material.truth.file for material in config.surfaces.values() if material.truth]
     if config.sensitivity.truth is not None:
         truths.append(config.sensitivity.truth.file)
     results = {f"{name}/{part}": sha256_of(stage.folder / part)

@@ -8,21 +8,22 @@ from spectrabox.radiometry.records import SpectrumSamples, SpectrumSummary
 from spectrabox.session.store.results import Scores
 
 
-def score(truth: np.ndarray, inverse_rendering: np.ndarray, summary: SpectrumSummary,
+def score(truth: np.ndarray, inverse_rendering: np.ndarray | None, summary: SpectrumSummary,
           samples: SpectrumSamples) -> Scores:
     """Scores of one material over the summary's grid.
 
     Parameters
     ----------
     truth : (P,) reflectance
-    inverse_rendering : (P,) reflectance
-        The one spectrum of inverse rendering.
+    inverse_rendering : (P,) reflectance or None
+        The one spectrum of inverse rendering, where there is one.
     """
     lower, upper = (np.interp(summary.grid.nm, samples.grid.nm, ends)
                     for ends in np.quantile(samples.spectra, [0.025, 0.975], axis=0))
     return Scores(
         rmse_mean=_rmse(summary.mean, truth),
-        rmse_inverse_rendering=_rmse(inverse_rendering, truth),
+        rmse_inverse_rendering=None if inverse_rendering is None
+        else _rmse(inverse_rendering, truth),
         coverage=_share_inside(truth, summary.lower, summary.upper),
         coverage_95=_share_inside(truth, lower, upper),
         coverage_bounds=_share_inside(truth, summary.bound_lower, summary.bound_upper),

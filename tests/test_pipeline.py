@@ -14,12 +14,12 @@ from spectrabox.sampling.measurement import response_on
 from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import (
-    STAGES,
     load_finished,
     run_stages,
     stage_states,
 )
 from spectrabox.session.stages.error_budget import measurement_of
+from spectrabox.session.stages.order import STAGES
 from spectrabox.session.stages.reconstruct_stage import read_materials, settings_of
 from spectrabox.session.stages.scenes import read_session_scene
 from spectrabox.session.stages.stored_records import calibrations_of, joint_of, samples_of

@@ -76,8 +76,9 @@ def test_the_template_comes_with_the_schema_that_it_names(tmp_path):
 
 def every_key():
     for table, section in SessionTables.model_fields.items():
-        of_names = table in ("materials", "views")
-        model = section.annotation.__args__[1] if of_names else section.annotation
+        of_names, alone = table in ("materials", "regions", "views"), section.annotation
+        model = alone.__args__[1] if of_names else next(
+            (part for part in getattr(alone, "__args__", ()) if part is not type(None)), alone)
         for name, field in model.model_fields.items():
             yield table, str(field.validation_alias or name), field
 

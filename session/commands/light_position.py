@@ -65,7 +65,7 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
         from spectrabox.reconstruct.scene.pose_scene import scene_with_light_moved
         from spectrabox.reconstruct.scene.scene_file import read_scene
         from spectrabox.session.progress_display import progress_display
-        from spectrabox.session.stages.inputs import check_aspect
+        from spectrabox.session.stages.scenes import check_aspect
         if out.resolve() in {photo.resolve(), reflectances.resolve()}:
             raise InputError(f"{out} is an input of this command; give another name for the output")
         if out.exists() and not force:

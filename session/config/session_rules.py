@@ -1,11 +1,14 @@
 """Faults of a session.toml between keys that are each well written."""
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from spectrabox.radiometry.outside.names import name_fault, sharing_a_file
 from spectrabox.radiometry.outside.words import shortened
 from spectrabox.sampling.prior.families.words import unknown_families
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
+    FIRST_PHOTO,
     ONE_PHOTO,
     SessionConfig,
     by_band,
@@ -14,33 +17,18 @@ from spectrabox.session.config.session_schema import (
 
 def inconsistencies(config: SessionConfig) -> list[str]:
     """A sentence for every pair of keys that do not go together."""
-    problems = []
+    problems = _ground(config) or (_regions(config) if config.flat else _scene(config))
     if config.sampling.through == "transport" and config.sampling.method != "prior":
         problems.append(f"{FILE_NAME}: sampling.through = \"transport\" draws from the learnt "
                         "prior alone; set sampling.method = \"prior\" in place of "
                         f"{config.sampling.method!r}")
-    if config.needs_chart and config.photos.chart is None:
-        problems.append(f"{FILE_NAME}: photos.chart is missing, but sensitivities or scale are to "
-                        "come from it; add the photo, or give [sensitivity] from = \"curves.csv\" "
-                        "and [scale] from = \"material\"")
-    if config.scale.source == "chart" and config.chart.scene is None:
-        problems.append(f"{FILE_NAME}: chart.scene is missing: a scale from the chart photo needs "
-                        "light and chart in their places; add it, or use [scale] from = "
-                        "\"material\"")
-    if config.scale.source == "material" and not any(m.known for m in config.materials.values()):
-        problems.append(f"{FILE_NAME}: scale.from is \"material\", but no material has a known "
-                        "spectrum; add known = \"spectra/NAME.csv\" to one")
-    if all(material.known for material in config.materials.values()):
-        problems.append(f"{FILE_NAME}: every material is known, so there is nothing to find; leave "
-                        "out one 'known'")
-    owners: dict[str, str] = {}
-    for name, material in config.materials.items():
-        if material.bsdf in owners:
-            problems.append(f"{FILE_NAME}: materials {owners[material.bsdf]!r} and {name!r} name "
-                            f"the same BSDF {material.bsdf!r}")
-        owners[material.bsdf] = name
-        if (wrong := unknown_families(material.families)) is not None:
-            problems.append(f"{FILE_NAME}: materials.{name}.family: {wrong}")
+    kind = "regions" if config.flat else "materials"
+    if config.surfaces and all(surface.known for surface in config.surfaces.values()):
+        problems.append(f"{FILE_NAME}: every {kind[:-1]} is known, so there is nothing to find; "
+                        "leave out one 'known'")
+    for name, surface in config.surfaces.items():
+        if (wrong := unknown_families(surface.families)) is not None:
+            problems.append(f"{FILE_NAME}: {kind}.{name}.family: {wrong}")
     if config.chart.corners_px is not None and [len(c) for c in config.chart.corners_px] != [2] * 4:
         problems.append(f"{FILE_NAME}: chart.corners_px needs four [x, y] pairs: the outer corners "
                         "at dark skin, bluish green, black and white")
@@ -58,6 +46,7 @@ def _names(config: SessionConfig) -> list[str]:
     """Names of the session and of what it has, by one rule; files are named after them."""
     named: dict[str, list[str]] = {
         "session.name = ": [config.session.name], "materials.": [*config.materials],
+        "regions.": [*config.regions],
         "views.": [*config.views],
         "photos.object.": [band for band in by_band(config.photos.object) if band != ONE_PHOTO]}
     problems = []
@@ -70,10 +59,89 @@ def _names(config: SessionConfig) -> list[str]:
     return problems
 
 
+def _ground(config: SessionConfig) -> list[str]:
+    """What a session measures: the materials of a scene, or the regions of a flat sample."""
+    both = [name for name, written in (("[scene]", config.scene), ("[materials]", config.materials))
+            if written]
+    if config.regions and both:
+        return [f"{FILE_NAME}: [regions] and {' and '.join(both)} stand together; a session "
+                "measures the materials of a scene or the regions of a flat sample: leave one out"]
+    if config.regions or len(both) == 2:
+        return []
+    lacking = "the table [materials.NAME] is missing" if config.scene else \
+        "the table [scene] is missing"
+    return [f"{FILE_NAME}: {lacking}; a scene needs [scene] and [materials.NAME], a flat sample "
+            "[regions.NAME] in their place"]
+
+
+def _scene(config: SessionConfig) -> list[str]:
+    """Faults of a session of a scene."""
+    problems = []
+    if config.needs_chart and config.photos.chart is None:
+        problems.append(f"{FILE_NAME}: photos.chart is missing, but sensitivities or scale are to "
+                        "come from it; add the photo, or give [sensitivity] from = \"curves.csv\" "
+                        "and [scale] from = \"material\"")
+    if config.scale.source == "chart" and config.chart.scene is None:
+        problems.append(f"{FILE_NAME}: chart.scene is missing: a scale from the chart photo needs "
+                        "light and chart in their places; add it, or use [scale] from = "
+                        "\"material\"")
+    if config.scale.source == "material" and not any(m.known for m in config.materials.values()):
+        problems.append(f"{FILE_NAME}: scale.from is \"material\", but no material has a known "
+                        "spectrum; add known = \"spectra/NAME.csv\" to one")
+    owners: dict[str, str] = {}
+    for name, material in config.materials.items():
+        if material.bsdf in owners:
+            problems.append(f"{FILE_NAME}: materials {owners[material.bsdf]!r} and {name!r} name "
+                            f"the same BSDF {material.bsdf!r}")
+        owners[material.bsdf] = name
+    return problems
+
+
+def _regions(config: SessionConfig) -> list[str]:
+    """Faults of a session of a flat sample."""
+    problems = [f"{FILE_NAME}: {key} belongs to a scene, and regions of a flat sample need none; "
+                "leave it out"
+                for key, written in (("chart.scene", config.chart.scene),
+                                     ("camera.lens", config.camera.lens),
+                                     ("light.by_id", config.light.by_id),
+                                     ("[reconstruct]", "reconstruct" in config.model_fields_set),
+                                     ("[scale]", "scale" in config.model_fields_set)) if written]
+    problems += [f"{FILE_NAME}: views.{name}.scene belongs to a scene; leave it out"
+                 for name, view in config.views.items() if view.scene is not None]
+    if config.sampling.through == "transport":
+        problems.append(f"{FILE_NAME}: sampling.through = \"transport\" follows light through a "
+                        "scene; regions of a flat sample take \"surface\"")
+    if config.sensitivity.method not in (None, "prior"):
+        problems.append(f"{FILE_NAME}: sensitivity.method = {config.sensitivity.method!r} knows "
+                        "nothing of the light over the chart, which carries it to the regions; use "
+                        "\"prior\"")
+    photos = (FIRST_PHOTO, *config.views)
+    for name, region in config.regions.items():
+        place = f"{FILE_NAME}: regions.{name}"
+        if (region.rect is None) == (region.polygon is None):
+            problems.append(f"{place} needs either rect = [x0, y0, x1, y1] or polygon = [[x, y], "
+                            "...], in pixels of the photo")
+        elif region.rect is not None and (len(region.rect) != 4 or _empty(region.rect)):
+            problems.append(f"{place}.rect is {list(region.rect)}; two opposite corners [x0, y0, "
+                            "x1, y1] that enclose something are needed")
+        elif region.polygon is not None and (len(region.polygon) < 3
+                                             or any(len(corner) != 2 for corner in region.polygon)):
+            problems.append(f"{place}.polygon needs three corners [x, y] or more, going round")
+        if unknown := [photo for photo in region.photos if photo not in photos]:
+            problems.append(f"{place}.photo names {unknown[0]!r}; the session's photos are "
+                            f"{', '.join(photos)}")
+    return problems
+
+
+def _empty(rect: Sequence[float]) -> bool:
+    x0, y0, x1, y1 = rect
+    return x0 == x1 or y0 == y1
+
+
 def _views(config: SessionConfig) -> list[str]:
     problems = []
     for name, view in config.views.items():
-        if view.chart is not None and config.chart.scene is None:
+        if view.chart is not None and config.chart.scene is None and not config.flat:
             problems.append(f"{FILE_NAME}: views.{name}.chart needs chart.scene: a scale from a "
                             "chart photo needs light and chart in their places")
     if config.views and config.reconstruct.engine not in ("auto", "transport"):

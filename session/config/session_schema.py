@@ -20,6 +20,7 @@ from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumP
 
 FILE_NAME = "session.toml"
 ONE_PHOTO = ""                          # the name under which a photo that is no table is kept
+FIRST_PHOTO = "photo"                   # what the photo of [photos] is called among [views]
 INVERSION = InversionSettings()
 
 Files = str | ListOf[str]               # one file, or several of an exposure bracket
@@ -200,10 +201,9 @@ class SceneSection(Table):
     file: str = Field(description="Mitsuba XML: geometry, camera pose, light in their places")
 
 
-class MaterialSection(Table):
-    """A material of the scene."""
+class SurfaceSection(Table):
+    """What is known of a surface beforehand."""
 
-    bsdf: str = Field(description="id of the BSDF in the scene")
     known: SpectrumRef | None = Field(None, description="measured reflectance, taken as given")
     truth: SpectrumRef | None = Field(None, description="measured reflectance, only compared with")
     family: str | ListOf[str] | None = Field(
@@ -216,6 +216,28 @@ class MaterialSection(Table):
         if self.family is None:
             return ()
         return (self.family,) if isinstance(self.family, str) else tuple(self.family)
+
+
+class MaterialSection(SurfaceSection):
+    """A material of the scene."""
+
+    bsdf: str = Field(description="id of the BSDF in the scene")
+
+
+class RegionSection(SurfaceSection):
+    """A region of a flat sample, in pixels of the photo."""
+
+    rect: ListOf[float] | None = Field(None, description="[x0, y0, x1, y1]: two opposite corners")
+    polygon: ListOf[ListOf[float]] | None = Field(None, description="[[x, y], ...]: three corners "
+                                                  "or more, going round")
+    photo: str | ListOf[str] | None = Field(None, description="the photo that shows it, or "
+                                            "several, by the names of [views]; \"photo\" is that "
+                                            "of [photos]. All of them where left out")
+
+    @property
+    def photos(self) -> tuple[str, ...]:
+        """Names of the photos that show it; none stands for all."""
+        return (self.photo,) if isinstance(self.photo, str) else tuple(self.photo or ())
 
 
 class ViewSection(Table):
@@ -293,9 +315,10 @@ class SessionTables(Table):
     light: LightSection
     sensitivity: SensitivitySection = SensitivitySection()
     scale: ScaleSection = ScaleSection()
-    scene: SceneSection
+    scene: SceneSection | None = None
     views: dict[str, ViewSection] = Field(default_factory=dict)
-    materials: dict[str, MaterialSection]
+    materials: dict[str, MaterialSection] = Field(default_factory=dict)
+    regions: dict[str, RegionSection] = Field(default_factory=dict)
     reconstruct: ReconstructSection = ReconstructSection()
     sampling: SamplingSection = SamplingSection()
 
@@ -335,20 +358,41 @@ class SessionConfig(SessionTables):
     allow_outside: bool
 
     @property
+    def flat(self) -> bool:
+        """Whether it measures regions of flat samples, without a scene."""
+        return bool(self.regions)
+
+    @property
+    def surfaces(self) -> Mapping[str, SurfaceSection]:
+        """What is measured, by name: the materials of a scene or the regions of a flat sample."""
+        return self.regions if self.flat else self.materials
+
+    @property
     def needs_chart(self) -> bool:
         """Whether the first view's calibration is to come from its chart photo."""
-        return self.sensitivity.from_chart or self.scale.source == "chart"
+        return self.flat or self.sensitivity.from_chart or self.scale.source == "chart"
 
     @property
     def all_views(self) -> tuple[ViewInputs, ...]:
-        """The photos of the materials, that of [photos] first."""
-        first = ViewInputs("", by_band(self.photos.object),
-                           by_band(self.photos.chart if self.needs_chart else None),
-                           self.light.spectrum, self.scene.file, self.light.by_id or {})
-        return (first, *(ViewInputs(name, by_band(view.photo), by_band(view.chart),
+        """The photos of the materials, that of [photos] first.
+
+        A flat sample whose light has no chart photo of its own shows the chart itself.
+        """
+        shown = by_band(self.photos.object)
+        chart = by_band(self.photos.chart if self.needs_chart else None)
+        first = ViewInputs("", shown, chart or shown if self.flat else chart, self.light.spectrum,
+                           self.scene.file if self.scene else "", self.light.by_id or {})
+        return (first, *(ViewInputs(name, by_band(view.photo), self._chart_of(view),
                                     view.light or first.light, view.scene or first.scene,
                                     {} if view.light else first.lights_by_id)
                          for name, view in self.views.items()))
+
+    def _chart_of(self, view: ViewSection) -> dict[str, tuple[str, ...]]:
+        """The chart photo of a further view; empty where the first view's serves it."""
+        if view.chart is None and self.flat and (view.light is not None
+                                                 or self.photos.chart is None):
+            return by_band(view.photo)
+        return by_band(view.chart)
 
     @property
     def views_with_chart(self) -> tuple[ViewInputs, ...]:

@@ -88,8 +88,10 @@ def _page(results: SessionResults) -> dict[str, Any]:
         "numbers": json_for_script(report_numbers(results, verdict)),
         "preview": picture_data_uri(results.photo_preview),
         "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
-        "materials": [material_section(number, material, results)
+        "materials": [material_section(number, material, results.reconstruction.grid.nm,
+                                       results.signal_bands)
                       for number, material in enumerate(results.materials, start=1)],
+        "surfaces": {"title": "Materials", "one": "Material", "fitted": True},
         "agreement": _agreement_section("", results.reconstruction, results.calibration,
                                         results.bands),
         "views": _view_sections(results), "calibration": _calibration_section(results),

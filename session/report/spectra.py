@@ -10,7 +10,6 @@ from matplotlib.ticker import FuncFormatter
 
 from spectrabox.radiometry.records import (
     Quantity,
-    Reconstruction,
     SensitivityFit,
     Spectrum,
     SpectrumSamples,
@@ -35,22 +34,28 @@ QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradia
               Quantity.RELATIVE: "Relative spectral power"}
 
 
-def material_curves(material: MaterialResult, made: Reconstruction) -> tuple[np.ndarray,
-                                                                             dict[str, np.ndarray]]:
+def material_curves(material: MaterialResult,
+                    grid_nm: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Wavelengths (P,) and every curve known of one material, each (P,); NaN where a truth was not
     measured.
+
+    Parameters
+    ----------
+    grid_nm : (P',) array
+        Of the material's single spectrum.
     """
-    grid_nm = made.grid.nm
     estimate = material.spectrum
     summary = material.summary
     if summary is None:
+        assert estimate is not None
         nm, curves = grid_nm, {"given": estimate}
     else:
         nm, level = summary.grid.nm, percent(summary.level)
         curves = {"mean": summary.mean, "standard deviation": summary.standard_deviation,
                   f"{level} band, lower": summary.lower, f"{level} band, upper": summary.upper,
-                  "lowest possible": summary.bound_lower, "highest possible": summary.bound_upper,
-                  "inverse rendering": np.interp(nm, grid_nm, estimate)}
+                  "lowest possible": summary.bound_lower, "highest possible": summary.bound_upper}
+        if estimate is not None:
+            curves["inverse rendering"] = np.interp(nm, grid_nm, estimate)
     if material.truth is not None:
         truth = material.truth
         curves["measured truth"] = np.interp(nm, truth.grid.nm, truth.values, left=np.nan,
@@ -77,17 +82,17 @@ def every_10_nm(nm: np.ndarray, curves: dict[str, np.ndarray]) -> list[list[floa
             for row in np.c_[at, *[np.interp(at, nm, y)[:, None] for y in curves.values()]]]
 
 
-def material_figure(name: str, material: MaterialResult, made: Reconstruction) -> Markup:
+def material_figure(name: str, material: MaterialResult, grid_nm: np.ndarray) -> Markup:
     """Draws, band, exact bounds, mean, the spectrum of inverse rendering, and the truth where one
     was measured.
     """
-    nm, curves = material_curves(material, made)
+    nm, curves = material_curves(material, grid_nm)
     drawing = figure(6.6, 3.7)
     axes = drawing.add_subplot()
     if material.summary is None:
         axes.plot(nm, curves["given"], color=MEAN, lw=1.8, label="given spectrum")
     else:
-        _draw_uncertainty(axes, material, made, nm, curves)
+        _draw_uncertainty(axes, material, nm, curves)
     if "measured truth" in curves:
         axes.plot(nm, curves["measured truth"], color=TRUTH, lw=1.3, ls=(0, (1, 1.2)),
                   label="measured truth")
@@ -102,7 +107,7 @@ def material_figure(name: str, material: MaterialResult, made: Reconstruction) -
                       Readout(axes, nm, curves, "Wavelength", "nm"))
 
 
-def _draw_uncertainty(axes: Axes, material: MaterialResult, made: Reconstruction, nm: np.ndarray,
+def _draw_uncertainty(axes: Axes, material: MaterialResult, nm: np.ndarray,
                       curves: dict[str, np.ndarray]) -> None:
     summary = material.summary
     assert summary is not None
@@ -114,7 +119,9 @@ def _draw_uncertainty(axes: Axes, material: MaterialResult, made: Reconstruction
                       label=f"{percent(summary.level)} band")
     axes.plot(nm, summary.bound_lower, color=QUIET, lw=0.9, ls="--", label="exact bounds")
     axes.plot(nm, summary.bound_upper, color=QUIET, lw=0.9, ls="--")
-    axes.plot(nm, curves["inverse rendering"], color=RENDERED, lw=1.4, label="inverse rendering")
+    if "inverse rendering" in curves:
+        axes.plot(nm, curves["inverse rendering"], color=RENDERED, lw=1.4,
+                  label="inverse rendering")
     axes.plot(nm, summary.mean, color=MEAN, lw=1.9, label="mean")
     axes.axvline(summary.next_measurement_nm, color=INK, lw=0.6, ls=":", label="measure here next")
 

@@ -23,7 +23,7 @@ from spectrabox.session.report.spectra import (
 )
 from spectrabox.session.report.verdict import CHART_LIMITS, chart_residuals, root_mean_square
 from spectrabox.session.report.words import OFF
-from spectrabox.session.store.results import MaterialResult, SessionResults
+from spectrabox.session.store.results import CommonResults, MaterialResult
 
 
 def css_colour(srgb: np.ndarray) -> str:
@@ -35,12 +35,21 @@ def css_colour(srgb: np.ndarray) -> str:
     return "rgb({}, {}, {})".format(*(round(255 * float(v)) for v in np.clip(srgb, 0, 1)))
 
 
-def material_section(number: int, material: MaterialResult, results: SessionResults) -> dict[str,
-                                                                                             Any]:
-    """What the report shows of one material: table row, figures and data table."""
-    made = results.reconstruction
+def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
+                     signal_bands: tuple[str, ...]) -> dict[str, Any]:
+    """What the report shows of one material: table row, figures and data table.
+
+    Parameters
+    ----------
+    number : int
+        On the page.
+    grid_nm : (P,) array
+        Of the material's single spectrum.
+    signal_bands : tuple of str
+        Of its signal.
+    """
     summary = material.summary
-    nm, curves = material_curves(material, made)
+    nm, curves = material_curves(material, grid_nm)
     shown = summary.mean if summary is not None else curves["given"]
     width = float(np.average(summary.upper - summary.lower,
                              weights=summary.grid.weights_nm)) if summary else None
@@ -48,10 +57,10 @@ def material_section(number: int, material: MaterialResult, results: SessionResu
         "id": f"material-{number}", "material": material,
         "swatch": css_colour(reflectance_to_srgb(nm, shown)), "band_width": width,
         "columns": list(curves), "rows": every_10_nm(nm, curves),
-        "figure": material_figure(f"spectrum-{number}", material, made),
+        "figure": material_figure(f"spectrum-{number}", material, grid_nm),
         "certified": certified_sentence(material.families),
         "in_doubt": mostly_in_doubt(material.families),
-        "budget": error_budget_figure(f"budget-{number}", material, results.signal_bands),
+        "budget": error_budget_figure(f"budget-{number}", material, signal_bands),
         }
 
 
@@ -65,7 +74,7 @@ def surface_rows(made: Reconstruction) -> list[dict[str, Any]]:
             for s, colour in enumerate(surface_colours(len(agreement.names)))]
 
 
-def chart_section(results: SessionResults) -> dict[str, Any] | None:
+def chart_section(results: CommonResults) -> dict[str, Any] | None:
     """Overlay, patches and irradiance of the chart photo; None where no chart was used."""
     residuals = chart_residuals(results)
     if results.chart is None or residuals is None:
@@ -81,7 +90,7 @@ def chart_section(results: SessionResults) -> dict[str, Any] | None:
         }
 
 
-def _patches(results: SessionResults, residuals: np.ndarray,
+def _patches(results: CommonResults, residuals: np.ndarray,
              held_out: np.ndarray | None) -> list[dict[str, Any]]:
     chart = results.chart
     assert chart is not None
@@ -100,12 +109,12 @@ def _patches(results: SessionResults, residuals: np.ndarray,
              "saturated": float(chart.samples.saturated_fraction[p].max())} for p in range(24)]
 
 
-def held_out_rms(results: SessionResults) -> float | None:
+def held_out_rms(results: CommonResults) -> float | None:
     """Rms residual (a share) of patches left out of their own fit, None where nobody did that."""
     return root_mean_square(results.calibration.sensitivity.held_out_residuals)
 
 
-def input_rows(results: SessionResults) -> list[dict[str, Any]]:
+def input_rows(results: CommonResults) -> list[dict[str, Any]]:
     """One row per input file; facts that have no column of their own are kept together."""
     return [_input_row(dict(row) | row.get("facts", {})) for row in results.inputs]
 

@@ -13,7 +13,7 @@ from spectrabox.radiometry.records import Outcome, Reconstruction, SurfaceAgreem
 from spectrabox.reconstruct.misfit import FALSE_ALARM
 from spectrabox.session.report.words import deviation_words, percent
 from spectrabox.session.store.rehearsals import too_narrow, verdict_sentence
-from spectrabox.session.store.results import AS_INTENDED, SessionResults
+from spectrabox.session.store.results import AS_INTENDED, CommonResults, SessionResults
 
 # |photo / rendering - 1|: pass up to the first, fail beyond the second
 MEDIAN_LIMITS = (0.02, 0.05)
@@ -69,9 +69,10 @@ def judge(results: SessionResults) -> Verdict:
     fitted += [(f" in the photo “{view.name}”", view.reconstruction) for view in results.views]
     criteria = (*(_median_surface(agreement, where) for where, agreement, _ in compared),
                 *(_worst_surface(agreement, bands, where) for where, agreement, bands in compared),
-                *(_misfits(view, where) for where, view in fitted), _calibration_doubts(results),
-                _chart(results), _clipped(results), *_outcomes(results), *_between_photos(results),
-                *_rehearsal(results), _coverage(results))
+                *(_misfits(view, where) for where, view in fitted), calibration_doubts(results),
+                chart_agreement(results), _clipped(results), *_outcomes(results),
+                *_between_photos(results),
+                *_rehearsal(results), coverage(results))
     status = max((c.status for c in criteria), key=lambda s: s.value)
     reasons = [c.says for c in criteria if c.status is status]
     if status in (Status.WARN, Status.FAIL):
@@ -79,7 +80,7 @@ def judge(results: SessionResults) -> Verdict:
     return Verdict(status, "Photo, rendering and calibration agree within the limits.", criteria)
 
 
-def chart_residuals(results: SessionResults) -> np.ndarray | None:
+def chart_residuals(results: CommonResults) -> np.ndarray | None:
     """(photo - predicted) / photo of the 24 patches (24, K), or None where no chart was used."""
     residuals = results.calibration.sensitivity.residuals
     if residuals is None and results.chart is not None:
@@ -122,7 +123,7 @@ def _median_surface(agreement: SurfaceAgreement, where: str) -> Criterion:
     if value is None:
         return Criterion(name, None, "not measured", _limit(MEDIAN_LIMITS), Status.WARN,
                          f"No surface could be compared with the photo{where}.")
-    return _graded(name, value, MEDIAN_LIMITS,
+    return graded(name, value, MEDIAN_LIMITS,
                    f"Half of the surfaces agree with the photo within {percent(value)} in every "
                    f"band{where}.")
 
@@ -136,7 +137,7 @@ def _worst_surface(agreement: SurfaceAgreement, bands: tuple[str, ...], where: s
     surface, band = worst
     ratio = float(agreement.ratio[worst])
     fits = "fits least" if abs(ratio - 1) <= WORST_LIMITS[0] else "does not fit"
-    return _graded(name, abs(ratio - 1), WORST_LIMITS,
+    return graded(name, abs(ratio - 1), WORST_LIMITS,
                    f"The surface “{agreement.names[surface]}”{where} {fits}: in band {bands[band]} "
                    f"the photo is {deviation_words(ratio)} than the rendering.")
 
@@ -157,7 +158,7 @@ def _misfits(made: Reconstruction, where: str) -> Criterion:
                      status, f"{said}{f'. {more} more do not fit' if more > 0 else ''}.")
 
 
-def _calibration_doubts(results: SessionResults) -> Criterion:
+def calibration_doubts(results: CommonResults) -> Criterion:
     """Whether the calibration was made with a doubt of its own."""
     name, found = "Calibration like that of measured cameras", results.calibration.doubts
     if not found:
@@ -167,19 +168,19 @@ def _calibration_doubts(results: SessionResults) -> Criterion:
     return Criterion(name, None, "doubtful", "no doubt", Status.WARN, f"Calibration: {says}.")
 
 
-def _chart(results: SessionResults) -> Criterion:
+def chart_agreement(results: CommonResults) -> Criterion:
     name = "Chart residual, rms over patches and bands"
     value = root_mean_square(chart_residuals(results))
     if value is None:
         return Criterion(name, None, "no chart", _limit(CHART_LIMITS), Status.INFO,
                          "Sensitivities were read from a file; no chart photo tests them.")
-    return _graded(name, value, CHART_LIMITS, "The calibration reproduces the chart within "
+    return graded(name, value, CHART_LIMITS, "The calibration reproduces the chart within "
                    f"{percent(value)} rms.")
 
 
 def _clipped(results: SessionResults) -> Criterion:
     value = float(results.photo.saturated.any(axis=2).mean())
-    return _graded("Clipped pixels, left out of the fit", value, CLIPPED_LIMITS,
+    return graded("Clipped pixels, left out of the fit", value, CLIPPED_LIMITS,
                    f"{percent(value)} of the object photo is clipped and was left out.")
 
 
@@ -225,18 +226,18 @@ def _between_photos(results: SessionResults) -> list[Criterion]:
                       "narrows every band.")]
 
 
-def _coverage(results: SessionResults) -> Criterion:
+def coverage(results: CommonResults) -> Criterion:
     name = "Measured truth inside the band"
     tested = [(m.scores.coverage, m.summary.level) for m in results.materials
               if m.scores is not None and m.summary is not None]
     if not tested:
         return Criterion(name, None, "no truth given", "its level", Status.INFO,
                          "No measured spectrum was given to compare with.")
-    coverage, level = np.mean(tested, axis=0)
-    return Criterion(name, float(coverage), percent(coverage), f"{percent(level)} intended",
+    share, level = np.mean(tested, axis=0)
+    return Criterion(name, float(share), percent(share), f"{percent(level)} intended",
                      Status.INFO,
                      f"Over {len(tested)} materials with a measured spectrum, the band holds it at "
-                     f"{percent(coverage)} of wavelengths; {percent(level)} is intended.")
+                     f"{percent(share)} of wavelengths; {percent(level)} is intended.")
 
 
 def _rehearsal(results: SessionResults) -> list[Criterion]:
@@ -250,7 +251,7 @@ def _rehearsal(results: SessionResults) -> list[Criterion]:
                       f"R{verdict_sentence(facts)[1:]}.")]
 
 
-def _graded(name: str, value: float, limits: tuple[float, float], says: str) -> Criterion:
+def graded(name: str, value: float, limits: tuple[float, float], says: str) -> Criterion:
     status = Status.PASS if value <= limits[0] else Status.WARN if value <= limits[
         1] else Status.FAIL
     return Criterion(name, value, percent(value), _limit(limits), status, says)

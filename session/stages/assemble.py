@@ -52,14 +52,14 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
              for number, view in enumerate(config.all_views) if view.name]
     return SessionResults(
         folder=config.folder, name=config.session.name, operator=config.session.operator,
-        notes=config.session.notes, bands=bands, inputs=_inputs(config, run),
-        chart=_chart(config, run),
-        calibration=calibration, sensitivity_truth=_sensitivity_truth(config),
+        notes=config.session.notes, bands=bands, inputs=input_files(config, run),
+        chart=chart_result(config, run),
+        calibration=calibration, sensitivity_truth=sensitivity_truth(config),
         light_scale=reconstruction.light_scale, photo=photo, photo_preview=previews / "preview.png",
         reconstruction=reconstruction,
         materials=materials, views=views, signal_bands=joint.bands if views else bands,
         provenance=provenance, warnings=notes_of(stored) + _warnings(config, calibration, joint)
-        + _doubtful(materials),
+        + doubtful_materials(materials),
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name,
                 stage in stored.items()], rehearsal=stored_rehearsal(config))
 
@@ -84,7 +84,7 @@ def _material(config: SessionConfig, calibrations: list[Calibration], joint: Joi
     return MaterialResult(*known, summary, samples, errors, truth, scores, shares, families)
 
 
-def _chart(config: SessionConfig, run: FinishedRun) -> ChartResult | None:
+def chart_result(config: SessionConfig, run: FinishedRun) -> ChartResult | None:
     chart = chart_of(run.stored)
     if chart is None:
         return None
@@ -93,7 +93,7 @@ def _chart(config: SessionConfig, run: FinishedRun) -> ChartResult | None:
                        config.results_folder / "chart" / "overlay.png")
 
 
-def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:
+def sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:
     truth = config.sensitivity.truth
     if truth is None:
         return None
@@ -102,7 +102,7 @@ def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] |
     return GRID.nm, values / values.max()
 
 
-def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
+def input_files(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
     """Every input file once, with its role, hash, size and what is known of it."""
     roles: dict[str, str] = {}
     for view in config.all_views:
@@ -119,7 +119,7 @@ def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
             roles.setdefault(name, role)
     if not config.sensitivity.from_chart:
         roles.setdefault(config.sensitivity.source.file, "sensitivities")
-    for material, section in config.materials.items():
+    for material, section in config.surfaces.items():
         if section.known is not None:
             roles.setdefault(section.known.file, f"known spectrum of {material}")
     hashes = {name: digest for stage in run.stored.values() for name,
@@ -136,7 +136,7 @@ def _inputs(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
             for name, role in roles.items() if name in hashes]
 
 
-def _doubtful(materials: list[MaterialResult]) -> list[str]:
+def doubtful_materials(materials: list[MaterialResult]) -> list[str]:
     """Materials whose draws have a reservation: a signal unlike all that the prior knows, say."""
     return [f"{material.name}: {material.samples.sentence}" for material in materials
             if material.doubtful and material.samples is not None]

@@ -31,13 +31,13 @@ from spectrabox.radiometry.records import (
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.stages.chart_stage import light_on_chart
 from spectrabox.session.stages.inputs import (
     GRID,
     read_chart_reference,
     read_light,
     read_sensitivities,
 )
-from spectrabox.session.stages.photo_stages import light_on_chart
 from spectrabox.session.stages.scenes import read_chart_scene
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import chart_of

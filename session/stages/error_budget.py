@@ -10,7 +10,12 @@ import numpy as np
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.light_scale import error_of_each_band
-from spectrabox.radiometry.records import Calibration, JointReconstruction, SpectralMeasurement
+from spectrabox.radiometry.records import (
+    Calibration,
+    JointReconstruction,
+    SpectralMeasurement,
+    SurfaceSignals,
+)
 from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.error_budget import error_budget
@@ -19,6 +24,7 @@ from spectrabox.sampling.prior.draws import family_shares
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 
 DARK = 1e-12             # of the light's strongest wavelength
+BandSignals = JointReconstruction | SurfaceSignals
 SCALE = "light scale"    # what is left of its error beside causes of their own name
 
 
@@ -104,7 +110,7 @@ def relative_errors(calibrations: Sequence[Calibration], joint: JointReconstruct
             for cause, covariance in signal_covariances(calibrations, joint, index).items()}
 
 
-def light_covariance(calibrations: Sequence[Calibration], joint: JointReconstruction,
+def light_covariance(calibrations: Sequence[Calibration], joint: BandSignals,
                      index: int) -> np.ndarray:
     """Covariance (J, J) of a signal, relative to white, by the stated errors of each light's
     readings, which are independent.
@@ -177,7 +183,7 @@ def families_allowed(calibrations: Sequence[Calibration], joint: JointReconstruc
     return standings(shares, prior.stated, prior.certificates)
 
 
-def sensitivity_covariance(calibrations: Sequence[Calibration], joint: JointReconstruction,
+def sensitivity_covariance(calibrations: Sequence[Calibration], joint: BandSignals,
                            index: int) -> np.ndarray:
     """Covariance (J, J) of a signal, relative to white, by the error of the camera's curves.
 

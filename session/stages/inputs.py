@@ -17,7 +17,6 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     read_spectrum,
     spectrum_on_grid,
 )
-from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials
 from spectrabox.session.config.session_schema import (
     ONE_PHOTO,
     SessionConfig,
@@ -27,7 +26,6 @@ from spectrabox.session.config.session_schema import (
 
 GRID = visible_grid()            # 400-700 nm in 1 nm steps, on which everything is integrated
 MAX_CLIPPED = 0.5               # of the object photo
-MAX_ASPECT_ERROR = 0.01  # photo against scene film: above, the two do not show the same view
 
 
 def read_light(config: SessionConfig, reference: SpectrumTable | None = None) -> Spectrum:
@@ -162,45 +160,6 @@ def require_exposed(photo: LinearImage, name: str) -> None:
     if clipped > MAX_CLIPPED:
         raise ClippedPhotoError(f"{name}: {clipped:.0%} of the photo is saturated; halve the "
                                 "exposure until the surfaces are not, the light itself may be")
-
-
-def check_aspect(photo: LinearImage, scene: SceneFile, name: str) -> None:
-    """Refuse a photo whose shape is not that of the scene's film.
-
-    Parameters
-    ----------
-    name : str
-        Of the photo's file, for the message.
-
-    Raises
-    ------
-    InputError
-        Naming both sizes.
-    """
-    height, width = photo.signal.shape[:2]
-    mismatch = (width / height) / (scene.width / scene.height) - 1
-    if abs(mismatch) > MAX_ASPECT_ERROR:
-        full = (round(width * photo.sensor_step), round(height * photo.sensor_step))
-        raise InputError(f"{name} is {full[0]} x {full[1]} pixels, but {scene.path.name} expects "
-                         f"{scene.width} x {scene.height} ({mismatch:+.0%} in shape): give the "
-                         "whole photo uncropped, or correct the film's width and height")
-
-
-def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:
-    """Refuse a scene whose BSDFs are not those of the session's materials.
-
-    Parameters
-    ----------
-    bsdfs : dict
-        From the name of each material to the id of its BSDF.
-
-    Raises
-    ------
-    InputError
-        One sentence a line.
-    """
-    if problems := check_materials(scene, bsdfs):
-        raise InputError("\n".join(problems))
 
 
 def _spectrum(config: SessionConfig, reference: SpectrumTable, role: Quantity) -> Spectrum:

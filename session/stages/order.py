@@ -26,9 +26,19 @@ class Stage:
         return records
 
 
-ROOM = "spectrabox.session.stages"
-STAGES = {"chart": Stage(f"{ROOM}.photo_stages", "find_and_sample_charts"),
-          "photo": Stage(f"{ROOM}.photo_stages", "bin_object_photos"),
+ROOM, FLAT_ROOM = "spectrabox.session.stages", "spectrabox.session.flat"
+STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts"),
+          "photo": Stage(f"{ROOM}.photo_stage", "bin_object_photos"),
           "calibrate": Stage(f"{ROOM}.calibrate_stage", "calibrate_views"),
           "reconstruct": Stage(f"{ROOM}.reconstruct_stage", "invert_photos"),
           "sample": Stage(f"{ROOM}.sample_stage", "sample_materials")}
+FLAT_STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts"),
+               "photo": Stage(f"{FLAT_ROOM}.region_stage", "measure_regions"),
+               "calibrate": Stage(f"{FLAT_ROOM}.calibrate_stage", "calibrate_photos"),
+               "signals": Stage(f"{FLAT_ROOM}.signals_stage", "find_signals"),
+               "sample": Stage(f"{FLAT_ROOM}.sample_stage", "sample_regions")}
+
+
+def stages_of(flat: bool) -> dict[str, Stage]:
+    """The stages of a session of flat samples, or of a scene."""
+    return FLAT_STAGES if flat else STAGES

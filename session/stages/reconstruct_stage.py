@@ -34,10 +34,9 @@ from spectrabox.session.stages.inputs import (
     band_names,
     read_light,
     read_reflectance,
-    require_materials,
 )
 from spectrabox.session.stages.one_transport import require_one_transport
-from spectrabox.session.stages.scenes import read_session_scene
+from spectrabox.session.stages.scenes import read_session_scene, require_materials
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import (
     calibrations_of,

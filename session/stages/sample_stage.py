@@ -1,20 +1,11 @@
 """The stage that draws: every spectrum behind each material's signal."""
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
-import numpy as np
-
-from spectrabox.radiometry.records import (
-    SpectralMeasurement,
-    SpectrumSamples,
-    SpectrumSummary,
-    WavelengthGrid,
-)
-from spectrabox.sampling.methods import draw_spectra
-from spectrabox.sampling.prior.mixture import load_prior, of_families
-from spectrabox.sampling.summary import summarise
+from spectrabox.radiometry.records import SpectrumSamples
+from spectrabox.sampling.prior.mixture import load_prior
+from spectrabox.session.stages.drawing import drawn_and_summarised
 from spectrabox.session.stages.error_budget import measurement_of
 from spectrabox.session.stages.scene_sampling import draw_through_transport
 from spectrabox.session.stages.stage_task import StageTask
@@ -43,27 +34,7 @@ def sample_materials(task: StageTask) -> dict[str, Any]:
         if joint.known[index]:
             continue
         task.progress(index / len(joint.materials), name)
-        measurement = measurement_of(calibrations, joint, index)
-        draws = jointly.get(name) or draw_spectra(measurement, chosen.method, chosen.draws,
-                                                  seed + index, chosen.coefficients,
-                                                  of_families(prior, families[name]))
-        records[f"samples {name}"] = draws
-        records[f"summary {name}"] = on_finer_grid(summarise(
-            draws, measurement, chosen.level, conditions(draws, measurement)), joint.grid)
+        records |= drawn_and_summarised(task.config, name,
+                                        measurement_of(calibrations, joint, index), seed + index,
+                                        prior, jointly.get(name))
     return records
-
-
-def conditions(draws: SpectrumSamples, measurement: SpectralMeasurement) -> str:
-    """What the band rests on, in words."""
-    errors = ", ".join(f"{100 * error:.2g}"
-                       for error in np.sqrt(np.diag(measurement.noise_covariance)))
-    return (f"Conditional on Gaussian errors of the signal of {errors} % of white, on the sampler "
-            f"and its prior ({draws.method}), and, for the exact bounds, on splines of "
-            f"{draws.coefficients.shape[1]} coefficients between 0 and 1. {draws.sentence}")
-
-
-def on_finer_grid(summary: SpectrumSummary, grid: WavelengthGrid) -> SpectrumSummary:
-    """The same summary on another grid, by straight lines between its wavelengths."""
-    curves = ("mean", "standard_deviation", "lower", "upper", "bound_lower", "bound_upper")
-    return dataclasses.replace(summary, grid=grid, **{
-        name: np.interp(grid.nm, summary.grid.nm, getattr(summary, name)) for name in curves})

@@ -1,12 +1,25 @@
 """The scenes of a session, read without any renderer."""
 from __future__ import annotations
 
-from spectrabox.reconstruct.scene.scene_file import SceneFile, read_scene
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import LinearImage
+from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials, read_scene
+from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
+
+MAX_ASPECT_ERROR = 0.01  # photo against scene film: above, the two do not show the same view
 
 
 def read_session_scene(config: SessionConfig, file: str | None = None) -> SceneFile:
-    """The scene of the object photo, or another one; its files lie within the session folder."""
+    """The scene of the object photo, or another one; its files lie within the session folder.
+
+    Raises
+    ------
+    InputError
+        If the session has no scene, or it cannot be read.
+    """
+    if config.scene is None:
+        raise InputError(f"{FILE_NAME} describes regions of a flat sample and no scene; this needs "
+                         "a session with [scene]")
     return read_scene(config.path(file or config.scene.file), None if config.allow_outside
                       else config.folder)
 
@@ -17,3 +30,42 @@ def read_chart_scene(config: SessionConfig) -> SceneFile | None:
         return None
     return read_scene(config.path(config.chart.scene), None if config.allow_outside
                       else config.folder)
+
+
+def check_aspect(photo: LinearImage, scene: SceneFile, name: str) -> None:
+    """Refuse a photo whose shape is not that of the scene's film.
+
+    Parameters
+    ----------
+    name : str
+        Of the photo's file, for the message.
+
+    Raises
+    ------
+    InputError
+        Naming both sizes.
+    """
+    height, width = photo.signal.shape[:2]
+    mismatch = (width / height) / (scene.width / scene.height) - 1
+    if abs(mismatch) > MAX_ASPECT_ERROR:
+        full = (round(width * photo.sensor_step), round(height * photo.sensor_step))
+        raise InputError(f"{name} is {full[0]} x {full[1]} pixels, but {scene.path.name} expects "
+                         f"{scene.width} x {scene.height} ({mismatch:+.0%} in shape): give the "
+                         "whole photo uncropped, or correct the film's width and height")
+
+
+def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:
+    """Refuse a scene whose BSDFs are not those of the session's materials.
+
+    Parameters
+    ----------
+    bsdfs : dict
+        From the name of each material to the id of its BSDF.
+
+    Raises
+    ------
+    InputError
+        One sentence a line.
+    """
+    if problems := check_materials(scene, bsdfs):
+        raise InputError("\n".join(problems))

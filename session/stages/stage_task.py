@@ -2,11 +2,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from spectrabox.radiometry.progress import Progress
 from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.store.open_photos import OpenPhotos
 from spectrabox.session.store.store import StoredStage
 
 
@@ -19,3 +20,4 @@ class StageTask:
     stored: Mapping[str, StoredStage]  # results of the stages before
     folder: Path                      # an empty folder that takes the stage's pictures
     progress: Progress
+    photos: OpenPhotos = field(default_factory=OpenPhotos)  # of the run, shared by its stages

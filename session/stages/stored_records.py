@@ -14,6 +14,7 @@ from spectrabox.radiometry.records import (
     Reconstruction,
     SpectrumSamples,
     SpectrumSummary,
+    SurfaceSignals,
 )
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.store.store import StoredStage
@@ -72,6 +73,12 @@ def joint_of(stored: Mapping[str, StoredStage]) -> JointReconstruction:
     """The reconstruction from all photos."""
     joint: JointReconstruction = stored["reconstruct"].record(JointReconstruction, "joint")
     return joint
+
+
+def signals_of(stored: Mapping[str, StoredStage]) -> SurfaceSignals:
+    """The signals of the regions of flat samples."""
+    signals: SurfaceSignals = stored["signals"].record(SurfaceSignals, "signals")
+    return signals
 
 
 def reconstruction_of(stored: Mapping[str, StoredStage]) -> Reconstruction:

@@ -15,7 +15,7 @@ from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.reconstruct.scene.scene_xml import materials_xml
 from spectrabox.session.report.maps import comparison_rgb8
-from spectrabox.session.store.results import MaterialResult, SessionResults
+from spectrabox.session.store.results import CommonResults, MaterialResult, SessionResults
 
 MIN_SIGNAL = 1e-6  # signal under which a relative residual is not formed
 
@@ -28,7 +28,8 @@ def write_outputs(results: SessionResults) -> list[Path]:
     list of Path
         Every file.
     """
-    texts = {results.folder / "spectra.csv": spectra_text(results),
+    texts = {results.folder / "spectra.csv": spectra_text(results,
+                                                            results.reconstruction.grid.nm),
              results.folder / "materials.xml": materials_text(results)}
     with writable(results.folder):
         (results.folder / "spdx").mkdir(exist_ok=True)
@@ -51,7 +52,10 @@ def write_outputs(results: SessionResults) -> list[Path]:
 
 def best_spectrum(material: MaterialResult) -> np.ndarray:
     """The mean (P,) of the draws, or the given spectrum."""
-    return material.spectrum if material.summary is None else material.summary.mean
+    if material.summary is not None:
+        return material.summary.mean
+    assert material.spectrum is not None
+    return material.spectrum
 
 
 def _write_comparison(path: Path, made: Reconstruction, bands: tuple[str, ...]) -> None:
@@ -68,11 +72,18 @@ def materials_text(results: SessionResults) -> str:
                           for material in results.materials}, (float(nm[0]), float(nm[-1])))
 
 
-def spectra_text(results: SessionResults) -> str:
-    """All recovered spectra as canonical CSV, every 1 nm."""
+def spectra_text(results: CommonResults, grid_nm: np.ndarray) -> str:
+    """All recovered spectra as canonical CSV, every 1 nm.
+
+    Parameters
+    ----------
+    grid_nm : (P,) array
+        Of the spectra.
+    """
     columns: dict[str, np.ndarray] = {}
     for material in results.materials:
-        columns[f"{material.name} inverse rendering"] = material.spectrum
+        if material.spectrum is not None:
+            columns[f"{material.name} inverse rendering"] = material.spectrum
         if material.summary is not None:
             columns |= {f"{material.name} mean": material.summary.mean,
                         f"{material.name} standard deviation": material.summary.standard_deviation,
@@ -80,5 +91,5 @@ def spectra_text(results: SessionResults) -> str:
                         f"{material.name} upper {material.summary.level:g}": material.summary.upper,
                         f"{material.name} bound lower": material.summary.bound_lower,
                         f"{material.name} bound upper": material.summary.bound_upper}
-    return table_text(results.reconstruction.grid.nm, columns, quantity=Quantity.REFLECTANCE,
+    return table_text(grid_nm, columns, quantity=Quantity.REFLECTANCE,
                       source=f"spectrabox, {results.name}".replace("\n", " "))

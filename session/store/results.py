@@ -30,7 +30,8 @@ class Scores:
     """How near a recovered spectrum came to a measured truth, over 400-700 nm."""
 
     rmse_mean: float                  # reflectance, mean of the samples
-    rmse_inverse_rendering: float     # reflectance, the one spectrum of inverse rendering
+    # reflectance, the one spectrum of inverse rendering; None of a flat sample
+    rmse_inverse_rendering: float | None
     coverage: float  # share of wavelengths at which the band at the session's level holds the truth
     coverage_95: float                # the same for the 95 % band
     coverage_bounds: float            # the same for the exact bounds
@@ -41,10 +42,11 @@ class Scores:
 
 @dataclass(frozen=True)
 class MaterialResult:
-    """One material of the scene."""
+    """One material of the scene, or region of a flat sample."""
 
     name: str
-    spectrum: np.ndarray  # (P,) of inverse rendering, or as given; on the reconstruction's grid
+    # (P,) of inverse rendering, or as given; on the working grid. None of an estimated region
+    spectrum: np.ndarray | None
     signal: np.ndarray                # (J,) relative to white, in the bands of all photos
     signal_covariance: np.ndarray     # (J, J) noise
     model_covariance: np.ndarray      # (J, J) relative: photo and model disagree
@@ -87,9 +89,9 @@ class ViewResult:
     reconstruction: Reconstruction
 
 
-@dataclass(frozen=True)
-class SessionResults:
-    """What the report shows; ``folder`` is the session folder."""
+@dataclass(frozen=True, kw_only=True)
+class CommonResults:
+    """What the report of any session shows; ``folder`` is the session folder."""
 
     folder: Path
     name: str
@@ -101,15 +103,21 @@ class SessionResults:
     chart: ChartResult | None         # None where sensitivities came from a file
     calibration: Calibration
     sensitivity_truth: tuple[np.ndarray, np.ndarray] | None  # nm (P,), curves (K, P)
-    light_scale: LightScale
-    photo: LinearImage                # at the render's size
+    photo: LinearImage                # at the render's size, or a thumbnail
     photo_preview: Path               # PNG of the whole object photo
-    reconstruction: Reconstruction
     materials: list[MaterialResult]
     signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
     stages: list[dict[str, Any]]      # name, seconds, state ("run", "kept")
     # versions, command, seed, started, finished, machine facts without paths
     provenance: dict[str, Any]
     warnings: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionResults(CommonResults):
+    """What the report of a session of a scene shows."""
+
+    light_scale: LightScale
+    reconstruction: Reconstruction
     views: list[ViewResult] = field(default_factory=list)  # photos beyond the first
     rehearsal: dict[str, Any] | None = None     # facts of the last one of these results

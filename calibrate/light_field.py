@@ -1,0 +1,202 @@
+"""The light beyond a chart: what the field that the chart shows says of the rest of the picture.
+
+A quadratic that was fitted over the chart runs away beyond it. Light does not: lamps stand
+somewhere, and a lens darkens corners. So arrangements of lamps are drawn, near and far, one or two,
+with light from all sides, and each gives the field at the patches and at any other point. What the
+chart fit says of the five terms over the chart then tells, by linear regression over the
+arrangements of each distance, the field elsewhere, and what it leaves open is what the arrangements
+that agree on the chart still differ by: next to nothing beside the chart, and the more the further.
+
+    terms over the chart of one arrangement       c = pinv(terms at the patches) field(patches)
+    elsewhere, of arrangements of one distance    field(x) = mean(x) + G(x) (c - mean c) + rest(x)
+
+Distances are weighed by how well they give the chart's terms. Lengths are in widths of the card. A
+photo that was divided by a white card in the samples' place may have no field left: that is one
+more kind of arrangement, and the chart says whether it holds.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.calibrate.chart_equations import FIELD_SD, field_terms
+from spectrabox.radiometry.records import ChartWhite
+from spectrabox.radiometry.shaped import Record
+
+LAMP_DISTANCES = (1.5, 3.0, 6.0, 12.0, 25.0)    # a Classic from 0.4 m, a Nano from 0.6 m
+ARRANGEMENTS = 400           # of each distance
+DISTANCE_SPREAD = 0.25       # of the logarithm, within one class
+MAX_ANGLE_DEG = 65.0         # of a lamp from the normal of the samples
+MAX_AMBIENT = 0.3            # of the light on the chart, from all sides
+MAX_DIRECTED = 3.0           # power of the cosine by which a lamp's beam falls off
+MAX_CORNER_LOSS = 0.6        # of the light, by the lens, in the corners of the picture
+EVEN_SD = 0.01               # of the log field left at the picture's border by a white card
+FLAT_SHARE = 0.5             # beforehand: that a flat field took the light's fall-off too
+RIDGE = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class PicturePoints(Record):
+    """Points of one photo: where they lie in the plane of the chart, and in the picture."""
+
+    plane: Annotated[np.ndarray, "N 2"]     # widths of the card, from its dark-skin corner
+    picture: Annotated[np.ndarray, "N 2"]   # from the middle, half of the diagonal being 1
+
+
+@dataclass(frozen=True, eq=False)
+class LightElsewhere(Record):
+    """White signal, glare and the field at R places, relative to the chart's mean, together."""
+
+    level: Annotated[np.ndarray, "K"]       # signal of white where the log field is 0
+    glare: Annotated[np.ndarray, "K"]       # signal
+    field: Annotated[np.ndarray, "R"]       # log of the light
+    covariance: Annotated[np.ndarray, "Z Z"]    # of log level, glare, field: Z = 2 K + R
+    distances: Annotated[np.ndarray, "C"]   # probability of each of LAMP_DISTANCES, and of evenness
+
+
+def light_elsewhere(white: ChartWhite, patches: PicturePoints, places: list[PicturePoints],
+                    flat_field: bool, seed: int = 0) -> LightElsewhere:
+    """The light at other places of a photo, from what its chart says.
+
+    Parameters
+    ----------
+    white : ChartWhite
+        With E = 5 terms of the field.
+    patches : PicturePoints
+        Of the I patches.
+    places : list of PicturePoints
+        R places; the light on each is the mean over its points.
+    flat_field : bool
+        Whether the photo was divided by that of a white card.
+    seed : int
+        Of the arrangements of lamps.
+    """
+    terms = field_terms(patches.plane)
+    project = np.linalg.pinv(terms)
+    centre, information = _likelihood(white)
+    kinds = [_of_distance(distance, patches, places, flat_field, np.random.default_rng([seed, i]))
+             for i, distance in enumerate(LAMP_DISTANCES)]
+    shares = np.full(len(kinds), (1 - FLAT_SHARE * flat_field) / len(kinds))
+    if flat_field:
+        kinds.append(_nearly_even(patches, places, np.random.default_rng([seed, len(kinds)])))
+        shares = np.append(shares, FLAT_SHARE)
+    found = [_given_the_chart(white, project, centre, information, *kind) for kind in kinds]
+    logs = np.log(shares) + np.array([evidence for evidence, _, _ in found])
+    weights = np.exp(logs - logs.max())
+    weights /= weights.sum()
+    means = np.array([mean for _, mean, _ in found])
+    mean = weights @ means
+    covariance = sum(weight * (inside + np.outer(off, off)) for weight, off, (_, _, inside)
+                     in zip(weights, means - mean, found, strict=True))
+    bands = len(white.level)
+    return LightElsewhere(white.level * np.exp(mean[:bands]), mean[bands:2 * bands],
+                          mean[2 * bands:], np.asarray(covariance), weights)
+
+
+def _likelihood(white: ChartWhite) -> tuple[np.ndarray, np.ndarray]:
+    """What the patches alone say of the terms: the best (E,) and its information (E, E).
+
+    The chart fit's own prior on the terms is taken out again.
+    """
+    own = slice(len(white.level), len(white.level) + len(white.field))
+    posterior = np.linalg.inv(white.covariance[own, own])
+    values, vectors = np.linalg.eigh(posterior - np.eye(len(posterior)) / FIELD_SD**2)
+    values = np.maximum(values, RIDGE * values.max())
+    information = (vectors * values) @ vectors.T
+    return np.linalg.solve(information, posterior @ white.field), information
+
+
+def _given_the_chart(white: ChartWhite, project: np.ndarray, centre: np.ndarray,
+                     information: np.ndarray, on_patches: np.ndarray,
+                     on_places: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Log evidence of one kind of arrangement, and mean and covariance of (log level - that of
+    the chart fit, glare, field at the places), Z = 2 K + R.
+    """
+    bands, count = len(white.level), len(white.field)
+    terms = on_patches @ project.T
+    mean, spread = terms.mean(axis=0), np.cov(terms, rowvar=False)
+    spread = spread + RIDGE * np.trace(spread) * np.eye(count)
+    innovation, of_data = centre - mean, np.linalg.inv(information)
+    total = spread + of_data
+    evidence = -0.5 * innovation @ np.linalg.solve(total, innovation) \
+        - 0.5 * np.linalg.slogdet(total)[1]
+    # the chart fit again, with this kind's prior on the terms in place of its own
+    own = slice(bands, bands + count)
+    change = np.linalg.inv(spread) - np.eye(count) / FIELD_SD**2
+    pull = np.linalg.solve(spread, mean) - change @ white.field
+    gain = white.covariance[:, own] @ np.linalg.inv(np.eye(count)
+                                                    + change @ white.covariance[own, own])
+    state = np.r_[np.zeros(bands), white.field, white.glare] + gain @ pull
+    covariance = white.covariance - gain @ change @ white.covariance[own]
+    centred = terms - mean
+    regression = np.linalg.solve(centred.T @ centred, centred.T @ (on_places
+                                                                   - on_places.mean(axis=0))).T
+    rest = on_places - on_places.mean(axis=0) - centred @ regression.T
+    places = on_places.shape[1]
+    carry = np.zeros((2 * bands + places, len(state)))
+    carry[:bands, :bands] = np.eye(bands)
+    carry[bands:2 * bands, bands + count:] = np.eye(bands)
+    carry[2 * bands:, own] = regression
+    moved = carry @ state
+    moved[2 * bands:] += on_places.mean(axis=0) - regression @ mean
+    covariance = carry @ covariance @ carry.T
+    covariance[2 * bands:, 2 * bands:] += rest.T @ rest / (len(rest) - count - 1)
+    return float(evidence), moved, covariance
+
+
+def _of_distance(distance: float, patches: PicturePoints, places: list[PicturePoints],
+                 flat_field: bool,
+                 rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Log fields (A, I) at the patches and (A, R) at the places, of lamps at about a distance."""
+    points = [patches, *places]
+    plane = np.vstack([each.plane for each in points])
+    field = _lamplight(plane, patches.plane.mean(axis=0), distance, rng)
+    if not flat_field:
+        squared = np.sum(np.vstack([each.picture for each in points]) ** 2, axis=1)
+        corner = 1 - MAX_CORNER_LOSS * rng.uniform(size=(ARRANGEMENTS, 1)) ** 2
+        field = field - 2 * np.log1p((corner**-0.5 - 1) * squared)
+    return _relative(field, points)
+
+
+def _nearly_even(patches: PicturePoints, places: list[PicturePoints],
+                 rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """The same, of what a white card leaves: a slight slope and bend over the picture."""
+    points = [patches, *places]
+    x, y = np.vstack([each.picture for each in points]).T
+    terms = np.column_stack([x, y, x**2, y**2, x * y])
+    return _relative(EVEN_SD * rng.standard_normal((ARRANGEMENTS, 5)) @ terms.T, points)
+
+
+def _lamplight(plane: np.ndarray, middle: np.ndarray, distance: float,
+               rng: np.random.Generator) -> np.ndarray:
+    """Log irradiance (A, N) at points of the plane from one or two lamps and from all sides."""
+    total = np.zeros((ARRANGEMENTS, len(plane)))
+    second = rng.uniform(size=(ARRANGEMENTS, 1)) * (rng.uniform(size=(ARRANGEMENTS, 1)) < 0.5)
+    for strength in (np.ones((ARRANGEMENTS, 1)), second):
+        away = distance * np.exp(DISTANCE_SPREAD * rng.standard_normal(ARRANGEMENTS))
+        angle = np.radians(MAX_ANGLE_DEG) * np.sqrt(rng.uniform(size=ARRANGEMENTS))
+        turn = 2 * np.pi * rng.uniform(size=ARRANGEMENTS)
+        lamp = away[:, None] * np.column_stack([np.sin(angle) * np.cos(turn),
+                                                np.sin(angle) * np.sin(turn), np.cos(angle)])
+        # aimed beside the chart as often as at it
+        aim = middle + 0.3 * away[:, None] * rng.standard_normal((ARRANGEMENTS, 2))
+        offset = plane - (aim + lamp[:, :2])[:, None]
+        squared = np.sum(offset**2, axis=2) + lamp[:, 2:]**2
+        axis = -lamp / away[:, None]
+        along = (offset @ axis[:, :2, None])[..., 0] - lamp[:, 2:] * axis[:, 2:]
+        directed = MAX_DIRECTED * rng.uniform(size=(ARRANGEMENTS, 1))
+        cosine = np.maximum(along / np.sqrt(squared), 1e-3)
+        lit = lamp[:, 2:] / squared**1.5 * cosine**directed
+        total += strength * lit / lit.mean(axis=1, keepdims=True)
+    ambient = MAX_AMBIENT * rng.uniform(size=(ARRANGEMENTS, 1))
+    return np.asarray(np.log(total + ambient * total.mean(axis=1, keepdims=True)))
+
+
+def _relative(field: np.ndarray, points: list[PicturePoints]) -> tuple[np.ndarray, np.ndarray]:
+    """Fields at the patches and their means at the places, relative to the patches' mean."""
+    edges = np.cumsum([len(each.plane) for each in points])[:-1]
+    on_patches, *on_places = np.split(field - field[:, :edges[0]].mean(axis=1, keepdims=True),
+                                      edges, axis=1)
+    return on_patches, np.column_stack([each.mean(axis=1) for each in on_places])

@@ -1,0 +1,120 @@
+"""Signals of the regions of a photo that an operator outlined."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from spectrabox.radiometry.errors import ClippedPhotoError, InputError
+from spectrabox.radiometry.records import LinearImage, RegionSamples
+
+MIN_PIXELS = 16
+CLIPPED_LIMIT = 0.01        # of the pixels of a region
+POINTS_A_SIDE = 5           # of the grid at which the light on a region is looked up
+
+
+def rectangle(rect: tuple[float, ...]) -> np.ndarray:
+    """Corners (4, 2) of a rectangle [x0, y0, x1, y1], going round."""
+    x0, y0, x1, y1 = rect
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], dtype=float)
+
+
+def sample_regions(image: LinearImage, outlines: Mapping[str, np.ndarray]) -> RegionSamples:
+    """Mean signal of each region, its error and its unevenness.
+
+    The mean is that of every pixel inside, whatever is painted there; its covariance is that of the
+    pixels' noise. What the pixels scatter beyond noise and beyond a plane, as of light that falls
+    off, is kept as unevenness.
+
+    Parameters
+    ----------
+    image : LinearImage
+    outlines : mapping
+        From names to corners (C, 2) of a polygon, going round, in pixels of the whole photo; (0, 0)
+        is the centre of the first.
+
+    Raises
+    ------
+    InputError
+        If a region leaves the photo or holds fewer than 16 pixels.
+    ClippedPhotoError
+        If more than 1 % of a region is saturated.
+    """
+    one_by_one = [_one_region(image, corners, f"photo {image.source}: region {name!r}")
+                  for name, corners in outlines.items()]
+    mean, covariance, pixels, scatter, points = (np.array(column)
+                                                 for column in zip(*one_by_one, strict=True))
+    return RegionSamples(tuple(outlines), mean, covariance, pixels, scatter, points)
+
+
+def pixels_in_polygon(corners: np.ndarray, height: int,
+                      width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the pixels whose centre lies in a polygon (even-odd rule).
+
+    Parameters
+    ----------
+    corners : (C, 2) array
+        In image coordinates, going round.
+    height, width : int
+        Of the image.
+    """
+    last = np.array([width - 1, height - 1])
+    left, top = np.clip(np.ceil(corners.min(axis=0)), 0, last + 1).astype(int)
+    right, bottom = np.clip(np.floor(corners.max(axis=0)), -1, last).astype(int)
+    y, x = np.mgrid[top:max(bottom + 1, top), left:max(right + 1, left)]
+    inside = inside_polygon(corners, x, y)
+    return y[inside], x[inside]
+
+
+def inside_polygon(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Whether points lie in a polygon (even-odd rule), its lower edges counted in.
+
+    Parameters
+    ----------
+    corners : (C, 2) array
+    x, y : arrays of one shape
+    """
+    inside = np.zeros(x.shape, bool)
+    for (xa, ya), (xb, yb) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        if ya == yb:
+            continue
+        crosses = (y >= min(ya, yb)) & (y < max(ya, yb))
+        inside ^= crosses & (x < xa + (y - ya) / (yb - ya) * (xb - xa))
+    return inside
+
+
+def _one_region(image: LinearImage, corners_px: np.ndarray, name: str) -> tuple[np.ndarray, ...]:
+    height, width = image.signal.shape[:2]
+    size = np.array([width, height]) * image.sensor_step
+    if np.any(corners_px < -0.5) or np.any(corners_px > size - 0.5):
+        raise InputError(f"{name} leaves the photo of {round(size[0])} x {round(size[1])} pixels; "
+                         "correct its corners")
+    corners = (corners_px + 0.5) / image.sensor_step - 0.5
+    y, x = pixels_in_polygon(corners, height, width)
+    if y.size < MIN_PIXELS:
+        raise InputError(f"{name} holds {y.size} pixels, {MIN_PIXELS} are needed; outline more "
+                         "of the surface")
+    clipped = float(image.saturated[y, x].any(axis=1).mean())
+    if clipped > CLIPPED_LIMIT:
+        raise ClippedPhotoError(f"{name} is saturated in {clipped:.0%} of its pixels; expose less, "
+                                "or outline a part without reflections")
+    signal, variance = image.signal[y, x].astype(float), image.variance[y, x].mean(axis=0)
+    mean = signal.mean(axis=0)
+    terms = np.column_stack([np.ones(y.size), x - x.mean(), y - y.mean()])
+    plane = terms @ np.linalg.solve(terms.T @ terms, terms.T @ signal)
+    beyond = np.maximum(((signal - plane) ** 2).mean(axis=0) - variance, 0)
+    scatter = np.sqrt(beyond) / np.maximum(np.abs(mean), np.finfo(np.float32).tiny)
+    points = _points(corners_px)
+    return mean, np.diag(variance / y.size), np.array(y.size), scatter, points
+
+
+def _points(corners_px: np.ndarray) -> np.ndarray:
+    """Points (25, 2) spread over a region; those of a grid that fall outside are put in its middle.
+    """
+    low, high = corners_px.min(axis=0), corners_px.max(axis=0)
+    at = (np.arange(POINTS_A_SIDE) + 0.5) / POINTS_A_SIDE
+    x, y = np.meshgrid(*(low[:, None] + (high - low)[:, None] * at))
+    inside = inside_polygon(corners_px, x, y)
+    points = np.column_stack([x[inside], y[inside]])
+    middle = points.mean(axis=0) if inside.any() else corners_px.mean(axis=0)
+    return np.vstack([points, np.tile(middle, (POINTS_A_SIDE**2 - len(points), 1))])

@@ -1,0 +1,193 @@
+"""The stage that turns photographed regions into signals relative to white, with every error."""
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.light_drift import LightDrift, drift_between, drift_covariance
+from spectrabox.radiometry.records import Calibration, SignalError, SurfaceSignals
+from spectrabox.radiometry.response import response_matrix, white_signal
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
+from spectrabox.sampling.prior.posterior import mean_and_spread, posterior
+from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
+from spectrabox.session.flat.white_at_regions import (
+    PhotoWhite,
+    far_notes,
+    white_at_regions,
+    with_known,
+)
+from spectrabox.session.stages.error_budget import light_covariance, sensitivity_covariance
+from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
+from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.stages.stored_records import (
+    calibrations_of,
+    chart_of,
+    photo_of,
+    reference_signals,
+)
+from spectrabox.session.stages.stray_light import GLARE
+
+SAME = 1e-9             # relative: responses closer than this are one
+GUESSED = 0.01          # of white: error of the signals whose spectra the errors are evaluated at
+NOISE, MODEL, COLOUR = "photo noise", "photo and model disagree", "drift of the light's colour"
+CURVES, SPECTRUM = "sensitivities", "light spectrum"
+
+
+def find_signals(task: StageTask) -> dict[str, Any]:
+    """Signals of regions, charts and calibrations to signals relative to white.
+
+    Returns
+    -------
+    dict
+        "signals", a SurfaceSignals; of every photo the "white level" (R,) at its regions, relative
+        to that on the chart, and its "light error"; the "drift" of the light, a LightDrift or
+        None; "notes".
+
+    Raises
+    ------
+    InputError
+        If chart and samples were exposed differently and do not say how.
+    CheckError
+        If a region of known spectrum shows another light than the chart.
+    """
+    config = task.config
+    calibrations, drift = calibrations_of(config, task.stored), drift_of(task)
+    known = {name: spectrum_on_grid(read_reflectance(config, section.known), GRID)
+             for name, section in config.regions.items() if section.known is not None}
+    responses = [_response(calibration) for calibration in calibrations]
+    model = float(task.stored["calibrate"].record(np.ndarray, "model error")[0])
+    records: dict[str, Any] = {"drift": drift, "notes": ()}
+    found: list[PhotoWhite | None] = []
+    for number, view in enumerate(config.all_views):
+        task.progress(number / len(config.all_views), view.photo_files[0])
+        white = white_at_regions(task, view, view if view.chart else config.all_views[0],
+                                 None if view.name else drift)
+        if white is not None:
+            signals = {name: responses[number] @ spectrum for name, spectrum in known.items()
+                       if name in white.samples.names}
+            white = with_known(white, signals, {name: _model_covariance(signal, model)
+                                                for name, signal in signals.items()})
+            records["notes"] += far_notes(white)
+        found.append(white)
+    records["signals"] = _stacked(task, calibrations, responses, found, known, model, drift)
+    if drift is not None:
+        records["notes"] += (drift.sentence,)
+    for view, white in zip(config.all_views, found, strict=True):
+        records[view.record("light")] = None if white is None else _light_on_regions(white)
+    return records
+
+
+def drift_of(task: StageTask) -> LightDrift | None:
+    """Change of the light from the first chart photo to the first photo of samples, where both
+    show references.
+    """
+    chart = chart_of(task.stored)
+    if not task.config.drift.chart_px or chart is None:
+        return None
+    return drift_between(chart[2], reference_signals(task.stored["chart"]), photo_of(task.stored),
+                         reference_signals(task.stored["photo"]), task.config.drift.relative_error)
+
+
+def _response(calibration: Calibration) -> np.ndarray:
+    """Response (K, P) of the bands to reflectances; rows sum to 1."""
+    matrix = response_matrix(GRID, calibration.sensitivity.curves,
+                             spectrum_on_grid(calibration.light, GRID))
+    return matrix / white_signal(matrix)[:, None]
+
+
+def _stacked(task: StageTask, calibrations: Sequence[Calibration], responses: list[np.ndarray],
+             found: list[PhotoWhite | None], known: dict[str, np.ndarray], model: float,
+             drift: LightDrift | None) -> SurfaceSignals:
+    """Signals of all regions in the bands of all photos; photos of one response are averaged."""
+    config, views = task.config, task.config.all_views
+    of_view = [next(other for other in range(number + 1)
+                    if _same(responses[other], responses[number])) for number in range(len(views))]
+    distinct = sorted(set(of_view))
+    bands = band_names(config, len(responses[0]))
+    names, count = tuple(config.regions), len(bands)
+    labels = tuple(f"{views[number].name or FIRST_PHOTO}: {band}" if len(views) > 1 else band
+                   for number in distinct for band in bands)
+    signal = np.full((len(names), len(labels)), np.nan)
+    causes: dict[str, np.ndarray] = {}
+    for index, name in enumerate(names):
+        for block, number in enumerate(distinct):
+            shown = [(white, white.samples.names.index(name), views[other])
+                     for other, white in enumerate(found)
+                     if of_view[other] == number and white is not None
+                     and name in white.samples.names]
+            if not shown:
+                continue
+            own = slice(block * count, (block + 1) * count)
+            signal[index, own] = np.mean([white.signal[row] for white, row, _ in shown], axis=0)
+            for cause, covariance in _errors(task, config, shown, model, drift).items():
+                whole = causes.setdefault(cause, np.zeros((len(names), *(2 * [len(labels)]))))
+                whole[index, own, own] = covariance
+    response = np.vstack([responses[number] for number in distinct])
+    spectra = np.array([known[name] if name in known else _guess(
+        config, load_prior(), name, response, signal[index]) for index, name in enumerate(names)])
+    signals = SurfaceSignals(names, tuple(name in known for name in names), GRID, spectra, labels,
+                             np.repeat(distinct, count), response, signal, ())
+    filled = dataclasses.replace(signals, signal=np.nan_to_num(signal))
+    for cause, function in ((CURVES, sensitivity_covariance), (SPECTRUM, light_covariance)):
+        causes[cause] = np.array([function(calibrations, filled, index)
+                                  for index in range(len(names))])
+    return dataclasses.replace(signals, errors=tuple(
+        SignalError(cause, covariance) for cause, covariance in causes.items()))
+
+
+def _errors(task: StageTask, config: SessionConfig,
+            shown: list[tuple[PhotoWhite, int, ViewInputs]], model: float,
+            drift: LightDrift | None) -> dict[str, np.ndarray]:
+    """Covariance (K, K) by cause of a region's mean signal over photos of one response.
+
+    Noise is averaged; the other errors are taken as common to the photos.
+    """
+    noise = np.sum([white.noise(row) for white, row, _ in shown], axis=0) / len(shown) ** 2
+    parts: list[dict[str, np.ndarray]] = []
+    for white, row, view in shown:
+        signal = white.signal[row]
+        veil = config.stray_light.glare * photo_of(task.stored, view).signal.mean(axis=(0, 1)) \
+            / white.white[row]
+        colour = drift_covariance(drift) * np.outer(signal, signal) \
+            if drift is not None and not view.name else np.zeros(2 * signal.shape)
+        parts.append({**white.errors(row), GLARE: np.outer(veil, veil), COLOUR: colour,
+                      MODEL: _model_covariance(signal, model)})
+    causes = dict.fromkeys(cause for part in parts for cause in part)
+    zero = np.zeros_like(noise)
+    return {NOISE: noise, **{cause: np.mean([part.get(cause, zero) for part in parts], axis=0)
+                             for cause in causes}}
+
+
+def _model_covariance(signal: np.ndarray, model: float) -> np.ndarray:
+    """Covariance (K, K) by what patches and model disagree, each band for itself."""
+    return np.diag((model * signal) ** 2)
+
+
+def _guess(config: SessionConfig, prior: LogitMixture, name: str, response: np.ndarray,
+           signal: np.ndarray) -> np.ndarray:
+    """The spectrum (P,) that the learnt prior expects behind a signal (J,)."""
+    seen = np.isfinite(signal)
+    coarse = response[seen] @ interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
+    mixture = posterior(of_families(prior, config.regions[name].families), coarse,
+                        signal[None, seen], GUESSED**2 * np.eye(int(seen.sum())))
+    return np.interp(GRID.nm, PRIOR_GRID.nm, mean_and_spread(mixture)[0][0])
+
+
+def _light_on_regions(white: PhotoWhite) -> np.ndarray:
+    """Light (R, 2) on the regions relative to the chart's mean, and its relative error."""
+    bands, regions = white.glare.size, len(white.samples.names)
+    own = slice(2 * bands, 2 * bands + regions)
+    return np.column_stack([np.exp(white.elsewhere.field + white.mean[own]),
+                            np.sqrt(np.diag(white.covariance)[own])])
+
+
+def _same(response: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two responses (K, P) are the same within round-off."""
+    return response.shape == other.shape and bool(
+        np.abs(response - other).max() <= SAME * np.abs(other).max())

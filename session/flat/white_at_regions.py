@@ -1,0 +1,224 @@
+"""One photo's regions relative to white, with the errors of white and of the light upon them.
+
+    photo(k) = exposure x level(k) x exp(field at the region) x relative signal(k) + glare(k)
+
+Level, field and glare come from the chart fit, the field away from the chart from
+``calibrate.light_field``; the exposure is 1 in the chart's own photo. All that is unknown of them
+is one Gaussian. Regions of known spectrum, white cards, condition it.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.calibrate.light_field import LightElsewhere, PicturePoints, light_elsewhere
+from spectrabox.radiometry.chart import plane_centres, plane_from_picture, projected
+from spectrabox.radiometry.errors import CheckError
+from spectrabox.radiometry.light_drift import LightDrift
+from spectrabox.radiometry.light_scale import (
+    DRIFT,
+    REPEATABILITY,
+    ROUNDED_EXPOSURES,
+    exposure_ratio,
+    rounding_error,
+)
+from spectrabox.radiometry.records import ChartWhite, LinearImage, RegionSamples
+from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
+from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.stages.stored_records import chart_of, photo_of
+
+WHITE, LIGHT = "white on the chart", "light over the picture"
+KNOWN_ERROR = 0.005         # relative, of a known spectrum: its angle to the light, wear
+OTHER_COLOUR, SIGMAS = 0.04, 4.0    # relative and in standard errors: the light is another
+FAR = 0.05                  # relative error of the light on a region, above which to say so
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoWhite:
+    """What white reads at R regions of a photo: values, and one Gaussian of all that is unknown.
+
+    The unknowns, Z = 2 K + R + causes: log level, glare (both K), field (R), and the errors of the
+    exposure by cause, which all regions and bands share.
+    """
+
+    samples: RegionSamples
+    elsewhere: LightElsewhere
+    exposure: float                     # of this photo relative to the chart's
+    glare: np.ndarray                   # (K,) signal in this photo
+    causes: tuple[str, ...]
+    mean: np.ndarray                    # (Z,) corrections to the above
+    covariance: np.ndarray              # (Z, Z)
+    notes: tuple[str, ...]
+
+    @property
+    def white(self) -> np.ndarray:
+        """Signal (R, K) of a perfect white at each region."""
+        bands, regions = self.glare.size, len(self.samples.names)
+        log = self.mean[:bands] + (self.elsewhere.field + self.mean[2 * bands:2 * bands + regions]
+                                   + self.mean[2 * bands + regions:].sum())[:, None]
+        return np.asarray(self.exposure * self.elsewhere.level * np.exp(log))
+
+    @property
+    def signal(self) -> np.ndarray:
+        """Signal (R, K) relative to white."""
+        bands = self.glare.size
+        glare = self.glare + self.mean[bands:2 * bands]
+        return np.asarray((self.samples.mean - glare) / self.white)
+
+    def jacobian(self, region: int) -> np.ndarray:
+        """Derivative (K, Z) of a region's relative signal by the unknowns."""
+        bands, regions = self.glare.size, len(self.samples.names)
+        signal = self.signal[region]
+        rows = np.zeros((bands, self.mean.size))
+        rows[:, :bands] = np.diag(-signal)
+        rows[:, bands:2 * bands] = np.diag(-1 / self.white[region])
+        rows[:, 2 * bands + region] = -signal
+        rows[:, 2 * bands + regions:] = -signal[:, None]
+        return rows
+
+    def noise(self, region: int) -> np.ndarray:
+        """Covariance (K, K) of a region's relative signal by the noise of its pixels."""
+        return self.samples.covariance_of_mean[region] / np.outer(self.white[region],
+                                                                  self.white[region])
+
+    def errors(self, region: int) -> dict[str, np.ndarray]:
+        """Covariance (K, K) of a region's relative signal by cause; they add up to the whole."""
+        bands, regions = self.glare.size, len(self.samples.names)
+        rows, signal = self.jacobian(region), self.signal[region]
+        ends = [2 * bands, 2 * bands + regions,
+                *range(2 * bands + regions + 1, self.mean.size + 1)]
+        totals = [rows[:, :end] @ self.covariance[:end, :end] @ rows[:, :end].T for end in ends]
+        common = [_shared(total, signal) for total in totals]
+        steps = np.maximum(np.diff(common), 0.0)
+        steps *= min(1.0, common[-1] / max(float(steps.sum()), np.finfo(float).tiny))
+        both = np.outer(signal, signal)
+        parts = dict(zip((LIGHT, *self.causes), steps[:, None, None] * both, strict=True))
+        return {WHITE: totals[-1] - np.sum(list(parts.values()), axis=0), **parts}
+
+
+def white_at_regions(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
+                     drift: LightDrift | None) -> PhotoWhite | None:
+    """White at every region of a photo, as the chart of ``chart_view`` gives it; None where the
+    photo shows no region.
+
+    Parameters
+    ----------
+    view : ViewInputs
+        The photo of the regions.
+    chart_view : ViewInputs
+        Whose chart photo was taken under the same light.
+    drift : LightDrift or None
+        Of the light between both.
+
+    Raises
+    ------
+    InputError
+        If the photos do not state how their exposures compare.
+    """
+    config, stored = task.config, task.stored
+    samples = stored["photo"].record(RegionSamples, view.record("regions"))
+    if samples is None:
+        return None
+    white = stored["calibrate"].record(ChartWhite, chart_view.record("white"))
+    chart, photo = chart_of(stored, chart_view), photo_of(stored, view)
+    assert chart is not None
+    detection, _, chart_photo = chart
+    centres_px = detection.corners_px.mean(axis=1)
+    patches = PicturePoints(plane_centres(), _in_picture(centres_px, chart_photo))
+    to_plane = plane_from_picture(centres_px)
+    places = [PicturePoints(projected(to_plane, points), _in_picture(points, photo))
+              for points in samples.points_px]
+    elsewhere = light_elsewhere(white, patches, places, bool(config.photos.flats),
+                                config.session.seed)
+    own = chart_view.chart_files == view.photo_files
+    exposure, causes = (1.0, {}) if own else _exposure(config, chart_photo, photo, drift)
+    # veiling glare is in proportion to the light of the whole picture
+    glare = elsewhere.glare if own else elsewhere.glare * (
+        photo.signal.mean(axis=(0, 1)) / chart_photo.signal.mean(axis=(0, 1)))
+    size = len(elsewhere.covariance)
+    covariance = np.zeros((size + len(causes),) * 2)
+    covariance[:size, :size] = elsewhere.covariance
+    covariance[range(size, size + len(causes)), range(size, size + len(causes))] = np.square(
+        list(causes.values()))
+    return PhotoWhite(samples, elsewhere, exposure, glare, tuple(causes),
+                      np.zeros(len(covariance)), covariance, ())
+
+
+def with_known(found: PhotoWhite, known: Mapping[str, np.ndarray],
+               errors: Mapping[str, np.ndarray]) -> PhotoWhite:
+    """The same after regions of known spectrum said how bright the light is upon them.
+
+    Parameters
+    ----------
+    known : mapping
+        From names of regions to their relative signal (K,).
+    errors : mapping
+        From the same names to its covariance (K, K) beside noise: curves, model.
+
+    Raises
+    ------
+    CheckError
+        If the light on a known region is of another colour than on the chart.
+    """
+    for name in known:
+        region = found.samples.names.index(name)
+        rows, target = found.jacobian(region), known[name]
+        residual = target - found.signal[region]
+        spread = rows @ found.covariance @ rows.T + found.noise(region) + errors[name] \
+            + KNOWN_ERROR**2 * np.outer(target, target)
+        _require_one_light(found.samples.names[region], residual / target,
+                           spread / np.outer(target, target))
+        gain = np.linalg.solve(spread, rows @ found.covariance).T
+        found = PhotoWhite(found.samples, found.elsewhere, found.exposure, found.glare,
+                           found.causes, found.mean + gain @ residual,
+                           found.covariance - gain @ rows @ found.covariance, found.notes)
+    return found
+
+
+def far_notes(found: PhotoWhite) -> tuple[str, ...]:
+    """Regions on which the light is known badly, because they lie far from the chart."""
+    bands = found.glare.size
+    errors = np.sqrt(np.diag(found.covariance)[2 * bands:2 * bands + len(found.samples.names)])
+    return tuple(f"region {name!r} lies far from the chart: the light upon it is known to "
+                 f"{error:.0%} only; put the chart beside it, or a white card of known spectrum, "
+                 "or photograph a white card in the samples' place as flat field"
+                 for name, error in zip(found.samples.names, errors, strict=True) if error > FAR)
+
+
+def _exposure(config: SessionConfig, chart_photo: LinearImage, photo: LinearImage,
+              drift: LightDrift | None) -> tuple[float, dict[str, float]]:
+    """Exposure and light of a photo relative to the chart's, and its relative errors by cause."""
+    ratio = exposure_ratio(chart_photo, photo)
+    if drift is not None:
+        return ratio * drift.level, {DRIFT: drift.level_error / drift.level}
+    return ratio, {REPEATABILITY: config.repeatability.relative_error,
+                   ROUNDED_EXPOSURES: rounding_error(chart_photo, photo)}
+
+
+def _require_one_light(name: str, relative: np.ndarray, covariance: np.ndarray) -> None:
+    """Refuse a known region whose bands disagree with the chart's light beyond errors."""
+    weights = np.linalg.solve(covariance, np.ones(len(relative)))
+    level = float(weights @ relative / weights.sum())
+    off = relative - level
+    errors = np.sqrt(np.diag(covariance))
+    worst = int(np.argmax(np.abs(off)))
+    if abs(off[worst]) > OTHER_COLOUR and abs(off[worst]) > SIGMAS * errors[worst]:
+        raise CheckError(f"region {name!r} of known spectrum reads {abs(off[worst]):.0%} "
+                         f"{'less' if off[worst] > 0 else 'more'} in band {worst + 1} than the "
+                         "chart's light gives it: chart and samples were photographed under "
+                         "different light; take both under one light, or correct the known "
+                         "spectrum")
+
+
+def _shared(covariance: np.ndarray, pattern: np.ndarray) -> float:
+    """The largest variance of a common factor of ``pattern`` that a covariance (K, K) holds."""
+    floor = 1e-12 * max(float(np.trace(covariance)), np.finfo(float).tiny) * np.eye(len(pattern))
+    return float(1 / (pattern @ np.linalg.solve(covariance + floor, pattern)))
+
+
+def _in_picture(points_px: np.ndarray, photo: LinearImage) -> np.ndarray:
+    """Points (N, 2) from the middle of a photo, half of its diagonal being 1."""
+    size = np.array(photo.signal.shape[1::-1]) * photo.sensor_step
+    return np.asarray((points_px - (size - 1) / 2) / (np.linalg.norm(size) / 2))
