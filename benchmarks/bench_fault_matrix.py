@@ -2,8 +2,9 @@
 accepted?
 
 A naive driver, which believes the first reading that parses, is the alternative in the same run:
-each trial in which only the second reading or the luminance showed the fault is one that it would
-have got wrong.
+each trial in which only the second reading or the instrument's own figures showed the fault is one
+that it would have got wrong. Then every instrument x every way in which it can send a spectrum
+other than the one it computed its figures from, time and again.
 
     python benchmarks/bench_fault_matrix.py [--places 8] [--json]
 """
@@ -18,9 +19,21 @@ from unittest import mock
 
 from spectrabox.capture.meter import measurement
 from spectrabox.capture.transcripts.transcript import read_transcript
-from spectrabox.fixtures.meter_transcripts import FOLDER, clean_meters
+from spectrabox.fixtures.meter_transcripts import (
+    FOLDER,
+    SPECTRUM_FAULTS,
+    clean_meters,
+    faulty_meters,
+)
 
-from benchmarks.transcript_trials import DEADLINE_S, Subject, Trial, run_all, subject_of
+from benchmarks.transcript_trials import (
+    DEADLINE_S,
+    Subject,
+    Trial,
+    run_all,
+    spectrum_trial,
+    subject_of,
+)
 
 
 def subjects() -> list[Subject]:
@@ -54,7 +67,7 @@ def table(trials: list[Trial]) -> str:
 def naive_run(places: int, workers: int) -> list[Trial]:
     """The same trials with the first parsed reading believed and no luminance check."""
     with mock.patch.object(measurement, "_read_twice", lambda instrument: instrument.read()), \
-            mock.patch.object(measurement, "_check_luminance", lambda held, instrument: None):
+            mock.patch.object(measurement, "check_stated", lambda *spectrum_and_figures: None):
         return run_all(subjects(), places, workers)
 
 
@@ -69,6 +82,10 @@ def main() -> int:
     trials = run_all(subjects(), arguments.places, arguments.workers)
     seconds = time.monotonic() - started
     naive = naive_run(arguments.places, arguments.workers)
+    consistent = [spectrum_trial(meter, fault) for fault in SPECTRUM_FAULTS
+                  for meter in faulty_meters(fault)]
+    unseen = {(name, fault.name) for fault in SPECTRUM_FAULTS for name in fault.unseen_by}
+    accepted = {(trial.instrument, trial.fault) for trial in consistent if trial.wrong}
     facts = {"trials": len(trials), "wrong_spectra": sum(trial.wrong for trial in trials),
              "not_given_back": sum(not trial.left for trial in trials),
              "past_deadline": sum(trial.seconds > DEADLINE_S for trial in trials),
@@ -80,14 +97,20 @@ def main() -> int:
                                         for trial in naive),
              "errors": dict(Counter(trial.result for trial in trials if trial.result
                                     != "spectrum")),
+             "consistent_faults": len(consistent),
+             "consistent_faults_that_replies_show": len(consistent) - len(unseen),
+             "wrong_spectra_of_those": len(accepted - unseen),
+             "wrong_spectra_that_no_reply_shows": len(accepted & unseen),
              "seconds": round(seconds, 1)}
     if arguments.json:
         print(json.dumps({**facts, "matrix": [vars(trial) for trial in trials]}))
     else:
         print(table(trials))
+        print(table(consistent))
         print("W wrong spectrum accepted   L instrument not given back   T past its deadline\n")
         print("\n".join(f"{key:<20} {value}" for key, value in facts.items()))
-    return int(bool(facts["wrong_spectra"] or facts["not_given_back"] or facts["past_deadline"]))
+    return int(bool(facts["wrong_spectra"] or accepted - unseen or facts["not_given_back"]
+                    or facts["past_deadline"]))
 
 
 if __name__ == "__main__":

@@ -15,7 +15,8 @@ from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.faults import Fault, FaultKind
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.replay import settings_of
-from spectrabox.capture.transcripts.transcript import Transcript
+from spectrabox.capture.transcripts.transcript import Event, Transcript
+from spectrabox.fixtures.meter_transcripts import SpectrumFault, SyntheticMeter
 from spectrabox.radiometry.spectra.readings import SpectralReading
 
 # 240 s become 0.48 s; below 0.25 s a busy computer looks like a mute line
@@ -97,6 +98,22 @@ def run_trial(subject: Subject, name: str, fault: Fault | None) -> Trial:
     return Trial(transcript.facts["instrument"], name, fault.step if fault else 0,
                  fault.position if fault else 0.0, result,
                  sentence, wrong, dead or _given_back(bytes(player.heard), subject), seconds)
+
+
+def spectrum_trial(meter: SyntheticMeter, fault: SpectrumFault) -> Trial:
+    """Measure with an instrument that sends another spectrum than it computed its figures from."""
+    transcript = Transcript({"instrument": meter.driver, "line": meter.line,
+                             "settings": meter.settings},
+                            tuple(Event(direction, 0.0, data) for sent, replies in meter.exchanges
+                                  for direction, data in ((">", sent), *(("<", reply) for _, reply
+                                                                         in replies))), meter.name)
+    started = time.monotonic()
+    with TranscriptPlayer(transcript, time_scale=0.0) as player:
+        result, sentence, reading = _outcome(transcript, player.port)
+    wrong = reading is not None and reading.spectrum is not None \
+        and not np.array_equal(reading.spectrum.values, meter.values)
+    return Trial(meter.driver, fault.name, 0, 0.0, result, sentence, wrong, True,
+                 time.monotonic() - started)
 
 
 def run_all(subjects: list[Subject], positions: int, workers: int,

@@ -13,6 +13,7 @@ from spectrabox.capture.meter.instruments.errors import (
     LineFaultError,
     NoReplyError,
     RefusedError,
+    UntrustedReadingError,
     WrongInstrumentError,
 )
 from spectrabox.capture.meter.instruments.interface import MeterSettings
@@ -120,7 +121,7 @@ def test_an_instrument_that_never_answers_is_named_within_its_limit(name):
 @pytest.mark.parametrize("name, sent, reply", [
     ("cs2000", b"IDDR\n", b"OK00,CS-2000  ,1,1001234,V4.00,NEW\n"),
     ("pr655", b"D120\r", b"00000,101,0.00,380,780,4,256,7,247,1,2,3\r\n"),
-    ("cr250", b"RM Radiometric\r", b"OK:0:RM Radiometric:0,3.209e-01,8.835e+17,1,2\r\n")])
+    ("cr250", b"RM Radiometric\r", b"OK:0:RM Radiometric:0,2.612e+00,7.788e+18,1,2\r\n")])
 def test_a_longer_reply_of_an_unknown_firmware_is_understood(name, sent, reply):
     reading, _ = measured(replaced(recording(name), sent, reply))
     assert reading.outcome is ReadingOutcome.MEASURED
@@ -181,16 +182,16 @@ def test_a_fixed_exposure_is_put_back_to_automatic():
 
 def test_irradiance_is_recorded_as_the_instrument_states_it():
     transcript = replaced(recording("cr250"), b"RM Radiometric\r",
-                          b"OK:0:RM Radiometric:1,3.2e-01,8.8e+17\r\n")
+                          b"OK:0:RM Radiometric:1,2.612e+00,7.788e+18\r\n")
     assert measured(transcript)[0].quantity is Quantity.IRRADIANCE
 
 
 def test_a_spectrum_that_disagrees_with_the_reported_luminance_is_refused():
     transcript = replaced(recording("cr250"), b"RM XYZ\r",
-                          b"OK:0:RM XYZ:1.7e+00,9.0e+02,1.8e+00\r\n")
-    with pytest.raises(Exception, match=r"the spectrum integrates to .* the instrument reports "
-                                        r"900; they must agree "
-                                        "within 3%"):
+                          b"OK:0:RM XYZ:1.700e+00,9.000e+02,1.800e+00\r\n")
+    with pytest.raises(UntrustedReadingError, match=r"the spectrum's luminance is .* the "
+                                                    r"instrument reports 900; they must agree "
+                                                    r"within 9\.1"):
         measured(transcript)
 
 

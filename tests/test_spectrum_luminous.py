@@ -1,4 +1,4 @@
-"""The table of V(lambda) is the standard observer's."""
+"""Tristimulus values are those of the standard observer."""
 import warnings
 
 import numpy as np
@@ -6,29 +6,35 @@ import pytest
 
 from spectrabox.radiometry.spectra.luminous import (
     LUMENS_PER_WATT,
+    colour_matching,
     luminance_of,
-    luminous_efficiency,
+    tristimulus_of,
 )
 
 
-def test_the_efficiency_is_the_cie_1931_observers():
+def test_the_curves_are_the_cie_1931_observers():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         import colour
         observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
     nm = np.arange(380.0, 781.0)
-    truth = np.interp(nm, observer.wavelengths, np.asarray(observer.values)[:, 1])
-    # The table has every fifth value; between them the cubic differs by less than 0.001 of the
-    # peak.
-    np.testing.assert_allclose(luminous_efficiency(nm), truth, atol=1e-3)
-    # An integral over it: the differences average out.
-    assert luminous_efficiency(nm).sum() == pytest.approx(truth.sum(), rel=1e-4)
+    inside = (observer.wavelengths >= 380) & (observer.wavelengths <= 780)
+    np.testing.assert_array_equal(colour_matching(nm), np.asarray(observer.values)[inside].T)
 
 
 def test_one_watt_at_the_peak_is_683_lumens():
     nm = np.arange(554.0, 557.0)
     # A line of area 1 at 555 nm, where V is 1.
     assert luminance_of(nm, np.array([0.0, 1.0, 0.0])) == pytest.approx(LUMENS_PER_WATT, rel=1e-6)
+
+
+@pytest.mark.parametrize("step", [1.0, 2.0, 4.0])
+def test_equal_energy_is_white_on_every_instruments_grid(step):
+    nm = np.arange(380.0, 781.0, step)
+    x, y, z = tristimulus_of(nm, np.ones(nm.size))
+    # CIE 15: the three curves have equal areas, from the table's ends and rounding to 1e-4.
+    assert x / (x + y + z) == pytest.approx(1 / 3, abs=1e-4)
+    assert y / (x + y + z) == pytest.approx(1 / 3, abs=1e-4)
 
 
 def test_light_outside_the_visible_has_no_luminance():

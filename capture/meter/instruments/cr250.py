@@ -23,6 +23,7 @@ from spectrabox.capture.meter.instruments.interface import (
     stated_grid,
 )
 from spectrabox.capture.meter.serial_line import LineSettings
+from spectrabox.capture.meter.stated import mean_wavelength, printed, stated_by_xyz
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 REPLY_S = 5.0
@@ -108,10 +109,13 @@ class Cr250(Instrument):
         values = np.array([numbers(row, 1, self.line.name)[0] for row in rows])
         xyz, radiometric, exposure = (self._ask(f"RM {key}")
                                       for key in ("XYZ", "Radiometric", "Exposure"))
-        unit = numbers(radiometric.split(",")[0], 1, self.line.name)[0]
+        unit, *_ = numbers(",".join(radiometric.split(",")[:3]), 3, self.line.name)
         quantity = self.quantity_of(int(unit), "mount an accessory for one of them")
         milliseconds = numbers(exposure.removesuffix(" msec"), 1, self.line.name)[0]
-        return HeldResult(nm, values, quantity, numbers(xyz, 3, self.line.name)[1], milliseconds,
+        numbers(xyz, 3, self.line.name)
+        power, photons = (printed(cell) for cell in radiometric.split(",")[1:3])
+        stated = stated_by_xyz(xyz.split(","), power, mean_wavelength(power, photons))
+        return HeldResult(nm, values, quantity, stated, milliseconds,
                           (header, *rows, xyz, radiometric, exposure))
 
     def obeyed(self, command: bytes) -> bool:

@@ -23,6 +23,7 @@ from spectrabox.capture.meter.instruments.interface import (
     refused,
 )
 from spectrabox.capture.meter.serial_line import LineSettings
+from spectrabox.capture.meter.stated import printed, stated_by_xyz
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
@@ -110,13 +111,14 @@ class Cs2000(Instrument):
         for cells, size in zip(blocks, BLOCK_SIZES, strict=True):
             values += numbers(",".join(cells), size, self.line.name)
         colour = numbers(",".join(colours), 24, self.line.name)
-        if NOT_CALCULATED in values or NOT_CALCULATED in colour[:2]:
+        if NOT_CALCULATED in values or NOT_CALCULATED in colour[:5]:
             raise UntrustedReadingError(f"{self.family} could not calculate part of the spectrum; "
                                         "measure again")
         if len(conditions) < 3 or not re.fullmatch(r"\s*\d+\s*", conditions[2]):
             raise LineFaultError(f"{self.line.name}: {','.join(conditions)!r} states no "
                                  "integration time; measure again")
-        return HeldResult(NM, np.array(values), Quantity.RADIANCE, colour[1],
+        stated = stated_by_xyz(colours[2:5], power=printed(colours[0]))
+        return HeldResult(NM, np.array(values), Quantity.RADIANCE, stated,
                           int(conditions[2]) / 1000,
                           tuple(",".join(cells) for cells in (conditions, *blocks, colours)))
 

@@ -19,6 +19,7 @@ from spectrabox.capture.meter.instruments.errors import (
     WrongInstrumentError,
 )
 from spectrabox.capture.meter.serial_line import LineSettings, SerialLine, shown
+from spectrabox.capture.meter.stated import Stated
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
@@ -70,7 +71,7 @@ class HeldResult:
     nm: np.ndarray
     values: np.ndarray
     quantity: Quantity
-    luminance: float | None                 # cd m-2 or lx
+    stated: Stated                          # what the instrument computed from it
     integration_ms: float | None
     raw: tuple[str, ...]
     flags: tuple[str, ...] = ()
@@ -316,6 +317,24 @@ def numbers(text: str, count: int, line_name: str, separator: str = ",") -> list
                              f"number{'s' if count > 1 else ''} should stand; measure again, and "
                              "check the cable")
     return [float(cell) for cell in cells]
+
+
+def xyz_cells(text: str, line_name: str) -> list[str]:
+    """The last three of a reply's cells, X, Y and Z, each known to be a number.
+
+    Parameters
+    ----------
+    text : str
+    line_name : str
+        For errors.
+
+    Raises
+    ------
+    LineFaultError
+    """
+    cells = text.split(",")[-3:]
+    numbers(",".join(cells), 3, line_name)
+    return cells
 
 
 def stated_grid(points: float, first: float, last: float, step: float,

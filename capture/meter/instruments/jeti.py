@@ -9,9 +9,11 @@ from spectrabox.capture.meter.instruments.interface import (
     RESTORE_S,
     Instrument,
     Measured,
+    numbers,
     refused,
 )
 from spectrabox.capture.meter.serial_line import SerialLine, ascii_text, shown
+from spectrabox.capture.meter.stated import Stated, printed
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 ACK, NAK, BEL, ESC, ENQ, STX, ETX = b"\x06", b"\x15", b"\x07", b"\x1b", b"\x05", b"\x02", b"\x03"
@@ -212,8 +214,50 @@ def error_number(instrument: Instrument) -> int:
     return int(match[1])
 
 
-def labelled(text: str, label: str, line_name: str) -> float:
-    """The number after ``label`` in ``X: 1 Y: 2``.
+def ask_labelled(instrument: Instrument, command: str, last: str) -> str:
+    """The answer to a query that is given in several lines, of which the last holds ``last``.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    command, last : str
+
+    Raises
+    ------
+    RefusedError, NoReplyError, LineFaultError
+    """
+    text = ask(instrument, command)
+    while last.upper() not in text.upper():
+        text += " " + ascii_text(instrument.line.read_until((b"\r",), REPLY_S),
+                                 instrument.line.name).strip()
+        if len(text) > 200:
+            raise LineFaultError(f"{instrument.line.name}: {text[:60]!r} holds no {last}; check "
+                                 "the cable")
+    return text
+
+
+def stated(luminance: str, chromaticity: str, line_name: str) -> Stated:
+    """Luminance and chromaticity from the answers to the queries for them.
+
+    Parameters
+    ----------
+    luminance, chromaticity : str
+    line_name : str
+        For errors.
+
+    Raises
+    ------
+    LineFaultError
+    """
+    number = luminance.rpartition(":")[2]
+    numbers(number, 1, line_name)
+    return Stated(printed(number),
+                  printed(after(chromaticity, "Chrom_x", line_name)),
+                  printed(after(chromaticity, "Chrom_y", line_name)))
+
+
+def after(text: str, label: str, line_name: str) -> str:
+    """The number after ``label`` in ``X: 1 Y: 2``, as it is printed.
 
     Parameters
     ----------
@@ -226,8 +270,8 @@ def labelled(text: str, label: str, line_name: str) -> float:
     ------
     LineFaultError
     """
-    match = re.search(rf"{label}\s*:?\s*({NUMBER})(?=\s|$)", text)
+    match = re.search(rf"{re.escape(label)}\s*:?\s*({NUMBER})(?=\s|$)", text, re.IGNORECASE)
     if match is None:
         raise LineFaultError(f"{line_name}: {shown(text.encode())} states no {label}; measure "
                              "again, and check the cable")
-    return float(match[1])
+    return match[1]

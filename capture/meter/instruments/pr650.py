@@ -25,8 +25,10 @@ from spectrabox.capture.meter.instruments.interface import (
     numbers,
     refused,
     stated_grid,
+    xyz_cells,
 )
 from spectrabox.capture.meter.serial_line import LineSettings
+from spectrabox.capture.meter.stated import printed, stated_by_xyz
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 REPLY_S = 10.0
@@ -34,7 +36,6 @@ RESET_S = 0.1               # RTS low for 50 ms or more
 EXPOSURE_S = 6.0
 POINTS = 101
 MAX_EMPTY_LINES = 20
-INTEGRAL_RTOL = 0.01
 ERRORS = {
     1: "no end of scan at the start", 3: "no start signal", 4: "no end of scan for the integration",
     5: "its DMA failed",
@@ -101,18 +102,18 @@ class Pr650(Instrument):
         if quality not in (0, 18):
             raise refused(self, "d5", int(quality), ERRORS)
         pairs = np.array([numbers(row, 2, self.line.name) for row in rows])
-        total = numbers(integral, 1, self.line.name)[0]
-        fits_integral = abs(pairs[:, 1].sum() * step - total) <= INTEGRAL_RTOL * abs(total)
-        if not (np.array_equal(pairs[:, 0], nm) and fits_integral):
-            raise UntrustedReadingError(f"{self.line.name}: the spectrum does not fit the grid and "
-                                        "the integral that the instrument states; measure again, "
-                                        "and check the cable")
-        colour = self._ask("d1")
+        numbers(integral, 1, self.line.name)
+        if not np.array_equal(pairs[:, 0], nm):
+            raise UntrustedReadingError(f"{self.line.name}: the spectrum's wavelengths are not "
+                                        "those that the instrument states; measure again, and "
+                                        "check the cable")
+        colour = self._ask("d2")
         quantity = self.quantity_of(unit, "mount a calibrated accessory")
-        _, colour_unit, luminance, _, _ = numbers(colour, 5, self.line.name)
-        if colour_unit != unit:
-            raise self.no_reply(colour, "d1")
-        return HeldResult(nm, pairs[:, 1], quantity, luminance, None,
+        colour_quality, colour_unit = numbers(colour, 5, self.line.name)[:2]
+        if (colour_quality, colour_unit) != (quality, unit):
+            raise self.no_reply(colour, "d2")
+        stated = stated_by_xyz(xyz_cells(colour, self.line.name), printed(integral))
+        return HeldResult(nm, pairs[:, 1], quantity, stated, None,
                           (grid, header, integral, *rows, colour))
 
     def stop(self) -> None:

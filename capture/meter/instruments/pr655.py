@@ -22,15 +22,16 @@ from spectrabox.capture.meter.instruments.interface import (
     numbers,
     refused,
     stated_grid,
+    xyz_cells,
 )
 from spectrabox.capture.meter.serial_line import LineSettings
+from spectrabox.capture.meter.stated import printed, stated_by_xyz
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 REPLY_S = 10.0
 SETTLE_S = 1.0              # between Q and PHOTO
 MAX_EXPOSURE_S = 30.0
 ECHO = b"E\r"               # a toggle without an answer
-INTEGRAL_RTOL = 0.01        # report 5 states the sum of its values times the step, in four digits
 ERRORS = {
     -1: "the light is not constant", -2: "the light is too strong",
     -3: "it cannot lock: below 20 Hz, above 400 Hz or weak",
@@ -102,22 +103,19 @@ class Pr655(Instrument):
         nm = stated_grid(points, first, last, step, self.line.name)
         header = self._ask("D5")
         rows = [self.line.read_line(REPLY_S) for _ in range(nm.size)]
-        unit, _, integral, _ = numbers(header, 4, self.line.name)
+        unit = numbers(header, 4, self.line.name)[0]
         pairs = np.array([numbers(row, 2, self.line.name) for row in rows])
         if not np.array_equal(pairs[:, 0], nm):
             raise UntrustedReadingError(f"{self.line.name}: the spectrum's wavelengths are not "
                                         f"those the instrument states ({first:g}-{last:g} nm, "
                                         f"{points:g} points); measure again, and check the cable")
-        if abs(pairs[:, 1].sum() * step - integral) > INTEGRAL_RTOL * abs(integral):
-            raise UntrustedReadingError(f"{self.line.name}: the values sum to "
-                                        f"{pairs[:, 1].sum() * step:.4g}, the instrument states "
-                                        f"{integral:.4g}; measure again, and check the cable")
-        colour, exposure = self._ask("D1"), self._ask("D13")
+        colour, exposure = self._ask("D2"), self._ask("D13")
         quantity = self.quantity_of(unit, "mount an accessory for one of them")
-        if not colour.startswith(f"{unit:.0f},"):
-            raise self.no_reply(colour, "D1")
-        return HeldResult(nm, pairs[:, 1], quantity, numbers(colour, 4, self.line.name)[1],
-                          _last_number(exposure), (grid, header, *rows, colour, exposure))
+        if numbers(colour, 4, self.line.name)[0] != unit:
+            raise self.no_reply(colour, "D2")
+        stated = stated_by_xyz(xyz_cells(colour, self.line.name), printed(header.split(",")[2]))
+        return HeldResult(nm, pairs[:, 1], quantity, stated, _last_number(exposure),
+                          (grid, header, *rows, colour, exposure))
 
     def obeyed(self, command: bytes) -> bool:
         if command == ECHO:

@@ -23,6 +23,7 @@ from spectrabox.capture.meter.instruments.interface import (
     refused,
 )
 from spectrabox.capture.meter.serial_line import LineSettings, ascii_text
+from spectrabox.capture.meter.stated import Stated, stated_by_xyz
 from spectrabox.radiometry.records import Quantity
 
 SPEEDS = (921600, 115200, 38400)
@@ -79,9 +80,9 @@ class Specbos1211(Instrument):
         if irradiance != ("irradiance" in text.lower()):
             raise LineFaultError(f"{self.line.name}: the spectrum's header and the mounted head "
                                  "disagree on radiance or irradiance; measure again")
-        luminance, colour = self._luminance()
+        stated, colour = self._stated()
         return HeldResult(nm, values, Quantity.IRRADIANCE if irradiance else Quantity.RADIANCE,
-                          luminance, self.integration_ms, (head, text, colour))
+                          stated, self.integration_ms, (head, text, colour))
 
     def stop(self) -> None:
         jeti.cancel(self.line)
@@ -115,18 +116,14 @@ class Specbos1211(Instrument):
         raise LineFaultError(f"{self.line.name}: no block of {wanted.size} values from {FIRST_NM} "
                              f"to {LAST_NM} nm arrived; measure again, and check the cable")
 
-    def _luminance(self) -> tuple[float, str]:
+    def _stated(self) -> tuple[Stated, str]:
         try:
-            text = jeti.ask(self, "*FETCH:XYZ")
+            text = jeti.ask_labelled(self, "*FETCH:XYZ", "Z")
         except RefusedError as error:
             if f"error {UNKNOWN_COMMAND}:" not in str(error):
                 raise
-            text = jeti.ask(self, "*FETCH:PHOTO")  # old firmware
-            return numbers(text.partition(":")[2], 1, self.line.name)[0], text
-        while "Z" not in text.upper():
-            text += " " + ascii_text(self.line.read_until((b"\r",), jeti.REPLY_S),
-                                     self.line.name).strip()
-            if len(text) > 200:
-                raise LineFaultError(f"{self.line.name}: {text[:60]!r} holds no X, Y, Z; check the "
-                                     "cable")
-        return jeti.labelled(text, "Y", self.line.name), text
+            luminance = jeti.ask(self, "*FETCH:PHOTO")  # old firmware
+            chromaticity = jeti.ask_labelled(self, "*FETCH:CHROMXY", "_y")
+            return (jeti.stated(luminance, chromaticity, self.line.name),
+                    luminance + chromaticity)
+        return stated_by_xyz([jeti.after(text, axis, self.line.name) for axis in "XYZ"]), text

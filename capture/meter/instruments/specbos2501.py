@@ -81,10 +81,11 @@ class Specbos2501(Instrument):
             raise LineFaultError(f"{self.line.name}: {pairs.shape[0]} wavelengths arrived that are "
                                  f"not the stated {first:g}-{last:g} nm in steps of {step:g} nm; "
                                  "measure again")
-        colour = jeti.ask(self, "*calc:PHOTOmetric")
-        luminance = numbers(colour.rpartition(":")[2], 1, self.line.name)[0]
-        return HeldResult(wanted, pairs[:, 1], Quantity.RADIANCE, luminance, self.integration_ms,
-                          (grid, *rows, colour))
+        luminance = jeti.ask(self, "*calc:PHOTOmetric")
+        chromaticity = jeti.ask_labelled(self, "*calc:CHROMXY", "_y")
+        return HeldResult(wanted, pairs[:, 1], Quantity.RADIANCE,
+                          jeti.stated(luminance, chromaticity, self.line.name),
+                          self.integration_ms, (grid, *rows, luminance, chromaticity))
 
     def stop(self) -> None:
         jeti.cancel(self.line)
