@@ -19,6 +19,7 @@ MIN_CORRELATION = 0.3
 MIN_GAIN = 0.05          # of that correlation, by which a shift must be better than none
 STATED_FREEDOM = 1       # deviations of surfaces for which a stated error counts
 TAIL = 0.025             # on either side of what a covariance from few deviations must hold
+BRIGHTEST_PERCENTILE = 99  # of the irradiance of pixels: above are edges and glints
 BLOCK = 4                # pixels: blocks over which the spread of photo / rendering is taken
 
 

@@ -15,7 +15,12 @@ import numpy as np
 from spectrabox.radiometry.interreflection import products
 from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import JointReconstruction
-from spectrabox.reconstruct.engines.transport_engine import solve_traced, trace_views
+from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
+from spectrabox.reconstruct.engines.transport_engine import (
+    nuisances,
+    solve_traced,
+    trace_views,
+)
 from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.fit.view_terms import ViewFit
 from spectrabox.reconstruct.inverse_rendering import reconstruction_of
@@ -36,11 +41,15 @@ class Truth:
     """What a replayed photo is made of.
 
     ``reflectances`` (P,) by material; ``response`` (L, K, P) of each view: sensitivity x light x
-    integration weight, light after light where they were traced separately, light scale included.
+    integration weight, light after light where they were traced separately, light scale included;
+    of each view ``glare`` (K,) as a share of the mean signal of the picture, and ``ambient`` light
+    from everywhere as a share of the brightest irradiance.
     """
 
     reflectances: Mapping[str, np.ndarray]
     responses: tuple[np.ndarray, ...]
+    glare: tuple[np.ndarray, ...]
+    ambient: tuple[float, ...]
 
 
 def set_stage(views: Sequence[View], settings: InversionSettings, progress: Progress) -> Stage:
@@ -65,8 +74,11 @@ def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconst
         Of the noise and the errors of surfaces.
     """
     settings = stage.settings
-    given = [replace(traced, view=_photographed(traced, truth, number, rng))
-             for number, traced in enumerate(stage.views)]
+    given = []
+    for number, traced in enumerate(stage.views):
+        view = _photographed(traced, truth, number, rng)
+        # what the first photo showed of errors is the truth's: this photo shows its own
+        given.append(replace(traced, view=view, nuisances=nuisances(view, settings)))
     solution = solve_traced(given, settings, region_picture)
     return reconstruction_of([traced.view for traced in given], solution.fit, solution.answers,
                              settings)
@@ -84,15 +96,31 @@ def _photographed(traced: TracedView, truth: Truth, number: int,
     view, transport = traced.view, traced.traced
     spectra = np.array([truth.reflectances[each.name] for each in view.scene_materials])
     per_light = products(transport.exponents, spectra) @ truth.responses[number].transpose(0, 2, 1)
-    signal = transport.coefficients @ per_light.reshape(-1, per_light.shape[2])
+    deviations = transport.deviations       # of tracing, by its own noise
+    coefficients = transport.coefficients + np.einsum(
+        "are,ar->re", deviations, rng.standard_normal(deviations.shape[:2]))
+    signal = coefficients @ per_light.reshape(-1, per_light.shape[2])
     signal = signal * _gains(traced, rng)
-    noise = np.sqrt(traced.variance * np.maximum(signal / traced.measured, 0))
+    signal = signal + _stray_light(traced, truth, number, signal)
+    noise = np.sqrt(traced.photo_variance * np.maximum(signal / traced.measured, 0))
     signal = signal + noise * rng.standard_normal(signal.shape)
     picture = _picture(np.maximum(signal, np.finfo(np.float32).tiny), traced.region, view.measured)
     inside = (traced.region >= 0)[..., None]
     ratio = np.where(inside, picture / view.measured, 1.0)
     return view.with_photo(replace(view.photo, signal=picture.astype(np.float32),
                                    variance=(view.photo.variance * ratio).astype(np.float32)))
+
+
+def _stray_light(traced: TracedView, truth: Truth, number: int, signal: np.ndarray) -> np.ndarray:
+    """Signal (R, K) by glare of the lens and by light from elsewhere than the scene's lamps."""
+    names = traced.view.surface_materials
+    response = truth.responses[number].sum(axis=0)
+    lit = np.array([response @ truth.reflectances[name] for name in names])[traced.group]
+    irradiance = (signal / lit).mean(axis=1)
+    shown = traced.region[traced.region >= 0]
+    brightest = np.percentile(irradiance[shown], BRIGHTEST_PERCENTILE)
+    mean = _picture(signal, traced.region, traced.view.measured).mean(axis=(0, 1))
+    return np.asarray(truth.glare[number] * mean + truth.ambient[number] * brightest * lit)
 
 
 def _gains(traced: TracedView, rng: np.random.Generator) -> np.ndarray:

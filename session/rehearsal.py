@@ -2,12 +2,14 @@
 
 Talts, Betancourt, Simpson, Vehtari and Gelman 2018: where truths are drawn from the prior and data
 from the truths, the rank of each truth among the draws is uniform if everything between is right.
-Here the prior is that on reflectances, and what lies between is this session's geometry, light,
-camera, noise and errors. Reflectances, curves of the camera, the light's readings, scale and
-repeatability, surfaces that are brighter than the scene says and the noise of the photo are drawn
-anew each time; the transport, traced once, carries them to a photo, and the session's own code
-takes it from there. What the session takes as certain is certain here too: where the lamp stands,
-that surfaces are matt and even. It shows "calibrated here" as far as the stated errors are right.
+Here what lies between is this session's geometry, light, camera, noise and errors. Truths are made
+by the models behind the prior's families, not drawn from the fitted mixture, so that bands can fail
+by the prior too. Reflectances, curves of the camera, the light's readings, scale and repeatability,
+glare and stray light, surfaces that are brighter than the scene says and the noise of photo and
+rendering are drawn anew each time; the transport, traced once, carries them to a photo, and the
+session's own code takes it from there. What the session takes as certain is certain here too: where
+the lamp stands, that surfaces are matt and even. It shows "calibrated here" as far as the stated
+errors are right.
 """
 from __future__ import annotations
 
@@ -18,9 +20,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.light_drift import LightDrift, drift_covariance
 from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import Calibration, JointReconstruction
 from spectrabox.radiometry.response import response_matrix, white_signal
@@ -29,13 +33,21 @@ from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.replay import Stage, Truth, replay, set_stage
 from spectrabox.sampling.prior.draws import prior_spectra
+from spectrabox.sampling.prior.families.truths import true_reflectances
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families, reflectance
+from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import load_finished, stage_states
 from spectrabox.session.stages.error_budget import measurement_of, scale_covariances
-from spectrabox.session.stages.reconstruct_stage import drift_of, settings_of, views_of
+from spectrabox.session.stages.reconstruct_stage import (
+    drift_of,
+    glare_error,
+    settings_of,
+    views_of,
+    with_errors,
+)
 from spectrabox.session.stages.stored_records import calibrations_of, joint_of
+from spectrabox.session.store.store import StoredStage
 
 DRAWS = 399              # of each posterior: ranks 0 to 399 fall into ten bins of 40
 RANK_BINS = 10
@@ -92,17 +104,23 @@ def rehearse(config: SessionConfig, times: int, seed: int, device: str,
     calibrations, joint = calibrations_of(config, stored), joint_of(stored)
     start_mitsuba(device)
     progress(0.0, "tracing light")
-    stage = set_stage(views_of(config, stored, drift_of(config, stored)), settings_of(config),
-                      lambda done, what: progress(0.1 * done, what))
+    drift = drift_of(config, stored)
+    views = views_of(config, stored, drift)
     prior = load_prior()
     priors = {name: of_families(prior, config.materials[name].families)
               for name, known in zip(joint.materials, joint.known, strict=True) if not known}
-    scene = _Rehearsed(stage, calibrations, joint, priors, config.sampling.level,
-                       _cameras(calibrations[0], times, seed))
+    of_truths, of_times = np.random.SeedSequence(seed).spawn(2)
+    truths = {name: true_reflectances(own, times, np.random.default_rng(one)) for (name, own), one
+              in zip(priors.items(), of_truths.spawn(len(priors)), strict=True)}
     rows = []
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        seeds = np.random.SeedSequence(seed).spawn(times)
-        for number, row in enumerate(pool.map(scene.once, range(times), seeds), start=1):
+    # as in the stages; the matrices are small, and rehearsals share the cores
+    with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
+        stage = set_stage(views, settings_of(config),
+                          lambda done, what: progress(0.1 * done, what))
+        scene = _Rehearsed(config, stored, drift, stage, calibrations, joint, priors, truths,
+                           _cameras(calibrations[0], times, seed))
+        for number, row in enumerate(pool.map(scene.once, range(times), of_times.spawn(times)),
+                                     start=1):
             progress(0.1 + 0.9 * number / times, f"rehearsal {number} of {times}")
             rows.append(row)
     return [_gathered(name, [row[index] for row in rows])
@@ -113,31 +131,52 @@ def rehearse(config: SessionConfig, times: int, seed: int, device: str,
 class _Rehearsed:
     """A session as it is replayed, and the cameras (T, K, P) of the replays."""
 
+    config: SessionConfig
+    stored: Mapping[str, StoredStage]
+    drift: LightDrift | None
     stage: Stage
     calibrations: Sequence[Calibration]
     joint: JointReconstruction
     priors: Mapping[str, LogitMixture]      # of every unknown material, of its families if stated
-    level: float
+    truths: Mapping[str, np.ndarray]        # (T, 61) each
     cameras: np.ndarray
 
     def once(self, number: int, seed: np.random.SeedSequence) -> list[Scores]:
         """Scores of every unknown material in one replay."""
         rng, joint = np.random.default_rng(seed), self.joint
-        truths = {name: _truth(prior, rng) for name, prior in self.priors.items()}
         spectra = {name: joint.spectra[index] for index, name in enumerate(joint.materials)}
-        spectra |= {name: np.interp(joint.grid.nm, PRIOR_GRID.nm, truth)
-                    for name, truth in truths.items()}
-        responses = tuple(_response(view, self.calibrations[index], joint, index,
-                                    self.cameras[number], rng)
-                          for index, view in enumerate(self.stage.views))
-        again = replay(self.stage, Truth(spectra, responses), rng)
+        spectra |= {name: np.interp(joint.grid.nm, PRIOR_GRID.nm, truths[number])
+                    for name, truths in self.truths.items()}
+        views = range(len(self.stage.views))
+        responses = tuple(self._response(index, self.cameras[number], rng) for index in views)
+        again = replay(self.stage, Truth(spectra, responses, *self._stray_light(rng)), rng)
+        again = with_errors(self.config, self.stored, self.drift, again)
         scores = []
-        for name, truth in truths.items():
+        for name, prior in self.priors.items():
             measurement = measurement_of(self.calibrations, again, again.materials.index(name))
-            draws = prior_spectra(measurement, DRAWS, int(rng.integers(1 << 31)),
-                                  self.priors[name])
-            scores.append(_scores(draws.spectra, truth, self.level))
+            draws = prior_spectra(measurement, DRAWS, int(rng.integers(1 << 31)), prior)
+            scores.append(_scores(draws.spectra, self.truths[name][number],
+                                  self.config.sampling.level))
         return scores
+
+    def _stray_light(self, rng: np.random.Generator) -> tuple[tuple[np.ndarray, ...],
+                                                              tuple[float, ...]]:
+        """Glare (K,) and ambient light of each view: as large as stated, and never less than none.
+        """
+        error, views = glare_error(self.config, self.stored), len(self.stage.views)
+        glare = [error * part for part in np.abs(rng.standard_normal(views))]
+        ambient = self.config.stray_light.ambient * np.abs(rng.standard_normal(views))
+        return tuple(glare), tuple(ambient.tolist())
+
+    def _response(self, index: int, curves: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Response (L, K, P) of a true camera (K, P) under true light, with the true scale in it.
+        """
+        factor = _response(self.stage.views[index], self.calibrations[index], self.joint, index,
+                           curves, rng)
+        if self.drift is None or index:
+            return factor
+        colour = rng.multivariate_normal(np.zeros(factor.shape[1]), drift_covariance(self.drift))
+        return factor * (1 + colour)[:, None]
 
 
 def facts(rehearsals: Sequence[MaterialRehearsal], level: float, seed: int) -> dict[str, Any]:
@@ -173,13 +212,6 @@ def _cameras(calibration: Calibration, times: int, seed: int) -> np.ndarray:
     shares = rng.multivariate_normal(np.zeros(bands), calibration.relative_covariance, times)
     tails = fit.curves.mean(axis=1, keepdims=True) * np.ones_like(fit.curves)
     return np.asarray(fit.curves + shares[..., None] * (tails - fit.curves))
-
-
-def _truth(prior: LogitMixture, rng: np.random.Generator) -> np.ndarray:
-    """A reflectance (61,) drawn from the prior."""
-    index = rng.choice(prior.weights.size, p=prior.weights / prior.weights.sum())
-    return reflectance(rng.multivariate_normal(prior.means[index],
-                                               prior.covariances[index].astype(float)))
 
 
 def _response(traced: TracedView, calibration: Calibration, joint: JointReconstruction, index: int,

@@ -10,7 +10,8 @@ from spectrabox.sampling.prior.families.kubelka_munk import (
     behind_surface,
     reflectance_of,
 )
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.families.truths import true_reflectances
+from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families
 
 FAMILIES = {made.__name__: made for made in (
     skin.skin, skin.skin_in_two_fluxes, leaves.leaves, leaves.petals, dyes.textile, dyes.paper,
@@ -104,3 +105,18 @@ def test_yellowing_makes_whites_fall_towards_the_blue():
 def test_iron_makes_soils_rise_to_the_red():
     made = earth.soils(np.random.default_rng(7), 2000)
     assert np.mean(made[:, -1] > made[:, 0]) > 0.99
+
+
+def test_truths_are_of_the_stated_families_and_unlike_the_mixture_fitted_to_them():
+    rng = np.random.default_rng(2)
+    stated = of_families(load_prior(), ["skin", "paint"])
+    truths = true_reflectances(stated, 300, rng)
+    assert truths.shape == (300, 61) and truths.min() > 0 and truths.max() < 1
+    skins = true_reflectances(of_families(load_prior(), ["skin"]), 200, rng)
+    # Skin of every colour is brighter at 650 nm than at 545, where blood absorbs; most paint is
+    # not red. Of 300 truths, 10 parts in 60 are skin.
+    at = [np.searchsorted(stated.nm, nm) for nm in (545, 650)]
+    assert np.all(skins[:, at[1]] > 1.05 * skins[:, at[0]])
+    assert 0.3 < np.mean(truths[:, at[1]] > 1.05 * truths[:, at[0]]) < 0.8
+    np.testing.assert_array_equal(true_reflectances(stated, 5, np.random.default_rng(3)),
+                                  true_reflectances(stated, 5, np.random.default_rng(3)))

@@ -1,4 +1,5 @@
 """Rehearsals: a session's own photos again, with known truths."""
+import dataclasses
 import json
 
 import numpy as np
@@ -6,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.reconstruct.replay import Truth, replay, set_stage
+from spectrabox.reconstruct.replay import Truth, _photographed, replay, set_stage
 from spectrabox.session import rehearsal
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
@@ -30,7 +31,8 @@ def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finishe
     stage = set_stage(views_of(config, stored, None), settings_of(config), quiet)
     view = stage.views[0].view
     truth = Truth(dict(zip(joint.materials, joint.spectra, strict=True)),
-                  (view.response[None] * joint.views[0].light_scale.value,))
+                  (view.response[None] * joint.views[0].light_scale.value,),
+                  (np.zeros(3),), (0.0,))
     again = replay(stage, truth, np.random.default_rng(5))
     expected = joint.spectra @ joint.response.T
     # the photo's noise, and surfaces brighter or darker by the stated error; of twelve signals
@@ -38,6 +40,23 @@ def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finishe
     error = np.sqrt(np.einsum("mjj->mj", again.signal_covariance)
                     + (stage.views[0].nuisances.surface_error * expected) ** 2)
     assert np.abs((again.signal - expected) / error).max() < 3.5
+    # light that no scene holds: the same photo with it, less the photo without
+    traced, region = stage.views[0], stage.views[0].region
+    clean, hazy, lit = (_photographed(traced, dataclasses.replace(truth, glare=(glare,),
+                                                                  ambient=(ambient,)), 0,
+                                      np.random.default_rng(6)).measured
+                        for glare, ambient in ((np.zeros(3), 0.0), (np.full(3, 0.2), 0.0),
+                                               (np.zeros(3), 0.2)))
+    mean = clean.mean(axis=(0, 1))
+    shown = region >= 0
+    # Noise grows with the light: 1 % of the mean signal covers it, a fifth of which is asked for.
+    np.testing.assert_allclose((hazy - clean)[shown].mean(axis=0), 0.2 * mean, rtol=0.05)
+    dark, bright = (np.argmin(joint.signal.sum(axis=1)), np.argmax(joint.signal.sum(axis=1)))
+    materials = np.array([joint.materials.index(name)
+                          for name in traced.view.surface_materials])[traced.view.surface]
+    added = [(lit - clean)[shown & (materials == index)].mean(axis=0) for index in (dark, bright)]
+    # light from everywhere is reflected as the lamp's is
+    np.testing.assert_allclose(added[0] / added[1], expected[dark] / expected[bright], rtol=0.1)
 
 
 @pytest.fixture(scope="module")

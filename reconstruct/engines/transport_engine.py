@@ -108,7 +108,7 @@ def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
     informed = [replace(view, nuisances=_informed_by(shown, view, settings))
                 for view, shown in zip(traced, images, strict=True)]
     if [view.nuisances for view in informed] != [view.nuisances for view in traced]:
-        traced, fit = informed, fit_traced(informed, priors)
+        traced, fit = informed, fit_traced(informed, priors, fit.coefficients)
         images = [image(view, part) for view, part in zip(traced, fit.views, strict=True)]
     return TracedSolution(tuple(traced), fit, _answers(traced, fit, images, settings))
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+NEGLIGIBLE_NOISE = 0.01     # share of a surface's Monte Carlo noise that is not taken off
 HUBER = 3.0     # standard deviations beyond which a pixel's pull on the fit grows no more
 
 
@@ -68,7 +69,7 @@ def compress(coefficients: np.ndarray, measured: np.ndarray, weight: np.ndarray,
         parts.append(_named(_smaller(rows), band_weight, name))
         if deviations is not None:
             noise = (pixel_root * deviations[:, members]).reshape(-1, coefficients.shape[1])
-            noises.append(_named(_smaller(noise), band_weight, name))
+            noises.append(_named(_most_of(noise), band_weight, name))
     rows, root, names = (np.concatenate(pieces) for pieces in zip(*parts, strict=True))
     empty = (np.zeros((0, coefficients.shape[1])), root[:0], names[:0])
     noise, noise_root, noise_names = (
@@ -81,6 +82,19 @@ def compress(coefficients: np.ndarray, measured: np.ndarray, weight: np.ndarray,
 def _smaller(rows: np.ndarray) -> np.ndarray:
     """Triangular factor with as many rows as columns, where that is fewer."""
     return rows if len(rows) <= rows.shape[1] else np.asarray(np.linalg.qr(rows, mode="r"))
+
+
+def _most_of(noise: np.ndarray) -> np.ndarray:
+    """Triangular factor of the noise, the products with most of it first, without the rows that
+    hold next to nothing.
+    """
+    order = np.argsort(-np.sum(noise**2, axis=0))
+    factor = np.linalg.qr(noise[:, order], mode="r")
+    left = np.cumsum(np.sum(factor**2, axis=1)[::-1])[::-1]     # from each row on
+    kept = factor[left > NEGLIGIBLE_NOISE * left[0]]
+    rows = np.empty_like(kept)
+    rows[:, order] = kept
+    return rows
 
 
 def _named(rows: np.ndarray, band_weight: np.ndarray,

@@ -42,9 +42,14 @@ class TracedView:
         """Variance (R, K) of the signal against the rendering."""
         pixels = np.bincount(self.region[self.region >= 0])
         rendering = _smoothed(self.traced.relative_variance, self.group, pixels)
-        return np.asarray(
-            region_means(self.view.variance, self.region) / pixels[:, None]
-            + (rendering[:, None] + self.nuisances.block_error**2) * self.measured**2)
+        return self.photo_variance + rendering[:, None] * self.measured**2
+
+    @cached_property
+    def photo_variance(self) -> np.ndarray:
+        """Variance (R, K) of the signal against a rendering without noise."""
+        pixels = np.bincount(self.region[self.region >= 0])
+        return np.asarray(region_means(self.view.variance, self.region) / pixels[:, None]
+                          + self.nuisances.block_error**2 * self.measured**2)
 
     @cached_property
     def weight(self) -> np.ndarray:
@@ -121,7 +126,8 @@ class TracedView:
                              view.basis(coefficients), known)
 
 
-def fit_traced(views: Sequence[TracedView], priors: Sequence[SpectrumPrior]) -> TransportFit:
+def fit_traced(views: Sequence[TracedView], priors: Sequence[SpectrumPrior],
+               start: np.ndarray | None = None) -> TransportFit:
     """Most probable spectra of all views, fitted robustly.
 
     Regions that no spectrum explains lose weight round by round. Regions that see the lamp count
@@ -132,6 +138,8 @@ def fit_traced(views: Sequence[TracedView], priors: Sequence[SpectrumPrior]) -> 
     views : V views
     priors : U of SpectrumPrior
         In the order of ``unknown_materials``.
+    start : (U, N) array, optional
+        Coefficients from which the fit sets out.
     """
     # the matrices are small: several threads would take longer than one
     with threadpool_limits(1, "blas"):
@@ -139,7 +147,7 @@ def fit_traced(views: Sequence[TracedView], priors: Sequence[SpectrumPrior]) -> 
         materials = [tuple(bsdfs.index(material.bsdf) for material in view.view.unknown)
                      for view in views]
         count = priors[0].mean.size
-        fit = fit_views([view.terms(count) for view in views], materials, priors)
+        fit = fit_views([view.terms(count) for view in views], materials, priors, start)
         for _ in range(ROBUST_ROUNDS):
             terms = [view.terms(count, view.trust(solution))
                      for view, solution in zip(views, fit.views, strict=True)]

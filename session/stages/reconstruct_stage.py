@@ -68,10 +68,21 @@ def invert_photos(task: StageTask) -> dict[str, Any]:
     drift = drift_of(config, stored)
     joint = reconstruct_views(views_of(config, stored, drift), settings_of(config), task.progress,
                               config.results_folder / TRACE)
-    joint = with_stray_light(joint if drift is None else _widened(joint, drift),
-                             np.hypot(config.stray_light.glare, chart_glare_of(stored)),
-                             config.stray_light.ambient)
-    return {"drift": drift, "joint": joint}
+    return {"drift": drift, "joint": with_errors(config, stored, drift, joint)}
+
+
+def with_errors(config: SessionConfig, stored: Mapping[str, StoredStage],
+                drift: LightDrift | None, joint: JointReconstruction) -> JointReconstruction:
+    """The reconstruction with the errors of which its photos tell nothing: a drift between them,
+    and stray light.
+    """
+    return with_stray_light(joint if drift is None else _widened(joint, drift),
+                            glare_error(config, stored), config.stray_light.ambient)
+
+
+def glare_error(config: SessionConfig, stored: Mapping[str, StoredStage]) -> np.ndarray:
+    """Standard error (K,) of veiling glare, of the mean signal of an object photo."""
+    return np.hypot(config.stray_light.glare, chart_glare_of(stored))
 
 
 def require_invertible(config: SessionConfig, stored: Mapping[str, StoredStage],

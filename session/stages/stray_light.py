@@ -13,9 +13,9 @@ import dataclasses
 import numpy as np
 
 from spectrabox.radiometry.records import JointReconstruction, Reconstruction, StrayLight
+from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
 
 GLARE, AMBIENT = "veiling glare", "stray light"
-BRIGHTEST_PERCENTILE = 99        # of the irradiance: above are edges and glints
 
 
 def with_stray_light(joint: JointReconstruction, glare: np.ndarray,
