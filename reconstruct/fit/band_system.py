@@ -89,7 +89,7 @@ def _most_of(noise: np.ndarray) -> np.ndarray:
     hold next to nothing.
     """
     order = np.argsort(-np.sum(noise**2, axis=0))
-    factor = np.linalg.qr(noise[:, order], mode="r")
+    factor = np.asarray(np.linalg.qr(noise[:, order], mode="r"))
     left = np.cumsum(np.sum(factor**2, axis=1)[::-1])[::-1]     # from each row on
     kept = factor[left > NEGLIGIBLE_NOISE * left[0]]
     rows = np.empty_like(kept)
