@@ -20,7 +20,11 @@ from spectrabox.reconstruct.agreement import (
 from spectrabox.reconstruct.engines.answer import EngineAnswer
 from spectrabox.reconstruct.engines.gradient_engine import engine_for, invert_by_gradient
 from spectrabox.reconstruct.engines.per_wavelength import invert_per_wavelength
-from spectrabox.reconstruct.engines.transport_engine import require_plain_products, solve_views
+from spectrabox.reconstruct.engines.transport_engine import (
+    require_named_lights,
+    require_plain_products,
+    solve_views,
+)
 from spectrabox.reconstruct.fit.transport_fit import TransportFit
 from spectrabox.reconstruct.joint_reconstruction import joint_record
 from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
@@ -71,6 +75,7 @@ def settings_for(views: Sequence[View],
     if settings.engine not in SINGLE_VIEW:
         for view in views:
             require_plain_products(view)
+            require_named_lights(view, settings)
     check_views(views)
     return settings, chosen
 

@@ -2,10 +2,8 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +18,7 @@ from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.config.session_schema import SessionConfig, SpectrumTable, ViewInputs
-from spectrabox.session.keys import stage_keys
+from spectrabox.session.pipeline import run_stages, stage_states
 from spectrabox.session.stages.inputs import (
     GRID,
     chart_corners,
@@ -31,7 +29,6 @@ from spectrabox.session.stages.inputs import (
     read_sensitivities,
     require_exposed,
 )
-from spectrabox.session.stages.order import STAGES
 from spectrabox.session.stages.reconstruct_stage import require_invertible
 from spectrabox.session.stages.scenes import (
     check_aspect,
@@ -39,11 +36,10 @@ from spectrabox.session.stages.scenes import (
     read_session_scene,
     require_materials,
 )
-from spectrabox.session.stages.stage_task import StageTask
-from spectrabox.session.store.input_files import InputFiles
-from spectrabox.session.store.store import StoredStage, load_stage, save_stage, stage_folder
 
-LONG_STAGE, DEVICE = "reconstruct", "cpu"
+LONG_STAGES = ("reconstruct", "sample")     # the first of them that a session has is not run
+DEVICE = "cpu"
+Attempt = Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -86,56 +82,76 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
                             if sentence not in [problem.sentence for problem in problems])
             return None
 
+    _attempt_inputs(config, attempt)
+    if problems:
+        _attempt_photos(config, attempt)
+        return problems
+    attempt(_run_up_to_tracing, config)
+    if problems:        # a stage stops at its first fault: say those of the other photos too
+        _attempt_photos(config, attempt)
+    return problems
+
+
+def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
+    """Read all but the photos."""
     for reference in _reflectances(config):
         attempt(read_reflectance, config, reference)
     if not config.sensitivity.from_chart:
         attempt(read_sensitivities, config)
-    chart_signals = None
     if config.views_with_chart:
-        attempt(read_chart_scene, config)
-        chart_signals = attempt(read_chart_reference, config)
+        attempt(read_chart_reference, config)
+        if not config.flat:
+            attempt(read_chart_scene, config)
     bsdfs = {name: material.bsdf for name, material in config.materials.items()}
     if config.camera.lens is not None:
         attempt(lambda: read_lens(config.path(config.camera.lens or "")))
     for view in config.all_views:
-        light, scene = attempt(read_light, config, view.light), attempt(read_session_scene, config,
-                                                                        view.scene)
+        for spectrum in view.all_lights:
+            attempt(read_light, config, spectrum)
+        scene = None if config.flat else attempt(read_session_scene, config, view.scene)
         if scene is not None:
             attempt(require_materials, scene, bsdfs)
-        for spectrum in view.all_lights[1:]:
-            attempt(read_light, config, spectrum)
+
+
+def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
+    """Decode every photo and look for what the stages would refuse."""
+    def silent(read: Callable[..., Any], *arguments: Any) -> Any:
+        """The result, or None: what is wrong has been said."""
+        try:
+            return read(*arguments)
+        except SpectraboxError:
+            return None
+
+    for view in config.all_views:
+        scene = None if config.flat else silent(read_session_scene, config, view.scene)
         if (developed := attempt(read_photo, config, view.photo)) is not None:
             attempt(require_exposed, developed[0], view.photo_files[0])
             if scene is not None:
                 attempt(check_aspect, developed[0], scene, view.photo_files[0])
+        light, chart_signals = silent(read_light, config, view.light), silent(read_chart_reference,
+                                                                              config)
         if view.chart and (chart := attempt(read_photo, config, view.chart)) is not None \
                 and light is not None and chart_signals is not None:
             attempt(_check_chart, config, view, chart[0],
                     typical_camera_signals(chart_signals, GRID, spectrum_on_grid(light, GRID)))
-    if not problems:
-        attempt(_run_up_to_tracing, config)
-    return problems
 
 
 def _run_up_to_tracing(config: SessionConfig) -> None:
-    """Run the short stages as a run does, in a folder that vanishes, and what the long ones ask
-    before they begin.
+    """Run the short stages as a run does, which then keeps them, and what the long ones ask before
+    they begin.
     """
-    stored: dict[str, StoredStage] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        keys = stage_keys(config, InputFiles(config))
-        for name in takewhile(lambda name: name != LONG_STAGE, keys):
-            with stage_folder(Path(folder), name) as new:
-                task = StageTask(config, DEVICE, stored, new, lambda done, what: None)
-                save_stage(new, {}, STAGES[name].run(task), 0.0, {})
-            finished = load_stage(Path(folder), name)
-            assert finished is not None
-            stored[name] = finished
+    states = {state.name: state.state for state in stage_states(config)}
+    long = next(name for name in states if name in LONG_STAGES)
+    if states[long] == "done":
+        return
+    stored = run_stages(config, device=DEVICE, only=None, force=False,
+                        progress=lambda stage, done, what: None, before=long).stored
+    if not config.flat:
         require_invertible(config, stored, DEVICE)
 
 
 def _reflectances(config: SessionConfig) -> list[SpectrumTable]:
-    both = [(material.known, material.truth) for material in config.materials.values()]
+    both = [(material.known, material.truth) for material in config.surfaces.values()]
     return [reference for pair in both for reference in pair if reference is not None]
 
 

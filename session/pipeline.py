@@ -63,7 +63,7 @@ def stage_states(config: SessionConfig) -> list[StageState]:
 
 
 def run_stages(config: SessionConfig, *, device: str, only: str | None, force: bool,
-               progress: StageProgress) -> FinishedRun:
+               progress: StageProgress, before: str | None = None) -> FinishedRun:
     """Run every stage whose inputs changed; results are replaced stage by stage, each whole.
 
     Parameters
@@ -73,6 +73,8 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
         Run this stage alone, on the stored results of those before it.
     force : bool
         Run also what is up to date.
+    before : str, optional
+        Stage at which to stop, itself not run.
 
     Raises
     ------
@@ -85,6 +87,8 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
         raise InputError(f"there is no stage {only!r} in this session; it has {', '.join(keys)}")
     finished, photos = FinishedRun({}, {}), OpenPhotos()
     for name, key in keys.items():
+        if name == before:
+            break
         stored = load_stage(config.results_folder, name)
         fresh = stored is not None and stored.key == as_stored(key)
         if only is not None and name != only:

@@ -4,12 +4,13 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from spectrabox.capture.develop import developed
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.session.check import find_problems
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import run_stages
+from spectrabox.session.pipeline import run_stages, stage_states
 
 
 def rewrite_box(folder, exposure_s=None, black_added=0):
@@ -66,9 +67,16 @@ def reference_outside_the_photo(folder):
         stream.write(f"\n[drift]\nchart_px = {corners}\nobject_px = {corners}\n")
 
 
+def lights_without_a_name_to_tell_apart(folder):
+    edit(folder, "scene/box.xml", ("</scene>", '''<emitter type="point">
+         <point name="position" x="0" y="5" z="0"/>
+         <spectrum name="intensity" type="uniform" value="1"/></emitter></scene>'''))
+    edit(folder, "session.toml", ("[reconstruct]\n", "[reconstruct]\nlight_error = 0.02\n"))
+
+
 FAULTS = (black_stated_too_high, exposure_not_stated, glossy_with_the_transport_engine,
           draws_through_a_transport_that_is_not_traced, no_chart_in_the_chart_scene,
-          reference_outside_the_photo)
+          reference_outside_the_photo, lights_without_a_name_to_tell_apart)
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -81,7 +89,22 @@ def test_check_says_what_run_would_refuse(captured, fault):
     assert set(str(refused.value).splitlines()) <= set(said)
 
 
-def test_a_sound_session_is_ready_and_left_as_it_was(captured):
-    before = sorted(path.relative_to(captured) for path in captured.rglob("*"))
+def test_a_run_keeps_what_a_check_of_a_sound_session_decoded(captured, monkeypatch):
+    inputs = {path: path.read_bytes() for path in captured.rglob("*") if path.is_file()}
     assert find_problems(captured) == []
-    assert sorted(path.relative_to(captured) for path in captured.rglob("*")) == before
+    assert all(path.read_bytes() == content for path, content in inputs.items())
+    states = {state.name: state.state for state in stage_states(read_session(captured))}
+    assert states == {"chart": "done", "photo": "done", "calibrate": "done",
+                      "reconstruct": "missing", "sample": "missing"}
+
+    def decoded(*_):
+        raise AssertionError("a photo was decoded again")
+    monkeypatch.setattr(developed, "open_any", decoded)
+    assert find_problems(captured) == []
+
+
+def test_the_faults_of_every_photo_are_said_at_once(captured):
+    for name in ("box", "chart"):
+        (captured / "photos" / f"{name}.dng").write_bytes(b"no raw")
+    said = "\n".join(problem.sentence for problem in find_problems(captured))
+    assert "box.dng" in said and "chart.dng" in said

@@ -215,9 +215,7 @@ def _traced_view(view: View, number: int, settings: InversionSettings, progress:
                  checkpoint: Path | None) -> TracedView:
     region, group = block_regions(view.surface, view.used)
     progress(0.0, "tracing light")
-    separate = len(view.light_groups) > 1 and (settings.light_error > 0 or bool(view.own_lights))
-    if separate:
-        _require_named_lights(view)
+    separate = _tells_lights_apart(view, settings)
     unit = unit_scene(view, _bounces(view, settings), separate)
     traced = trace_view(view, unit, region, settings.seed + 613 * number, progress, checkpoint)
     _require_lit(view, traced, group)
@@ -284,8 +282,19 @@ def _answers(traced: Sequence[TracedView], fit: TransportFit, images: Sequence[n
     return tuple(answers)
 
 
-def _require_named_lights(view: View) -> None:
-    if any(not node.get("id") for node in view.scene_file.root.findall("emitter")):
+def _tells_lights_apart(view: View, settings: InversionSettings) -> bool:
+    return len(view.light_groups) > 1 and (settings.light_error > 0 or bool(view.own_lights))
+
+
+def require_named_lights(view: View, settings: InversionSettings) -> None:
+    """Refuse lights without a name where each is to be told from the others.
+
+    Raises
+    ------
+    InputError
+    """
+    if _tells_lights_apart(view, settings) and any(
+            not node.get("id") for node in view.scene_file.root.findall("emitter")):
         raise InputError(f"{view.scene_file.path.name} has a light without an id, and its "
                          "lights are to be told apart: write <emitter id=...> on each")
 
