@@ -56,11 +56,11 @@ def cell(trials: list[Trial]) -> str:
 def table(trials: list[Trial]) -> str:
     """Faults down, instruments across; each cell counts right spectra / errors."""
     instruments = list(dict.fromkeys(trial.instrument for trial in trials))
-    rows = [f"{'spectra/errors':<17}" + "".join(f"{name:>13}" for name in instruments)]
+    rows = [f"{'spectra/errors':<28}" + "".join(f"{name:>13}" for name in instruments)]
     for fault in dict.fromkeys(trial.fault for trial in trials):
         cells = [[t for t in trials if (t.fault, t.instrument) == (fault, name)]
                  for name in instruments]
-        rows.append(f"{fault:<17}" + "".join(f"{cell(chosen):>13}" for chosen in cells))
+        rows.append(f"{fault:<28}" + "".join(f"{cell(chosen):>13}" for chosen in cells))
     return "\n".join(rows)
 
 
@@ -108,7 +108,7 @@ def main() -> int:
         print(table(trials))
         print(table(consistent))
         print("W wrong spectrum accepted   L instrument not given back   T past its deadline\n")
-        print("\n".join(f"{key:<20} {value}" for key, value in facts.items()))
+        print("\n".join(f"{key:<36} {value}" for key, value in facts.items()))
     return int(bool(facts["wrong_spectra"] or accepted - unseen or facts["not_given_back"]
                     or facts["past_deadline"]))
 

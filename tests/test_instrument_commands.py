@@ -2,6 +2,7 @@
 back.
 """
 import csv
+import dataclasses
 import json
 import os
 import signal
@@ -80,7 +81,7 @@ def test_a_series_killed_in_the_middle_loses_nothing_and_goes_on(tmp_path):
     np.testing.assert_allclose([float(row[1]) for row in rows], CR250.values, rtol=5e-9)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_measurement_gives_the_instrument_back(tmp_path, number):
     with play(time_scale=0.25) as player:  # M takes 1 s
         process = start("measure", tmp_path, *options(player))
@@ -88,7 +89,7 @@ def test_an_interrupted_measurement_gives_the_instrument_back(tmp_path, number):
         process.send_signal(number)
         _, err = process.communicate(timeout=30)
         wait_for(lambda: player.heard.endswith(b"SM ExposureX 1\r"))
-    assert process.returncode == 130 and "interrupted" in err
+    assert process.returncode == 128 + number and "interrupted" in err
 
 
 def test_a_chart_is_walked_through_and_goes_on_with_the_patch_that_is_next(tmp_path):
@@ -144,3 +145,50 @@ def test_wrong_options_are_usage_errors(tmp_path):
     for arguments in (("--as", "moon"), ("--as", "paint")):
         code, _, err = run("measure", tmp_path, "--port", "x", "--instrument", "cr250", *arguments)
         assert (code == 2 and arguments[0] in err) or "--name" in err
+
+
+def play_with_serial(number):
+    """The same instrument with another serial number."""
+    transcript = read_transcript(FOLDER / "cr250.transcript")
+    events = tuple(dataclasses.replace(event, data=event.data.replace(b"A00102", number))
+                   for event in transcript.events)
+    return TranscriptPlayer(dataclasses.replace(transcript, events=events), time_scale=0.0,
+                            strict=False)
+
+
+def test_two_instruments_give_no_mean_and_no_reflectance_without_their_calibrations(tmp_path):
+    with play() as player:
+        assert run("measure", tmp_path, *options(player))[0] == 0
+        assert run("measure", tmp_path, *options(player, "--as", "white"))[0] == 0
+    light = (tmp_path / "spectra" / "light.csv").read_bytes()
+    factors = {}
+    for serial, factor in (("A00102", 1.0), ("B7", 1.1)):
+        factors[serial] = tmp_path / f"{serial}.csv"
+        factors[serial].write_text(f"# quantity: relative\nnm,value\n380,{factor}\n780,{factor}\n")
+    with play_with_serial(b"B7") as player:
+        for more in (("--repeat", "2"), ("--as", "paint", "--name", "red")):
+            code, _, err = run("measure", tmp_path, *options(player, *more))
+            assert code == 3 and "CR-250 A00102 and CR-250 B7" in err and "--calibration" in err
+            assert not any(command == b"M\r" for command in player.obeyed)
+        assert (tmp_path / "spectra" / "light.csv").read_bytes() == light
+        both = [word for serial, file in factors.items()
+                for word in ("--calibration", f"{serial}={file}")]
+        code, _, err = run("measure", tmp_path, *options(player, "--as", "paint", "--name", "red",
+                                                         *both))
+    assert code == 0, err
+    lines = (tmp_path / "spectra" / "red.csv").read_text().splitlines()
+    assert "each by its calibration" in lines[2]
+    values = [float(line.split(",")[1]) for line in lines if line[0].isdigit()]
+    # both read the same, and the second instrument's factor is 1.1; nine digits are written
+    np.testing.assert_allclose(values, 1.1, rtol=5e-9)
+
+
+def test_a_paint_does_not_take_the_lamps_file(tmp_path):
+    with play() as player:
+        assert run("measure", tmp_path, *options(player))[0] == 0
+        assert run("measure", tmp_path, *options(player, "--as", "white"))[0] == 0
+        light = (tmp_path / "spectra" / "light.csv").read_bytes()
+        code, _, err = run("measure", tmp_path, *options(player, "--as", "paint", "--name",
+                                                         "light"))
+    assert code == 3 and "something measured as light" in err
+    assert (tmp_path / "spectra" / "light.csv").read_bytes() == light

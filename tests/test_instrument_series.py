@@ -1,7 +1,10 @@
 """Repeats: mean, spread, drift; reflectance from two series; nothing measured is lost."""
+import dataclasses
+
 import numpy as np
 import pytest
 
+from spectrabox.capture.meter.calibration import Calibration, read_calibration, require_comparable
 from spectrabox.capture.meter.measurement_files import (
     read_reading,
     readings_folder,
@@ -11,6 +14,7 @@ from spectrabox.capture.meter.measurement_files import (
 )
 from spectrabox.capture.meter.measurement_plot import png_plot, text_plot
 from spectrabox.capture.meter.measurement_series import reflectance_from, series_of, series_spectrum
+from spectrabox.capture.meter.measurement_targets import claim, note_role, result_file
 from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.grid import grid_from_nm
@@ -162,3 +166,130 @@ def test_plots_show_range_and_quantity(tmp_path):
     assert "█" not in text_plot(spectrum(-np.ones(NM.size)))
     png_plot(spectrum(np.ones(NM.size), np.full(NM.size, 0.1)), tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def by(serial_number, values, model="PR-655"):
+    return dataclasses.replace(reading(values), serial_number=serial_number, instrument=model)
+
+
+def calibration(serial_number, factor, error=None, nm=NM):
+    return Calibration(serial_number, Spectrum(grid_from_nm(nm), np.full(nm.size, factor),
+                                               Quantity.RELATIVE, "test",
+                                               None if error is None else np.full(nm.size, error)))
+
+
+@pytest.mark.parametrize("other", [("2", "PR-655"), ("1", "PR-670")])
+def test_readings_of_two_instruments_are_not_averaged(other):
+    ones = np.ones(NM.size)
+    readings = [by("1", ones), by("1", ones), by(other[0], 1.1 * ones, other[1])]
+    with pytest.raises(InputError, match=rf"light: read by PR-655 1 and {other[1]} {other[0]}, and "
+                                         r"their calibrations differ.*--again.*--calibration"):
+        series_of(readings, "light")
+    with pytest.raises(InputError, match="their calibrations differ"):
+        series_of(readings, "light", [calibration("1", 1.0)])
+
+
+def test_a_dark_reading_by_another_instrument_is_no_reading_by_it():
+    dark = dataclasses.replace(reading(None, ReadingOutcome.TOO_DARK), serial_number="2")
+    assert series_of([by("1", np.ones(NM.size)), dark], "light").readings == 1
+
+
+def test_the_mean_of_two_calibrated_instruments_is_that_of_the_standard():
+    truth = 1 + 0.3 * np.sin(NM / 40)
+    # Each reads the truth over its factor: 5 % high and 4 % low.
+    readings = [by("1", truth / 0.95), by("2", truth / 1.04), by("1", truth / 0.95)]
+    series = series_of(readings, "light", [calibration("1", 0.95), calibration("2", 1.04)])
+    # products and quotients: round-off
+    np.testing.assert_allclose(series.mean, truth, rtol=1e-14)
+    np.testing.assert_allclose(series.spread, 0, atol=1e-14)
+
+
+def test_the_error_of_a_calibration_is_shared_by_the_readings_of_its_instrument():
+    rng = np.random.default_rng(8)
+    draws = 100_000
+    # Three readings by one instrument with a factor of 1 +- 0.02, one by another with 1 +- 0.03.
+    means = (3 * rng.normal(1, 0.02, draws) + rng.normal(1, 0.03, draws)) / 4
+    ones = np.ones(NM.size)
+    series = series_of([by("1", ones)] * 3 + [by("2", ones)], "light",
+                       [calibration("1", 1.0, 0.02), calibration("2", 1.0, 0.03)])
+    error = series_spectrum(series, "x").standard_error
+    # 100 000 draws give the spread to 0.22 %: four of these.
+    np.testing.assert_allclose(error, means.std(), rtol=0.009)
+
+
+def test_a_calibration_must_cover_the_readings_and_belong_to_one():
+    ones = np.ones(NM.size)
+    short = [calibration("1", 1.0, nm=np.arange(400.0, 701.0)), calibration("2", 1.0)]
+    with pytest.raises(InputError, match=r"calibration of 1 covers 400-700 nm; .* 380-780 nm"):
+        series_of([by("1", ones), by("2", ones)], "light", short)
+    with pytest.raises(InputError, match="a calibration for 3, but readings by PR-655 1 only"):
+        require_comparable([("PR-655", "1")], [calibration("3", 1.0)], "light")
+
+
+@pytest.mark.parametrize("text, body, message", [
+    ("65123456", None, "is not SERIAL=FILE"),
+    ("1={file}", "# quantity: radiance\nnm,value\n380,1\n780,1\n", "states radiance; .* factors"),
+    ("1={file}", "# quantity: relative\nnm,value\n380,100\n780,90\n", "factors from 90 to 100")])
+def test_what_is_no_calibration_is_refused(tmp_path, text, body, message):
+    file = tmp_path / "c.csv"
+    file.write_text(body or "")
+    with pytest.raises(InputError, match=message):
+        read_calibration(text.format(file=file))
+
+
+def test_a_calibration_is_read_with_its_error(tmp_path):
+    file = tmp_path / "c.csv"
+    file.write_text("# quantity: relative\nnm,value,standard_error\n380,1.02,0.01\n780,0.98,0.01\n")
+    found = read_calibration(f"65123456={file}")
+    assert found.serial_number == "65123456" and found.factor.standard_error[0] == 0.01
+
+
+CSV = "# quantity: {}\nwavelength_nm,value\n380,0.5\n780,0.5\n"
+
+
+@pytest.mark.parametrize("role, name", [
+    ("paint", "light"), ("paint", "white"), ("light", "white"), ("paint", "Light"),
+    ("paint", "chart"), ("light", "chart-01-dark-skin"), ("paint", "chart-radiance")])
+def test_the_name_of_one_role_is_not_anothers(tmp_path, role, name):
+    with pytest.raises(InputError, match=f"as {role}, give it another with --name"):
+        claim(tmp_path, role, [name])
+
+
+def test_a_name_keeps_the_role_that_it_was_measured_in(tmp_path):
+    claim(tmp_path, "light", ["warm"])
+    note_role(tmp_path, "light", "warm")
+    claim(tmp_path, "light", ["warm"])
+    with pytest.raises(InputError, match="something measured as light; as paint"):
+        claim(tmp_path, "paint", ["warm"])
+    store_reading(tmp_path / "readings" / "warm", reading(np.ones(NM.size)))
+    assert len(stored_readings(tmp_path / "readings" / "warm")) == 1
+
+
+@pytest.mark.parametrize("role, names, white, file", [
+    ("light", ["light"], False, "light.csv"), ("paint", ["red"], True, "red.csv"),
+    ("paint", ["red"], False, "red-radiance.csv"), ("chart", ["chart-01-x"], True, "chart.csv"),
+    ("chart", ["chart-01-x"], False, "chart-radiance.csv")])
+def test_a_file_that_was_not_measured_here_is_never_replaced(tmp_path, role, names, white, file):
+    if white:
+        (tmp_path / "readings" / "white").mkdir(parents=True)
+    (tmp_path / file).write_text(CSV.format("reflectance"))
+    with pytest.raises(InputError, match=rf"{file} was not measured here and would be replaced"):
+        claim(tmp_path, role, names)
+    # with readings under that name it is this tool's own, even when they were set aside
+    folder = tmp_path / "readings" / names[0]
+    folder.mkdir(parents=True)
+    claim(tmp_path, role, names)
+    set_aside(folder)
+    claim(tmp_path, role, names)
+
+
+def test_a_file_of_another_quantity_is_never_replaced(tmp_path):
+    path = tmp_path / "red.csv"
+    for held in (CSV.format("radiance"), "380,1\n780,1\n"):
+        path.write_text(held)
+        with pytest.raises(InputError, match=r"red\.csv holds .*reflectance must not replace"):
+            result_file(tmp_path, "paint", "red", Quantity.REFLECTANCE)
+    path.write_text(CSV.format("reflectance"))
+    assert result_file(tmp_path, "paint", "red", Quantity.REFLECTANCE) == path
+    assert result_file(tmp_path, "paint", "red",
+                       Quantity.RADIANCE) == tmp_path / "red-radiance.csv"

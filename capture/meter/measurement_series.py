@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from spectrabox.capture.meter.calibration import Calibration, factors_at, require_comparable
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Quantity, Spectrum
@@ -15,7 +16,8 @@ DRIFT_RELATIVE = 0.005      # and is larger than this over the series
 LOW_SIGNAL = 0.02           # of the standard's largest value: below, a ratio is mostly noise
 
 
-def series_of(readings: Sequence[SpectralReading], name: str) -> ReadingSeries:
+def series_of(readings: Sequence[SpectralReading], name: str,
+              calibrations: Sequence[Calibration] = ()) -> ReadingSeries:
     """Mean, spread and drift of the readings that hold a spectrum.
 
     Parameters
@@ -24,13 +26,15 @@ def series_of(readings: Sequence[SpectralReading], name: str) -> ReadingSeries:
         In the order they were taken.
     name : str
         Of what was measured, for errors.
+    calibrations : sequence of Calibration
+        Of the instruments; needed, of each, where there are several.
 
     Raises
     ------
     CheckError
         If none holds a spectrum; the sentence is the instrument's reason.
     InputError
-        If the readings are of different quantities or grids.
+        If the readings are of different quantities, grids, or instruments without calibration.
     """
     spectra = [reading.spectrum for reading in readings if reading.spectrum is not None]
     if not spectra:
@@ -41,14 +45,27 @@ def series_of(readings: Sequence[SpectralReading], name: str) -> ReadingSeries:
            for s in spectra):
         raise InputError(f"{name}: the readings are of different quantities or wavelengths; start "
                          "a new series with --again")
-    values = np.array([spectrum.values for spectrum in spectra])
+    makers = [(reading.instrument, reading.serial_number) for reading in readings
+              if reading.spectrum is not None]
+    require_comparable(makers, [each for each in calibrations
+                                if each.serial_number in {number for _, number in makers}], name)
+    factors = factors_at(first.grid.nm, calibrations)
+    unity = (np.ones(first.grid.nm.size), np.zeros(first.grid.nm.size))
+    factor, factor_error = np.array([factors.get(serial_number, unity)
+                                     for _, serial_number in makers]).swapaxes(0, 1)
+    raw = np.array([spectrum.values for spectrum in spectra])
+    values = raw * factor
     count = len(spectra)
+    # readings of one instrument share its factor's error, those of two do not
+    shared = {number: [other == number for _, other in makers] for _, number in makers}
+    calibration_error = np.sqrt(sum((raw * factor_error)[of].sum(axis=0) ** 2
+                                    for of in shared.values())) / count
     order = np.arange(count) - (count - 1) / 2
     slope = order @ values / (order @ order) if count > 1 else np.full(values.shape[1], np.nan)
     drift, drift_error = _relative_drift(values @ first.grid.weights_nm)
     spread = values.std(axis=0, ddof=1) if count > 1 else np.full(values.shape[1], np.nan)
     return ReadingSeries(first.grid, values.mean(axis=0), spread, slope, drift, drift_error, count,
-                         first.quantity, _flags(readings, drift, drift_error))
+                         first.quantity, _flags(readings, drift, drift_error), calibration_error)
 
 
 def series_spectrum(series: ReadingSeries, source: str) -> Spectrum:
@@ -60,7 +77,9 @@ def series_spectrum(series: ReadingSeries, source: str) -> Spectrum:
     source : str
         Stored with the spectrum.
     """
-    error = series.spread / np.sqrt(series.readings) if series.readings > 1 else None
+    error = None
+    if series.readings > 1:
+        error = np.hypot(series.spread / np.sqrt(series.readings), series.calibration_error)
     return Spectrum(series.grid, series.mean, series.quantity, source, error)
 
 

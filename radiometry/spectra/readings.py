@@ -65,3 +65,4 @@ class ReadingSeries(Record):
     readings: int
     quantity: Quantity
     flags: tuple[str, ...]
+    calibration_error: Annotated[np.ndarray, "P"]   # of the mean; 0 where no calibration was given

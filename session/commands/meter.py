@@ -4,9 +4,8 @@ a recording.
 from __future__ import annotations
 
 import contextlib
-import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,12 +15,12 @@ from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command
 
 if TYPE_CHECKING:
+    from spectrabox.capture.meter.calibration import Calibration
     from spectrabox.capture.meter.instruments.interface import Instrument, MeterSettings
     from spectrabox.capture.meter.serial_line import Log, Pace
     from spectrabox.radiometry.records import Spectrum
     from spectrabox.radiometry.spectra.readings import SpectralReading
 
-ROLES = ("light", "white", "paint", "chart")
 Port = Annotated[str,
                  typer.Option(help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'.",
                               show_default=False)]
@@ -55,7 +54,7 @@ def list_of_ports(as_json: Json = False, debug: Debug = False) -> None:
 
 def identify(port: Port, instrument: Meter, as_json: Json = False, debug: Debug = False) -> None:
     """Ask the instrument who it is, then leave it as found."""
-    with command(as_json, debug), _stopped_by_termination():
+    with command(as_json, debug):
         from spectrabox.capture.meter.measurement import trusted_identity
         with _instrument(instrument, port, lambda direction, data: None) as meter:
             identity = trusted_identity(meter)
@@ -82,6 +81,9 @@ def measure(port: Port, instrument: Meter,
                 min=10, help="Flicker frequency of the light.")] = None,
             white_reflectance: Annotated[float, typer.Option(
                 min=0.01, max=1.1, help="Of the white standard.")] = 1.0,
+            calibration: Annotated[list[str] | None, typer.Option(
+                metavar="SERIAL=FILE", help="Factors of an instrument by wavelength; of each, "
+                "where readings of several are to be compared.")] = None,
             again: Annotated[bool, typer.Option(
                 help="Start a new series; earlier readings are kept aside.")] = False,
             wait: Annotated[bool, typer.Option(help="Ask before each patch of a chart.")] = True,
@@ -90,17 +92,21 @@ def measure(port: Port, instrument: Meter,
     """Measure into a session. Every reading is on disk before it is shown; a broken series goes on
     where it stopped.
     """
-    with command(as_json, debug), _stopped_by_termination():
+    with command(as_json, debug):
+        from spectrabox.capture.meter.calibration import read_calibration
         from spectrabox.capture.meter.instruments.interface import MeterSettings
+        from spectrabox.capture.meter.measurement_targets import claim
         names = _names(role, name)
         wanted = MeterSettings(integration_ms, averages, sync_hz)
+        calibrations = [read_calibration(text) for text in calibration or ()]
         spectra = folder / "spectra"
+        claim(spectra, role, names)
         if again:
             _set_aside(spectra, names)
-        readings = _measure_all(spectra, names, port, instrument, wanted, repeat,
-                                wait and role == "chart")
-        written, spectrum = _write_result(spectra, role, names, white_reflectance)
-        facts = _series_facts(spectra, names)
+        readings = _measure_all(spectra, role, names, port, instrument, wanted, repeat,
+                                calibrations, wait and role == "chart")
+        written, spectrum = _write_result(spectra, role, names, white_reflectance, calibrations)
+        facts = _series_facts(spectra, names, calibrations)
         if png is not None and spectrum is not None:
             from spectrabox.capture.meter.measurement_plot import png_plot
             png_plot(spectrum, png)
@@ -143,6 +149,7 @@ def replay(transcript: Annotated[Path, typer.Argument(
 
 
 def _names(role: str, name: str | None) -> list[str]:
+    from spectrabox.capture.meter.measurement_targets import ROLES
     from spectrabox.radiometry.chart import PATCH_NAMES
     if role not in ROLES:
         raise typer.BadParameter(f"{role!r} is not one of {', '.join(ROLES)}", param_hint="--as")
@@ -161,16 +168,18 @@ def _set_aside(spectra: Path, names: list[str]) -> None:
             set_aside(folder)
 
 
-def _measure_all(spectra: Path, names: list[str], port: str, instrument: str, wanted: MeterSettings,
-                 repeat: int,
+def _measure_all(spectra: Path, role: str, names: list[str], port: str, instrument: str,
+                 wanted: MeterSettings, repeat: int, calibrations: list[Calibration],
                  wait: bool) -> list[SpectralReading]:
     """Take the readings that are still missing; those on disk are not taken again."""
+    from spectrabox.capture.meter.calibration import makers_of, require_comparable
     from spectrabox.capture.meter.measurement import take_reading, trusted_identity
     from spectrabox.capture.meter.measurement_files import (
         readings_folder,
         store_reading,
         stored_readings,
     )
+    from spectrabox.capture.meter.measurement_targets import note_role
     from spectrabox.capture.transcripts.replay import record
 
     stored = {name: stored_readings(readings_folder(spectra, name)) for name in names}
@@ -184,12 +193,17 @@ def _measure_all(spectra: Path, names: list[str], port: str, instrument: str, wa
     with record(spectra / "readings", instrument, wanted) as log, \
             _instrument(instrument, port, log) as meter:
         identity = trusted_identity(meter)
+        before = [*(reading for name in names for reading in stored[name]),
+                  *_white_readings(spectra, role)]
+        require_comparable([*makers_of(before), (identity.model, identity.serial_number)],
+                           calibrations, names[0] if role != "chart" else "the chart")
         meter.settings(wanted)
         for number, name in enumerate(missing, 1):
             if wait and not _ready(f"patch {number} of {len(missing)}, {name}"):
                 break
             for count in range(have[name], repeat):
                 reading = take_reading(meter, identity, transcript=log.path.name)
+                note_role(spectra, role, name)
                 store_reading(readings_folder(spectra, name), reading)
                 log.note("readings", str(len(taken) + 1))
                 taken.append(reading)
@@ -229,41 +243,52 @@ def _ready(what: str) -> bool:
     return bool(line) and line.strip().lower() != "q"
 
 
-def _write_result(spectra: Path, role: str, names: list[str],
-                  white_reflectance: float) -> tuple[Path, Spectrum | None]:
+def _white_readings(spectra: Path, role: str) -> list[SpectralReading]:
+    """Readings of the white standard, where a result is divided by them."""
+    from spectrabox.capture.meter.measurement_files import readings_folder, stored_readings
+    return stored_readings(readings_folder(spectra, "white")) if role in ("paint", "chart") else []
+
+
+def _write_result(spectra: Path, role: str, names: list[str], white_reflectance: float,
+                  calibrations: Sequence[Calibration]) -> tuple[Path, Spectrum | None]:
     """Write the mean, or the reflectance where a white standard was measured; gives the file and
     one spectrum.
     """
+    from spectrabox.capture.meter.calibration import makers_of, named, require_comparable
     from spectrabox.capture.meter.measurement_files import readings_folder, stored_readings
     from spectrabox.capture.meter.measurement_series import (
         reflectance_from,
         series_of,
         series_spectrum,
     )
+    from spectrabox.capture.meter.measurement_targets import result_file
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.spectra.spectrum_files import table_text
 
-    def mean(name: str) -> Spectrum:
-        readings = stored_readings(readings_folder(spectra, name))
-        source = f"{readings[-1].instrument} {readings[-1].serial_number}, " if readings else ""
-        return series_spectrum(series_of(readings, name),
-                               f"{source}{name}, mean of {len(readings)}")
+    stored = {name: stored_readings(readings_folder(spectra, name)) for name in names}
+    white_readings = _white_readings(spectra, role)
+    makers = makers_of([*(reading for name in names for reading in stored[name]), *white_readings])
+    require_comparable(makers, calibrations, names[0] if role != "chart" else "the chart")
+    if white_readings and len(makers) == 1:
+        calibrations = ()       # one instrument's factor divides out, and so does its error
 
-    measured = [name for name in names if any(reading.spectrum is not None
-                                              for reading
-                                              in stored_readings(readings_folder(spectra, name)))]
+    def mean(name: str, readings: list[SpectralReading]) -> Spectrum:
+        instruments = named(makers_of(readings)) + (", each by its calibration" if calibrations
+                                                    else "")
+        return series_spectrum(series_of(readings, name, calibrations),
+                               f"{instruments}, {name}, mean of {len(readings)}")
+
+    measured = [name for name in names if makers_of(stored[name])]
     if role == "chart" and len(measured) < len(names):
         raise CheckError(f"{len(measured)} of {len(names)} patches are measured and kept; run the "
                          "same command again to go on with "
                          f"{next(name for name in names if name not in measured)}")
-    results = [mean(name) for name in names]
-    white = None
-    if role in ("paint", "chart") and readings_folder(spectra, "white").is_dir():
-        white = mean("white")
+    results = [mean(name, stored[name]) for name in names]
+    if white_readings:
+        white = mean("white", white_readings)
         results = [reflectance_from(result, white, white_reflectance, result.source)
                    for result in results]
-    path = spectra / (f"{names[0]}.csv" if role != "chart" else "chart.csv" if white
-                      else "chart-radiance.csv")
+    path = result_file(spectra, role, names[0], results[0].quantity)
     columns = {"value": results[0].values} if role != "chart" else \
         {name.partition("-")[2]: result.values for name, result in zip(names, results, strict=True)}
     if role != "chart" and results[0].standard_error is not None:
@@ -273,12 +298,13 @@ def _write_result(spectra: Path, role: str, names: list[str],
     return path, results[0]
 
 
-def _series_facts(spectra: Path, names: list[str]) -> list[dict[str, Any]]:
+def _series_facts(spectra: Path, names: list[str],
+                  calibrations: Sequence[Calibration]) -> list[dict[str, Any]]:
     from spectrabox.capture.meter.measurement_files import readings_folder, stored_readings
     from spectrabox.capture.meter.measurement_series import series_of
     facts = []
     for name in names:
-        series = series_of(stored_readings(readings_folder(spectra, name)), name)
+        series = series_of(stored_readings(readings_folder(spectra, name)), name, calibrations)
         repeated = series.readings > 1
         facts.append({
                       "name": name, "readings": series.readings,
@@ -324,19 +350,3 @@ def _pace() -> Pace:
         raise InputError(
             f"SPECTRABOX_METER_PACE is {text!r}; a number such as 0.01 is needed") from None
     return Pace() if scale == 1 else Pace(scale, shortest_limit_s=REPLAY_LIMIT_S)
-
-
-@contextlib.contextmanager
-def _stopped_by_termination() -> Iterator[None]:
-    """Leave the instrument as found when the terminal closes or the process is asked to end, as on
-    Ctrl-C.
-    """
-    def stop(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = [signal.signal(number, stop) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
