@@ -1,0 +1,33 @@
+"""A session gives the same bits on one core as on several."""
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+ONE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+RUN = """
+import os, sys
+os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+sys.argv = ["spectrabox", "run", sys.argv[1]]
+from spectrabox.session.cli import main
+main()
+"""
+
+
+def stored_files(folder):
+    """Contents of the results by file, but for what says when and how fast they were made."""
+    return {str(path.relative_to(folder)): path.read_bytes()
+            for path in sorted(folder.rglob("*"))
+            if path.is_file() and path.suffix in {".npz", ".exr", ".csv", ".xml"}}
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="there is one core only")
+def test_one_core_gives_the_bits_of_several(captured, finished):
+    subprocess.run([sys.executable, "-c", RUN, str(captured)], cwd=ROOT, check=True,
+                   env={**os.environ, **ONE}, capture_output=True)
+    alone, together = (stored_files(folder / "results") for folder in (captured, finished))
+    assert {Path(name).parts[0] for name in together} >= {"photo", "reconstruct", "sample"}
+    assert [name for name in together if alone[name] != together[name]] == []
