@@ -1,6 +1,7 @@
 # make demo   writes a synthetic capture session with known truth and runs it, as an operator would
 # make test   runs the tests
-# make bench  prints the measured figures (DATA=FOLDER for those that need measured data); takes the better part of an hour
+# make bench  prints one table of times, whole commands first (BEFORE=FOLDER: beside another checkout); quarter of an hour
+# make figures  prints every measured figure (DATA=FOLDER for those that need measured data); takes the better part of an hour
 # make paper  prints the table of every figure of docs/results/paper.md and what data are missing; pictures go to build/paper
 # All set up everything they need in .venv first; a second call does no work twice.
 PYTHON ?= python3
@@ -9,7 +10,7 @@ VENV   := .venv
 PY     := $(VENV)/bin/python
 STAMP  := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench paper clean
+.PHONY: setup demo test lint bench figures paper clean
 .DELETE_ON_ERROR:
 
 setup: $(STAMP)
@@ -41,10 +42,13 @@ lint: $(STAMP)
 	@$(PY) -m mypy
 
 bench: $(STAMP)
+	@$(PY) -m benchmarks.bench_front_door $(if $(BEFORE),--before "$(BEFORE)")
+
+figures: $(STAMP)
 	@for script in benchmarks/bench_*.py; do echo "== $$script"; \
-	  if ! grep -q '"--data"' $$script; then $(PY) $$script || exit 1; \
-	  elif [ -n "$(DATA)" ]; then $(PY) $$script --data "$(DATA)" || exit 1; \
-	  else echo "skipped: needs measured data, make bench DATA=FOLDER"; fi; done
+	  if ! grep -q '"--data"' $$script; then $(PY) -m benchmarks.$$(basename $$script .py) || exit 1; \
+	  elif [ -n "$(DATA)" ]; then $(PY) -m benchmarks.$$(basename $$script .py) --data "$(DATA)" || exit 1; \
+	  else echo "skipped: needs measured data, make figures DATA=FOLDER"; fi; done
 
 paper: $(STAMP)
 	@mkdir -p build/paper
