@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from scipy.special import chdtri
 
+from spectrabox.radiometry.covariance import chi_square_beyond
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.light_scale import (
     DRIFT,
@@ -67,7 +67,7 @@ def drift_between(chart_photo: LinearImage, chart_signals: np.ndarray, object_ph
     colour = ratio / level - 1
     colour_error = _colour_error(before, after, relative_error)
     changed = bool(np.sum((colour / colour_error) ** 2)
-                   > chdtri(max(len(ratio) - 1, 1), SIGNIFICANCE))
+                   > chi_square_beyond(SIGNIFICANCE, max(len(ratio) - 1, 1)))
     return LightDrift(ratio, error, level, level_error, colour, changed,
                       _sentence(level, level_error, colour, changed,
                                 rounding_error(chart_photo, object_photo)))

@@ -31,7 +31,7 @@ def check_measurement(measurement: SpectralMeasurement, draws: int) -> None:
 
 
 def check_noise(covariance: np.ndarray) -> None:
-    """Raise unless a matrix (K, K) is a covariance.
+    """Raise unless a matrix (..., K, K), or every one of many, is a covariance.
 
     Raises
     ------

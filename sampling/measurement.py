@@ -39,6 +39,13 @@ def spline_operator(measurement: SpectralMeasurement, coefficients: int) -> Meas
     return MeasurementOperator(A, measurement.signal, measurement.noise_covariance)
 
 
+def nearest_coefficients(A: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Coefficients (N,) in [0, 1] whose signal A c is nearest to y, by bounded least squares."""
+    from scipy.optimize import lsq_linear  # 0.3 s to import, and few signals need it
+
+    return np.clip(lsq_linear(A, y, bounds=(0, 1), tol=1e-12).x, 0, 1)
+
+
 def response_on(measurement: SpectralMeasurement, grid: WavelengthGrid) -> np.ndarray:
     """Relative response (K, P') to reflectances that are straight lines between the P' wavelengths
     of a coarser grid; rows sum to 1.

@@ -5,13 +5,17 @@ An unreachable signal is moved into reach first, and the outcome says by how muc
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.checks import check_measurement
-from spectrabox.sampling.measurement import CoefficientDraws, MeasurementOperator, spline_operator
+from spectrabox.sampling.measurement import (
+    CoefficientDraws,
+    MeasurementOperator,
+    nearest_coefficients,
+    spline_operator,
+)
 from spectrabox.sampling.polytope.tilt import check_operator, max_entropy_tilt
 from spectrabox.sampling.polytope.tilted_rejection import METHOD, sample_polytope
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture
@@ -64,9 +68,9 @@ def into_reach(operator: MeasurementOperator) -> tuple[MeasurementOperator, floa
         max_entropy_tilt(operator)
         return operator, 0.0
     except ConvergenceError:
-        nearest = lsq_linear(operator.A, operator.y, bounds=(0, 1), tol=1e-12).x
+        nearest = nearest_coefficients(operator.A, operator.y)
     for share in TOWARDS_GREY:
-        y = operator.A @ ((1 - share) * np.clip(nearest, 0, 1) + share / 2)
+        y = operator.A @ ((1 - share) * nearest + share / 2)
         moved = MeasurementOperator(operator.A, y, operator.noise_covariance)
         try:
             max_entropy_tilt(moved)

@@ -10,6 +10,9 @@ from spectrabox.session.signals.request_draws import DrawOptions
 from spectrabox.session.signals.signal_options import response_of_names
 
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"
+# What 4000 draws tell, in standard deviations, twice over: the mean to 1 / sqrt(4000) = 0.016, the
+# spread to about 0.02, a 2.5 % quantile to 0.04, one of a skewed distribution's long tail to 0.06.
+TOLD_BY_DRAWS = {"mean": 0.03, "standard_deviation": 0.04, "lower": 0.08, "upper": 0.12}
 CURVES = ("mean", "standard_deviation", "lower", "upper")
 
 
@@ -62,11 +65,9 @@ def both_ways(tmp_path_factory):
 def test_answers_without_draws_agree_with_those_of_draws(both_ways):
     without, drawn = both_ways
     spread = np.array([facts["standard_deviation"] for facts in drawn])
-    for name in CURVES:
+    for name, most in TOLD_BY_DRAWS.items():
         away = np.array([facts[name] for facts in without]) - [facts[name] for facts in drawn]
-        # 4000 draws tell a 97.5 % quantile to 0.04 standard deviations; the rest is likely the
-        # projection of draws onto the signal, which the mixture's own quantiles leave out.
-        assert np.sqrt(np.mean((away / spread)**2)) < 0.25, name
+        assert np.sqrt(np.mean((away / spread)**2)) < most, name
 
 
 def test_what_needs_no_draws_is_the_same_either_way(both_ways):

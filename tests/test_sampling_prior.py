@@ -45,6 +45,7 @@ from spectrabox.sampling.prior.posterior import (
     mixture_quantile,
     posterior,
 )
+from spectrabox.sampling.prior.quantiles import quantiles
 from spectrabox.sampling.prior.smoothness import smoothness_prior
 from spectrabox.sampling.prior.training import MIXED, enriched, fit_mixture
 from spectrabox.sampling.summary import summarise
@@ -423,3 +424,19 @@ def test_factors_of_families_are_taken_by_share(prior):
     np.testing.assert_allclose(prior.family_factors(0.925), (prior.family_factors(0.9)
                                                              + prior.family_factors(0.95)) / 2)
     np.testing.assert_array_equal(prior.family_factors(0.999), prior.band_factors[:, -1])
+
+
+@pytest.mark.parametrize("probability", [0.001, 0.025, 0.5, 0.9, 0.999])
+def test_quantiles_of_a_skewed_mixture_have_their_probability(probability):
+    rng = np.random.default_rng(3)
+    weights = np.array([[0.2, 0.5, 0.3, 0.0], [1.0, 0.0, 0.0, 0.0]])
+    centres, deviations = rng.normal(size=(2, 4, 5)), rng.uniform(0.1, 0.5, (2, 4, 5))
+    skews = rng.uniform(0.05, 0.5, (2, 4, 5)) * rng.choice([-1, 1], (2, 4, 5))
+    at = quantiles(weights, centres, deviations, skews, probability)
+    # exp(skew z) is lognormal; a negative skew mirrors it.
+    size = np.abs(skews)
+    beyond = stats.lognorm.cdf(np.maximum(
+        1 + skews * (at[:, None] - centres) / deviations, 0), s=size)
+    below = np.einsum("nc,ncp->np", weights, np.where(skews > 0, beyond, 1 - beyond))
+    # Newton's last step leaves 1e-7 deviations, single precision 1e-6.
+    np.testing.assert_allclose(below, probability, atol=2e-6)

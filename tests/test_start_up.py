@@ -11,7 +11,7 @@ HEAVY = {"numpy", "scipy", "cv2", "colour", "matplotlib", "mitsuba", "drjit", "O
          "rawpy", "exifread", "numba", "sklearn", "pydantic", "jinja2", "rich", "serial", "pandas"}
 PHOTOS = {"cv2", "OpenImageIO", "rawpy", "exifread"}
 SAMPLE = ["sample", "--sensitivity", "CIE 1931 2 Degree Standard Observer", "--light", "D65",
-          "--signal", "0.3,0.4,0.2", "--samples", "1000", "--json"]
+          "--signal", "0.3,0.4,0.2", "--noise", "0.01,0.01,0.01", "--samples", "1000", "--json"]
 MAY_IMPORT = {
     "--help": (["--help"], set()),
     "--version": (["--version"], set()),
@@ -19,7 +19,7 @@ MAY_IMPORT = {
     "status": (["status", "{session}"], {"pydantic", "numpy"}),
     # It runs what a run asks before it traces: the camera is fitted, the scene is opened.
     "check": (["check", "{session}"], {"pydantic", "numpy", "scipy", "mitsuba", "drjit", *PHOTOS}),
-    "sample": (SAMPLE, {"pydantic", "numpy", "scipy", "numba"}),
+    "sample": (SAMPLE, {"pydantic", "numpy"}),
     "camera fit": (["camera", "fit", "--chart", "{session}/photos/chart.dng", "--light",
                     "{session}/spectra/light.csv", "--json"], {"pydantic", "numpy", *PHOTOS}),
 }

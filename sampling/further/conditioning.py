@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
 
+from spectrabox.radiometry.covariance import chi_square_beyond
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement, WavelengthGrid
 
@@ -121,7 +121,7 @@ def check_agreement(grid: WavelengthGrid, readings: list[Reading]) -> None:
     InputError
         Naming both.
     """
-    limit = np.sqrt(chdtri(1, CONTRADICTION))
+    limit = np.sqrt(chi_square_beyond(CONTRADICTION, 1))
     for index, first in enumerate(readings):
         for second in readings[:index]:
             if np.abs(first.row(grid) - second.row(grid)).sum() < 0.05:
@@ -144,7 +144,7 @@ def _averaged(first: SpectralMeasurement, second: SpectralMeasurement) -> Spectr
         return first
     gain = first.noise_covariance @ np.linalg.pinv(total, hermitian=True)
     surprise = difference @ np.linalg.pinv(total, hermitian=True) @ difference
-    if surprise > chdtri(len(difference), CONTRADICTION):
+    if surprise > chi_square_beyond(CONTRADICTION, len(difference)):
         raise InputError("two patches said to be the same material differ by "
                          f"{np.abs(difference).max():.3g} of white, far beyond their noise; they "
                          "are different materials, or the light on them differs")

@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
-from scipy.special import chdtri
 
+from spectrabox.radiometry.covariance import chi_square_beyond
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.sampling.further.conditioning import (
@@ -22,7 +21,7 @@ from spectrabox.sampling.further.conditioning import (
     same_bands,
     same_material,
 )
-from spectrabox.sampling.measurement import response_on
+from spectrabox.sampling.measurement import nearest_coefficients, response_on
 from spectrabox.sampling.prior.draws import prior_spectra
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture
 from spectrabox.sampling.prior.posterior import with_floor
@@ -100,7 +99,7 @@ def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: Logi
         expected = spectra @ rows.T
         spread = np.atleast_2d(np.cov(expected, rowvar=False)) + with_floor(covariance)
         away = values - expected.mean(axis=0)
-        if away @ np.linalg.solve(spread, away) > chdtri(len(away), CONTRADICTION):
+        if away @ np.linalg.solve(spread, away) > chi_square_beyond(CONTRADICTION, len(away)):
             worst = int(np.argmax(np.abs(away)))
             sentences.append(f"{further.name} is hard to believe beside the others: "
                              f"{values[worst]:.3g} was measured and "
@@ -118,8 +117,8 @@ def _possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> bool:
         rows.append(whiten @ part)
         targets.append(whiten @ values)
     A, y = np.vstack(rows), np.concatenate(targets)
-    misfit = 2 * lsq_linear(A, y, bounds=(0, 1), tol=1e-8).cost
-    return bool(misfit < chdtri(y.size, CONTRADICTION))
+    misfit = np.sum((A @ nearest_coefficients(A, y) - y)**2)
+    return bool(misfit < chi_square_beyond(CONTRADICTION, y.size))
 
 
 def measured_rows(base: SpectralMeasurement,

@@ -13,8 +13,8 @@ goes to a general solver one programme at a time.
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import gammaincinv
 
+from spectrabox.radiometry.covariance import chi_square_beyond
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.checks import check_noise
 from spectrabox.sampling.measurement import MeasurementOperator
@@ -104,13 +104,12 @@ def signal_boxes(A: np.ndarray, signals: np.ndarray, noise_covariance: np.ndarra
     if not np.all(np.isfinite(signals)):
         raise InputError("y of the measurement holds numbers that are not finite; measure or fit "
                          "that band again, or leave it out")
-    for covariance in noise_covariance[1:]:
-        check_noise(covariance)
+    check_noise(noise_covariance)
     if not 0 < level < 1:
         raise InputError(f"a level of {level} was asked for; it is a probability between 0 and 1")
     variances, directions = np.linalg.eigh(noise_covariance)
     turn = directions.transpose(0, 2, 1)
-    radius = np.sqrt(2 * gammaincinv(variances.shape[1] / 2, level))    # chi-square quantile
+    radius = np.sqrt(chi_square_beyond(1 - level, variances.shape[1]))
     return SignalBoxes(turn @ A, (turn @ signals[..., None])[..., 0],
                        radius * np.sqrt(np.maximum(variances, 0)))
 

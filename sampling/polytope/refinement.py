@@ -12,7 +12,6 @@ far too rarely. Here every coarse draw gets its own residual draw.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import null_space as scipy_null_space
 
 from spectrabox.radiometry.bspline import DEGREE, basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
@@ -47,11 +46,13 @@ def residual_directions(A_fine: np.ndarray, T: np.ndarray) -> np.ndarray:
     """Directions (fine, d) that the camera does not see and that are orthogonal to the lifted span
     (Eqs. 13-15).
     """
+    from scipy.linalg import null_space
+
     basis = basis_matrix(FINE.nm, len(T))
     gram = basis.T @ basis
-    complement = scipy_null_space((gram @ T).T)
+    complement = null_space((gram @ T).T)
     seen = A_fine @ complement
-    return complement @ scipy_null_space(seen)
+    return complement @ null_space(seen)
 
 
 def sample_refined(measurement: SpectralMeasurement, operator: MeasurementOperator, fine: int,

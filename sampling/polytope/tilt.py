@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from scipy.optimize import linprog
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.shaped import Record
@@ -95,6 +94,8 @@ def is_reachable(operator: MeasurementOperator) -> bool:
     """Whether some coefficients in [0, 1] give exactly ``operator.y`` (to the 1e-7 of the LP
     solver, rows whitened).
     """
+    from scipy.optimize import linprog  # 0.3 s to import, and few signals need it
+
     u, singular_values, vt = np.linalg.svd(operator.A, full_matrices=False)
     solution = linprog(np.zeros(vt.shape[1]), A_eq=vt, b_eq=(operator.y @ u) / singular_values,
                        bounds=(0, 1))

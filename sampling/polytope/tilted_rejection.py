@@ -34,7 +34,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import qr
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import Outcome
@@ -148,6 +147,8 @@ def basic_columns(columns: np.ndarray, slopes: np.ndarray, coefficients: int) ->
     With the columns scaled by it this is a submatrix of largest volume: start from the pivots of a
     QR factorisation and swap while one swap gains more than 1 %.
     """
+    from scipy.linalg import qr
+
     h = slopes[:coefficients]
     log_z, _, _ = tilt_moments(h)
     scaled = columns * np.sqrt(2 * np.pi)

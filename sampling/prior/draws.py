@@ -137,7 +137,8 @@ def prior_spectra(measurement: SpectralMeasurement, draws: int, seed: int,
                                            measurement.noise_covariance)
             outcome = Outcome.TOO_ROUGH if is_reachable(operator) else Outcome.OUT_OF_REACH
     chosen = np.flatnonzero(mixture.weights[0])
-    components = [_component(prior, mixture, relative_response, measurement, int(index))
+    factor = band_factors(prior, mixture, LEVEL)[0]
+    components = [_component(prior, mixture, relative_response, measurement, factor, int(index))
                   for index in chosen]
     spectra = _draw(_Target(components, mixture.weights[0, chosen], relative_response,
                             measurement.signal,
@@ -167,7 +168,7 @@ def _posterior(prior: LogitMixture, relative_response: np.ndarray,
 
 
 def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response: np.ndarray,
-               measurement: SpectralMeasurement, index: int) -> _Component:
+               measurement: SpectralMeasurement, factor: np.ndarray, index: int) -> _Component:
     centre = mixture.logits[index, 0]
     p = reflectance(centre)
     jacobian = relative_response * (p * (1 - p))
@@ -179,7 +180,6 @@ def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response
     Q = prior_of_signal + with_floor(R)
     covariance = prior.covariances[index] - base @ np.linalg.solve(Q, base.T)
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
-    factor = band_factors(prior, mixture, LEVEL)[0]
     middle = mixture.weights[0] @ mixture.logits[:, 0]
     root = factor[:, None] * vectors * np.sqrt(np.maximum(values, 0))
     shrink = R @ np.linalg.inv(prior_of_signal + R + 1e-12 * np.eye(len(R)))
@@ -205,9 +205,9 @@ def _block(target: _Target, draws: int, rng: np.random.Generator) -> np.ndarray:
     for _ in range(ROUNDS):
         chosen = rng.choice(len(target.components), size=missing.size, p=target.weights)
         failed = []
-        for index in np.unique(chosen):
+        for index, component in enumerate(target.components):
             rows = missing[chosen == index]
-            out[rows], reached = _of_component(target, target.components[index], rows.size, rng)
+            out[rows], reached = _of_component(target, component, rows.size, rng)
             failed.append(rows[~reached])
         missing = np.concatenate(failed)
         if not missing.size or target.approximate:

@@ -13,14 +13,15 @@ signal, and weighs nothing.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Annotated
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Annotated, Any
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from spectrabox.radiometry.shaped import Record
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
+from spectrabox.sampling.prior.quantiles import quantiles, stretched
 
 # of the filter; the largest change of a logit that counts as standing still
 STEPS, STILL = 25, 1e-6
@@ -31,9 +32,12 @@ MAX_STEP = 2.0              # logits per step: keeps the linearisation where it 
 SIGNAL_FLOOR = 1e-3  # of white: the least standard error of a signal taken into the likelihood
 # a component that misses the signal by more than 0.5 % of white is given up
 MISFIT, PENALTY = 5e-3, 1e5
-HERMITE_NODES, HERMITE_WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
-BISECTIONS, NEWTON_STEPS = 10, 6
-ROOT_2_PI = np.sqrt(2 * np.pi)
+# Gauss-Hermite quadrature of nine points, by Golub and Welsch: nodes are the eigenvalues of the
+# polynomials' recurrence, weights the squares of the first components of its eigenvectors.
+RECURRENCE = np.sqrt(np.arange(1, 9))
+HERMITE_NODES, _VECTORS = np.linalg.eigh(np.diag(RECURRENCE, 1) + np.diag(RECURRENCE, -1))
+HERMITE_WEIGHTS = _VECTORS[0]**2
+NORMAL_95 = NormalDist().inv_cdf(0.975)
 USUAL_WIDTH = 0.12          # mean of a 95 % band before calibration
 LEVEL = 0.95                # whose calibrated factor enlarges draws, and what is said of them
 
@@ -48,6 +52,8 @@ class MixturePosterior(Record):
     misfit: Annotated[np.ndarray, "T"]  # largest |signal - M p|, averaged over the components
     # least r' Q^-1 r over the components: chi-square with K degrees
     surprise: Annotated[np.ndarray, "T"]
+    # of the components' marginal distributions (quantiles.py); None for normal ones
+    skews: Annotated[np.ndarray, "C T P"] | None = None
 
 
 @dataclass(frozen=True)
@@ -80,8 +86,8 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     logits = np.repeat(prior.means[:, None], len(signals), axis=1)
     variances = np.repeat(np.diagonal(prior.covariances, axis1=1, axis2=2)[:, None], len(signals),
                           axis=1)
-    log_weights, everyone = np.log(prior.weights), np.arange(len(signals))
-    rough = np.array([log_weights[index] + climb(seen, everyone, *component, logits[index], TRIED)
+    log_weights = np.log(prior.weights)
+    rough = np.array([log_weights[index] + rough_evidence(seen, *component, logits[index])
                       for index, component in enumerate(components)])
     score, misfit, surprise = np.full(shape, -np.inf), np.zeros(shape), np.full(shape, np.inf)
     for index, component in enumerate(components):
@@ -105,23 +111,36 @@ def with_floor(covariance: np.ndarray) -> np.ndarray:
 
 
 def climb(seen: _Seen, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray, x: np.ndarray,
-          steps: int) -> np.ndarray:
-    """Move logits x (T, P) of some rows towards one component's mode, in place.
-
-    Returns the log evidence (n,) of those rows where the last step began.
-    """
-    evidence, active = np.full(len(x), -np.inf), rows
+          steps: int) -> None:
+    """Move logits x (T, P) of some rows towards one component's mode, in place."""
+    active = rows
     for _ in range(steps):
         gain_base, Q, residual = _linearised(seen, active, mean, covariance, x[active])
-        solved = np.linalg.solve(Q, residual[..., None])[..., 0]
-        evidence[active] = _log_evidence(Q, residual, solved)
-        step = mean + np.einsum("tkp,tk->tp", gain_base, solved) - x[active]
-        length = np.abs(step).max(axis=1)
-        x[active] += step * np.minimum(1, MAX_STEP / np.maximum(length, STILL))[:, None]
-        active = active[length > STILL]
+        active = _step(x, active, mean, gain_base, np.linalg.solve(Q, residual[..., None]))
         if not active.size:
             break
-    return evidence[rows]
+
+
+def _step(x: np.ndarray, active: np.ndarray, mean: np.ndarray, gain_base: np.ndarray,
+          solved: np.ndarray) -> np.ndarray:
+    """Move logits x (T, P) of the active rows one step; those (n,) that did not stand still."""
+    step = mean + (solved.transpose(0, 2, 1) @ gain_base)[:, 0] - x[active]
+    length = np.abs(step).max(axis=1)
+    x[active] += step * np.minimum(1, MAX_STEP / np.maximum(length, STILL))[:, None]
+    return active[length > STILL]
+
+
+def rough_evidence(seen: _Seen, mean: np.ndarray, covariance: np.ndarray,
+                   x: np.ndarray) -> np.ndarray:
+    """Move logits x (T, P) of all rows a few steps towards one component's mode, in place; log
+    evidence (T,) where the last step began.
+    """
+    everyone = np.arange(len(x))
+    climb(seen, everyone, mean, covariance, x, TRIED - 1)
+    gain_base, Q, residual = _linearised(seen, everyone, mean, covariance, x)
+    solved = np.linalg.solve(Q, residual[..., None])
+    _step(x, everyone, mean, gain_base, solved)
+    return _log_evidence(Q, residual, solved[..., 0])
 
 
 def laplace(seen: _Seen, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
@@ -159,10 +178,9 @@ def mean_and_spread(mixture: MixturePosterior) -> tuple[np.ndarray, np.ndarray]:
     quadrature.
     """
     first, second = np.zeros(mixture.logits.shape[1:]), np.zeros(mixture.logits.shape[1:])
-    for rows, weights, logits, deviations in _blocks(mixture):
-        for node, node_weight in zip(HERMITE_NODES, HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum(),
-                                     strict=True):
-            values = reflectance(logits + node * deviations)
+    for rows, weights, logits, deviations, skews in _blocks(mixture):
+        for node, node_weight in zip(HERMITE_NODES, HERMITE_WEIGHTS, strict=True):
+            values = reflectance(logits + stretched(node, skews) * deviations)
             first[rows] += node_weight * np.einsum("tc,tcp->tp", weights, values)
             second[rows] += node_weight * np.einsum("tc,tcp->tp", weights, values**2)
     return first, np.sqrt(np.maximum(second - first**2, 1e-12))
@@ -176,35 +194,16 @@ def central_band(mixture: MixturePosterior, level: float) -> tuple[np.ndarray, n
 
 
 def mixture_quantile(mixture: MixturePosterior, probability: float) -> np.ndarray:
-    """Quantile (T, P) of the Gaussian mixture in the logit, by bisection, then Newton's steps."""
-    quantiles = np.empty(mixture.logits.shape[1:])
-    for rows, weights, logits, deviations in _blocks(mixture):
-        quantiles[rows] = _quantile(weights, logits, deviations, probability)
-    return quantiles
+    """Quantile (T, P) of the mixture in the logit."""
+    found = np.empty(mixture.logits.shape[1:])
+    for rows, weights, logits, deviations, skews in _blocks(mixture):
+        found[rows] = quantiles(weights, logits, deviations, skews, probability)
+    return found
 
 
-def _quantile(weights: np.ndarray, logits: np.ndarray, deviations: np.ndarray,
-              probability: float) -> np.ndarray:
-    at = logits + ndtri(probability) * deviations
-    # the mixture's quantile lies between its components' quantiles
-    possible = weights[..., None] > 0
-    low = at.min(axis=1, where=possible, initial=np.inf)
-    high = at.max(axis=1, where=possible, initial=-np.inf)
-    for step in range(BISECTIONS + NEWTON_STEPS):
-        if step <= BISECTIONS:
-            x = (low + high) / 2
-        z = (x[:, None] - logits) / deviations
-        above = np.einsum("tc,tcp->tp", weights, ndtr(z)) - probability
-        low, high = np.where(above < 0, x, low), np.where(above < 0, high, x)
-        if step >= BISECTIONS:
-            density = np.einsum("tc,tcp->tp", weights, np.exp(-z * z / 2) / deviations)
-            x = np.clip(x - above * ROOT_2_PI / np.maximum(density, 1e-12), low, high)
-    return x
-
-
-def _blocks(mixture: MixturePosterior) -> Iterator[tuple[np.ndarray, ...]]:
+def _blocks(mixture: MixturePosterior) -> Iterator[tuple[Any, ...]]:
     """Blocks of signals that allow about as many components: their rows (n,), and weights (n, c),
-    logits and deviations (n, c, P) of these, the heaviest first.
+    logits, deviations and skews (n, c, P) of these, the heaviest first.
     """
     counts = np.count_nonzero(mixture.weights, axis=1)
     by_count = np.argsort(counts, kind="stable")
@@ -212,9 +211,10 @@ def _blocks(mixture: MixturePosterior) -> Iterator[tuple[np.ndarray, ...]]:
         rows = by_count[start:start + BLOCK]
         heaviest = np.argsort(-mixture.weights[rows], axis=1,
                               kind="stable")[:, :counts[rows[-1]]]
-        yield (rows, mixture.weights[rows[:, None], heaviest],
-               mixture.logits[heaviest, rows[:, None]],
-               np.sqrt(mixture.variances[heaviest, rows[:, None]]))
+        chosen = heaviest, rows[:, None]
+        yield (rows, mixture.weights[rows[:, None], heaviest], mixture.logits[chosen],
+               np.sqrt(mixture.variances[chosen]),
+               None if mixture.skews is None else mixture.skews[chosen])
 
 
 def calibrated_band(prior: LogitMixture, mixture: MixturePosterior,
@@ -237,20 +237,12 @@ def band_factors(prior: LogitMixture, mixture: MixturePosterior, level: float) -
     return width_factors(prior, mixture) * prior.band_factor(level, mixture.weights)
 
 
-def as_drawn(prior: LogitMixture, mixture: MixturePosterior, level: float) -> MixturePosterior:
-    """The mixture that draws follow: moved away from its mean logit by the factors of ``level``."""
-    factor = band_factors(prior, mixture, level)
-    middle = np.einsum("tc,ctp->tp", mixture.weights, mixture.logits)
-    return replace(mixture, logits=middle + factor * (mixture.logits - middle),
-                   variances=factor**2 * mixture.variances)
-
-
 def width_factors(prior: LogitMixture, mixture: MixturePosterior) -> np.ndarray:
     """Factors (T, 1) of bands for how wide they are before calibration, 1 for the usual width.
 
     Of a learnt prior they fall: bands that are wide are too wide rather than too narrow.
     """
-    width = 2 * ndtri(0.975) * mean_and_spread(mixture)[1].mean(axis=1, keepdims=True)
+    width = 2 * NORMAL_95 * mean_and_spread(mixture)[1].mean(axis=1, keepdims=True)
     return np.asarray((width / USUAL_WIDTH)**prior.width_power)
 
 

@@ -1,9 +1,8 @@
 """What the learnt prior says of many signals, without draws: from the mixture that draws follow.
 
-Draws of one signal follow its posterior mixture, moved away from its mean by the calibrated factors
-(draws.py). Mean, standard deviation and band here are that mixture's own; draws scatter about them.
-Correlations between wavelengths, which choose the next reading, are those of the linearised
-components. All signals have one response; their noise may differ.
+Mean, standard deviation and band are those of the law that draws follow (drawn.py); draws scatter
+about them. Correlations between wavelengths, which choose the next reading, are those of its
+linearised components. All signals have one response; their noise may differ.
 """
 from __future__ import annotations
 
@@ -14,23 +13,22 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Outcome
 from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, reflectance
+from spectrabox.sampling.prior.drawn import COARSE, as_drawn
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture
 from spectrabox.sampling.prior.posterior import (
-    LEVEL,
     MISFIT,
     MixturePosterior,
-    as_drawn,
     central_band,
     mean_and_spread,
     posterior,
-    with_floor,
 )
 from spectrabox.sampling.prior.smoothness import smoothness_prior
 from spectrabox.sampling.summary import READING_ERROR
 
-BATCH = 100         # signals: those of one batch are carried with as many components as any needs
+BATCH = 250         # signals: those of one batch are carried with as many components as any needs
 
 
 @dataclass(frozen=True)
@@ -85,14 +83,15 @@ def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     variances = np.diagonal(noise, axis1=1, axis2=2)
     allowed = np.maximum(MISFIT, 4 * np.sqrt(variances.max(axis=1)))
     strange = (mixture.surprise > prior.familiar_surprise) | (mixture.misfit > allowed)
-    found = _of_mixture(prior, relative_response, noise, mixture, level)
+    found = _of_mixture(prior, relative_response, signals, noise, mixture, level)
     budgets = error_budgets(prior, relative_response, mixture, causes)
     found = replace(found, budget=np.column_stack(list(shares_by_cause(budgets).values())))
     if not strange.any():
         return found
     smooth = smoothness_prior()
     wider = posterior(smooth, relative_response, signals[strange], noise[strange])
-    rest = _of_mixture(smooth, relative_response, noise[strange], wider, level)
+    rest = _of_mixture(smooth, relative_response, signals[strange], noise[strange], wider,
+                       level)
     for name in ("mean", "standard_deviation", "lower", "upper", "next_measurement_nm"):
         getattr(found, name)[strange] = getattr(rest, name)
     found.outcome[strange] = Outcome.UNFAMILIAR
@@ -100,36 +99,14 @@ def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     return found
 
 
-def _of_mixture(prior: LogitMixture, relative_response: np.ndarray, noise: np.ndarray,
-                mixture: MixturePosterior, level: float) -> PriorSummaries:
-    drawn = as_drawn(prior, mixture, LEVEL)
+def _of_mixture(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
+                noise: np.ndarray, mixture: MixturePosterior, level: float) -> PriorSummaries:
+    drawn, covariance = as_drawn(prior, relative_response, signals, noise, mixture)
     mean, spread = mean_and_spread(drawn)
     lower, upper = central_band(drawn, level)
-    correlation = _correlation(prior, relative_response, noise, mixture)
     # As `summary.next_measurement_nm`, all at once.
-    covariance = correlation * spread[:, :, None] * spread[:, None, :]
-    reduction = np.einsum("p,tpq->tq", GRID.weights_nm, covariance**2) \
+    reduction = np.square(covariance) @ grid_from_nm(GRID.nm[COARSE]).weights_nm \
         / (spread**2 + READING_ERROR**2)
     return PriorSummaries(mean, spread, lower, upper, GRID.nm[np.argmax(reduction, axis=1)],
                           prior.shares(mixture.weights), np.empty((len(mean), 0)),
                           np.full(len(mean), Outcome.FAMILIAR, dtype=object))
-
-
-def _correlation(prior: LogitMixture, relative_response: np.ndarray, noise: np.ndarray,
-                 mixture: MixturePosterior) -> np.ndarray:
-    """Correlation (T, 61, 61) of reflectances between wavelengths, components linearised."""
-    p = reflectance(np.asarray(mixture.logits))
-    away = p - np.einsum("tc,ctp->tp", mixture.weights, p)
-    covariance = np.zeros((len(noise), GRID.nm.size, GRID.nm.size))
-    for index, prior_covariance in enumerate(prior.covariances):
-        rows = np.flatnonzero(mixture.weights[:, index])
-        slope = (p * (1 - p))[index, rows]
-        jacobian = relative_response * slope[:, None, :]
-        base = jacobian @ prior_covariance
-        Q = base @ jacobian.transpose(0, 2, 1) + with_floor(noise[rows])
-        left = prior_covariance - base.transpose(0, 2, 1) @ np.linalg.solve(Q, base)
-        left *= slope[:, :, None] * slope[:, None, :]
-        left += away[index, rows][:, :, None] * away[index, rows][:, None, :]
-        covariance[rows] += mixture.weights[rows, index][:, None, None] * left
-    deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    return covariance / (deviation[:, :, None] * deviation[:, None, :])

@@ -19,10 +19,9 @@ from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.prior.drawn import as_drawn
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture
 from spectrabox.sampling.prior.posterior import (
-    LEVEL,
-    as_drawn,
     mean_and_spread,
     posterior,
 )
@@ -119,7 +118,8 @@ def uplift_directly(prior: LogitMixture, relative_response: np.ndarray, signals:
         some = signals[start:start + BATCH]
         covariance = np.einsum("tk,kl->tkl", (noise * some)**2, np.eye(len(relative_response)))
         mixture = posterior(prior, relative_response, some, covariance)
-        return mean_and_spread(as_drawn(prior, mixture, LEVEL))
+        drawn, _ = as_drawn(prior, relative_response, some, covariance, mixture)
+        return mean_and_spread(drawn)
 
     means, spreads = np.empty((len(signals), GRID.nm.size)), np.empty((len(signals), GRID.nm.size))
     # Every core has a part of its own: threads within its small products would only wait.

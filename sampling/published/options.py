@@ -6,13 +6,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, measured_rows
-from spectrabox.sampling.measurement import CoefficientDraws, response_on, spline_operator
+from spectrabox.sampling.measurement import (
+    CoefficientDraws,
+    nearest_coefficients,
+    response_on,
+    spline_operator,
+)
 from spectrabox.sampling.polytope.refinement import lifting, residual_directions
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.sampling.published.per_axis_box import draw_in_box
@@ -58,7 +62,7 @@ def refined_as_published(measurement: SpectralMeasurement, coarse: int, fine: in
         If the knots do not nest, or nothing is left to draw along.
     """
     operator = spline_operator(measurement, coarse)
-    solution = lsq_linear(operator.A, operator.y, bounds=(0, 1), tol=1e-12).x
+    solution = nearest_coefficients(operator.A, operator.y)
     T = lifting(coarse, fine)
     start = np.clip(T @ solution, 0, 1)
     fine_basis = basis_matrix(measurement.grid.nm, fine)

@@ -2,12 +2,15 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.checks import check_measurement
-from spectrabox.sampling.measurement import MeasurementOperator, spline_operator
+from spectrabox.sampling.measurement import (
+    MeasurementOperator,
+    nearest_coefficients,
+    spline_operator,
+)
 from spectrabox.sampling.polytope.tilt import check_operator
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.published.per_axis_box import METHOD, sample_per_axis
@@ -39,7 +42,7 @@ def sample_published(measurement: SpectralMeasurement, draws: int, seed: int, co
 
 
 def _bounded(operator: MeasurementOperator) -> np.ndarray:
-    return np.clip(lsq_linear(operator.A, operator.y, bounds=(0, 1), tol=1e-12).x, 0, 1)
+    return nearest_coefficients(operator.A, operator.y)
 
 
 def _unbounded(operator: MeasurementOperator) -> np.ndarray:

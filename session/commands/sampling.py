@@ -150,7 +150,7 @@ def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signal
            delta_light: DeltaLight = None, as_json: Json = False, debug: Debug = False) -> None:
     """Every spectrum behind one signal: mean, band, exact bounds and draws."""
     with command(as_json, debug):
-        from spectrabox.session.signals.answers import SampleRequest, sample_answer
+        from spectrabox.session.signals.answers import SampleRequest, sample_answer, sample_text
         from spectrabox.session.signals.request_draws import DrawOptions
         options = DrawOptions(coefficients, method, samples, seed, start, keep, refine)
         request = SampleRequest(
@@ -160,7 +160,8 @@ def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signal
             more=more, twice=twice, baseline=baseline, truth=truth, column=column,
             lights=tuple(delta_light or DELTA_LIGHTS), light_error=light_error,
             sensitivity_error=sensitivity_error, keep_draws=out is not None)
-        facts, text, arrays = sample_answer(request)
+        facts, arrays = sample_answer(request)
+        text = "" if as_json else sample_text(facts, request)
         if out is not None:
             write_arrays(out, arrays)
             facts["file"] = str(out)

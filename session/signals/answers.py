@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -48,11 +49,13 @@ from spectrabox.session.signals.signal_options import (
     numbers,
     optional_numbers,
     read_signals,
+    relative_to_white,
     signal_and_noise,
 )
 
 SHOWN_NM, BASELINE_NM = 25, 50
 MAX_SAMPLES = 5_000_000
+CURVE_DIGITS = 7        # of curves that are known to 1e-6, so that thousands are written quickly
 
 
 @dataclass(frozen=True)
@@ -83,8 +86,8 @@ class SampleRequest:
     keep_draws: bool = True             # they are written, or wanted
 
 
-def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], str, dict[str, np.ndarray]]:
-    """The JSON object, the text and the arrays of the .npz of ``spectrabox sample``.
+def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """The JSON object and the arrays of the .npz of ``spectrabox sample``.
 
     Raises
     ------
@@ -105,25 +108,25 @@ def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], str, dict[str
     if request.signal is not None:
         signal = numbers(request.signal, len(parsed.relative_response), "signal")
         facts, draws = _answer(request, parsed, signal)
-        return facts, _text(facts, request), {"spectra": draws.spectra,
-                                              "coefficients": draws.coefficients,
-                                              "wavelengths_nm": draws.grid.nm}
+        return facts, {"spectra": draws.spectra, "coefficients": draws.coefficients,
+                       "wavelengths_nm": draws.grid.nm}
     assert request.signals is not None
     signals = read_signals(request.signals, len(parsed.relative_response))
     if not request.keep_draws and may_go_without_draws(request, bool(parsed.more)):
-        results = bulk_facts(request, parsed, signals)
-        return {"results": results}, _texts(results, request), {}
+        return {"results": bulk_facts(request, parsed, signals)}, {}
     answers = [_answer(request, parsed, signal) for signal in signals]
     arrays = {"spectra": np.array([draws.spectra for _, draws in answers]),
               "wavelengths_nm": answers[0][1].grid.nm,
               "coefficients": np.array([draws.coefficients for _, draws in answers])}
-    results = [facts for facts, _ in answers]
-    return {"results": results}, _texts(results, request), arrays
+    return {"results": [facts for facts, _ in answers]}, arrays
 
 
-def _texts(results: list[dict[str, Any]], request: SampleRequest) -> str:
-    return "\n\n".join(f"signal {number}\n{_text(facts, request)}"
-                       for number, facts in enumerate(results, 1))
+def sample_text(facts: dict[str, Any], request: SampleRequest) -> str:
+    """The JSON object of `sample_answer` as a text for a person."""
+    if "results" not in facts:
+        return _text(facts, request)
+    return "\n\n".join(f"signal {number}\n{_text(result, request)}"
+                       for number, result in enumerate(facts["results"], 1))
 
 
 def may_go_without_draws(request: SampleRequest, further: bool) -> bool:
@@ -156,19 +159,18 @@ def bulk_facts(request: SampleRequest, parsed: _Parsed,
     started, prior = time.perf_counter(), parsed.prior
     assert prior is not None
     check_level(request.level)
-    bases = [measurement_of_signal(parsed.relative_response, signal, parsed.white, parsed.noise)
-             for signal in signals]
-    for base in bases:
-        check_measurement(base, request.options.samples)
-    by_signal = [causes_of_error(base.signal, base.noise_covariance, request.light_error,
-                                 request.sensitivity_error) for base in bases]
-    causes = {name: np.array([one[name] for one in by_signal]) for name in by_signal[0]}
-    noise = np.sum(list(causes.values()), axis=0)
-    y = np.array([base.signal for base in bases])
-    found = summaries(prior, response_on(bases[0], GRID), y, causes, request.level)
+    first = measurement_of_signal(parsed.relative_response, signals[0], parsed.white, parsed.noise)
+    check_measurement(first, request.options.samples)
+    y = relative_to_white(np.array(signals), parsed.white)
+    photo_noise = np.broadcast_to(first.noise_covariance, (len(y), *first.noise_covariance.shape))
+    causes = causes_of_error(y, photo_noise, request.light_error, request.sensitivity_error)
     count = request.options.coefficients
-    bound_lower, bound_upper = bounds_of_many(
-        spline_operator(bases[0], count).A, y, noise, basis_matrix(GRID.nm, count), request.level)
+    with ThreadPoolExecutor(1) as aside:
+        bounds = aside.submit(bounds_of_many, spline_operator(first, count).A, y,
+                              np.sum(list(causes.values()), axis=0), basis_matrix(GRID.nm, count),
+                              request.level)
+        found = summaries(prior, response_on(first, GRID), y, causes, request.level)
+        bound_lower, bound_upper = bounds.result()
     seconds = (time.perf_counter() - started) / len(signals)
     results = []
     for row in range(len(signals)):
@@ -180,9 +182,9 @@ def bulk_facts(request: SampleRequest, parsed: _Parsed,
         method = "learnt prior" if familiar else "smoothness prior"
         sentence = sentence_of(found.outcome[row], prior.stated, shares)
         results.append({
-            "wavelengths_nm": GRID.nm.tolist(), "mean": found.mean[row].tolist(),
-            "standard_deviation": found.standard_deviation[row].tolist(),
-            "lower": found.lower[row].tolist(), "upper": found.upper[row].tolist(),
+            "wavelengths_nm": GRID.nm.tolist(),
+            **{name: getattr(found, name)[row].round(CURVE_DIGITS).tolist()
+               for name in ("mean", "standard_deviation", "lower", "upper")},
             "bound_lower": bound_lower[row].tolist(), "bound_upper": bound_upper[row].tolist(),
             "effective_samples": None, "samples": 0, "level": request.level, "method": method,
             "seed": request.options.seed, "outcome": sentence,

@@ -25,10 +25,10 @@ def response_of_names(sensitivity: str, light: str) -> np.ndarray:
         @ interpolation_matrix(GRID.nm, fine.nm)
 
 
-def causes_of_error(signal: np.ndarray, noise_covariance: np.ndarray, light_error: float,
+def causes_of_error(signals: np.ndarray, noise_covariance: np.ndarray, light_error: float,
                     sensitivity_error: float) -> dict[str, np.ndarray]:
-    """Covariances (K, K) of a signal by cause: a light error moves all bands together, a curve's
-    its own band.
+    """Covariances (..., K, K) of signals (..., K) by cause: a light error moves all bands together,
+    a curve's its own band.
 
     Raises
     ------
@@ -38,8 +38,9 @@ def causes_of_error(signal: np.ndarray, noise_covariance: np.ndarray, light_erro
     for name, error in (("light", light_error), ("sensitivity", sensitivity_error)):
         if not 0 <= error < 0.5:
             raise InputError(f"--{name}-error {error:g} is a relative error; 0 to 0.5 is needed")
-    return {"photo noise": noise_covariance, "light": light_error**2 * np.outer(signal, signal),
-            "sensitivities": sensitivity_error**2 * np.diag(signal**2)}
+    products = signals[..., :, None] * signals[..., None, :]
+    return {"photo noise": noise_covariance, "light": light_error**2 * products,
+            "sensitivities": sensitivity_error**2 * np.eye(signals.shape[-1]) * products}
 
 
 def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray,
@@ -62,19 +63,32 @@ def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray,
     InputError
         If white is not positive, the noise is negative, or the signal lies beyond twice white.
     """
-    white = np.ones_like(signal) if white is None else white
+    relative = relative_to_white(signal, white)
     noise = np.zeros_like(signal) if noise is None else noise
+    if np.any(noise < 0):
+        raise InputError(f"the noise {_listed(noise)} is negative; give standard errors")
+    return SpectralMeasurement(visible_grid(GRID_NM), relative_response, relative,
+                               np.diag((noise if white is None else noise / white)**2))
+
+
+def relative_to_white(signals: np.ndarray, white: np.ndarray | None) -> np.ndarray:
+    """Signals (..., K) over what a perfect white (K,) reads in the same unit, 1 by default.
+
+    Raises
+    ------
+    InputError
+        If white is not positive, or a signal lies beyond twice white.
+    """
+    if white is None:
+        white = np.ones(signals.shape[-1])
     if np.any(white <= 0):
         raise InputError(f"the white {_listed(white)} is not positive in every band; give what a "
                          "perfect white reads")
-    if np.any(noise < 0):
-        raise InputError(f"the noise {_listed(noise)} is negative; give standard errors")
-    relative = signal / white
+    relative = signals / white
     if np.any(np.abs(relative) > 2):
         raise InputError(f"the signal is {np.abs(relative).max():.3g} times white; give what white "
                          "reads with --white")
-    return SpectralMeasurement(visible_grid(GRID_NM), relative_response, relative,
-                               np.diag((noise / white)**2))
+    return relative
 
 
 def numbers(text: str, bands: int, name: str) -> np.ndarray:

@@ -4,8 +4,8 @@ left out.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from html import escape
 from pathlib import Path
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -84,7 +84,7 @@ def spdx_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quant
     """
     lines = ['<?xml version="1.0" encoding="UTF-8"?>',
              f'<IESTM2714 xmlns="{NAMESPACE}" version="1.0">', "  <Header>", "    "
-             f"<Description>{escape(' '.join(source.split()))}</Description>",
+             f"<Description>{escape(' '.join(source.split()), quote=False)}</Description>",
              "    <DocumentCreator>spectrabox</DocumentCreator>", "  </Header>"]
     for values in columns.values():
         lines += ["  <SpectralDistribution>", "    "

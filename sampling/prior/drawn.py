@@ -1,0 +1,188 @@
+"""The law that draws follow (draws.py), without drawing: its marginal distributions, to second
+order.
+
+A draw of one component is x0 = m + F dz, dz normal with the component's covariance S, F the
+calibrated factors about the mixture's mean. Then it is moved along the gain K until its signal is
+the measured one less its noise. The centre m is moved there first, to m'. With J the signal's
+slope at m' and J K = 1, a draw is m' + dx + K a with
+
+    dx = (1 - K J) F dz - K n,      a_k = -1/2 sum_q M_kq p''(m'_q) (dx_q^2)
+
+The second term is what the bend of the logit adds: the signal of x0 changes with dx^2 although J dx
+is what it should be, and the move along K makes up for it. It is a quadratic form in a normal
+vector, so its mean, its variance and the third cumulant that it gives are known from the covariance
+C of dx: with H = -(C o C) (M p'')', o by element,
+
+    mean K E(a),    variance K (-1/2 M p'' H) K',    third cumulant 3 K_p. H_p.
+
+They make a skewed marginal distribution (quantiles.py) at each wavelength.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture, reflectance
+from spectrabox.sampling.prior.posterior import (
+    LEVEL,
+    MixturePosterior,
+    band_factors,
+    with_floor,
+)
+
+NEWTON_STEPS = 4            # of a centre to its signal; it begins near
+MAX_STEP = 2.0              # logits
+PAIRS = 64                  # of component and signal at a time: their covariances fit the cache
+# Covariances are smooth: their squares are integrated over every third wavelength.
+COARSE = slice(0, None, 3)
+BETWEEN = interpolation_matrix(GRID.nm[COARSE], GRID.nm)
+MIN_SKEW, MAX_SKEW = 1e-6, 0.5      # the least is none
+MIN_VARIANCE = 1e-8
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Components that signals allow, n pairs, those of one signal together."""
+
+    signal: np.ndarray          # (n,) row
+    component: np.ndarray       # (n,)
+    weight: np.ndarray          # (n,)
+    factor: np.ndarray          # (n, P)
+    base: np.ndarray            # (n, K, P) J S at the mode
+    seen: np.ndarray            # (n, K, P) Q^-1 J S: S less base' seen is the covariance of dz
+    noise: np.ndarray           # (n, K, K) of n
+    centre: np.ndarray          # (n, P) m'
+
+
+def as_drawn(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
+             covariance: np.ndarray,
+             mixture: MixturePosterior) -> tuple[MixturePosterior, np.ndarray]:
+    """The mixture of skewed components that draws follow, and the covariance (T, P, P') of their
+    reflectances, linearised, between all wavelengths and every third, `COARSE`.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    relative_response : (K, P) array
+    signals : (T, K) array
+    covariance : (T, K, K) array
+        Of the signals' noise.
+    mixture : MixturePosterior
+        Of these signals.
+    """
+    pairs = _pairs(prior, relative_response, signals, covariance, mixture)
+    p = reflectance(pairs.centre)
+    slope = p * (1 - p)
+    away = p - _summed(pairs.weight[:, None] * p, pairs.signal)[pairs.signal]
+    own, half, gain = _moved(prior, relative_response, pairs, slope)
+    bend = relative_response * (slope * (1 - 2 * p))[:, None, :]                    # M p''
+    coarse_bend = (relative_response @ BETWEEN) * (slope * (1 - 2 * p))[:, None, COARSE]
+    H = np.empty_like(gain)
+    coarse = prior.covariances[:, :, COARSE].astype(np.float32)
+    together = np.zeros((len(signals), GRID.nm.size, BETWEEN.shape[1]))
+    for start in range(0, len(p), PAIRS):
+        rows = slice(start, start + PAIRS)
+        C = _covariances(coarse[pairs.component[rows]], pairs, half, gain, rows)
+        H[rows] = -np.square(C) @ coarse_bend[rows].astype(np.float32).transpose(0, 2, 1)
+        C *= slope[rows, :, None]
+        C *= slope[rows, None, COARSE]
+        C += away[rows, :, None] * away[rows, None, COARSE]
+        C *= pairs.weight[rows, None, None]
+        at = np.flatnonzero(np.diff(pairs.signal[rows], prepend=-1))
+        together[pairs.signal[rows][at]] += np.add.reduceat(C, at, axis=0)
+    mean = pairs.centre + (gain @ (-0.5 * (bend @ own[..., None])))[..., 0]
+    variance = own + np.einsum("npk,nkl,npl->np", gain, -0.5 * (coarse_bend @ H[:, COARSE]), gain)
+    third = 3 * np.einsum("npk,npk->np", gain, H)
+    return _skewed(mixture, pairs, mean, np.maximum(variance, MIN_VARIANCE), third), together
+
+
+def _skewed(mixture: MixturePosterior, pairs: _Pairs, mean: np.ndarray, variance: np.ndarray,
+            third: np.ndarray) -> MixturePosterior:
+    """The mixture with components of these means, variances and third cumulants (n, P)."""
+    skew = np.clip(third / variance**1.5 / 3, -MAX_SKEW, MAX_SKEW)
+    skew = np.where(np.abs(skew) < MIN_SKEW, MIN_SKEW, skew)
+    growth = np.expm1(skew**2)
+    deviation = np.sqrt(variance * skew**2 / (growth * (1 + growth)))
+    logits, variances = mixture.logits.copy(), mixture.variances.copy()
+    skews = np.full(logits.shape, MIN_SKEW)
+    chosen = pairs.component, pairs.signal
+    # The centre of a skewed component is its median.
+    logits[chosen] = mean - deviation * np.expm1(skew**2 / 2) / skew
+    variances[chosen], skews[chosen] = deviation**2, skew
+    return replace(mixture, logits=logits, variances=variances, skews=skews)
+
+
+def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
+           covariance: np.ndarray, mixture: MixturePosterior) -> _Pairs:
+    signal, component = np.nonzero(mixture.weights)
+    R = covariance[signal]
+    mode = mixture.logits[component, signal]
+    p = reflectance(mode)
+    slope = p * (1 - p)
+    jacobian = relative_response * slope[:, None, :]
+    base = np.empty_like(jacobian)
+    for index in range(len(prior.weights)):
+        rows = component == index
+        base[rows] = jacobian[rows] @ prior.covariances[index]
+    of_signal = base @ jacobian.transpose(0, 2, 1)
+    residual = signals[signal] - p @ relative_response.T \
+        + (slope * (mode - prior.means[component])) @ relative_response.T
+    # As `draws._component` has them.
+    shrink = R @ np.linalg.inv(of_signal + R + 1e-12 * np.eye(R.shape[1]))
+    wanted = signals[signal] - (shrink @ residual[..., None])[..., 0]
+    factor = band_factors(prior, mixture, LEVEL)[signal]
+    middle = np.einsum("tc,ctp->tp", mixture.weights, mixture.logits)[signal]
+    centre = middle + factor * (mode - middle)
+    for _ in range(NEWTON_STEPS):
+        p = reflectance(centre)
+        slopes = (relative_response * (p * (1 - p))[:, None, :]) @ base.transpose(0, 2, 1)
+        missing = (wanted - p @ relative_response.T)[..., None]
+        step = (np.linalg.solve(slopes, missing).transpose(0, 2, 1) @ base)[:, 0]
+        length = np.abs(step).max(axis=1, keepdims=True)
+        centre += step * np.minimum(1, MAX_STEP / np.maximum(length, MAX_STEP))
+    return _Pairs(signal, component, mixture.weights[signal, component], factor, base,
+                  np.linalg.solve(of_signal + with_floor(R), base), R - shrink @ R, centre)
+
+
+def _moved(prior: LogitMixture, relative_response: np.ndarray, pairs: _Pairs,
+           slope: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The diagonal (n, P) of C, a (n, P, K) with C = F S F + a K' + K a', and K (n, P, K)."""
+    turned = pairs.base.transpose(0, 2, 1)
+    jacobian = relative_response * slope[:, None, :]
+    gain = turned @ np.linalg.inv(jacobian @ turned)
+    scaled = jacobian * pairs.factor[:, None, :]
+    seen = np.empty_like(scaled)
+    for index in range(len(prior.weights)):
+        rows = pairs.component == index
+        seen[rows] = scaled[rows] @ prior.covariances[index]
+    seen -= (scaled @ turned) @ pairs.seen
+    seen *= pairs.factor[:, None, :]
+    # (1 - K J) F S F (1 - K J)' + K N K', multiplied out
+    half = gain @ (0.5 * (jacobian @ seen.transpose(0, 2, 1) + pairs.noise)) \
+        - seen.transpose(0, 2, 1)
+    own = np.diagonal(prior.covariances, axis1=1, axis2=2)[pairs.component] \
+        - np.einsum("nkp,nkp->np", pairs.base, pairs.seen)
+    return (np.maximum(pairs.factor**2 * own + 2 * np.einsum("npk,npk->np", half, gain),
+                       MIN_VARIANCE), half, gain)
+
+
+def _covariances(S: np.ndarray, pairs: _Pairs, half: np.ndarray, gain: np.ndarray,
+                 rows: slice) -> np.ndarray:
+    """C (n, P, P') of some pairs, single precision, between all wavelengths and coarse ones, from
+    the prior's S (n, P, P').
+    """
+    factor, turned = pairs.factor[rows, :, None], pairs.base[rows].transpose(0, 2, 1)
+    C = S * factor.astype(np.float32)
+    C *= factor[:, COARSE, 0][:, None]
+    left = np.concatenate([-factor * turned, half[rows], gain[rows]], axis=2, dtype=np.float32)
+    right = np.concatenate([factor * pairs.seen[rows].transpose(0, 2, 1), gain[rows], half[rows]],
+                           axis=2, dtype=np.float32)[:, COARSE]
+    C += left @ right.transpose(0, 2, 1)
+    return C
+
+
+def _summed(values: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """Sums (T, P) of values (n, P) over the pairs of each signal; every signal has some."""
+    return np.add.reduceat(values, np.flatnonzero(np.diff(signal, prepend=-1)), axis=0)
