@@ -22,6 +22,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.outside.words import shortened
 
 
 class Table(BaseModel):
@@ -55,7 +56,7 @@ def read_toml(path: Path, advice: str) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); {advice}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:    # also numbers of 5000 digits, deep nesting
         raise InputError(f"{path.name} is not valid TOML: {error}; {advice}") from None
 
 
@@ -175,7 +176,7 @@ def _sentence(faults: list[tuple[_Place, Fault]]) -> str:
     kind, value, table = fault["type"], fault["input"], ".".join(place.names[:-1])
     if kind == "extra_forbidden":
         near = nearest(place.names[-1], _fields(place.model))
-        return (f"unknown key {place.names[-1]!r}{f' in [{table}]' if table else ''}; "
+        return (f"unknown key {shortened(place.names[-1])}{f' in [{table}]' if table else ''}; "
                 f"did you mean {near!r}?")
     tables = [option for option in place.options if _is_table(option)]
     if kind == "missing" or (kind == "too_short" and tables):
@@ -187,25 +188,29 @@ def _sentence(faults: list[tuple[_Place, Fault]]) -> str:
             f"{place.name} must be a table [{place.name}]"
     if kind == "literal_error":
         choices = typing.get_args(place.options[0])
-        return (f"{place.name} is {value!r}; {', '.join(choices)} "
+        return (f"{place.name} is {shortened(value)}; {', '.join(choices)} "
                 f"{'are possible' if len(choices) > 1 else 'is needed'}")
     if kind in ("too_short", "too_long"):
         whole = "whole " if int in typing.get_args(place.options[0]) else ""
         count = fault["ctx"].get("min_length", fault["ctx"].get("max_length"))
-        return f"{place.name} is {value!r}; {count} {whole}numbers in brackets are needed"
+        return f"{place.name} is {shortened(value)}; {count} {whole}numbers in brackets are needed"
     if kind in ("greater_than_equal", "less_than_equal", "finite_number"):
-        return f"{place.name} is {value:g}; {_limits(place.field)}"
+        return f"{place.name} is {_number(value)}; {_limits(place.field)}"
     items = typing.get_args(place.options[0]) if len(place.options) == 1 else ()
     if kind == "tuple_type" and any(_is_model(item) for item in items):
         return f"write [[{place.name}]] with two brackets, once for each"
     if kind == "tuple_type" and float in items:
-        return f"{place.name} is {value!r}; a list of numbers is needed"
+        return f"{place.name} is {shortened(value)}; a list of numbers is needed"
     if all(one["type"] in TYPE_NAMES for _, one in faults):
         wanted = " or ".join(dict.fromkeys(TYPE_NAMES[one["type"]] for _, one in faults))
-        return f"{place.name} is {value!r}; {wanted} is needed"
+        return f"{place.name} is {shortened(value)}; {wanted} is needed"
     # Of a validator of ours, which says it all; else what pydantic says.
     return str(fault["ctx"]["error"]) if kind == "value_error" else \
-        f"{place.name} is {value!r}; {fault['msg']}"
+        f"{place.name} is {shortened(value)}; {fault['msg']}"
+
+
+def _number(value: float) -> str:
+    return f"{value:g}" if abs(value) < 1e300 else shortened(value)
 
 
 def _limits(field: FieldInfo | None) -> str:

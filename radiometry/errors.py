@@ -3,11 +3,17 @@ ends.
 """
 from __future__ import annotations
 
+from spectrabox.radiometry.outside.words import message
+
 
 class SpectraboxError(Exception):
     """Base of all errors whose message is one clear sentence for the operator."""
 
     exit_code = 1
+
+    def __init__(self, said: str) -> None:
+        # in one place: no error of ours repeats a control character or a whole file
+        super().__init__(message(said))
 
 
 class InputError(SpectraboxError):

@@ -60,6 +60,8 @@ def file_state(path: Path) -> FileState:
     InputError
         If the file is missing or cannot be read.
     """
+    if path.exists() and not path.is_file():    # a pipe would be waited for
+        raise InputError(f"{path} is not a file; give the file")
     try:
         with path.open("rb") as stream:
             # Taken first: what is written while the file is read shows in the next state.

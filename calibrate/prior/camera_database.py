@@ -103,7 +103,7 @@ def _read_rawtoaces(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         name = f"{header['manufacturer']} {header['model']}"
         nm = np.array([float(wavelength) for wavelength in rows])
         curves = np.array(list(rows.values()), dtype=float).T
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         raise InputError(f"{path.name} is not a rawtoaces camera file; it is left out") from None
     if curves.ndim != 2 or nm.size < 2 or np.any(np.diff(nm) <= 0):
         raise InputError(f"{path.name} holds no table of ascending wavelengths; it is left out")

@@ -28,11 +28,11 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
-from zipfile import BadZipFile
 
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.outside.archives import DamagedArchiveError, opened_npz
 from spectrabox.radiometry.shaped import Record
 
 SHIPPED = "rawtoaces39.npz"
@@ -157,7 +157,7 @@ def load_prior(path: Path) -> CameraPrior:
         If the file is missing or is not such a prior.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with opened_npz(path) as stored:
             share, length_nm, coupling = (float(value) for value in stored["localised"])
             return CameraPrior(stored["nm"], stored["weights"], stored["means"].astype(float),
                                stored["level"], stored["shares"], stored["departures"],
@@ -169,7 +169,7 @@ def load_prior(path: Path) -> CameraPrior:
     except FileNotFoundError:
         raise InputError(f"{path} is missing; make a prior with 'spectrabox camera prior FOLDER "
                          "--out FILE'") from None
-    except (ValueError, KeyError, OSError, EOFError, TypeError, AttributeError, BadZipFile):
+    except (OSError, DamagedArchiveError):
         raise InputError(f"{path.name} is not a camera prior, is of an earlier version, or is "
                          "damaged; make one with 'spectrabox camera prior FOLDER --out "
                          "FILE'") from None

@@ -122,7 +122,8 @@ def read_reading(path: Path) -> SpectralReading:
         raise InputError(f"{path} is missing: give the file of a reading") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError,
+            RecursionError) as error:
         raise InputError(f"{path} is no reading ({error}): move it away, or restore it") from None
 
 

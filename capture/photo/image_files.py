@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -23,6 +24,7 @@ FLOATS = ("half", "float", "double")          # hold the signal itself
 CLIP_FRACTION = 0.98
 NOT_BANDS = ("A", "ALPHA", "Z", "DEPTH")
 VARIANCE, SATURATED = "variance.", "saturated."  # channels of a developed photo beside its bands
+MAX_PICTURE_BYTES = 4_000_000_000   # of a picture that is held whole
 MAX_SIGNAL = 1e9                    # its square is a variance, which single precision must hold
 NO_DATE = "0000:00:00 00:00:00"     # unknown, as EXIF has it: the same image is the same file
 
@@ -64,7 +66,7 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
     """
     path = Path(path)
     pixels, spec, file_format = _read(path)
-    if any(name.startswith(VARIANCE) for name in spec.channelnames):
+    if any(name.startswith(VARIANCE) for name in channel_names(path, spec)):
         return _developed(path, spec)
     scale, kind = full_scale(path, spec, file_format), str(spec.format)
     pixels *= np.float32(1 / scale)
@@ -93,8 +95,7 @@ def full_scale(path: Path, spec: oiio.ImageSpec, file_format: str) -> int:
         If the values are not linear in the light, or of a full scale that nobody states.
     """
     kind = str(spec.format)
-    tagged_encoded = "srgb" in spec.get_string_attribute(
-        "oiio:ColorSpace").lower() and kind in FULL_SCALE
+    tagged_encoded = "srgb" in _words(spec, "oiio:ColorSpace").lower() and kind in FULL_SCALE
     if file_format not in LINEAR_FORMATS or kind == "uint8" or tagged_encoded:
         raise InputError(f"photo {path.name} is a {file_format.upper()} of {kind} "
                          f"values{' tagged sRGB' if tagged_encoded else ''}, which are not linear "
@@ -147,7 +148,7 @@ def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, 
         raise InputError(f"{path.name} has {stored.shape[2]} bands of {spec.format} values; a "
                          "mosaic is one band of 8 or 16-bit integers: save the raw frame without "
                          "demosaicing")
-    make, model = (spec.get_string_attribute(name) for name in ("Make", "Model"))
+    make, model = (_words(spec, name) for name in ("Make", "Model"))
     return (np.ascontiguousarray(stored[..., 0]), _positive(spec, "ExposureTime"),
             f"{make} {model}".strip())
 
@@ -177,11 +178,11 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
         top = spec.y
         read = file.read_scanlines(first + top, last + top, 0, 0, spec.nchannels, "float")
         if read is None or file.has_error:
-            raise InputError(f"picture {path.name} cannot be read ({_line(file.geterror())}); save "
+            raise InputError(f"picture {path.name} cannot be read ({reason_of(file)}); save "
                              "it as scan lines")
         return np.asarray(read).reshape(last - first, spec.width, spec.nchannels)
 
-    return list(spec.channelnames), spec.height, spec.width, rows
+    return channel_names(path, spec), spec.height, spec.width, rows
 
 
 def write_linear_exr(path: str | os.PathLike[str], image: LinearImage) -> None:
@@ -220,7 +221,7 @@ def write_linear_exr(path: str | os.PathLike[str], image: LinearImage) -> None:
 def _developed(path: Path, spec: oiio.ImageSpec) -> LinearImage:
     """A photo that ``write_linear_exr`` wrote, its variance and saturation as stated there."""
     stored, _, _ = _stored(path)
-    names = list(spec.channelnames)
+    names = channel_names(path, spec)
     bands = [name for name in names if not name.startswith((VARIANCE, SATURATED))]
     bands = ([band for band in "RGB" if band in bands]
              + [band for band in bands if band not in ("R", "G", "B")])
@@ -234,15 +235,15 @@ def _developed(path: Path, spec: oiio.ImageSpec) -> LinearImage:
                              dtype=np.float32) for prefix in ("", VARIANCE, SATURATED))
     require_finite(path, signal)
     _require_variance(path, variance)
-    kind = spec.get_string_attribute("spectrabox:kind")
+    kind = _words(spec, "spectrabox:kind")
     return LinearImage(
         signal=signal, variance=variance, saturated=saturated > 0.5,
         sensor_step=spec.get_float_attribute("spectrabox:sensor_step", 1.0),
         exposure_s=_positive(spec, "ExposureTime"),
         iso=_positive(spec, "Exif:PhotographicSensitivity"), f_number=_positive(spec, "FNumber"),
         kind=PhotoKind.RAW if kind == "RAW" else PhotoKind.LINEAR_FILE,
-        camera=spec.get_string_attribute("spectrabox:camera"),
-        source=spec.get_string_attribute("spectrabox:source") or path.name, sha256=sha256_of(path))
+        camera=_words(spec, "spectrabox:camera"),
+        source=_words(spec, "spectrabox:source") or path.name, sha256=sha256_of(path))
 
 
 def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Sequence[str],
@@ -294,10 +295,11 @@ def write_png(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
 def _read(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
     """All bands (H, W, K) float32 as stored, in the order to use them; integers are not scaled."""
     stored, spec, file_format = _stored(path)
-    pixels = stored[..., band_order(spec.channelnames)].astype(np.float32)
+    names = channel_names(path, spec)
+    pixels = stored[..., band_order(names)].astype(np.float32)
     if pixels.shape[2] < 3:
         raise InputError(f"photo {path.name} has {pixels.shape[2]} band(s) "
-                         f"({', '.join(spec.channelnames)}); at least 3 are needed")
+                         f"({', '.join(names)}); at least 3 are needed")
     return pixels, spec, file_format
 
 
@@ -310,15 +312,19 @@ def _stored(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
     file = oiio.ImageInput.open(os.fspath(path), as_stored)
     if file is None:
-        raise InputError(f"photo {path.name} is no readable image ({_line(oiio.geterror())}); "
+        raise InputError(f"photo {path.name} is no readable image ({reason_of(oiio)}); "
                          "give a camera raw, or a linear EXR or TIFF")
     spec = file.spec()
+    if spec.image_bytes(True) > MAX_PICTURE_BYTES:
+        raise InputError(f"photo {path.name} states {spec.width} x {spec.height} pixels of "
+                         f"{spec.nchannels} channels, {spec.image_bytes(True) / 1e9:.0f} GB; "
+                         f"{MAX_PICTURE_BYTES / 1e9:.0f} GB is the limit")
     # in the type of the file: asking for floats would scale integers
     stored = file.read_image("unknown")
-    trouble = file.geterror()
+    failed, trouble = file.has_error, reason_of(file)
     file.close()
-    if stored is None or trouble:
-        raise InputError(f"photo {path.name} cannot be read to its end ({_line(trouble)}); copy or "
+    if stored is None or failed:
+        raise InputError(f"photo {path.name} cannot be read to its end ({trouble}); copy or "
                          "export it again")
     return stored, spec, file.format_name()
 
@@ -346,7 +352,7 @@ def _linear_image(path: Path, signal: np.ndarray, spec: oiio.ImageSpec, clip: fl
     variance = photon_transfer(signal, saturated, quantum, path.name).variance(signal)
     for array in (signal, saturated, variance):
         array.flags.writeable = False  # the record then keeps them without a copy
-    make, model = (spec.get_string_attribute(name) for name in ("Make", "Model"))
+    make, model = (_words(spec, name) for name in ("Make", "Model"))
     return LinearImage(
         signal=signal, variance=variance, saturated=saturated, sensor_step=1.0,
         exposure_s=_positive(spec, "ExposureTime"),
@@ -387,6 +393,35 @@ def _require_variance(path: Path, variance: np.ndarray) -> None:
                          f"too large at {bad} of {variance.size} values; develop it again")
 
 
+def channel_names(path: Path, spec: oiio.ImageSpec) -> list[str]:
+    """Names of a picture's channels.
+
+    Parameters
+    ----------
+    path : Path
+        For the message.
+    spec : oiio.ImageSpec
+
+    Raises
+    ------
+    InputError
+        If they are no text.
+    """
+    try:
+        return list(spec.channelnames)
+    except UnicodeDecodeError:
+        raise InputError(f"photo {path.name} has channels whose names are no text; export it "
+                         "again") from None
+
+
+def _words(spec: oiio.ImageSpec, name: str) -> str:
+    try:
+        text: str = spec.get_string_attribute(name)
+    except UnicodeDecodeError:      # a name of a camera in another alphabet decides nothing
+        return ""
+    return text
+
+
 def _positive(spec: oiio.ImageSpec, name: str) -> float | None:
     value = spec.get_float_attribute(name, 0.0)
     return value if value > 0 else None
@@ -397,11 +432,20 @@ def _write(path: Path, pixels: np.ndarray, spec: oiio.ImageSpec) -> None:
     file = oiio.ImageOutput.create(os.fspath(unfinished))
     if file is None or not file.open(os.fspath(unfinished), spec):
         raise InputError(f"{path} cannot be written "
-                         f"({_line(file.geterror() if file else oiio.geterror())})")
+                         f"({reason_of(file or oiio)})")
     if not (file.write_image(pixels) and file.close()):
-        raise InputError(f"{path} cannot be written ({_line(file.geterror())}); is the disk full?")
+        raise InputError(f"{path} cannot be written ({reason_of(file)}); is the disk full?")
     unfinished.replace(path)
 
 
-def _line(message: str) -> str:
-    return " ".join(message.split()) or "no reason given"
+def reason_of(source: Any) -> str:
+    """What OpenImageIO says went wrong, in one line.
+
+    Parameters
+    ----------
+    source : file of OpenImageIO, or the module itself
+    """
+    try:
+        return " ".join(source.geterror().split()) or "no reason given"
+    except UnicodeDecodeError:      # it quotes the damaged bytes
+        return "damaged"

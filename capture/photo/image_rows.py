@@ -15,8 +15,10 @@ from spectrabox.capture.photo.image_files import (
     SATURATED,
     VARIANCE,
     band_order,
+    channel_names,
     full_scale,
     is_image_file,
+    reason_of,
     require_finite,
 )
 from spectrabox.capture.photo.linear import open_photo
@@ -60,7 +62,7 @@ def open_rows(path: Path) -> PictureRows:
         return _held(path)
     spec = file.spec()
     full_scale(path, spec, file.format_name())
-    names = list(spec.channelnames)
+    names = channel_names(path, spec)
     bands = [index for index in band_order(names)
              if not names[index].startswith((VARIANCE, SATURATED))]
     if len(bands) < 3:
@@ -72,7 +74,7 @@ def open_rows(path: Path) -> PictureRows:
         stored = file.read_scanlines(first + spec.y, last + spec.y, 0, 0, spec.nchannels, "float")
         if stored is None or file.has_error:
             raise InputError(f"photo {path.name} cannot be read to its end "
-                             f"({' '.join(file.geterror().split())}); copy or export it again")
+                             f"({reason_of(file)}); copy or export it again")
         signal = np.asarray(stored).reshape(last - first, spec.width, -1)[..., bands]
         require_finite(path, signal)
         return signal
@@ -129,5 +131,4 @@ def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
 
 
 def _unwritten(path: Path, writer: Any) -> InputError:
-    reason = " ".join(writer.geterror().split()) or "no reason given"
-    return InputError(f"{path} cannot be written ({reason}); is the disk full?")
+    return InputError(f"{path} cannot be written ({reason_of(writer)}); is the disk full?")

@@ -281,6 +281,8 @@ def spectrum_on_grid(spectrum: Spectrum, grid: WavelengthGrid) -> np.ndarray:
 
 def _content(path: Path) -> bytes:
     try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise InputError(f"{path} is a device or a pipe; a file of spectra is needed")
         if path.is_file() and path.stat().st_size > MAX_FILE_BYTES:
             raise InputError(f"{path.name} is larger than {MAX_FILE_BYTES // 1_000_000} MB; "
                              "give a file of spectra")

@@ -89,7 +89,7 @@ def _parsed(path: Path, folder: Path) -> ET.Element:
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror}); give the scene's right name") from None
-    except (ET.ParseError, UnicodeDecodeError) as error:
+    except (ET.ParseError, ValueError, RecursionError) as error:
         raise InputError(f"{path.name} is not well-formed XML: {error}") from None
     if root.tag != "scene":
         raise InputError(f"{path.name} is not a Mitsuba scene: its root is <{root.tag}>, <scene> "

@@ -126,7 +126,7 @@ def _parse(path: Path) -> ET.Element:
     except FileNotFoundError:
         raise InputError(f"{path} is missing: give the scene file or correct its name in "
                          "session.toml") from None
-    except (ET.ParseError, UnicodeDecodeError) as error:
+    except (ET.ParseError, ValueError, RecursionError) as error:
         raise InputError(f"{path.name} is not well-formed XML: {error}") from None
     if root.tag != "scene":
         raise InputError(f"{path.name} is not a Mitsuba scene: its root is <{root.tag}>, <scene> "

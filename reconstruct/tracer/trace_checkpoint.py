@@ -4,7 +4,6 @@ from __future__ import annotations
 import hashlib
 import os
 import time
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.files import writable
+from spectrabox.radiometry.outside.archives import DamagedArchiveError, opened_npz
 
 WRITE_EVERY_S = 20.0    # and when the trace is stopped
 
@@ -53,11 +53,11 @@ class TraceCheckpoint:
     def read(self) -> PassSums | None:
         """What an interrupted trace left; None without a file of this very trace that is whole."""
         try:
-            with self.path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            with opened_npz(self.path) as stored:
                 if str(stored["fingerprint"]) != self.fingerprint:
                     return None
                 return PassSums(int(stored["done"]), tuple(stored["passes"]))
-        except (FileNotFoundError, zipfile.BadZipFile, KeyError, ValueError, EOFError):
+        except (FileNotFoundError, DamagedArchiveError):
             return None
 
     def write_now_and_then(self, sums: PassSums) -> None:

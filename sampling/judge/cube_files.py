@@ -9,15 +9,13 @@ from __future__ import annotations
 
 import importlib
 import re
-import struct
-import tokenize
 import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.outside.archives import DAMAGE
 from spectrabox.radiometry.spectra.formats.envi import (
     DATA_TYPES,
     ITEM,
@@ -40,10 +38,6 @@ WAVELENGTH_NAMES = ("wavelengths_nm", "wavelengths", "wavelength", "nm", "lambda
 ENVI_VALUES = (".img", ".dat", ".raw", ".bin", ".bsq", ".bil", ".bip", "")
 ENVI_AXES = {"bsq": ("bands", "lines", "samples"), "bil": ("lines", "bands", "samples"),
              "bip": ("lines", "samples", "bands")}
-# What damaged bytes make NumPy and SciPy raise, beside errors of their own.
-DAMAGE = (ValueError, TypeError, EOFError, OSError, KeyError, IndexError, OverflowError,
-          MemoryError, SyntaxError, NotImplementedError, tokenize.TokenError, struct.error,
-          zlib.error, zipfile.BadZipFile)
 MATLAB_TYPES = {"double": 8, "single": 4, "uint8": 1, "int8": 1, "uint16": 2, "int16": 2,
                 "uint32": 4, "int32": 4}
 

@@ -10,7 +10,6 @@ import csv
 import io
 import json
 import re
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.outside.archives import (
+    DAMAGE,
+    MAX_UNPACKED,
+    DamagedArchiveError,
+    opened_zip,
+)
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.sampling.prior.r_data import read_r_columns
 
@@ -147,16 +152,22 @@ def _read_patches(path: Path) -> list[Curves]:
         table = json.loads(path.read_text(encoding="utf-8"))["spectral_data"]["data"]["main"]
         nm = np.array([float(key) for key in table])
         return [(nm, np.array(list(table.values()), dtype=float).T)]
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
         return []
 
 
 def _read_usgs(path: Path) -> list[Curves]:
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
+    from scipy.io.matlab import MatReadError
 
     try:
-        library = loadmat(path)["datalib"]
-    except (KeyError, ValueError, TypeError):
+        stated = {name: (shape, kind) for name, shape, kind in whosmat(path)}
+        shape, kind = stated["datalib"]
+        if kind != "double" or len(shape) != 2 or shape[1] < 4 or np.prod(
+                shape, dtype=object) * 8 > MAX_UNPACKED:
+            return []
+        library = np.asarray(loadmat(path, variable_names=["datalib"])["datalib"], dtype=float)
+    except (*DAMAGE, MatReadError):
         return []
     # Columns 0 to 2 are wavelength in micrometres, resolution and channel; -1.23e34 stands for no
     # measurement.
@@ -177,10 +188,14 @@ def _read_r(path: Path) -> list[Curves]:
 
 
 def _read_zip(path: Path) -> list[Curves]:
-    with zipfile.ZipFile(path) as archive:
-        names = sorted(name for name in archive.namelist() if name.lower().endswith(".csv"))
-        return [curves for name in names
-                for curves in _parse_csv(archive.read(name).decode("utf-8-sig", errors="replace"))]
+    try:
+        with opened_zip(path) as archive:
+            names = sorted(name for name in archive.namelist() if name.lower().endswith(".csv"))
+            return [curves for name in names for curves
+                    in _parse_csv(archive.read(name).decode("utf-8-sig", errors="replace"))]
+    except DamagedArchiveError as error:
+        raise InputError(f"{path.name} is no zip archive that can be unpacked ({error}); leave it "
+                         "out, or unpack it") from None
 
 
 def _read_csv(path: Path) -> list[Curves]:

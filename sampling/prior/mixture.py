@@ -10,7 +10,6 @@ a surface is.
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -21,6 +20,7 @@ import numpy as np
 from spectrabox.radiometry.covariance import is_covariance
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.outside.archives import DamagedArchiveError, opened_npz
 from spectrabox.radiometry.shaped import Record
 from spectrabox.sampling.prior.certified import BandCertificate, FamilyCertificate
 from spectrabox.sampling.prior.families.words import WORDS, unknown_families
@@ -158,8 +158,8 @@ def load_prior(path: Path | None = None) -> LogitMixture:
     """
     path = path or SHIPPED
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            if "format" not in stored.files or str(stored["format"]) != FORMAT:
+        with opened_npz(path) as stored:
+            if "format" not in stored or str(stored["format"]) != FORMAT:
                 raise InputError(f"{path.name} is not a prior of this program; train one with "
                                  "'spectrabox prior train'")
             numbers = {name: np.asarray(stored[name], dtype=float) for name in ARRAYS}
@@ -168,7 +168,7 @@ def load_prior(path: Path | None = None) -> LogitMixture:
     except FileNotFoundError:
         raise InputError(f"the prior {path} is missing; give another file or train one with "
                          "'spectrabox prior train'") from None
-    except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, DamagedArchiveError) as error:
         raise InputError(f"the prior {path.name} is damaged ({error}); train it again") from None
     scalars = {name: float(numbers.pop(name)) for name in SCALARS}
     try:

@@ -5,17 +5,14 @@ a 32-bit word: its type in the low byte, bit 9 for attributes, bit 10 for a tag.
 """
 from __future__ import annotations
 
-import bz2
-import gzip
-import lzma
 import struct
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.outside.archives import DamagedArchiveError, unpacked
 
 PAIRLIST, SYMBOL, CHARACTERS, LOGICAL, INTEGER, REAL, STRINGS, LIST = 2, 1, 9, 10, 13, 14, 16, 19
 REFERENCE, NIL = 255, 254
@@ -33,8 +30,8 @@ def read_r_columns(path: Path) -> dict[str, np.ndarray]:
     try:
         reader = _Reader(_unpacked(path.read_bytes()))
         top = reader.item()
-    except (struct.error, IndexError, ValueError, OSError, EOFError, lzma.LZMAError,
-            zlib.error) as error:
+    except (struct.error, IndexError, ValueError, OSError, RecursionError,
+            DamagedArchiveError) as error:
         raise InputError(f"{path.name} is no R data file that can be read ({error}); export the "
                          "table as CSV") from None
     columns: dict[str, np.ndarray] = {}
@@ -47,10 +44,7 @@ def read_r_columns(path: Path) -> dict[str, np.ndarray]:
 
 
 def _unpacked(raw: bytes) -> bytes:
-    for magic, unpack in ((b"BZh", bz2.decompress), (b"\x1f\x8b", gzip.decompress),
-                          (b"\xfd7zXZ", lzma.decompress)):
-        if raw.startswith(magic):
-            raw = unpack(raw)
+    raw = unpacked(raw)
     if raw[:5] not in (b"RDX2\n", b"RDX3\n") or raw[5:7] != b"X\n":
         raise ValueError("it does not begin with RDX2 or RDX3")
     version = int.from_bytes(raw[7:11], "big")

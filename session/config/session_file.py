@@ -36,11 +36,13 @@ def try_read_session(folder: Path,
     try:
         written = tomllib.loads(path.read_text(encoding="utf-8-sig"))
         SessionTables.model_validate(written)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        return None, [f"{FILE_NAME} is not valid TOML: {error}"]
     except ValidationError as error:
         return None, [f"{FILE_NAME}: {sentence}"
                       for sentence in fault_sentences(error, SessionTables)]
+    except (ValueError, RecursionError) as error:    # also numbers of 5000 digits, deep nesting
+        return None, [f"{FILE_NAME} is not valid TOML: {error}"]
+    except OSError as error:
+        return None, [f"{path} cannot be read ({error.strerror}): change its permissions"]
     config = SessionConfig(folder=folder, allow_outside=allow_outside, **written)
     problems = inconsistencies(config)
     return (None, problems) if problems else (config, [])

@@ -7,8 +7,6 @@ import contextlib
 import dataclasses
 import types
 import typing
-import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from enum import Enum
 from pathlib import Path
@@ -17,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.outside.archives import DamagedArchiveError, opened_npz
 from spectrabox.radiometry.shaped import Record, array_fields
 
 
@@ -90,8 +89,8 @@ def opened_arrays(path: Path) -> Iterator[Mapping[str, np.ndarray]]:
         If the file is damaged, or holds anything but plain arrays.
     """
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+        with opened_npz(path) as stored:
             yield stored
-    except (OSError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+    except (OSError, DamagedArchiveError) as error:
         raise InputError(f"the stored result {path.name} is damaged ({error}); run again with "
                          "--force") from None

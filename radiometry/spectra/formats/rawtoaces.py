@@ -44,7 +44,7 @@ def read_rawtoaces(content: bytes, path: Path) -> SpectralTable:
                         for nm, values in curves.items())
         values = np.array([row for _, row in points], dtype=float).T
         nm = np.array([wavelength for wavelength, _ in points])
-    except (TypeError, ValueError, AttributeError):
+    except (TypeError, ValueError, AttributeError, OverflowError):
         raise InputError(f"{path.name}: a wavelength or a value is not a number; copy the file "
                          "again") from None
     if values.ndim != 2 or values.shape[0] != len(names) or not np.all(np.isfinite(values)):
