@@ -12,12 +12,18 @@ import numpy as np
 from spectrabox.calibrate.geometry.lens_files import read_lens
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.radiometry.chart import PATCH_NAMES, typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import try_read_session
-from spectrabox.session.config.session_schema import SessionConfig, SpectrumTable, ViewInputs
+from spectrabox.session.config.session_schema import (
+    FIRST_PHOTO,
+    SessionConfig,
+    SpectrumTable,
+    ViewInputs,
+)
 from spectrabox.session.pipeline import run_stages, stage_states
 from spectrabox.session.stages.inputs import (
     GRID,
@@ -126,6 +132,9 @@ def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
         scene = None if config.flat else silent(read_session_scene, config, view.scene)
         if (developed := attempt(read_photo, config, view.photo)) is not None:
             attempt(require_exposed, developed[0], view.photo_files[0])
+            for name, region in config.regions.items():
+                if not region.photos or (view.name or FIRST_PHOTO) in region.photos:
+                    attempt(sample_regions, developed[0], {name: region.outline()})
             if scene is not None:
                 attempt(check_aspect, developed[0], scene, view.photo_files[0])
         light, chart_signals = silent(read_light, config, view.light), silent(read_chart_reference,

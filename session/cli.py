@@ -21,6 +21,7 @@ from spectrabox.session.command_line import (
 from spectrabox.session.commands import (
     camera,
     capture,
+    flat,
     geometry,
     meter,
     rehearse,
@@ -33,7 +34,7 @@ from spectrabox.session.commands import (
 app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
                   pretty_exceptions_enable=False, rich_markup_mode=None,
                   context_settings={"help_option_names": ["-h", "--help"]})
-for subject in (session, rehearse, capture, geometry, camera, sampling, meter, spectrum):
+for subject in (session, flat, rehearse, capture, geometry, camera, sampling, meter, spectrum):
     subject.register(app)
 
 

@@ -26,7 +26,7 @@ Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an e
 Outside = Annotated[bool, typer.Option("--allow-outside",
                                        help="Let the session name files outside its folder.")]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda: where Mitsuba renders.")]
-SUBJECTS = {"A session": ("new", "check", "run", "status", "report", "relight",
+SUBJECTS = {"A session": ("flat", "new", "check", "run", "status", "report", "relight",
                           "rehearse"),
             "Photos and cameras": ("develop", "chart", "camera", "geometry"),
             "Instruments and spectral files": ("meter", "spectrum"),

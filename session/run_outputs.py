@@ -18,7 +18,7 @@ from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import ARRAYS, FACTS, load_stage, save_stage, stage_folder
 
 STAGE = "report"
-WRITER = "spectrabox.session.write_outputs"
+SCENE_WRITER, FLAT_WRITER = "spectrabox.session.write_outputs", "spectrabox.session.flat.outputs"
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,13 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
     device : {"auto", "cpu", "cuda"} or "stored results"
         For the report: where Mitsuba rendered.
     """
-    from spectrabox.session.write_outputs import write_outputs_of
+    if config.flat:
+        from spectrabox.session.flat.outputs import write_flat_outputs as write
+    else:
+        from spectrabox.session.write_outputs import write_outputs_of as write
     inputs = InputFiles(config)
     key = _key(config, finished, inputs)
-    facts, text, files = write_outputs_of(config, finished, command_line, device)
+    facts, text, files = write(config, finished, command_line, device)
     inputs.require_unchanged(key["files"])
     digests = {path.relative_to(config.folder).as_posix(): sha256_of(path) for path in files}
     named = {name: Path(facts[name]).name for name in ("report", "spectra")}
@@ -82,4 +85,4 @@ def _key(config: SessionConfig, finished: FinishedRun, inputs: InputFiles) -> di
     settings = config.model_dump(mode="json", exclude={"folder", "allow_outside"})
     return {"settings": settings, "files": inputs.digests(*truths),
             "results": results, "versions": versions(PACKAGES),
-            "code": stage_code({STAGE: WRITER})[STAGE]}
+            "code": stage_code({STAGE: FLAT_WRITER if config.flat else SCENE_WRITER})[STAGE]}

@@ -1,7 +1,7 @@
 """Signals of the regions of a photo that an operator outlined."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,16 +10,11 @@ from spectrabox.radiometry.records import LinearImage, RegionSamples
 
 MIN_PIXELS = 16
 CLIPPED_LIMIT = 0.01        # of the pixels of a region
+Outline = Sequence[Sequence[float]]
 POINTS_A_SIDE = 5           # of the grid at which the light on a region is looked up
 
 
-def rectangle(rect: tuple[float, ...]) -> np.ndarray:
-    """Corners (4, 2) of a rectangle [x0, y0, x1, y1], going round."""
-    x0, y0, x1, y1 = rect
-    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], dtype=float)
-
-
-def sample_regions(image: LinearImage, outlines: Mapping[str, np.ndarray]) -> RegionSamples:
+def sample_regions(image: LinearImage, outlines: Mapping[str, Outline]) -> RegionSamples:
     """Mean signal of each region, its error and its unevenness.
 
     The mean is that of every pixel inside, whatever is painted there; its covariance is that of the
@@ -30,7 +25,7 @@ def sample_regions(image: LinearImage, outlines: Mapping[str, np.ndarray]) -> Re
     ----------
     image : LinearImage
     outlines : mapping
-        From names to corners (C, 2) of a polygon, going round, in pixels of the whole photo; (0, 0)
+        From names to corners [x, y] of a polygon, going round, in pixels of the whole photo; (0, 0)
         is the centre of the first.
 
     Raises
@@ -40,7 +35,8 @@ def sample_regions(image: LinearImage, outlines: Mapping[str, np.ndarray]) -> Re
     ClippedPhotoError
         If more than 1 % of a region is saturated.
     """
-    one_by_one = [_one_region(image, corners, f"photo {image.source}: region {name!r}")
+    one_by_one = [_one_region(image, np.array(corners, dtype=float),
+                              f"photo {image.source}: region {name!r}")
                   for name, corners in outlines.items()]
     mean, covariance, pixels, scatter, points = (np.array(column)
                                                  for column in zip(*one_by_one, strict=True))

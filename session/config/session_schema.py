@@ -239,6 +239,13 @@ class RegionSection(SurfaceSection):
         """Names of the photos that show it; none stands for all."""
         return (self.photo,) if isinstance(self.photo, str) else tuple(self.photo or ())
 
+    def outline(self) -> tuple[tuple[float, ...], ...]:
+        """Its corners [x, y], going round."""
+        if self.rect is None:
+            return self.polygon or ()
+        x0, y0, x1, y1 = self.rect
+        return (x0, y0), (x1, y0), (x1, y1), (x0, y1)
+
 
 class ViewSection(Table):
     """A further photo of the same materials: another light, exposure or viewpoint."""

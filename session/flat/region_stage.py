@@ -9,7 +9,7 @@ from spectrabox.capture.chart.reference_region import region_signals
 from spectrabox.capture.photo.binning import bin_image
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.capture.photo.preview import preview_rgb8
-from spectrabox.capture.photo.regions import rectangle, sample_regions
+from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.session.config.session_schema import (
     FIRST_PHOTO,
     RegionSection,
@@ -46,7 +46,7 @@ def measure_regions(task: StageTask) -> dict[str, Any]:
         name = view.photo_files[0]
         task.progress((index + 0.1) / len(config.all_views), f"reading {name}")
         photo, notes = task.photos.developed(config, view.photo)
-        shown = {region: outline_of(section) for region, section in regions_of(config, view)}
+        shown = {region: section.outline() for region, section in regions_of(config, view)}
         samples = sample_regions(photo, shown) if shown else None
         if samples is not None:
             notes += tuple(_uneven(region, float(scatter.max())) for region, scatter
@@ -70,13 +70,6 @@ def regions_of(config: SessionConfig, view: ViewInputs) -> list[tuple[str, Regio
     name = view.name or FIRST_PHOTO
     return [(region, section) for region, section in config.regions.items()
             if not section.photos or name in section.photos]
-
-
-def outline_of(region: RegionSection) -> np.ndarray:
-    """Corners (C, 2) of a region in pixels of the photo, going round."""
-    if region.rect is not None:
-        return rectangle(region.rect)
-    return np.array(region.polygon, dtype=float)
 
 
 def _uneven(region: str, scatter: float) -> str:

@@ -19,6 +19,7 @@ from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig,
 from spectrabox.session.flat.white_at_regions import (
     PhotoWhite,
     far_notes,
+    light_map,
     white_at_regions,
     with_known,
 )
@@ -45,9 +46,9 @@ def find_signals(task: StageTask) -> dict[str, Any]:
     Returns
     -------
     dict
-        "signals", a SurfaceSignals; of every photo the "white level" (R,) at its regions, relative
-        to that on the chart, and its "light error"; the "drift" of the light, a LightDrift or
-        None; "notes".
+        "signals", a SurfaceSignals; of every photo the "light" (R, 2) on its regions, relative to
+        that on the chart, with its relative error, and both over the photo as "light map" (2, h,
+        w), None where it shows no region; the "drift" of the light, a LightDrift or None; "notes".
 
     Raises
     ------
@@ -66,7 +67,7 @@ def find_signals(task: StageTask) -> dict[str, Any]:
     found: list[PhotoWhite | None] = []
     for number, view in enumerate(config.all_views):
         task.progress(number / len(config.all_views), view.photo_files[0])
-        white = white_at_regions(task, view, view if view.chart else config.all_views[0],
+        white = white_at_regions(task, view, _chart_view(config, view),
                                  None if view.name else drift)
         if white is not None:
             signals = {name: responses[number] @ spectrum for name, spectrum in known.items()
@@ -80,6 +81,8 @@ def find_signals(task: StageTask) -> dict[str, Any]:
         records["notes"] += (drift.sentence,)
     for view, white in zip(config.all_views, found, strict=True):
         records[view.record("light")] = None if white is None else _light_on_regions(white)
+        records[view.record("light map")] = None if white is None else light_map(
+            task, view, _chart_view(config, view))
     return records
 
 
@@ -92,6 +95,11 @@ def drift_of(task: StageTask) -> LightDrift | None:
         return None
     return drift_between(chart[2], reference_signals(task.stored["chart"]), photo_of(task.stored),
                          reference_signals(task.stored["photo"]), task.config.drift.relative_error)
+
+
+def _chart_view(config: SessionConfig, view: ViewInputs) -> ViewInputs:
+    """The view whose chart photo shows the light of a view."""
+    return view if view.chart else config.all_views[0]
 
 
 def _response(calibration: Calibration) -> np.ndarray:
@@ -154,10 +162,10 @@ def _errors(task: StageTask, config: SessionConfig,
         signal = white.signal[row]
         veil = config.stray_light.glare * photo_of(task.stored, view).signal.mean(axis=(0, 1)) \
             / white.white[row]
-        colour = drift_covariance(drift) * np.outer(signal, signal) \
-            if drift is not None and not view.name else np.zeros(2 * signal.shape)
-        parts.append({**white.errors(row), GLARE: np.outer(veil, veil), COLOUR: colour,
+        parts.append({**white.errors(row), GLARE: np.outer(veil, veil),
                       MODEL: _model_covariance(signal, model)})
+        if drift is not None and not view.name:
+            parts[-1][COLOUR] = drift_covariance(drift) * np.outer(signal, signal)
     causes = dict.fromkeys(cause for part in parts for cause in part)
     zero = np.zeros_like(noise)
     return {NOISE: noise, **{cause: np.mean([part.get(cause, zero) for part in parts], axis=0)

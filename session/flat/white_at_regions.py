@@ -32,6 +32,7 @@ from spectrabox.session.stages.stored_records import chart_of, photo_of
 WHITE, LIGHT = "white on the chart", "light over the picture"
 KNOWN_ERROR = 0.005         # relative, of a known spectrum: its angle to the light, wear
 OTHER_COLOUR, SIGMAS = 0.04, 4.0    # relative and in standard errors: the light is another
+MAP_COLUMNS = 24            # of the map of the light over a photo
 FAR = 0.05                  # relative error of the light on a region, above which to say so
 
 
@@ -121,17 +122,10 @@ def white_at_regions(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
     samples = stored["photo"].record(RegionSamples, view.record("regions"))
     if samples is None:
         return None
-    white = stored["calibrate"].record(ChartWhite, chart_view.record("white"))
     chart, photo = chart_of(stored, chart_view), photo_of(stored, view)
     assert chart is not None
-    detection, _, chart_photo = chart
-    centres_px = detection.corners_px.mean(axis=1)
-    patches = PicturePoints(plane_centres(), _in_picture(centres_px, chart_photo))
-    to_plane = plane_from_picture(centres_px)
-    places = [PicturePoints(projected(to_plane, points), _in_picture(points, photo))
-              for points in samples.points_px]
-    elsewhere = light_elsewhere(white, patches, places, bool(config.photos.flats),
-                                config.session.seed)
+    chart_photo = chart[2]
+    elsewhere = _light_at(task, view, chart_view, list(samples.points_px))
     own = chart_view.chart_files == view.photo_files
     exposure, causes = (1.0, {}) if own else _exposure(config, chart_photo, photo, drift)
     # veiling glare is in proportion to the light of the whole picture
@@ -144,6 +138,26 @@ def white_at_regions(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
         list(causes.values()))
     return PhotoWhite(samples, elsewhere, exposure, glare, tuple(causes),
                       np.zeros(len(covariance)), covariance, ())
+
+
+def light_map(task: StageTask, view: ViewInputs, chart_view: ViewInputs) -> np.ndarray:
+    """Light over a photo relative to the chart's mean, and its relative error, (2, h, w).
+
+    Parameters
+    ----------
+    view, chart_view : ViewInputs
+        As in ``white_at_regions``.
+    """
+    photo = photo_of(task.stored, view)
+    height, width = photo.signal.shape[:2]
+    rows = max(round(MAP_COLUMNS * height / width), 2)
+    at = [(np.arange(count) + 0.5) / count * size * photo.sensor_step - 0.5
+          for count, size in ((MAP_COLUMNS, width), (rows, height))]
+    points = np.stack(np.meshgrid(*at), axis=-1).reshape(-1, 1, 2)
+    found = _light_at(task, view, chart_view, list(points))
+    bands = found.level.size
+    error = np.sqrt(np.diag(found.covariance)[2 * bands:])
+    return np.array([np.exp(found.field), error]).reshape(2, rows, MAP_COLUMNS)
 
 
 def with_known(found: PhotoWhite, known: Mapping[str, np.ndarray],
@@ -185,6 +199,22 @@ def far_notes(found: PhotoWhite) -> tuple[str, ...]:
                  f"{error:.0%} only; put the chart beside it, or a white card of known spectrum, "
                  "or photograph a white card in the samples' place as flat field"
                  for name, error in zip(found.samples.names, errors, strict=True) if error > FAR)
+
+
+def _light_at(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
+              points_px: list[np.ndarray]) -> LightElsewhere:
+    """The light at places of a photo, each the mean over its points (Q, 2) in pixels."""
+    stored = task.stored
+    white = stored["calibrate"].record(ChartWhite, chart_view.record("white"))
+    chart, photo = chart_of(stored, chart_view), photo_of(stored, view)
+    assert chart is not None
+    centres_px = chart[0].corners_px.mean(axis=1)
+    patches = PicturePoints(plane_centres(), _in_picture(centres_px, chart[2]))
+    to_plane = plane_from_picture(centres_px)
+    places = [PicturePoints(projected(to_plane, points), _in_picture(points, photo))
+              for points in points_px]
+    return light_elsewhere(white, patches, places, bool(task.config.photos.flats),
+                           task.config.session.seed)
 
 
 def _exposure(config: SessionConfig, chart_photo: LinearImage, photo: LinearImage,

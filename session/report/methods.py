@@ -9,30 +9,34 @@ from spectrabox.session.report.verdict import (
     worst_entry,
 )
 from spectrabox.session.report.words import deviation_words, exposure, listed, number, percent
-from spectrabox.session.store.results import SessionResults
+from spectrabox.session.store.results import CommonResults, SessionResults
 
 
 def methods_text(results: SessionResults) -> list[str]:
     """Paragraphs that can be pasted into a paper."""
-    return [_capture(results), _calibration(results), _reconstruction(results), _sampling(results),
-            _agreement(results)]
+    scale = (f"The factor from rendered signal to the photo's signal, from "
+             f"{results.light_scale.source}, is {scale_words(results.light_scale)}.")
+    return [capture_words(results, "The scene was"), f"{camera_words(results)} {scale}",
+            _reconstruction(results), sampling_words(results), _agreement(results)]
 
 
-def _capture(results: SessionResults) -> str:
+def capture_words(results: CommonResults, subject: str) -> str:
+    """How the photos were taken; ``subject`` begins the sentence: "The scene was"."""
     photo = results.photo
     settings = [f"exposure {exposure(photo.exposure_s)}" if photo.exposure_s is not None else "",
                 f"ISO {photo.iso:g}" if photo.iso is not None else "",
                 f"f/{photo.f_number:g}" if photo.f_number is not None else ""]
     stated = ", ".join(s for s in settings if s) or "exposure not stated"
     clipped = float(photo.saturated.any(axis=2).mean())
-    return ("The scene was photographed with "
+    return (f"{subject} photographed with "
             f"{photo.camera or 'a camera that the file does not name'} ({photo.kind.value}; "
             f"{stated}). Signals are linear and black-subtracted, without white balance, in "
             f"{len(results.bands)} bands ({', '.join(results.bands)}); {percent(clipped)} of the "
             "pixels were clipped and left out.")
 
 
-def _calibration(results: SessionResults) -> str:
+def camera_words(results: CommonResults) -> str:
+    """How the camera and the light became known."""
     fit = results.calibration.sensitivity
     parts = [f"Camera sensitivities: {fit.method}."]
     rms = root_mean_square(chart_residuals(results))
@@ -45,9 +49,7 @@ def _calibration(results: SessionResults) -> str:
     if fit.condition_number is not None:
         parts.append(f"The condition number of the fit is {number(fit.condition_number, 3)}.")
     light: Spectrum = results.calibration.light
-    parts.append(f"Light spectrum: {light.source}. The factor from rendered signal to the photo's "
-                 f"signal, from {results.light_scale.source}, is "
-                 f"{scale_words(results.light_scale)}.")
+    parts.append(f"Light spectrum: {light.source}.")
     return " ".join(parts)
 
 
@@ -74,7 +76,8 @@ def _reconstruction(results: SessionResults) -> str:
             f"{made.basis.shape[1]} coefficients on {nm[0]:g}–{nm[-1]:g} nm. {made.outcome.value}")
 
 
-def _sampling(results: SessionResults) -> str:
+def sampling_words(results: CommonResults) -> str:
+    """How spectra were drawn."""
     drawn = [m for m in results.materials if m.samples is not None and m.summary is not None]
     if not drawn:
         return "No spectra were drawn: every material was given."

@@ -3,9 +3,17 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
+from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report.verdict import Criterion, Verdict, chart_residuals
-from spectrabox.session.store.results import ChartResult, MaterialResult, SessionResults
+from spectrabox.session.store.results import (
+    ChartResult,
+    CommonResults,
+    MaterialResult,
+    SessionResults,
+)
 
 SCHEMA = "spectrabox-results/1"
 
@@ -19,7 +27,7 @@ def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
         "bands": results.bands,
         "verdict": {"status": verdict.status, "says": verdict.says,
                     "criteria": [_criterion(c) for c in verdict.criteria]},
-        "materials": [_material(m, results) for m in results.materials],
+        "materials": [_material(m, made.grid.nm) for m in results.materials],
         "signal_bands": results.signal_bands,
         "agreement": _agreement(made.agreement),
         "views": [{"name": view.name, "bands": view.bands,
@@ -29,7 +37,8 @@ def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
                    "light_scale": _fields(view.reconstruction.light_scale, "value",
                                           "standard_error", "source")}
                   for view in results.views],
-        "calibration": _calibration(results),
+        "calibration": _calibration(results) | {"light_scale": _fields(
+            results.light_scale, "value", "standard_error", "residuals", "source")},
         "chart": None if results.chart is None else _chart(results.chart),
         "reconstruction": {"engine": made.engine, "spp": made.spp, "seed": made.seed,
                            "outcome": made.outcome, "loss_history": made.loss_history,
@@ -41,16 +50,37 @@ def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
         }
 
 
+def flat_numbers(results: FlatResults, verdict: Verdict) -> dict[str, Any]:
+    """The same of a session of flat samples."""
+    nm = results.signals.grid.nm
+    return {
+        "schema": SCHEMA, "name": results.name, "operator": results.operator,
+        "notes": results.notes, "bands": results.bands,
+        "verdict": {"status": verdict.status, "says": verdict.says,
+                    "criteria": [_criterion(c) for c in verdict.criteria]},
+        "regions": [_material(region, nm) for region in results.materials],
+        "signal_bands": results.signal_bands,
+        "photos": [{"name": photo.name, "size_px": photo.size_px, "outlines_px": photo.outlines,
+                    "light": {name: {"level": level, "standard_error": error}
+                              for name, (level, error) in photo.light.items()}}
+                   for photo in results.photos],
+        "light": results.light, "calibration": _calibration(results),
+        "chart": None if results.chart is None else _chart(results.chart),
+        "clipped_share": results.photo.saturated.any(axis=2).mean(),
+        "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
+        "provenance": results.provenance,
+        }
+
+
 def _criterion(criterion: Criterion) -> dict[str, Any]:
     return {"name": criterion.name, "value": criterion.value, "limit": criterion.limit,
             "status": criterion.status, "says": criterion.says}
 
 
-def _material(material: MaterialResult, results: SessionResults) -> dict[str, Any]:
-    made = results.reconstruction
+def _material(material: MaterialResult, nm: np.ndarray) -> dict[str, Any]:
+    single = None if material.spectrum is None else {"nm": nm, "reflectance": material.spectrum}
     return {
-        "name": material.name, "known": material.summary is None,
-        "inverse_rendering": {"nm": made.grid.nm, "reflectance": material.spectrum},
+        "name": material.name, "known": material.summary is None, "inverse_rendering": single,
         "signal": material.signal, "signal_covariance": material.signal_covariance,
         "model_covariance": material.model_covariance, "error_budget": material.error_budget,
         "variance_shares": material.variance_shares, "families": family_facts(material),
@@ -96,7 +126,7 @@ def _agreement(agreement: SurfaceAgreement) -> list[dict[str, Any]]:
             name in enumerate(agreement.names)]
 
 
-def _calibration(results: SessionResults) -> dict[str, Any]:
+def _calibration(results: CommonResults) -> dict[str, Any]:
     calibration = results.calibration
     truth = results.sensitivity_truth
     return {
@@ -104,8 +134,7 @@ def _calibration(results: SessionResults) -> dict[str, Any]:
                                "held_out_residuals", "condition_number", "method", "outcome"),
         "sensitivity_truth": None if truth is None else {"nm": truth[0], "curves": truth[1]},
         "light": _fields(calibration.light, "values", "standard_error", "quantity", "source"),
-        "light_scale": _fields(results.light_scale, "value", "standard_error", "residuals",
-                               "source"), "relative_covariance": calibration.relative_covariance,
+        "relative_covariance": calibration.relative_covariance,
         "chart_residuals": chart_residuals(results),
         "checks": calibration.checks,
         }

@@ -32,7 +32,7 @@ from spectrabox.session.report.tables import (
     surface_rows,
 )
 from spectrabox.session.report.verdict import judge
-from spectrabox.session.store.results import SessionResults
+from spectrabox.session.store.results import CommonResults, SessionResults
 
 TEMPLATES = Path(__file__).parent / "templates"
 FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
@@ -54,11 +54,21 @@ def write_report(results: SessionResults) -> Path:
     EnvironmentProblem
         If the folder cannot be written; an older report is left as it was.
     """
-    page = render_report(results).encode("utf-8", "backslashreplace")
-    report = results.folder / "report.html"
-    unfinished = results.folder / f".report-{os.getpid()}.html"
+    return written_whole(results.folder, render_report(results))
+
+
+def written_whole(folder: Path, page: str) -> Path:
+    """Write a page as ``report.html`` into a session folder, whole or not at all.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If the folder cannot be written; an older report is left as it was.
+    """
+    report = folder / "report.html"
+    unfinished = folder / f".report-{os.getpid()}.html"
     try:
-        unfinished.write_bytes(page)
+        unfinished.write_bytes(page.encode("utf-8", "backslashreplace"))
         unfinished.replace(report)
     except OSError as problem:
         raise EnvironmentProblem("report.html cannot be written to the session folder "
@@ -71,12 +81,17 @@ def write_report(results: SessionResults) -> Path:
 
 def render_report(results: SessionResults) -> str:
     """The page as text; every name, note and file name of the session is escaped."""
+    with report_style():
+        return rendered("report.html.j2", _page(results))
+
+
+def rendered(template: str, content: dict[str, Any]) -> str:
+    """A page from one of the templates; what it is given is escaped unless it is Markup."""
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True,
                                      trim_blocks=True, lstrip_blocks=True,
                                      undefined=jinja2.StrictUndefined)
     environment.filters.update(FILTERS)
-    with report_style():
-        return environment.get_template("report.html.j2").render(_page(results))
+    return environment.get_template(template).render(content)
 
 
 def _page(results: SessionResults) -> dict[str, Any]:
@@ -94,7 +109,8 @@ def _page(results: SessionResults) -> dict[str, Any]:
         "surfaces": {"title": "Materials", "one": "Material", "fitted": True},
         "agreement": _agreement_section("", results.reconstruction, results.calibration,
                                         results.bands),
-        "views": _view_sections(results), "calibration": _calibration_section(results),
+        "views": _view_sections(results),
+        "calibration": calibration_section(results, scale_words(results.light_scale)),
         "loss": loss_figure("loss", results.reconstruction.loss_history),
         "inputs": input_rows(results), "methods": methods_text(results),
         }
@@ -123,11 +139,14 @@ def _view_sections(results: SessionResults) -> list[dict[str, Any]]:
             view in enumerate(results.views, start=2)]
 
 
-def _calibration_section(results: SessionResults) -> dict[str, Any]:
+def calibration_section(results: CommonResults, scale: str | None) -> dict[str, Any]:
+    """What the report shows of the calibration; ``scale`` is that of the light in words, where
+    there is one.
+    """
     fit = results.calibration.sensitivity
     return {
         "chart": chart_section(results), "held_out_rms": held_out_rms(results),
-        "scale": scale_words(results.light_scale),
+        "scale": scale,
         "sensitivity": sensitivity_figure("sensitivity", fit, results.bands,
                                           results.sensitivity_truth),
         "light": light_figure("light", results.calibration.light),

@@ -10,7 +10,6 @@ import numpy as np
 
 from spectrabox.radiometry.light_scale import REPEATABILITY
 from spectrabox.radiometry.records import Outcome, Reconstruction, SurfaceAgreement
-from spectrabox.reconstruct.misfit import FALSE_ALARM
 from spectrabox.session.report.words import deviation_words, percent
 from spectrabox.session.store.rehearsals import too_narrow, verdict_sentence
 from spectrabox.session.store.results import AS_INTENDED, CommonResults, SessionResults
@@ -144,6 +143,7 @@ def _worst_surface(agreement: SurfaceAgreement, bands: tuple[str, ...], where: s
 
 def _misfits(made: Reconstruction, where: str) -> Criterion:
     """Surfaces whose deviation neither chance nor the stated errors explain."""
+    from spectrabox.reconstruct.misfit import FALSE_ALARM  # a flat sample needs nothing of it
     name = f"Surfaces beyond chance and stated errors (p < {FALSE_ALARM:g}){where}"
     limit = f"none; fail beyond {percent(WORST_LIMITS[1], 0)}"
     if not made.misfits:
@@ -190,18 +190,23 @@ def _outcomes(results: SessionResults) -> list[Criterion]:
     rows = [Criterion(name, None, outcome.name.replace("_", " ").lower(), "converged",
                       outcome_status(outcome), f"{name}: {outcome.value}")
             for name, outcome in named]
+    return [*rows, *samplers(results)]
+
+
+def samplers(results: CommonResults) -> list[Criterion]:
+    """Whether the draws of every estimated surface are as intended."""
     drawn = [(m.name, m.samples) for m in results.materials if m.samples is not None]
     if not drawn:
-        return rows
+        return []
     doubtful = [(m.name, m.samples.sentence) for m in results.materials
                 if m.doubtful and m.samples is not None]
     if not doubtful:
-        return [*rows, Criterion("Samplers", None, "as intended", "as intended", Status.PASS,
-                                 "Sampler of every estimated material: "
-                                 f"{drawn[0][1].outcome.value}")]
+        return [Criterion("Samplers", None, "as intended", "as intended", Status.PASS,
+                          "Sampler of every estimated material: "
+                          f"{drawn[0][1].outcome.value}")]
     says = "; ".join(f"“{name}”: {sentence}" for name, sentence in doubtful)
-    return [*rows, Criterion("Samplers", None, "see words", "as intended", Status.WARN,
-                             f"Sampler of {says}")]
+    return [Criterion("Samplers", None, "see words", "as intended", Status.WARN,
+                      f"Sampler of {says}")]
 
 
 def outcome_status(outcome: Outcome) -> Status:

@@ -7,6 +7,8 @@ import numpy as np
 
 from spectrabox.radiometry.records import SignalError, SpectralMeasurement, SurfaceSignals
 from spectrabox.sampling.error_budget import error_budget
+from spectrabox.sampling.prior.certified import FamilyStanding, standings
+from spectrabox.sampling.prior.draws import family_shares
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.error_budget import signal_covariances
@@ -80,3 +82,20 @@ def variance_shares(signals: SurfaceSignals, index: int,
                           errors_by_cause(signals, index))
     total = sum(float(np.mean(variance)) for variance in budget.values())
     return {cause: float(np.mean(variance)) / total for cause, variance in budget.items()}
+
+
+def families_allowed(signals: SurfaceSignals, index: int,
+                     stated: Sequence[str]) -> tuple[FamilyStanding, ...]:
+    """The families that a surface's signal allows, or those stated, and how their bands were
+    certified.
+
+    Parameters
+    ----------
+    index : int
+        Of the surface.
+    stated : sequence of str
+        Which it is said to be of.
+    """
+    prior = of_families(load_prior(), stated)
+    shares = family_shares(prior, measurement(signals, index))
+    return standings(shares, prior.stated, prior.certificates)

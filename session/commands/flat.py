@@ -1,0 +1,127 @@
+"""The command that goes from one photo with a chart in it to spectra of its regions."""
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.session.command_line import Debug, Json, answer, command
+
+Photo = Annotated[Path, typer.Argument(
+    metavar="PHOTO", help="The samples, with a ColorChecker among them: camera raw or linear file.",
+    show_default=False)]
+Regions = Annotated[list[str] | None, typer.Option(
+    "--region", help="NAME=x0,y0,x1,y1: two opposite corners in pixels of the photo; may be "
+    "repeated. Without one a picture with pixels on its axes is written.")]
+Light = Annotated[str, typer.Option(
+    help="unknown, a CIE name, a kind of lamp, 3200K, or the file of its spectrum.")]
+ChartPhoto = Annotated[Path | None, typer.Option(
+    "--chart", help="Photo of the chart in the samples' place, where they do not show it.")]
+Corners = Annotated[str | None, typer.Option(
+    help="Outer corners of the chart where it is not found: eight numbers x,y,... at dark skin, "
+    "bluish green, black and white.")]
+WhiteCard = Annotated[str | None, typer.Option(
+    help="x0,y0,x1,y1=FILE: a region of known reflectance, or a number in place of the file.")]
+FlatField = Annotated[Path | None, typer.Option(
+    help="Photo of a white card that fills the samples' place.")]
+Family = Annotated[list[str] | None, typer.Option(
+    "--family", help="NAME=paint: what a region's surface is; paint, textile, leaves, skin, white, "
+    "earth or animal. May be repeated.")]
+Truth = Annotated[list[str] | None, typer.Option(
+    "--truth", help="NAME=FILE: measured reflectance of a region, to compare with.")]
+Session = Annotated[Path | None, typer.Option(
+    metavar="DIR", help="The session folder; beside the photo and named after it by default.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command()(flat)
+
+
+def flat(photo: Photo, region: Regions = None, light: Light = "unknown", chart: ChartPhoto = None,
+         corners: Corners = None, white_card: WhiteCard = None, flat_field: FlatField = None,
+         family: Family = None, truth: Truth = None, session: Session = None,
+         as_json: Json = False, debug: Debug = False) -> None:
+    """Spectra of regions of a photo that shows a ColorChecker, without a scene."""
+    start = time.perf_counter()
+    with command(as_json, debug):
+        if not region:
+            _write_picture(photo, as_json)
+            return
+        from spectrabox.session.flat.new_session import CARD, FlatOrder, session_of
+        regions = {name: _numbers(rest, 4, f"--region {name}")
+                   for name, rest in _pairs(region, "--region", "x0,y0,x1,y1").items()}
+        known = {}
+        if white_card is not None:
+            rect, _, known[CARD] = white_card.partition("=")
+            regions[CARD] = _numbers(rect, 4, "--white-card")
+            if not known[CARD]:
+                raise InputError("--white-card needs the card's reflectance: x0,y0,x1,y1=FILE, or "
+                                 "a number such as x0,y0,x1,y1=0.95")
+        families = {name: word.split(",") for name, word
+                    in _pairs(family or [], "--family", "paint").items()}
+        truths = _pairs(truth or [], "--truth", "FILE")
+        if unknown := [name for name in (*families, *truths) if name not in regions]:
+            raise InputError(f"{unknown[0]!r} is no region; the regions are {', '.join(regions)}")
+        px = None if corners is None else _numbers(corners, 8, "--corners")
+        order = FlatOrder(photo, regions, light, chart, flat_field,
+                          None if px is None else [px[at:at + 2] for at in range(0, 8, 2)],
+                          families, known, truths)
+        with session_of(order, session) as folder:
+            facts, text = _run(folder)
+        facts["seconds"] = round(time.perf_counter() - start, 3)
+        answer(as_json, facts, text)
+
+
+def _run(folder: Path) -> tuple[dict[str, Any], str]:
+    from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.pipeline import run_stages
+    from spectrabox.session.progress_display import progress_display
+    from spectrabox.session.run_outputs import kept_outputs, rewritten_outputs
+    config = read_session(folder)
+    with progress_display() as progress:
+        finished = run_stages(config, device="cpu", only=None, force=False, progress=progress)
+        words = ["spectrabox", "flat", config.session.name]
+        outputs = kept_outputs(config, finished) or rewritten_outputs(config, finished, words,
+                                                                      "not needed")
+        progress("report", 1.0, outputs.facts["report"])
+    return dict(outputs.facts), outputs.text
+
+
+def _write_picture(photo: Path, as_json: bool) -> None:
+    from spectrabox.session.flat.look import write_picture
+    picture = photo.with_name(f"{photo.stem}-pixels.png")
+    if picture.exists():
+        raise InputError(f"no region is named, and {picture} is there to read them from: give "
+                         "--region NAME=x0,y0,x1,y1 for each")
+    width, height = write_picture(photo, picture)
+    answer(as_json, {"picture": str(picture), "size_px": [width, height]},
+           f"wrote {picture}: read the corners of your regions from its axes, then give --region "
+           "NAME=x0,y0,x1,y1 for each")
+
+
+def _pairs(words: list[str], option: str, form: str) -> dict[str, str]:
+    """NAME=REST of every word."""
+    pairs: dict[str, str] = {}
+    for word in words:
+        name, equals, rest = word.partition("=")
+        if not (name and equals and rest):
+            raise InputError(f"{option} {word!r}: NAME={form} is needed")
+        if name in pairs:
+            raise InputError(f"{option} names {name!r} twice; give each a name of its own")
+        pairs[name] = rest
+    return pairs
+
+
+def _numbers(text: str, count: int, option: str) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count:
+        raise InputError(f"{option} {text!r}: {count} numbers in pixels of the photo, separated by "
+                         "commas, are needed")
+    return numbers

@@ -1,0 +1,116 @@
+"""Stored results of a finished session of flat samples to what the report shows."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.records import Calibration, SurfaceSignals
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
+from spectrabox.session.flat.flat_results import FlatResults, PhotoOfRegions
+from spectrabox.session.flat.region_stage import regions_of
+from spectrabox.session.flat.signals_stage import MODEL, NOISE
+from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.scores import score
+from spectrabox.session.stages.assemble import (
+    chart_result,
+    doubtful_materials,
+    input_files,
+    sensitivity_truth,
+)
+from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
+from spectrabox.session.stages.stored_records import (
+    calibrations_of,
+    chart_of,
+    notes_of,
+    photo_of,
+    samples_of,
+    signals_of,
+)
+from spectrabox.session.stages.surface_signals import (
+    families_allowed,
+    relative_errors,
+    variance_shares,
+)
+from spectrabox.session.store.results import AS_INTENDED, MaterialResult
+from spectrabox.session.store.store import StoredStage
+
+TWO_SIGMA = 2.0
+
+
+def assemble_flat(config: SessionConfig, run: FinishedRun,
+                  provenance: dict[str, Any]) -> FlatResults:
+    """Everything the report of a session of flat samples shows."""
+    stored = run.stored
+    calibration, signals = calibrations_of(config, stored)[0], signals_of(stored)
+    photo = photo_of(stored)
+    regions = [_region(config, signals, stored, index) for index in range(len(signals.names))]
+    return FlatResults(
+        folder=config.folder, name=config.session.name, operator=config.session.operator,
+        notes=config.session.notes, bands=band_names(config, photo.signal.shape[2]),
+        inputs=input_files(config, run), chart=chart_result(config, run), calibration=calibration,
+        sensitivity_truth=sensitivity_truth(config), photo=photo,
+        photo_preview=config.results_folder / "photo" / "preview.png", materials=regions,
+        signal_bands=signals.bands, provenance=provenance,
+        warnings=[*notes_of(stored), *stored["signals"].record(tuple[str, ...], "notes"),
+                  *(f"Calibration: {doubt.value}." for doubt in calibration.doubts),
+                  *doubtful_materials(regions)],
+        stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]}
+                for name, stage in stored.items()],
+        photos=[_photo(config, stored, view) for view in config.all_views], signals=signals,
+        light=light_facts(calibration))
+
+
+def light_facts(calibration: Calibration) -> dict[str, Any]:
+    """What is known of the light by itself: kind, wavelengths, mean, and a 95 % band."""
+    known = calibration.light_posterior
+    if known is not None:
+        best = int(np.argmax(known.probabilities))
+        return {"kind": known.kinds[best], "wavelengths_nm": known.grid.nm, "mean": known.mean,
+                "lower": known.lower, "upper": known.upper}
+    light = calibration.light
+    error = np.zeros(light.grid.nm.size) if light.standard_error is None else light.standard_error
+    return {"kind": "stated", "wavelengths_nm": light.grid.nm, "mean": light.values,
+            "lower": light.values - TWO_SIGMA * error, "upper": light.values + TWO_SIGMA * error}
+
+
+def _region(config: SessionConfig, signals: SurfaceSignals, stored: Mapping[str, StoredStage],
+            index: int) -> MaterialResult:
+    name = signals.names[index]
+    section = config.regions[name]
+    truth = None if section.truth is None else read_reflectance(config, section.truth)
+    by_cause = {error.cause: error.covariance[index] for error in signals.errors}
+    signal = signals.signal[index]
+    with np.errstate(invalid="ignore"):
+        model = by_cause[MODEL] / np.outer(signal, signal)
+    measured = (signal, by_cause[NOISE], model)
+    if signals.known[index]:
+        return MaterialResult(name, signals.spectra[index], *measured, None, None, {}, truth, None)
+    samples, summary = samples_of(stored, name)
+    scores = None if truth is None else score(spectrum_on_grid(truth, GRID), None, summary, samples)
+    by_prior = config.sampling.method == "prior"
+    shares = variance_shares(signals, index, section.families) if by_prior else {}
+    families = families_allowed(signals, index, section.families) \
+        if by_prior and samples.outcome in AS_INTENDED else ()
+    return MaterialResult(name, None, *measured, summary, samples, relative_errors(signals, index),
+                          truth, scores, shares, families)
+
+
+def _photo(config: SessionConfig, stored: Mapping[str, StoredStage],
+           view: ViewInputs) -> PhotoOfRegions:
+    photo, chart = photo_of(stored, view), chart_of(stored, view)
+    height, width = photo.signal.shape[:2]
+    own_chart = chart is not None and view.chart_files == view.photo_files
+    shown = regions_of(config, view)
+    light = stored["signals"].record(np.ndarray, view.record("light"))
+    over = {} if light is None else {
+        name: (float(level), float(error))
+        for (name, _), (level, error) in zip(shown, light, strict=True)}
+    return PhotoOfRegions(
+        view.name or FIRST_PHOTO, config.results_folder / "photo" / f"{view.record('preview')}.png",
+        (round(width * photo.sensor_step), round(height * photo.sensor_step)),
+        {name: np.array(region.outline()) for name, region in shown},
+        chart[0].corners_px if chart is not None and own_chart else None, over,
+        stored["signals"].record(np.ndarray, view.record("light map")))

@@ -1,0 +1,51 @@
+"""A picture of a photo with the pixels of the photo on its axes, to read regions from."""
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.capture.develop.developed import open_any
+from spectrabox.capture.photo.binning import bin_image
+from spectrabox.capture.photo.preview import preview_rgb8
+
+WIDTH_PX, WIDTH_IN = 1400, 14.0
+
+
+def write_picture(photo: Path, picture: Path) -> tuple[int, int]:
+    """Write a PNG of a photo with axes that count its pixels.
+
+    Parameters
+    ----------
+    photo : Path
+    picture : Path
+        Ends in .png.
+
+    Returns
+    -------
+    tuple of int
+        Width and height of the photo in pixels.
+
+    Raises
+    ------
+    InputError
+        If the photo cannot be read or is not linear.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MultipleLocator
+    image = open_any(photo)
+    rows, columns = image.signal.shape[:2]
+    width, height = round(columns * image.sensor_step), round(rows * image.sensor_step)
+    if columns > WIDTH_PX:
+        image = bin_image(image, WIDTH_PX, round(WIDTH_PX * rows / columns))
+    drawing = Figure(figsize=(WIDTH_IN, WIDTH_IN * height / width), layout="constrained")
+    axes = drawing.add_subplot()
+    axes.imshow(preview_rgb8(image), extent=(-0.5, width - 0.5, height - 0.5, -0.5))
+    step = 10.0 ** np.floor(np.log10(width / 4))
+    axes.xaxis.set_major_locator(MultipleLocator(step))
+    axes.yaxis.set_major_locator(MultipleLocator(step))
+    axes.grid(color="white", alpha=0.5, linewidth=0.5)
+    axes.tick_params(labeltop=True, labelright=True)
+    FigureCanvasAgg(drawing).print_png(str(picture))
+    return width, height

@@ -1,0 +1,159 @@
+"""The session folder that ``spectrabox flat`` makes of a photo and what was said of it.
+
+Photos and spectra are copied into the folder, so that it stands for itself. A later command on the
+same photo writes session.toml anew as long as nobody has edited it: its last line holds a digest of
+the rest.
+"""
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import names_a_file, sha256_of, writable, write_text_whole
+from spectrabox.radiometry.outside.names import file_stem
+from spectrabox.session.config.session_schema import FILE_NAME
+from spectrabox.session.config.template import SCHEMA_NAME, write_schema
+
+MARK = "# as 'spectrabox flat' wrote it: "
+SUFFIX = "-flat"
+CARD = "white card"
+WAVELENGTHS_NM = (360, 830)
+
+
+@dataclass(frozen=True)
+class FlatOrder:
+    """What the command was asked for."""
+
+    photo: Path
+    regions: Mapping[str, Sequence[float]]      # [x0, y0, x1, y1] by name
+    light: str = "unknown"
+    chart: Path | None = None
+    flat_field: Path | None = None
+    corners_px: Sequence[Sequence[float]] | None = None
+    families: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    known: Mapping[str, str] = field(default_factory=dict)      # file or number, by region
+    truths: Mapping[str, str] = field(default_factory=dict)
+
+
+@contextlib.contextmanager
+def session_of(order: FlatOrder, folder: Path | None) -> Iterator[Path]:
+    """The session folder, written. One that was made for this command vanishes again if it fails.
+
+    Parameters
+    ----------
+    order : FlatOrder
+    folder : Path or None
+        None: beside the photo, named after it.
+
+    Raises
+    ------
+    InputError
+        If a file is missing, or the folder holds another session or an edited one.
+    """
+    folder = folder or order.photo.with_name(f"{order.photo.stem}{SUFFIX}")
+    for path in (order.photo, order.chart, order.flat_field):
+        if path is not None and not path.is_file():
+            raise InputError(f"{path} is missing; give the name of a photo")
+    made = not folder.exists()
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; name another folder with --session")
+    _require_unedited(folder)
+    try:
+        with writable(folder.parent):
+            _write(order, folder)
+        yield folder
+    except BaseException:
+        if made:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _require_unedited(folder: Path) -> None:
+    written = folder / FILE_NAME
+    if not written.exists():
+        if folder.exists() and any(folder.iterdir()):
+            raise InputError(f"{folder} exists and holds no session; name another folder with "
+                             "--session")
+        return
+    body, mark, digest = written.read_text(encoding="utf-8").rpartition(MARK)
+    if not mark or digest.strip() != _digest(body):
+        raise InputError(f"{written} was edited since 'spectrabox flat' wrote it, or is another "
+                         f"session; run it with 'spectrabox run {folder}', or name another folder "
+                         "with --session")
+
+
+def _write(order: FlatOrder, folder: Path) -> None:
+    for part in ("photos", "spectra"):
+        (folder / part).mkdir(parents=True, exist_ok=True)
+    photos = {"object": _copied(order.photo, folder, "photos")}
+    for key, path in (("chart", order.chart), ("flat", order.flat_field)):
+        if path is not None:
+            photos[key] = _copied(path, folder, "photos")
+    by_file = names_a_file(order.light)
+    light = _copied(Path(order.light), folder, "spectra") if by_file else order.light
+    lines = ["#:schema ./session.schema.json", "", "[session]",
+             f"name = {_quoted(order.photo.stem)}", "", "[photos]",
+             *(f"{key} = {_quoted(name)}" for key, name in photos.items()), "", "[light]",
+             f"spectrum = {_quoted(light)}", ""]
+    if order.corners_px is not None:
+        lines += ["[chart]", f"corners_px = {json.dumps([list(c) for c in order.corners_px])}", ""]
+    for name, rect in order.regions.items():
+        lines += [f"[regions.{_quoted(name)}]", f"rect = {json.dumps(list(rect))}"]
+        if name in order.known:
+            lines.append(f"known = {_quoted(_known(order.known[name], name, folder))}")
+        if name in order.truths:
+            lines.append(f"truth = {_quoted(_copied(Path(order.truths[name]), folder, 'spectra'))}")
+        if name in order.families:
+            lines.append(f"family = {json.dumps(list(order.families[name]))}")
+        lines.append("")
+    body = "\n".join(lines)
+    write_text_whole(folder / FILE_NAME, f"{body}{MARK}{_digest(body)}\n")
+    if not (folder / SCHEMA_NAME).exists():
+        write_schema(folder)
+
+
+def _copied(path: Path, folder: Path, part: str) -> str:
+    """A file's name in the session, where a copy of it lies; none is written over."""
+    if not path.is_file():
+        raise InputError(f"{path} is missing; give the name of a file")
+    name = f"{part}/{path.name}"
+    target = folder / name
+    if target.exists():
+        if sha256_of(target) != sha256_of(path):
+            raise InputError(f"{target} is another file than {path}; name another folder with "
+                             "--session")
+        return name
+    unfinished = target.with_name(f".{target.name}.new")
+    shutil.copyfile(path, unfinished)
+    unfinished.replace(target)
+    return name
+
+
+def _known(word: str, name: str, folder: Path) -> str:
+    """The file of a known reflectance in the session: a copy, or one number at all wavelengths."""
+    try:
+        value = float(word)
+    except ValueError:
+        return _copied(Path(word), folder, "spectra")
+    if not 0 < value <= 1:
+        raise InputError(f"the reflectance {word} of {name!r} lies outside 0 to 1")
+    file = f"spectra/{file_stem(name)} {value:g}.csv"
+    low, high = WAVELENGTHS_NM
+    write_text_whole(folder / file, f"# quantity: reflectance\nwavelength_nm,value\n{low},{value}\n"
+                     f"{high},{value}\n")
+    return file
+
+
+def _quoted(text: str) -> str:
+    """A TOML string, or a quoted key."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _digest(body: str) -> str:
+    return hashlib.sha256(body.encode()).hexdigest()[:16]

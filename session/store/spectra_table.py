@@ -1,0 +1,57 @@
+"""The spectra of a finished session as tables and IES TM-27 files."""
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.radiometry.outside.names import file_stem
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
+from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.session.store.results import CommonResults, MaterialResult
+
+
+def spectra_files(results: CommonResults, grid_nm: np.ndarray) -> dict[Path, str]:
+    """Texts of spectra.csv and of each surface's spdx/NAME.spdx, by path.
+
+    Parameters
+    ----------
+    grid_nm : (P,) array
+        Of the spectra.
+    """
+    files = {results.folder / "spectra.csv": spectra_text(results, grid_nm)}
+    return files | {results.folder / "spdx" / f"{file_stem(material.name)}.spdx": spdx_text(
+        grid_nm, {material.name: best_spectrum(material)}, quantity=Quantity.REFLECTANCE,
+        source=f"{material.name}, {results.name}") for material in results.materials}
+
+
+def best_spectrum(material: MaterialResult) -> np.ndarray:
+    """The mean (P,) of the draws, or the given spectrum."""
+    if material.summary is not None:
+        return material.summary.mean
+    assert material.spectrum is not None
+    return material.spectrum
+
+
+def spectra_text(results: CommonResults, grid_nm: np.ndarray) -> str:
+    """All recovered spectra as canonical CSV, every 1 nm.
+
+    Parameters
+    ----------
+    grid_nm : (P,) array
+        Of the spectra.
+    """
+    columns: dict[str, np.ndarray] = {}
+    for material in results.materials:
+        if material.spectrum is not None:
+            columns[f"{material.name} inverse rendering"] = material.spectrum
+        if material.summary is not None:
+            columns |= {f"{material.name} mean": material.summary.mean,
+                        f"{material.name} standard deviation": material.summary.standard_deviation,
+                        f"{material.name} lower {material.summary.level:g}": material.summary.lower,
+                        f"{material.name} upper {material.summary.level:g}": material.summary.upper,
+                        f"{material.name} bound lower": material.summary.bound_lower,
+                        f"{material.name} bound upper": material.summary.bound_upper}
+    return table_text(grid_nm, columns, quantity=Quantity.REFLECTANCE,
+                      source=f"spectrabox, {results.name}".replace("\n", " "))

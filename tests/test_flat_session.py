@@ -1,0 +1,270 @@
+"""Sessions of flat samples: one photo with a chart in it, to spectra of its regions."""
+import json
+import shutil
+import subprocess
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flat_example import (
+    CHART,
+    HEAD,
+    PAINTS,
+    light_over,
+    picture,
+    rect_of,
+    regions_toml,
+    write_flat,
+)
+
+from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.fixtures.paints import NM, paint
+from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import run_stages
+from spectrabox.session.stages.stored_records import samples_of, signals_of
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="module")
+def _finished_flat(tmp_path_factory):
+    folder = write_flat(tmp_path_factory.mktemp("flat") / "session")
+    return folder, run(folder)
+
+
+@pytest.fixture
+def flat_session(_finished_flat, tmp_path):
+    """A finished session of its own."""
+    return shutil.copytree(_finished_flat[0], tmp_path / "session")
+
+
+def run(folder):
+    return run_stages(read_session(folder), device="cpu", only=None, force=False,
+                      progress=lambda *_: None)
+
+
+def true_signals(signals):
+    return np.array([signals.response @ np.interp(signals.grid.nm, NM, paint(name)[1])
+                     for name in signals.names])
+
+
+def errors_of(signals):
+    return np.sqrt(np.sum([np.diagonal(error.covariance, axis1=1, axis2=2)
+                           for error in signals.errors], axis=0))
+
+
+def test_signals_are_those_of_the_paints_wherever_the_light_falls_off(_finished_flat):
+    signals = signals_of(_finished_flat[1].stored)
+    off = (signals.signal - true_signals(signals)) / errors_of(signals)
+    # 12 signals, those of one region nearly one: 4 sigma would be a chance of 1 in 1000
+    assert np.abs(off).max() < 4
+    light = light_over()
+    on = {name: light[int(y0):int(y1), int(x0):int(x1)].mean()
+          for name, (x0, y0, x1, y1) in ((name, rect_of(name)) for name in PAINTS)}
+    assert max(on.values()) / min(on.values()) > 1.15   # the regions are lit differently
+    # uncorrected, the darkest would be off by more than this
+    assert np.abs(signals.signal / true_signals(signals) - 1).max() < 0.04
+
+
+def test_bands_hold_the_paints(_finished_flat):
+    for name in PAINTS:
+        _, summary = samples_of(_finished_flat[1].stored, name)
+        truth = np.interp(summary.grid.nm, NM, paint(name)[1])
+        assert np.mean((summary.lower <= truth) & (truth <= summary.upper)) > 0.8
+
+
+def test_the_light_is_known_worse_away_from_the_chart(_finished_flat):
+    light = dict(zip(PAINTS, _finished_flat[1].stored["signals"].record(np.ndarray, "light"),
+                     strict=True))
+    assert light["white_wall"][1] < light["green_wall"][1]
+    assert light["red_wall"][1] < light["cube"][1]
+
+
+def test_a_known_region_narrows_the_light_on_its_neighbours(flat_session):
+    (flat_session / "session.toml").write_text(
+        HEAD + regions_toml(known=("green_wall",)), encoding="utf-8")
+    finished = run(flat_session)
+    assert finished.states["calibrate"] == "kept" and finished.states["signals"] == "run"
+    after = dict(zip(PAINTS, finished.stored["signals"].record(np.ndarray, "light"), strict=True))
+    folder = write_flat(flat_session.parent / "again")
+    before = dict(zip(PAINTS, run(folder).stored["signals"].record(np.ndarray, "light"),
+                      strict=True))
+    assert after["cube"][1] < 0.8 * before["cube"][1]
+    signals = signals_of(finished.stored)
+    off = (signals.signal - true_signals(signals)) / errors_of(signals)
+    assert np.abs(off).max() < 4
+
+
+def test_running_again_keeps_everything_and_a_new_region_keeps_the_calibration(flat_session):
+    assert set(run(flat_session).states.values()) == {"kept"}
+    (flat_session / "session.toml").write_text(
+        HEAD + regions_toml(names=("white_wall", "cube")), encoding="utf-8")
+    states = run(flat_session).states
+    assert states == {"chart": "kept", "photo": "run", "calibrate": "kept", "signals": "run",
+                      "sample": "run"}
+
+
+def test_errors_of_a_signal_add_up_and_are_covariances(_finished_flat):
+    signals = signals_of(_finished_flat[1].stored)
+    for error in signals.errors:
+        for covariance in error.covariance:
+            np.testing.assert_allclose(covariance, covariance.T, atol=1e-15)
+            # round-off of sums of signals near 1
+            assert np.linalg.eigvalsh(covariance).min() > -1e-12
+
+
+def test_chart_and_samples_in_two_photos_differ_by_light_and_shutter(tmp_path):
+    folder = write_flat(tmp_path / "session")
+    gain = write_photo(folder / "photos" / "chart.dng", picture(paints={}), Fraction(1, 60),
+                       np.random.default_rng(4))
+    write_photo(folder / "photos" / "sample.dng", picture(chart=None),
+                Fraction(1, 120), np.random.default_rng(5), brightest=None, gain=gain)
+    (folder / "session.toml").write_text(HEAD.replace(
+        "[light]", 'chart = "photos/chart.dng"\n[light]') + regions_toml(), encoding="utf-8")
+    signals = signals_of(run(folder).stored)
+    off = (signals.signal - true_signals(signals)) / errors_of(signals)
+    assert np.abs(off).max() < 4
+    causes = {error.cause: error.covariance for error in signals.errors}
+    repeat = np.sqrt(np.diagonal(causes["light and shutter repeat"], axis1=1, axis2=2))
+    # 1.2 % of the light and 0.9 % of the shutter
+    np.testing.assert_allclose(repeat / signals.signal, np.hypot(0.012, 0.009), rtol=0.02)
+
+
+def test_a_flat_field_under_the_same_light_leaves_it_even(flat_session):
+    card = np.full((*light_over().shape, 3), 0.9) * light_over()[..., None]
+    write_photo(flat_session / "photos" / "flat.dng", card, Fraction(1, 60),
+                np.random.default_rng(6), electrons=4e5)
+    (flat_session / "session.toml").write_text(HEAD.replace(
+        "[light]", 'flat = "photos/flat.dng"\n[light]') + regions_toml(), encoding="utf-8")
+    finished = run(flat_session)
+    light = finished.stored["signals"].record(np.ndarray, "light")
+    np.testing.assert_allclose(light[:, 0], 1, atol=0.02)   # twice what a card is taken to leave
+    assert light[:, 1].max() < 0.012
+    signals = signals_of(finished.stored)
+    off = (signals.signal - true_signals(signals)) / errors_of(signals)
+    assert np.abs(off).max() < 4
+
+
+def spoilt(folder, name):
+    """Change one thing of a session for the worse."""
+    photo, rng = folder / "photos" / "sample.dng", np.random.default_rng(7)
+    text = (folder / "session.toml").read_text(encoding="utf-8")
+    if name == "no chart":
+        write_photo(photo, picture(chart=None), Fraction(1, 60), rng)
+    elif name == "mirrored":
+        write_photo(photo, picture()[:, ::-1], Fraction(1, 60), rng)
+    elif name == "cut off":
+        write_photo(photo, picture(chart=(-0.1, *CHART[1:])), Fraction(1, 60), rng)
+    elif name == "clipped region":
+        light = light_over()
+        x0, y0, x1, y1 = rect_of("white_wall")
+        light[y0:y1, x0:x1] *= 3
+        write_photo(photo, picture(light=light), Fraction(1, 60), rng, brightest=1.6)
+    elif name == "outside":
+        text = text.replace(str(rect_of("cube")), "[400, 100, 500, 200]")
+    elif name == "JPEG":
+        (folder / "photos" / "sample.jpg").write_bytes(b"\xff\xd8\xff\xe0 no picture")
+        text = text.replace("sample.dng", "sample.jpg")
+    (folder / "session.toml").write_text(text, encoding="utf-8")
+
+
+@pytest.mark.parametrize("fault, sentence", [
+    ("no chart", "no ColorChecker was found in photo sample.dng"),
+    ("mirrored", "shows the chart mirrored"),
+    ("cut off", "no ColorChecker was found"),
+    ("clipped region", "region 'white_wall' is saturated in"),
+    ("outside", "region 'cube' leaves the photo of 480 x 320 pixels"),
+    ("JPEG", "sample.jpg")])
+def test_bad_input_is_one_sentence(flat_session, fault, sentence):
+    spoilt(flat_session, fault)
+    with pytest.raises(SpectraboxError, match=sentence) as raised:
+        run(flat_session)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("change, sentence", [
+    (("[regions.cube]", "[scene]\nfile = \"a.xml\"\n[regions.cube]"),
+     r"\[regions\] and \[scene\] stand together"),
+    (("[regions.cube]", "[reconstruct]\nwidth = 40\n[regions.cube]"),
+     r"\[reconstruct\] belongs to a scene"),
+    (("[regions.cube]", "[regions.other]\n[regions.cube]"), "regions.other needs either rect"),
+    (("[regions.cube]", "[regions.other]\nrect = [1, 2, 1, 9]\n[regions.cube]"),
+     "two opposite corners"),
+    (("[regions.cube]", "[regions.cube]\nphoto = \"warm\""), "the session's photos are photo"),
+    (("[sampling]", "[sampling]\nthrough = \"transport\""), "follows light through a scene"),
+    (("[sampling]", "[sensitivity]\nmethod = \"paper\"\n[sampling]"), "use \"prior\"")])
+def test_keys_that_do_not_go_together_are_named(tmp_path, change, sentence):
+    (tmp_path / "session.toml").write_text((HEAD + regions_toml()).replace(*change),
+                                           encoding="utf-8")
+    with pytest.raises(InputError, match=sentence):
+        read_session(tmp_path)
+
+
+FLAT = """
+import sys
+sys.argv = ["spectrabox", *sys.argv[1:]]
+from spectrabox.session.cli import main
+try:
+    main()
+except SystemExit as left:
+    print("LEFT", left.code, file=sys.stderr)
+print("MODULES", *sys.modules)
+"""
+
+
+def spectrabox(*words):
+    ran = subprocess.run([sys.executable, "-c", FLAT, *map(str, words)], capture_output=True,
+                         text=True, check=False, cwd=ROOT)
+    *said, modules = ran.stdout.splitlines()
+    return said, modules.split()[1:], ran.stderr
+
+
+def test_one_command_goes_from_a_photo_to_its_report(tmp_path):
+    source = write_flat(tmp_path / "source")
+    photo = tmp_path / "my painting.dng"
+    shutil.copy(source / "photos" / "sample.dng", photo)
+    words = ["flat", photo, "--light", source / "spectra" / "light.csv", "--json"]
+    words += [f"--region={name}={','.join(map(str, rect_of(name)))}" for name in ("cube",
+                                                                              "red_wall")]
+    words += ["--truth", f"cube={source / 'spectra' / 'cube.csv'}"]
+    said, modules, _ = spectrabox(*words)
+    facts = json.loads(said[-1])
+    assert {"report", "verdict", "regions", "light", "warnings", "seconds"} <= facts.keys()
+    assert (tmp_path / "my painting-flat" / "report.html").is_file()
+    cube = facts["regions"][0]
+    count = len(cube["wavelengths_nm"])
+    assert all(len(cube[name]) == count for name in ("mean", "standard_deviation", "lower", "upper",
+                                                     "bound_lower", "bound_upper"))
+    assert len(cube["signal"]) == len(cube["lab_d65"]) == 3
+    assert cube["rmse_mean"] < 0.08 and cube["coverage_95"] > 0.7
+    assert not {name.split(".")[0] for name in modules} & {"mitsuba", "drjit"}
+    ours = {name for name in modules if name.startswith("spectrabox.reconstruct.")}
+    assert ours == {"spectrabox.reconstruct.settings"}      # defaults of session.toml
+
+
+def test_a_failed_command_leaves_nothing_and_an_edited_session_alone(tmp_path):
+    source = write_flat(tmp_path / "source")
+    photo = tmp_path / "a.dng"
+    shutil.copy(source / "photos" / "sample.dng", photo)
+    light = ["--light", source / "spectra" / "light.csv"]
+    _, _, error = spectrabox("flat", photo, *light, "--region", "out=400,100,500,200")
+    assert "leaves the photo of 480 x 320 pixels" in error
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.dng", "source"]
+    shutil.copytree(source, tmp_path / "a-flat")
+    _, _, error = spectrabox("flat", photo, *light, "--region", "cube=1,2,30,40")
+    assert "was edited since" in error
+
+
+def test_a_warmer_lamp_over_the_samples_is_seen_on_a_white_card(flat_session):
+    light = np.repeat(light_over()[..., None], 3, axis=2)
+    x0, _, x1, _ = rect_of("white_wall")
+    light[:, x0 - 20:x1 + 20, 2] *= 0.85
+    write_photo(flat_session / "photos" / "sample.dng", picture(light=np.ones(light.shape[:2]))
+                * light, Fraction(1, 60), np.random.default_rng(8))
+    (flat_session / "session.toml").write_text(
+        HEAD + regions_toml(known=("white_wall",)), encoding="utf-8")
+    with pytest.raises(SpectraboxError, match="photographed under different light"):
+        run(flat_session)
