@@ -37,7 +37,7 @@ EXPOSURE_S = 6.0
 POINTS = 101
 MAX_EMPTY_LINES = 20
 ERRORS = {
-    1: "no end of scan at the start", 3: "no start signal", 4: "no end of scan for the integration",
+    -1: "the light is too weak", 1: "no end of scan at the start", 3: "no start signal", 4: "no end of scan for the integration",
     5: "its DMA failed",
     6: "no end of scan after sync", 7: "it cannot lock to the light", 8: "the sync was lost",
     10: "the light is too weak",
