@@ -147,6 +147,18 @@ def test_a_reply_that_contradicts_itself_is_refused_though_it_is_repeated(name, 
         measured(CLEAN[name], {command: reply})
 
 
+@pytest.mark.parametrize("reply, error", [
+    (b"0000\r\n", None), (b"00000\r\n", None), (b"-14\r\n", RefusedError),
+    (b"00000,0,1.0e+00\r\n", LineFaultError),      # a report that comes late is no answer
+    (b"000\r\n", LineFaultError)])
+def test_a_pr655_confirms_a_setting_with_a_code_that_stands_alone(reply, error):
+    if error is None:
+        assert measured(CLEAN["pr655"], {b"SU1\r": reply})[0].outcome is GOOD
+    else:
+        with pytest.raises(error):
+            measured(CLEAN["pr655"], {b"SU1\r": reply})
+
+
 @pytest.mark.parametrize("quality", [-1, 1, 7, 8, 10, 16, 17, 19, 20, 29, 30, 77])
 def test_a_pr650_spectrum_of_bad_quality_is_refused_though_both_readings_say_so(quality):
     code = b"%02d" % quality

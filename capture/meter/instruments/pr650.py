@@ -1,7 +1,8 @@
 """Photo Research PR-650 (380-780 nm in 4 nm steps).
 
 Sources: PsychoPy, the Brainard laboratory's PR650 code with its table of quality codes,
-Mcalibrator2's notes from the manual. Not checked on an instrument yet. It has no leave-remote
+Mcalibrator2's notes from the manual; compared with Psychtoolbox's PR650Toolbox, as
+docs/reference/meters.md tells. Not checked on an instrument yet. It has no leave-remote
 command and cannot report its settings: it returns to its own at the next power-on. ``E`` is never
 sent: it cannot be undone.
 """
@@ -37,8 +38,8 @@ EXPOSURE_S = 6.0
 POINTS = 101
 MAX_EMPTY_LINES = 20
 ERRORS = {
-    -1: "the light is too weak", 1: "no end of scan at the start", 3: "no start signal", 4: "no end of scan for the integration",
-    5: "its DMA failed",
+    -1: "the light is too weak", 1: "no end of scan at the start", 3: "no start signal",
+    4: "no end of scan for the integration", 5: "its DMA failed",
     6: "no end of scan after sync", 7: "it cannot lock to the light", 8: "the sync was lost",
     10: "the light is too weak",
     12: "its hardware failed", 13: "its software failed", 14: "no sample for L*u*v* or L*a*b*",

@@ -1,6 +1,7 @@
 """Photo Research PR-655 and PR-670 (PR-6xx and PR-7xx speak the same language).
 
-Sources: PR-655/670 manual pages on reports and codes, and five public drivers. Not checked on an
+Sources: PR-655/670 manual pages on reports and codes, and five public drivers; compared with
+Psychtoolbox's PR655Toolbox and PR670Toolbox, as docs/reference/meters.md tells. Not checked on an
 instrument yet.
 """
 from __future__ import annotations
@@ -31,6 +32,10 @@ from spectrabox.radiometry.spectra.readings import ReadingOutcome
 REPLY_S = 10.0
 SETTLE_S = 1.0              # between Q and PHOTO
 MAX_EXPOSURE_S = 30.0
+EXPOSURES = 3               # a trial for the automatic exposure, the light, the dark
+# A report's code has five digits and its fields follow; a setting's stands alone, of four digits
+# in the manual. Errors are signed, of any width.
+REPORT_REPLY, SETTING_REPLY = r"(\d{5}|-\d+)(?:,(.*))?", r"(\d{4,5}|-\d+)()"
 ECHO = b"E\r"               # a toggle without an answer
 ERRORS = {
     -1: "the light is not constant", -2: "the light is too strong",
@@ -121,13 +126,13 @@ class Pr655(Instrument):
         if command == ECHO:
             return super().obeyed(command)
         self.line.send(command)
-        return self._code(command.decode().rstrip(), RESTORE_S, digits=4)[0] == 0
+        return self._code(command.decode().rstrip(), RESTORE_S, SETTING_REPLY)[0] == 0
 
     def leave(self) -> None:
         self.line.send(b"Q")
 
     def longest_measurement_s(self) -> float:
-        return 10 + self.averages * 2 * MAX_EXPOSURE_S
+        return 10 + self.averages * EXPOSURES * MAX_EXPOSURE_S
 
     def _enter(self) -> None:
         self.entered = True
@@ -153,7 +158,7 @@ class Pr655(Instrument):
             raise refused(self, command, code, ERRORS)
 
     def _exchange_codes(self, command: str) -> int:
-        return self._exchange(command, REPLY_S, digits=4)[0]
+        return self._exchange(command, REPLY_S, SETTING_REPLY)[0]
 
     def _ask(self, command: str) -> str:
         code, result = self._exchange(command, REPLY_S)
@@ -161,14 +166,15 @@ class Pr655(Instrument):
             raise refused(self, command, code, ERRORS)
         return result
 
-    def _exchange(self, command: str, limit_s: float, digits: int = 5) -> tuple[int, str]:
+    def _exchange(self, command: str, limit_s: float,
+                  form: str = REPORT_REPLY) -> tuple[int, str]:
         self.line.write(command.encode() + b"\r")
-        return self._code(command, limit_s, digits)
+        return self._code(command, limit_s, form)
 
-    def _code(self, command: str, limit_s: float, digits: int = 5) -> tuple[int, str]:
+    def _code(self, command: str, limit_s: float, form: str = REPORT_REPLY) -> tuple[int, str]:
         """The code that a reply begins with, and the rest of the reply."""
         reply = self.line.read_line(limit_s)
-        match = re.fullmatch(rf"(\d{{{digits}}}|-\d+)(?:,(.*))?", reply)
+        match = re.fullmatch(form, reply)
         if match is None and command == "D111":
             raise self.wrong(reply)
         if match is None:
