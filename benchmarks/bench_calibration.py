@@ -96,8 +96,9 @@ def fit_one(method: str, shots: list[Shot], reflectances: np.ndarray, prior: Cam
         return found.sensitivity.curves, lower, upper
     first = shots[0]
     zero = np.zeros(first.signal.shape)
-    fit, _ = fit_sensitivities(PatchSamples(first.signal, covariances[0], np.ones(24), zero, zero),
-                               reflectances, first.power, np.full(24, np.pi), GRID, method=method)
+    samples = PatchSamples(first.signal, covariances[0], np.ones(24), zero, zero)
+    fit, _, _ = fit_sensitivities(samples, reflectances, first.power, np.full(24, np.pi), GRID,
+                                  method=method)
     assert fit.standard_error is not None
     half_width = 1.645 * fit.standard_error
     return fit.curves, fit.curves - half_width, fit.curves + half_width

@@ -54,7 +54,7 @@ def judge(truth: np.ndarray, reflectances: np.ndarray, power: np.ndarray, noise:
     lower, upper = np.quantile(draw_curves(found.posterior, len(truth), 400, 0).curves,
                                [0.05, 0.95], axis=0)
     zero = np.zeros(signal.shape)
-    plain, _ = fit_sensitivities(PatchSamples(signal, covariance, np.ones(24), zero, zero),
+    plain, _, _ = fit_sensitivities(PatchSamples(signal, covariance, np.ones(24), zero, zero),
                                  reflectances, power, np.full(24, np.pi), GRID, method="smooth")
     assert plain.standard_error is not None
     return (_error(found.sensitivity.curves, truth),

@@ -2,16 +2,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
-from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations
+from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, some_patches
 from spectrabox.calibrate.colour_matrix import matrix_sentences
+from spectrabox.calibrate.left_out import PatchesWithout, in_chart_order
 from spectrabox.calibrate.measured_curves import check_measured_curves
 from spectrabox.calibrate.photo_checks import disagreement, light_power, refuse_disagreement
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.smooth_prior import SMOOTH_SOURCE
+from spectrabox.calibrate.products.lamps import lamps_like
+from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.sensitivity import (
     CHART_ERROR,
     SPLINE_COEFFICIENTS,
@@ -29,11 +33,16 @@ from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.light_scale import scale_from_signals
 from spectrabox.radiometry.records import (
     Calibration,
+    CalibrationDoubt,
+    ChartWhite,
+    LightPosterior,
     LightScale,
     Outcome,
     PatchSamples,
+    Quantity,
     SensitivityFit,
     Spectrum,
+    UnknownLight,
     WavelengthGrid,
 )
 from spectrabox.radiometry.response import response_matrix
@@ -49,9 +58,15 @@ class ChartPhoto(Record):
 
     samples: PatchSamples
     reflectances: Annotated[np.ndarray, "24 P"]
-    light: Spectrum
+    light: Spectrum | UnknownLight
     # On each patch for a light spectrum of 1. None: not known, a smooth field is allowed.
     irradiance: Annotated[np.ndarray, "24"] | None = None
+    kept_out: Annotated[np.ndarray, "24"] | None = None     # bool: patches that no fit may use
+
+    @property
+    def used(self) -> np.ndarray:
+        """Whether each patch (24,) may be used."""
+        return np.ones(24, bool) if self.kept_out is None else ~self.kept_out.astype(bool)
 
 
 @dataclass(frozen=True)
@@ -75,6 +90,13 @@ class ChartCalibration(Record):
     delta_e: Annotated[np.ndarray, "24"]            # CIEDE2000 of each patch, fitted
     held_out_delta_e: Annotated[np.ndarray, "24"]   # the same, the patch left out of the fit
     prior_fit: PriorFit | None                      # of the method "prior"
+    without: PatchesWithout                         # the first photo's patches, each left out
+    kept_out: Annotated[np.ndarray, "24"]           # bool: of no fit at all
+
+    @property
+    def white(self) -> ChartWhite | None:
+        """White, field and glare of the first photo; None by methods that fit none."""
+        return None if self.prior_fit is None else self.prior_fit.photos[0].white
 
 
 def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
@@ -106,47 +128,61 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     chosen = CalibrationOptions() if options is None else options
     first = photos[0]
     _require_bands(first.samples)
+    if isinstance(first.light, UnknownLight):
+        _require_one_unknown(photos, first.light, chosen)
     if len(photos) > 1 and (chosen.curves is not None or chosen.method != "prior"):
         method = chosen.method if chosen.curves is None else "file"
         raise InputError(f"method {method} takes one photo; {len(photos)} photos need method prior")
-    power, unseen = light_power(first.light, grid)
+    light, power, unseen = _power_of(first.light, grid)
     lit = UNKNOWN_IRRADIANCE if first.irradiance is None else first.irradiance
-    prior_fit = None
+    prior_fit, posterior = None, None
+    doubtful: tuple[CalibrationDoubt, ...] = ()
     if chosen.curves is not None:
-        fit, scale, predicted = _from_measured(first.samples, first.reflectances, power, lit, grid,
-                                               chosen.curves)
+        fit, scale, predicted, without = _from_measured(first, power, lit, grid, chosen.curves)
         said: tuple[str, ...] = (
-            check_measured_curves(_as_equations(first, grid), chosen.curves, grid),)
+            check_measured_curves(_as_equations(first, grid)[0], chosen.curves, grid),)
     elif chosen.method == "prior":
         equations = [_as_equations(photo, grid) for photo in photos]
-        prior_fit = prior_calibration(equations, grid, chosen.prior)
-        fit, scale = prior_fit.sensitivity, scale_of_photo(prior_fit, 0)
-        predicted, said = prior_fit.photos[0].predicted, sentences(prior_fit, grid)
+        fitted, apart = [used for used, _ in equations], equations[0][1]
+        if isinstance(first.light, UnknownLight):
+            prior_fit, posterior, said = _products(fitted, first.light, grid, chosen.prior, apart)
+        else:
+            prior_fit = prior_calibration(fitted, grid, chosen.prior, apart)
+            said, doubtful = (), doubts(prior_fit)
+        said = (*sentences(prior_fit, grid), *said)
+        scale, without = scale_of_photo(prior_fit, 0), in_chart_order(prior_fit.without, first.used)
+        predicted = _predicted(prior_fit, first, without)
+        fit = replace(prior_fit.sensitivity, residuals=1 - predicted / first.samples.mean,
+                      held_out_residuals=1 - without.predicted(first.reflectances)
+                      / first.samples.mean)
+        scale = replace(scale, residuals=fit.residuals)
     else:
-        fit, scale = fit_sensitivities(first.samples, first.reflectances, power, lit, grid,
-                                       chosen.coefficients, method=chosen.method)
+        fit, scale, without = fit_sensitivities(
+            first.samples, first.reflectances, power, lit, grid, chosen.coefficients,
+            method=chosen.method, used=first.used)
         said = (SPLINE_BANDS[chosen.method],)
         predicted = scale.value * _chart_signals(grid, fit.curves, power, first.reflectances, lit)
     held_out = fit.residuals if fit.held_out_residuals is None else fit.held_out_residuals
     assert held_out is not None
     covariance = relative_prediction_covariance(held_out, first.samples)
-    without = first.samples.mean * (1 - held_out)
+    signals_without = first.samples.mean * (1 - held_out)
     delta_e, delta_e_without = (
         chart_colour_differences(first.samples.mean, signal, first.reflectances, grid)
-        for signal in (predicted, without))
+        for signal in (predicted, signals_without))
     left_out = ("" if chosen.curves is not None
                 else f", {delta_e_without.mean():.2f} for patches left out of the fit")
     checks = (f"chart colour difference {delta_e.mean():.2f} CIEDE2000{left_out}",
               *_checks(fit, covariance, scale), *unseen, *said,
               *matrix_sentences(first.samples.camera_from_xyz, fit.curves, grid))
-    calibration = Calibration(fit, first.light, None if first.irradiance is None else scale,
-                              covariance, checks, () if prior_fit is None else doubts(prior_fit))
-    return ChartCalibration(calibration, scale, predicted, without, delta_e, delta_e_without,
-                            prior_fit)
+    calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
+                              checks, doubtful, posterior)
+    return ChartCalibration(calibration, scale, predicted, signals_without, delta_e,
+                            delta_e_without, prior_fit, without, ~first.used)
 
 
 def prior_calibration(photos: list[ChartEquations], grid: WavelengthGrid,
-                      prior: CameraPrior | None = None) -> PriorFit:
+                      prior: CameraPrior | None = None,
+                      apart: ChartEquations | None = None) -> PriorFit:
     """The joint estimate from chart photos, refused where no camera explains them.
 
     Parameters
@@ -157,6 +193,8 @@ def prior_calibration(photos: list[ChartEquations], grid: WavelengthGrid,
         Working grid, of P wavelengths.
     prior : CameraPrior or None
         None: see ``default_prior``.
+    apart : ChartEquations or None
+        Patches of the first photo that no fit is to use.
 
     Raises
     ------
@@ -164,7 +202,7 @@ def prior_calibration(photos: list[ChartEquations], grid: WavelengthGrid,
         If the patches disagree with the reference under any camera; it says which photo, and which
         other reading of it would agree.
     """
-    joint = fit_with_prior(photos, prior, grid)
+    joint = fit_with_prior(photos, prior, grid, apart=apart)
     if not joint.disagrees:
         return joint
     known = default_prior(photos, grid) if prior is None else prior
@@ -210,21 +248,89 @@ def _require_bands(samples: PatchSamples) -> None:
                          "one of several bands")
 
 
-def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> ChartEquations:
-    """A photo as equations, with a field where the illumination of the chart is not known."""
-    power, _ = light_power(photo.light, grid)
-    if photo.irradiance is None:
-        return chart_equations(photo.samples, photo.reflectances, power, UNKNOWN_IRRADIANCE, grid,
-                           positions=patch_centres_uv())
-    return chart_equations(photo.samples, photo.reflectances, power, photo.irradiance, grid)
+def _require_one_unknown(photos: Sequence[ChartPhoto], light: UnknownLight,
+                         chosen: CalibrationOptions) -> None:
+    """Refuse what an unknown light cannot be used with."""
+    if chosen.curves is not None or chosen.method != "prior":
+        method = chosen.method if chosen.curves is None else "file"
+        raise InputError(f"method {method} needs the spectrum of the light, and the photo has an "
+                         f"{light.words}; use method prior, or measure the light")
+    if any(photo.light is not light for photo in photos[1:]):
+        raise InputError("several chart photos of which one has an unknown light must all be under "
+                         "that light: fit those under other lights by themselves, or measure it")
 
 
-def _from_measured(samples: PatchSamples, reflectances: np.ndarray, power: np.ndarray,
-                   irradiance: np.ndarray, grid: WavelengthGrid,
-                   curves: np.ndarray) -> tuple[SensitivityFit, LightScale, np.ndarray]:
-    unscaled = _chart_signals(grid, curves, power, reflectances, irradiance)
-    scale = scale_from_signals(samples.mean, unscaled, CHART_ERROR, "chart photo")
-    return _measured_curves(grid, curves, scale.residuals), scale, scale.value * unscaled
+def _power_of(light: Spectrum | UnknownLight,
+              grid: WavelengthGrid) -> tuple[Spectrum, np.ndarray, tuple[str, ...]]:
+    """The light as the calibration carries it, on the grid (P,), and what it cannot show."""
+    if isinstance(light, UnknownLight):
+        ones = np.ones_like(grid.nm)
+        return Spectrum(grid, ones, Quantity.RELATIVE, light.words), ones, ()
+    return (light, *light_power(light, grid))
+
+
+def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> tuple[ChartEquations,
+                                                                    ChartEquations | None]:
+    """A photo as equations, with a field where the illumination of the chart is not known; and the
+    patches that are kept out, if any.
+    """
+    _, power, _ = _power_of(photo.light, grid)
+    known = photo.irradiance is not None
+    whole = chart_equations(photo.samples, photo.reflectances, power,
+                            UNKNOWN_IRRADIANCE if photo.irradiance is None else photo.irradiance,
+                            grid, positions=None if known else patch_centres_uv())
+    if photo.used.all():
+        return whole, None
+    return some_patches(whole, photo.used), some_patches(whole, ~photo.used)
+
+
+def _products(photos: list[ChartEquations], said: UnknownLight, grid: WavelengthGrid,
+              prior: CameraPrior | None, apart: ChartEquations | None
+              ) -> tuple[PriorFit, LightPosterior | None, tuple[str, ...]]:
+    """Products of sensitivity and an unknown light, and what is known of the light by itself."""
+    cameras = default_prior(photos, grid) if prior is None else prior
+    if cameras.source == SMOOTH_SOURCE:
+        return prior_calibration(photos, grid, cameras, apart), None, (
+            f"no measured camera has {cameras.bands} bands: products of sensitivity and light were "
+            "fitted with smoothness alone, so narrow lines of the lamp are smoothed over and the "
+            "light by itself is not known",)
+    lamps = lamps_like(said)
+    found = fit_products(photos, cameras, lamps, grid, said.words, apart)
+    if found.fit.disagrees:
+        first = found.fit.held_out[0]
+        refuse_disagreement("no camera under any lamp explains the chart photo",
+                            disagreement(photos[0].signal, first), found.fit.chi_square, None)
+    return found.fit, found.light, found.light.sentences
+
+
+def _predicted(fit: PriorFit, photo: ChartPhoto, without: PatchesWithout) -> np.ndarray:
+    """Signals (24, K) that the fit predicts; of patches kept out, those of the fit without them."""
+    predicted = without.predicted(photo.reflectances)
+    predicted[photo.used] = fit.photos[0].predicted
+    return predicted
+
+
+def _from_measured(photo: ChartPhoto, power: np.ndarray, irradiance: np.ndarray,
+                   grid: WavelengthGrid, curves: np.ndarray
+                   ) -> tuple[SensitivityFit, LightScale, np.ndarray, PatchesWithout]:
+    samples, used = photo.samples, photo.used
+    unscaled = _chart_signals(grid, curves, power, photo.reflectances, irradiance)
+    scale = scale_from_signals(samples.mean[used], unscaled[used], CHART_ERROR, "chart photo")
+    others = [scale_from_signals(samples.mean[used & rest], unscaled[used & rest], CHART_ERROR,
+                                 "chart photo").value for rest in ~np.eye(24, dtype=bool)]
+    predicted = scale.value * unscaled
+    residuals = 1 - predicted / samples.mean
+    relative = relative_prediction_covariance(residuals, samples)
+    bands = len(curves)
+    lit = (np.array(others) * irradiance / np.pi)[:, None, None]
+    covariance = np.zeros((24, bands * bands + bands, bands * bands + bands))
+    covariance[:, bands * bands:, bands * bands:] = (
+        relative * samples.mean[:, :, None] * samples.mean[:, None, :])
+    without = PatchesWithout(curves.T, power * grid.weights_nm, lit * np.eye(bands),
+                             np.zeros((24, bands)), covariance, samples.mean,
+                             samples.covariance_of_mean)
+    return (_measured_curves(grid, curves, residuals), replace(scale, residuals=residuals),
+            predicted, without)
 
 
 def _chart_signals(grid: WavelengthGrid, curves: np.ndarray, power: np.ndarray,

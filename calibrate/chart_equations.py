@@ -9,7 +9,7 @@ and the field may be switched off.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -57,6 +57,20 @@ def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.n
     terms = np.zeros((len(samples.mean), 0)) if positions is None else field_terms(positions)
     return ChartEquations(samples.mean, samples.covariance_of_mean, reflectances,
                       light * grid.weights_nm, irradiance, terms, glare=True)
+
+
+def some_patches(photo: ChartEquations, chosen: np.ndarray) -> ChartEquations:
+    """The equations of some patches alone.
+
+    Parameters
+    ----------
+    photo : ChartEquations
+        Of I patches.
+    chosen : (I,) bool array
+    """
+    return replace(photo, signal=photo.signal[chosen], covariance=photo.covariance[chosen],
+                   reflectances=photo.reflectances[chosen], irradiance=photo.irradiance[chosen],
+                   field_terms=photo.field_terms[chosen])
 
 
 def field_terms(positions: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import ChartEquations
+from spectrabox.calibrate.left_out import PatchesWithout
 from spectrabox.calibrate.photo_checks import (
     WORST_CHI_SQUARE,
     WORST_MODEL_ERROR,
@@ -67,6 +68,7 @@ class PriorFit(Record):
     families: tuple[tuple[str, float], ...]         # members and probability, likeliest first
     model_error: float                              # relative disagreement of patches and model
     chi_square: float                               # per datum, about 1 where everything agrees
+    without: PatchesWithout                         # of the first photo, then those kept apart
 
     @property
     def disagrees(self) -> bool:
@@ -88,7 +90,8 @@ def default_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> CameraP
 
 
 def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid: WavelengthGrid, *,
-                   model_errors: tuple[float, ...] = MODEL_ERRORS) -> PriorFit:
+                   model_errors: tuple[float, ...] = MODEL_ERRORS,
+                   apart: ChartEquations | None = None) -> PriorFit:
     """Curves, exposure, field and glare from chart photos of one camera, with calibrated errors.
 
     Parameters
@@ -102,6 +105,8 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid
         Working grid, of P wavelengths.
     model_errors : tuple of float
         Relative errors of patches against the model that are held possible.
+    apart : ChartEquations or None
+        Patches of the first photo that no fit is to use.
 
     Raises
     ------
@@ -122,7 +127,7 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid
     # matrices of 200 rows: more threads wait for each other, ten times as long
     with threadpool_limits(1, "blas"):
         posterior = posterior_of_curves(photos, prior, grid, model_errors=model_errors)
-        held_out, chi_square = held_out_signals(photos, prior, grid, posterior)
+        held_out, chi_square, without = held_out_signals(photos, prior, grid, posterior, apart)
         moments = curve_moments(posterior, prior.bands)
         states = photo_states(posterior, photos, moments)
         shares = prior_share(posterior, prior, moments)
@@ -131,7 +136,7 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid
     error = np.sqrt(curve_variance(posterior.basis, moments.covariance, prior.bands))
     first = photos[0].signal
     of_chart = len(first) == 24
-    condition = _condition_number(photos[0], grid)
+    condition = condition_number(photos[0], grid)
     fit = SensitivityFit(grid, curves, posterior.basis, moments.coefficients, moments.covariance,
                          error, 1 - states[0].predicted / first if of_chart else None,
                          1 - held_out[0] / first if of_chart else None, condition,
@@ -140,13 +145,14 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid
     order = np.argsort(-posterior.families)
     families = tuple((prior.members[index], float(posterior.families[index])) for index in order)
     return PriorFit(fit, posterior, tuple(states), tuple(held_out), shares, families,
-                    posterior.model_error, chi_square)
+                    posterior.model_error, chi_square, without)
 
 
 def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
                       irradiance: np.ndarray, grid: WavelengthGrid,
-                      coefficients: int = SPLINE_COEFFICIENTS, *,
-                      method: str) -> tuple[SensitivityFit, LightScale]:
+                      coefficients: int = SPLINE_COEFFICIENTS, *, method: str,
+                      used: np.ndarray | None = None
+                      ) -> tuple[SensitivityFit, LightScale, PatchesWithout]:
     """Sensitivities of largest value 1 by splines, band after band, and the factor divided out.
 
     Parameters
@@ -164,6 +170,8 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
         Spline coefficients a band, with the two zero ends; of ``paper`` and ``nonnegative`` only.
     method : str
         One of ``SPLINE_METHODS``; for ``prior`` see ``fit_with_prior``.
+    used : (24,) bool array or None
+        Patches that the fit may use; None for all.
 
     Returns
     -------
@@ -171,6 +179,7 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
         With residuals, and residuals of each patch when it is left out of the fit.
     LightScale
         signal = value x irradiance / pi x integral of sensitivity, light and reflectance.
+    PatchesWithout
 
     Raises
     ------
@@ -182,11 +191,14 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
     """
     if method not in SPLINE_METHODS:
         raise InputError(f"method {method!r} is not known; known are {', '.join(METHODS)}")
-    require_patches(patches.mean)
-    require_apart(patches.mean)
+    used = np.ones(len(patches.mean), bool) if used is None else used
+    require_patches(patches.mean[used])
+    require_apart(patches.mean[used])
     rows = reflectances * (light * grid.weights_nm) * (irradiance / np.pi)[:, None]
-    bands = fit_bands(method, rows, patches.mean, _patch_sigma(patches), grid, coefficients)
-    return _normalised(bands, patches, grid, method)
+    sigma = _patch_sigma(patches)
+    bands = fit_bands(method, rows, patches.mean, sigma, grid, coefficients, used)
+    return *_normalised(bands, patches, grid, method), _without(bands, light * grid.weights_nm,
+                                                                irradiance, patches, sigma)
 
 
 def scale_of_photo(fit: PriorFit, index: int) -> LightScale:
@@ -248,16 +260,36 @@ def _normalised(bands: BandFits, patches: PatchSamples, grid: WavelengthGrid,
     return fit, LightScale(peak, float(peak * relative), residuals, "chart photo")
 
 
+def _without(bands: BandFits, power: np.ndarray, irradiance: np.ndarray, patches: PatchSamples,
+             sigma: np.ndarray) -> PatchesWithout:
+    """Patches left out of spline fits, whose exposure is that of the curves; no glare is fitted."""
+    lit = irradiance / np.pi
+    count, number = patches.mean.shape
+    size = number * bands.basis.shape[1]
+    covariance = np.zeros((count, size + number, size + number))
+    for patch in range(count):
+        covariance[patch, :size, :size] = lit[patch]**2 * block_diagonal(
+            *bands.covariance_without[patch])
+    noise = np.einsum("ik,kl->ikl", sigma**2, np.eye(number))
+    return PatchesWithout(bands.basis, power, lit[:, None, None] * bands.without,
+                          np.zeros((count, number)), covariance, patches.mean, noise)
+
+
 def _patch_sigma(patches: PatchSamples) -> np.ndarray:
     noise = np.einsum("ikk->ik", patches.covariance_of_mean)
     brightest = patches.mean.max(axis=0)
     return np.sqrt(noise + (CHART_ERROR * patches.mean) ** 2 + (FLOOR * brightest) ** 2)
 
 
-def _condition_number(photo: ChartEquations, grid: WavelengthGrid) -> float:
+def condition_number(photo: ChartEquations, grid: WavelengthGrid) -> float:
     """Of the paper's fit with 10 coefficients, whatever the method.
 
     It says how much chart and light alone determine.
+
+    Parameters
+    ----------
+    photo : ChartEquations
+    grid : WavelengthGrid
     """
     inner_splines = basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
     return float(np.linalg.cond((photo.reflectances * photo.power) @ inner_splines))

@@ -42,12 +42,18 @@ class BandFits(Record):
     coefficients: Annotated[np.ndarray, "K N"]
     covariance: Annotated[np.ndarray, "K N N"]
     design: Annotated[np.ndarray, "I N"]
-    predicted_without: Annotated[np.ndarray, "I K"]  # each patch, left out of the fit
+    without: Annotated[np.ndarray, "I K N"]         # coefficients, each patch left out of the fit
+    covariance_without: Annotated[np.ndarray, "I K N N"]
     condition_number: float
+
+    @property
+    def predicted_without(self) -> np.ndarray:
+        """Signals (I, K) of the patches, each from the fit without it."""
+        return np.asarray(np.einsum("in,ikn->ik", self.design, self.without))
 
 
 def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarray,
-              grid: WavelengthGrid, coefficients: int) -> BandFits:
+              grid: WavelengthGrid, coefficients: int, used: np.ndarray) -> BandFits:
     """Every band fitted by one of ``SPLINE_METHODS``.
 
     Parameters
@@ -61,6 +67,8 @@ def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarr
         Working grid, of P wavelengths.
     coefficients : int
         Of ``paper`` and ``nonnegative``, with the two zero ends.
+    used : (I,) bool array
+        Patches that the fit may use.
 
     Raises
     ------
@@ -71,19 +79,25 @@ def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarr
     full = basis_matrix(grid.nm, SMOOTH_COEFFICIENTS if method == "smooth" else coefficients)
     basis = full if method == "smooth" else full[:, 1:-1]  # b_400 c = b_700 c = 0
     design = rows @ basis
-    condition = float(np.linalg.cond(rows @ basis_matrix(grid.nm, coefficients)[:, 1:-1]))
+    condition = float(np.linalg.cond(rows[used] @ basis_matrix(grid.nm, coefficients)[:, 1:-1]))
     if method != "smooth":
-        _require_determined(design, condition, coefficients)
+        _require_determined(design[used], condition, coefficients)
     solvers: dict[str, Solver] = {"paper": _solve_paper, "nonnegative": _solve_nonnegative}
     solve = (solvers[method] if method in solvers
-             else partial(_solve_smooth, roughness=_best_roughness(design, signal, sigma)))
-    solved, covariance, without = _fit_each(solve, design, signal, sigma)
-    if method == "smooth":
-        return BandFits(full, solved, covariance, design, without, condition)
-    inner = np.zeros((len(covariance), coefficients, coefficients))
-    inner[:, 1:-1, 1:-1] = covariance
-    return BandFits(full, np.pad(solved, ((0, 0), (1, 1))), inner, np.pad(design, ((0, 0), (1, 1))),
-                    without, condition)
+             else partial(_solve_smooth, roughness=_best_roughness(design[used], signal[used],
+                                                                   sigma[used])))
+    solved, covariance = _fit_each(solve, design[used], signal[used], sigma[used])
+    others = [_fit_each(solve, *(values[used & (np.arange(len(signal)) != patch)]
+                                 for values in (design, signal, sigma)))
+              for patch in range(len(signal))]
+    without, spread = (np.array(column) for column in zip(*others, strict=True))
+    if method != "smooth":                          # the two ends are zero
+        ends = (1, 1)
+        solved, design = (np.pad(values, ((0, 0), ends)) for values in (solved, design))
+        covariance = np.pad(covariance, ((0, 0), ends, ends))
+        without, spread = (np.pad(without, ((0, 0), (0, 0), ends)),
+                           np.pad(spread, ((0, 0), (0, 0), ends, ends)))
+    return BandFits(full, solved, covariance, design, without, spread, condition)
 
 
 def _require_determined(design: np.ndarray, condition: float, coefficients: int) -> None:
@@ -98,17 +112,11 @@ def _require_determined(design: np.ndarray, condition: float, coefficients: int)
 
 
 def _fit_each(solve: Solver, design: np.ndarray, signal: np.ndarray,
-              sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coefficients, covariances and left-out predictions, band after band."""
+              sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients (K, N) and covariances (K, N, N), band after band."""
     solved = [solve(design, signal[:, band], sigma[:, band]) for band in range(signal.shape[1])]
-    without = np.empty_like(signal)
-    for patch in range(len(signal)):
-        rest = np.arange(len(signal)) != patch
-        for band in range(signal.shape[1]):
-            solution, _ = solve(design[rest], signal[rest, band], sigma[rest, band])
-            without[patch, band] = design[patch] @ solution
     coefficients, covariances = (np.array(column) for column in zip(*solved, strict=True))
-    return coefficients, covariances, without
+    return coefficients, covariances
 
 
 def _solve_paper(design: np.ndarray, signal: np.ndarray,

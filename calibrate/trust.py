@@ -93,11 +93,13 @@ def sentences(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     said = [f"patches and model agree within {fit.model_error:.1%} (chi-square "
             f"{fit.chi_square:.2f} per signal)"]
     likely = [(members, share) for members, share in fit.families if share > PROBABLE][:3]
-    said.append("most like " + "; ".join(f"{members} ({share:.0%})" for members, share in likely))
+    if likely:
+        said.append("most like " + "; ".join(f"{members} ({share:.0%})"
+                                             for members, share in likely))
     said += [doubt.value for doubt in doubts(fit)]
     held = fit.prior_share > FROM_PRIOR
     for band in range(len(held)):
-        if held[band].any():
+        if likely and held[band].any():     # products with a lamp's lines rest on it everywhere
             said.append(f"band {band + 1} rests on the prior over {_ranges(held[band], grid)}")
     for number, state in enumerate(fit.photos, start=1):
         which = "" if len(fit.photos) == 1 else f"photo {number}: "

@@ -16,7 +16,6 @@ from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.radiometry.chart import PATCH_NAMES, typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.records import LinearImage
-from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.config.session_schema import (
     FIRST_PHOTO,
@@ -28,6 +27,7 @@ from spectrabox.session.pipeline import run_stages, stage_states
 from spectrabox.session.stages.inputs import (
     GRID,
     chart_corners,
+    power_of,
     read_chart_reference,
     read_light,
     read_photo,
@@ -142,7 +142,7 @@ def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
         if view.chart and (chart := attempt(read_photo, config, view.chart)) is not None \
                 and light is not None and chart_signals is not None:
             attempt(_check_chart, config, view, chart[0],
-                    typical_camera_signals(chart_signals, GRID, spectrum_on_grid(light, GRID)))
+                    typical_camera_signals(chart_signals, GRID, power_of(light)))
 
 
 def _run_up_to_tracing(config: SessionConfig) -> None:

@@ -53,7 +53,7 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
     keys: dict[str, Key] = {}
     views, correcting = config.all_views, (*config.photos.flats.values(), *config.photos.dark_files)
     lights = {view.name: [_plain(light) for light in view.all_lights] for view in views}
-    light_files = [light.file for view in views for light in view.all_lights]
+    light_files = [name for view in views for light in view.all_lights for name in light.files]
     developing = {"not_linear": config.photos.not_linear, "flats": config.photos.flats,
                   "drift": _plain(config.drift)}
     if config.views_with_chart:
@@ -81,7 +81,8 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
                      "coefficients": config.sensitivity.coefficients, "seed": config.session.seed,
                      "lamp position": config.repeatability.lamp_position,
                      "relative_error": config.sensitivity.relative_error,
-                     "reference": config.chart.reference},
+                     "reference": config.chart.reference,
+                     "leave out": list(config.chart.leave_out)},
         "stages": {"chart": fingerprint(keys["chart"])} if "chart" in keys
         else {}} | made_by("calibrate")
     last = "signals" if config.flat else "reconstruct"

@@ -28,7 +28,7 @@ def spline_camera(seed=2):
 def fit(method, signal, light=None, surfaces=None, error=0.0):
     return fit_sensitivities(samples(signal, error), reflectances() if surfaces is None
                              else surfaces,
-                             daylight() if light is None else light, EVEN, GRID, method=method)
+                             daylight() if light is None else light, EVEN, GRID, method=method)[:2]
 
 
 @pytest.mark.parametrize("light", [daylight, led])

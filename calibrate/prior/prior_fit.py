@@ -22,6 +22,13 @@ from spectrabox.calibrate.chart_equations import (
     predicted_signal,
     unlit_design,
 )
+from spectrabox.calibrate.left_out import (
+    PatchesWithout,
+    covariance_without,
+    gathered,
+    patch_moments,
+    weights_without,
+)
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import CalibrationError
@@ -124,8 +131,10 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
 
 
 def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: WavelengthGrid,
-                     posterior: CurvePosterior) -> tuple[list[np.ndarray], float]:
-    """Signals (I, K) of every photo, each patch predicted from all others; chi-square per datum.
+                     posterior: CurvePosterior, apart: ChartEquations | None = None
+                     ) -> tuple[list[np.ndarray], float, PatchesWithout]:
+    """Signals (I, K) of every photo, each patch predicted from all others; chi-square per datum;
+    and what fits without each say of the patches of the first photo.
 
     In closed form for the component of largest weight: the error of patch i is (Q^-1)_ii^-1 (Q^-1
     r)_i, with Q the covariance of the residuals r of the prior's prediction [Rasmussen & Williams
@@ -138,6 +147,8 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
         As given to ``posterior_of_curves``.
     posterior : CurvePosterior
         Its result.
+    apart : ChartEquations or None
+        Patches of the first photo that were in no fit; they come after its own.
     """
     designs = [unlit_design(photo, posterior.basis) for photo in photos]
     family = posterior.best_family
@@ -157,7 +168,27 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
                               - np.linalg.solve(inverse[block, block], weighted[block]))
             row += prior.bands
         signals.append(without)
-    return signals, float(innovation @ weighted / innovation.size)
+    widened = prior.widening[prior.level[family]] ** 2
+    whole, own = _whole(designs, prior), prior.means.shape[1] + 1 + nuisance_sd(photos[0]).size
+    projected = covariance @ jacobian.T
+    gain, after = projected @ inverse, covariance - projected @ inverse @ projected.T
+    patches = []
+
+    def add(photo: ChartEquations, patch: int, state: np.ndarray, spread: np.ndarray) -> None:
+        mean, moved = _in_curves(prior, state, spread, whole, photos)
+        patches.append(patch_moments(photo, patch, mean[:own], widened * moved[:own, :own],
+                                     prior.means.shape[1]))
+
+    for patch in range(len(photos[0].signal)):
+        rows = slice(patch * prior.bands, (patch + 1) * prior.bands)
+        add(photos[0], patch, start + projected @ weights_without(inverse, weighted, rows),
+            covariance_without(after, gain, inverse, rows))
+    for patch in range(0 if apart is None else len(apart.signal)):
+        assert apart is not None
+        add(apart, patch, start + projected @ weighted, after)
+    without_each = gathered([photos[0], *([] if apart is None else [apart])], posterior.basis,
+                            posterior.best_error, patches)
+    return signals, float(innovation @ weighted / innovation.size), without_each
 
 
 def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family: int,

@@ -46,3 +46,16 @@ def published_curves(kind: str, name: str) -> tuple[np.ndarray, np.ndarray]:
             raise InputError(f"{name!r} is not among the published {kind}")
         nm, *curves = tables[f"{kind}/{name}"]
     return nm, np.array(curves)
+
+
+def all_published(kind: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Every table of one kind by name, as ``published_curves`` gives each; the file is opened once.
+
+    Parameters
+    ----------
+    kind : {"observers and cameras", "lights", "charts"}
+    """
+    with np.load(FILE) as tables:
+        found = {name.removeprefix(f"{kind}/"): tables[name] for name in tables.files
+                 if name.startswith(f"{kind}/")}
+    return {name: (table[0], table[1:]) for name, table in found.items()}

@@ -11,12 +11,19 @@ if TYPE_CHECKING:
 
     from spectrabox.calibrate.calibration import ChartCalibration, ChartPhoto
     from spectrabox.calibrate.curve_band import CurveBand
-    from spectrabox.radiometry.records import Calibration, PatchSamples, Spectrum, WavelengthGrid
+    from spectrabox.radiometry.records import (
+        Calibration,
+        LightPosterior,
+        PatchSamples,
+        Spectrum,
+        UnknownLight,
+        WavelengthGrid,
+    )
 
 
 def read_photos(photos: list[Path], lights: list[str], references: list[str], corners: list[str],
-                decode: bool,
-                grid: WavelengthGrid) -> tuple[tuple[ChartPhoto, ...], tuple[str, ...]]:
+                decode: bool, grid: WavelengthGrid,
+                leave_out: list[int]) -> tuple[tuple[ChartPhoto, ...], tuple[str, ...]]:
     """Every photo with its light and chart, and the names of the bands.
 
     Parameters
@@ -25,6 +32,8 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
         Pictures if ``decode``, tables of patch signals otherwise.
     lights, references, corners : lists of str
         One for every photo, or one for all; ``corners`` may be empty.
+    leave_out : list of int
+        Numbers of patches, 1 to 24, that no fit is to use.
 
     Raises
     ------
@@ -34,16 +43,19 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     import numpy as np
 
     from spectrabox.calibrate.calibration import ChartPhoto
+    from spectrabox.radiometry.spectra.stated_light import stated_light
     from spectrabox.session.camera.patch_files import read_patches
+    kept_out = np.isin(np.arange(1, 25), leave_out)
     charts: list[ChartPhoto] = []
     names: list[tuple[str, ...]] = []
-    known_lights = {name: read_light(name, grid) for name in lights}
+    known_lights = {name: stated_light(name, grid) for name in lights}
     known_charts = {name: read_reflectances(name, grid) for name in references}
     for index, photo in enumerate(photos):
         light, reference = (given[index if len(given) > 1 else 0] for given in (lights, references))
         places = corners[index if len(corners) > 1 else 0] if corners else None
         measured, bands = _patches_of_picture(photo, places) if decode else read_patches(photo)
-        charts.append(ChartPhoto(measured, known_charts[reference], known_lights[light]))
+        charts.append(ChartPhoto(measured, known_charts[reference], known_lights[light],
+                                 kept_out=kept_out))
         names.append(bands)
         if any(np.array_equal(measured.mean, chart.samples.mean) for chart in charts[:-1]):
             raise InputError(f"{photo.name} holds the same signals as another of the photos; "
@@ -56,15 +68,43 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     return tuple(charts), names[0]
 
 
-def read_light(name: str, grid: WavelengthGrid) -> Spectrum:
-    """A light from a spectral file, or by its CIE name."""
-    from spectrabox.radiometry.files import names_a_file
-    from spectrabox.radiometry.records import Quantity, Spectrum
-    from spectrabox.radiometry.spectra.named_spectra import light as named_light
-    from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
-    if names_a_file(name):
-        return read_spectrum(Path(name), role=Quantity.RELATIVE)
-    return Spectrum(grid, named_light(name, grid), Quantity.RELATIVE, f"CIE {name}")
+def known_light(word: str, grid: WavelengthGrid) -> Spectrum:
+    """A light whose spectrum is stated, by a file or by its CIE name.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
+    from spectrabox.radiometry.records import UnknownLight
+    from spectrabox.radiometry.spectra.stated_light import stated_light
+    light = stated_light(word, grid)
+    if isinstance(light, UnknownLight):
+        raise InputError(f"--light {word} states no spectrum, and one is needed here; give a file "
+                         "or a CIE name such as D65")
+    return light
+
+
+def light_words(light: Spectrum | UnknownLight) -> str:
+    """What is known of a light, in words."""
+    from spectrabox.radiometry.records import UnknownLight
+    return light.words if isinstance(light, UnknownLight) else light.source
+
+
+def numbers_of_patches(written: str) -> list[int]:
+    """Numbers of patches such as 5,10; none where nothing is written.
+
+    Raises
+    ------
+    InputError
+        If they are not numbers from 1 to 24.
+    """
+    words = [word.strip() for word in written.split(",") if word.strip()]
+    wrong = [word for word in words if not (word.isdigit() and 1 <= int(word) <= 24)]
+    if wrong:
+        raise InputError(f"--leave-out {written}: {wrong[0]!r} is no patch; they are numbered 1 to "
+                         "24, dark skin first")
+    return sorted({int(word) for word in words})
 
 
 def read_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
@@ -131,10 +171,29 @@ def require_outputs(outputs: list[Path], inputs: list[Path]) -> None:
                              "another name")
 
 
-def facts_of(result: ChartCalibration, band: CurveBand | None,
-             grid: WavelengthGrid) -> dict[str, Any]:
-    """A calibration as plain numbers for a script (docs/json.md, ``camera fit``)."""
+def light_facts(light: LightPosterior | None) -> dict[str, Any] | None:
+    """What is known of an unknown light by itself, as plain numbers; None where it was stated."""
+    if light is None:
+        return None
+    return {"kind": light.kinds[int(light.probabilities.argmax())],
+            "kinds": dict(zip(light.kinds, light.probabilities.tolist(), strict=True)),
+            "wavelengths_nm": light.grid.nm.tolist(), "mean": light.mean.tolist(),
+            "lower": light.lower.tolist(), "upper": light.upper.tolist(), "level": light.level,
+            "sentences": list(light.sentences)}
+
+
+def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthGrid,
+             reflectances: np.ndarray) -> dict[str, Any]:
+    """A calibration as plain numbers for a script (docs/json.md, ``camera fit``).
+
+    ``reflectances`` (24, P) are those of the first chart.
+    """
     from spectrabox.calibrate.curve_band import LEVEL
+    from spectrabox.session.stages.left_out import (
+        left_out_facts,
+        left_out_patches,
+        left_out_sentence,
+    )
     fit, joint = result.calibration.sensitivity, result.prior_fit
     facts: dict[str, Any] = {
         "wavelengths_nm": grid.nm.tolist(), "sensitivities": fit.curves.tolist(),
@@ -148,6 +207,11 @@ def facts_of(result: ChartCalibration, band: CurveBand | None,
         "light_scale_standard_error": result.scale.standard_error,
         "method": fit.method, "checks": list(result.calibration.checks),
         "outcome": fit.outcome.value}
+    left_out = left_out_patches(result, reflectances)
+    facts["left_out"] = left_out_facts(left_out)
+    facts["checks"].append(left_out_sentence(left_out))
+    facts["doubts"] = [doubt.value for doubt in result.calibration.doubts]
+    facts["light_posterior"] = light_facts(result.calibration.light_posterior)
     if joint is not None:
         facts |= {"model_error": joint.model_error, "chi_square": joint.chi_square,
                   "prior_share": joint.prior_share.tolist(), "photos": len(joint.photos),

@@ -2,13 +2,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from spectrabox.session.camera.inputs import (
     facts_of,
-    read_light,
+    known_light,
+    light_words,
+    numbers_of_patches,
     read_measured_curves,
     read_photos,
     read_reflectances,
@@ -29,8 +31,10 @@ Light = Annotated[str, typer.Option(metavar="FILE|NAME", show_default=False, hel
 Reference = Annotated[str, typer.Option(metavar="NAME|CSV", help="Chart reflectances: a published "
                                         "average, or a CSV of 24 columns.")]
 Lights = Annotated[list[str], typer.Option(metavar="FILE|NAME", show_default=False,
-                                           help="CSV of the light's spectrum, or a CIE name: D65, "
-                                           "A, LED-B3. Once for each photo, or once for all.")]
+                                           help="CSV of the light's spectrum, a CIE name (D65, A, "
+                                           "LED-B3), unknown, 3200K, or a kind: daylight, halogen, "
+                                           "led, fluorescent. Once for each photo, or once for "
+                                           "all.")]
 Charts = Annotated[list[Path] | None, typer.Option(metavar="PHOTO", help="Raw, DNG, or linear EXR "
                                                    "or TIFF of a ColorChecker; several of one "
                                                    "camera may be given.")]
@@ -66,8 +70,12 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
             metavar="NPZ", help="Write 1000 draws of the curves.")] = None,
         reference: References = ("BabelColor Average",),  # type: ignore[assignment]
         corners: Corners = None,
+        leave_out: Annotated[str, typer.Option(metavar="N,N...", show_default=False, help="Patches "
+                                               "that no fit uses, 1 to 24.")] = "",
         prior_file: PriorFile = None, as_json: Json = False, debug: Debug = False) -> None:
     """Sensitivities from chart photos and light spectra, with error bars.
+
+    Under a light that is not known, the products of sensitivity and light.
 
     Of several photos the first --light and --reference belong to the first photo, the second to the
     second; one alone serves all.
@@ -94,21 +102,22 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
         from spectrabox.radiometry.grid import visible_grid
         grid = visible_grid()
         charts, names = read_photos(list(photos), list(light), list(reference), list(corners or []),
-                                  bool(chart), grid)
+                                  bool(chart), grid, numbers_of_patches(leave_out))
         given_curves = None if curves is None else read_measured_curves(curves, len(names), grid)
         options = CalibrationOptions(method, None if prior_file is None else _prior(prior_file),
                                      curves=given_curves)
         result = calibrate_chart(charts, grid, options)
         band = curve_band(result)
-        source = ", ".join(chart.light.source for chart in charts)
-        facts = {**facts_of(result, band, grid), "bands": list(names), "light": source}
+        source = ", ".join(light_words(chart.light) for chart in charts)
+        facts = {**facts_of(result, band, grid, charts[0].reflectances), "bands": list(names),
+                 "light": source}
         if out is not None:
             write_curves(out, result.calibration, names, source)
             facts["file"] = str(out)
         if samples is not None:
             write_draws(samples, band, grid)
             facts["samples"] = str(samples)
-        answer(as_json, facts, _fit_text(result, names, out))
+        answer(as_json, facts, _fit_text(facts, result, names, out))
 
 
 def prior(folder: Annotated[Path, typer.Argument(metavar="FOLDER", show_default=False,
@@ -163,7 +172,7 @@ def preflight(light: Light,
         from spectrabox.radiometry.grid import visible_grid
         from spectrabox.radiometry.spectra.named_spectra import light as named_light
         grid = visible_grid()
-        power, unseen = light_power(read_light(light, grid), grid)
+        power, unseen = light_power(known_light(light, grid), grid)
         second = {name: named_light(name, grid) for name in SECOND_LIGHTS if name != light}
         known = shipped_prior() if prior_file is None else _prior(prior_file)
         expected = expected_of(known, read_reflectances(reference, grid), power, grid,
@@ -190,8 +199,9 @@ def _prior(path: Path) -> CameraPrior:
     return load_prior(path)
 
 
-def _fit_text(result: ChartCalibration, names: tuple[str, ...], out: Path | None) -> str:
+def _fit_text(facts: dict[str, Any], result: ChartCalibration, names: tuple[str, ...],
+              out: Path | None) -> str:
     fit = result.calibration.sensitivity
     lines = [f"bands {', '.join(names)}: {fit.method}",
-             *(f"- {check}" for check in result.calibration.checks), fit.outcome.value]
+             *(f"- {check}" for check in facts["checks"]), fit.outcome.value]
     return "\n".join([*lines, f"wrote {out}"] if out is not None else lines)

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
+from spectrabox.radiometry.spectra.stated_light import vague_light
 from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumPrior
 
 FILE_NAME = "session.toml"
@@ -69,6 +70,48 @@ CurvesRef = Annotated[CurvesTable, BeforeValidator(
     _as_table, json_schema_input_type=str | CurvesTable)]
 
 
+class LightTable(Table):
+    """A light: a spectrum in a text file, a word (CIE name, kind of lamp, "unknown"), or a colour
+    temperature.
+    """
+
+    file: str | None = Field(None, description="name of the file of its spectrum")
+    column: str | int | None = Field(None, description="name or number, where it holds several")
+    wavelength_column: int = Field(1, description="number of the column of wavelengths")
+    word: str | None = Field(None, description="unknown, daylight, halogen, led, fluorescent, or a "
+                             "CIE name such as D65")
+    cct: float | None = Field(None, ge=1500, le=25000, description="correlated colour temperature "
+                              "in kelvin, where nothing else is known")
+
+    @model_validator(mode="after")
+    def _says_one_thing(self) -> LightTable:
+        if sum(said is not None for said in (self.file, self.word, self.cct)) != 1:
+            raise ValueError("a light is either a file, a word or a cct: write \"light.csv\", "
+                             "\"unknown\", \"D65\", or {cct = 3200}")
+        return self
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The file of its spectrum, if it has one."""
+        return () if self.file is None else (self.file,)
+
+    @property
+    def stated(self) -> bool:
+        """Whether its spectrum is stated, by a file or by a CIE name."""
+        return self.file is not None or (self.word is not None and vague_light(self.word) is None)
+
+
+def _as_light(written: Any) -> Any:
+    if not isinstance(written, str):
+        return written
+    by_name = vague_light(written) is not None or not (names_a_file(written) or "/" in written)
+    return {"word" if by_name else "file": written}
+
+
+LightRef = Annotated[LightTable, BeforeValidator(
+    _as_light, json_schema_input_type=str | LightTable)]
+
+
 class SessionSection(Table):
     """What the report says of the session."""
 
@@ -110,6 +153,8 @@ class ChartSection(Table):
     corners_px: ListOf[ListOf[float]] | None = Field(
         None, description="outer corners at dark skin, bluish green, black and white, in pixels "
         "of the photo")
+    leave_out: ListOf[int] = Field((), description="numbers of patches, 1 to 24, that no fit uses: "
+                                   "soiled ones, or some to judge the calibration by")
 
     @property
     def reference_file(self) -> str | None:
@@ -164,8 +209,10 @@ class StrayLightSection(Table):
 class LightSection(Table):
     """Spectra of the lights."""
 
-    spectrum: SpectrumRef = Field(description="spectrum of the light, any unit")
-    by_id: dict[str, SpectrumRef] | None = Field(None, description="lights of the scene that have "
+    spectrum: LightRef = Field(description="a file of its spectrum, any unit; or \"unknown\", a "
+                               "CIE name, a kind of lamp (daylight, halogen, led, fluorescent), or "
+                               "{cct = 3200}")
+    by_id: dict[str, LightRef] | None = Field(None, description="lights of the scene that have "
                                                  "another spectrum")
 
 
@@ -251,8 +298,7 @@ class ViewSection(Table):
     """A further photo of the same materials: another light, exposure or viewpoint."""
 
     photo: Photo = Field(description="files as of photos.object")
-    light: SpectrumRef | None = Field(None, description="spectrum of its light; light.spectrum "
-                                      "where left out")
+    light: LightRef | None = Field(None, description="its light; light.spectrum where left out")
     scene: str | None = Field(None, description="its scene; scene.file where left out")
     chart: Photo | None = Field(None, description="the chart under its light; without it, "
                                 "materials in common with other photos tell its strength")
@@ -337,9 +383,9 @@ class ViewInputs:
     name: str
     photo: dict[str, tuple[str, ...]]   # files by band
     chart: dict[str, tuple[str, ...]]   # under the same light; empty where no chart is needed
-    light: SpectrumTable
+    light: LightTable
     scene: str
-    lights_by_id: dict[str, SpectrumTable]
+    lights_by_id: dict[str, LightTable]
 
     @property
     def photo_files(self) -> tuple[str, ...]:
@@ -350,7 +396,7 @@ class ViewInputs:
         return all_files(self.chart)
 
     @property
-    def all_lights(self) -> tuple[SpectrumTable, ...]:
+    def all_lights(self) -> tuple[LightTable, ...]:
         return (self.light, *self.lights_by_id.values())
 
     def record(self, kind: str) -> str:

@@ -9,13 +9,16 @@ import numpy as np
 from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_prior
 from spectrabox.calibrate.prior.measured_prior import prior_of_curves
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.radiometry.records import PatchSamples, UnknownLight
+from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
     GRID,
+    kept_out_patches,
     read_chart_reference,
     read_light,
     read_sensitivities,
 )
+from spectrabox.session.stages.left_out import left_out_patches
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import chart_of
 
@@ -28,28 +31,46 @@ def calibrate_photos(task: StageTask) -> dict[str, Any]:
     dict
         The "calibration" of every view; of every view with a chart what "white" reads there, a
         ChartWhite; of the first chart the "irradiance" (24,) and the "predicted" signals (24, K);
-        the relative "model error" of patches that the fit found.
+        the relative "model error" of patches that the fit found, and its patches "left out".
     """
     config = task.config
-    lights = {view.name: read_light(config, view.light) for view in config.all_views}
     reference = read_chart_reference(config)
-    shown, photos = config.views_with_chart, []
-    for view in shown:
-        chart = chart_of(task.stored, view)
-        assert chart is not None
-        photos.append(ChartPhoto(chart[1], reference, lights[view.name]))
     task.progress(0.1, "fitting sensitivities")
-    made = calibrate_chart(photos, GRID, CalibrationOptions(prior=_prior(config)))
-    assert made.prior_fit is not None
-    records: dict[str, Any] = {"predicted": made.predicted, "notes": (),
-                               "irradiance": made.prior_fit.photos[0].field,
-                               "model error": np.array([made.prior_fit.model_error])}
-    for view in config.all_views:
-        records[view.record("calibration")] = dataclasses.replace(made.calibration,
-                                                                  light=lights[view.name])
-    for view, state in zip(shown, made.prior_fit.photos, strict=True):
-        records[view.record("white")] = state.white
+    groups = _one_fit_each(config)
+    records: dict[str, Any] = {"notes": ()}
+    for number, views in enumerate(groups):
+        shown = [view for view in views if view.chart]
+        lights = {view.light: read_light(config, view.light) for view in views}
+        photos = [ChartPhoto(_patches(task, view), reference, lights[view.light],
+                             kept_out=kept_out_patches(config)) for view in shown]
+        made = calibrate_chart(photos, GRID, CalibrationOptions(prior=_prior(config)))
+        assert made.prior_fit is not None
+        if number == 0:
+            records |= {"predicted": made.predicted, "irradiance": made.prior_fit.photos[0].field,
+                        "model error": np.array([made.prior_fit.model_error]),
+                        "left out": left_out_patches(made, reference)}
+        for view in views:
+            light = lights[view.light]
+            records[view.record("calibration")] = made.calibration if isinstance(
+                light, UnknownLight) else dataclasses.replace(made.calibration, light=light)
+        for view, state in zip(shown, made.prior_fit.photos, strict=True):
+            records[view.record("white")] = state.white
     return records
+
+
+def _one_fit_each(config: SessionConfig) -> list[list[ViewInputs]]:
+    """Views whose charts are one fit: all, or those under each light where one is unknown."""
+    views = list(config.all_views)
+    if all(view.light.stated for view in views):
+        return [views]
+    return [[view for view in views if view.light == light]
+            for light in dict.fromkeys(view.light for view in views)]
+
+
+def _patches(task: StageTask, view: ViewInputs) -> PatchSamples:
+    chart = chart_of(task.stored, view)
+    assert chart is not None
+    return chart[1]
 
 
 def _prior(config: SessionConfig) -> CameraPrior | None:

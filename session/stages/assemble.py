@@ -107,7 +107,8 @@ def input_files(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]
     roles: dict[str, str] = {}
     for view in config.all_views:
         for role, names in (("object photo", view.photo_files),
-                            ("light spectrum", [light.file for light in view.all_lights]),
+                            ("light spectrum", [name for light in view.all_lights
+                                                for name in light.files]),
                             ("scene", [view.scene]), ("chart photo", view.chart_files)):
             for name in names:
                 roles.setdefault(name, f"{role}, {view.name}" if view.name else role)

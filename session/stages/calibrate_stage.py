@@ -27,6 +27,7 @@ from spectrabox.radiometry.records import (
     LinearImage,
     PatchSamples,
     Spectrum,
+    UnknownLight,
 )
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -34,10 +35,12 @@ from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.chart_stage import light_on_chart
 from spectrabox.session.stages.inputs import (
     GRID,
+    kept_out_patches,
     read_chart_reference,
     read_light,
     read_sensitivities,
 )
+from spectrabox.session.stages.left_out import left_out_patches
 from spectrabox.session.stages.scenes import read_chart_scene
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import chart_of
@@ -48,13 +51,14 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
     """Patch statistics and lights to one camera, and to the light and its scale of every view.
 
     With the method ``prior`` the charts under all lights are one fit; other methods fit the camera
-    to the first.
+    to the first. Where a light is unknown, every chart has a fit of its own.
 
     Returns
     -------
     dict
-        The "calibration" of every view, and of the first chart the "irradiance" (24,) and the
-        "predicted" signals (24, K); None where there is no chart.
+        The "calibration" of every view, and of the first chart the "irradiance" (24,), the
+        "predicted" signals (24, K), its "white" (ChartWhite, by methods that fit one) and its
+        patches "left out" (LeftOutPatches); None where there is no chart.
     """
     config = task.config
     lights = [read_light(config, view.light) for view in config.all_views]
@@ -63,23 +67,34 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
     irradiance = _irradiance(config, task.device, task.progress) if shown else None
     task.progress(0.6, "fitting sensitivities")
     curves = None if config.sensitivity.from_chart else read_sensitivities(config)[1]
+    vague = any(isinstance(light, UnknownLight) for light in lights)
     first = _first_chart(config, shown, lights, irradiance, curves) if 0 in shown else None
     if first is not None:
         camera = first.calibration
     else:
         assert curves is not None
-        camera = calibration_from_curves(GRID, curves, lights[0], config.sensitivity.relative_error)
+        camera = calibration_from_curves(GRID, curves, _stated(lights[0]),
+                                         config.sensitivity.relative_error)
     lit = UNKNOWN_IRRADIANCE if irradiance is None else irradiance
     records: dict[str, Any] = {"calibration": camera, "irradiance": None if first is None else lit,
-               "predicted": None if first is None else first.predicted}
+               "predicted": None if first is None else first.predicted,
+               "white": None if first is None else first.white,
+               "left out": None if first is None else left_out_patches(
+                   first, read_chart_reference(config))}
     for number, view in enumerate(config.all_views[1:], start=1):
+        if number in shown and vague:
+            own = calibrate_chart([_chart_photo(config, number, shown, lights, irradiance)], GRID,
+                                  _options(config, curves))
+            records[view.record("calibration")] = own.calibration
+            continue
         if number in shown:
-            scale = _scale_under(config, number, shown, lights[number], irradiance, first,
+            scale = _scale_under(config, number, shown, _stated(lights[number]), irradiance, first,
                                  camera.sensitivity.curves)
         else:
             scale = camera.light_scale if view.light == config.all_views[0].light else None
-        records[view.record("calibration")] = dataclasses.replace(
-            camera, light=lights[number], light_scale=scale)
+        light = camera.light if vague else _stated(lights[number])
+        records[view.record("calibration")] = dataclasses.replace(camera, light=light,
+                                                                  light_scale=scale)
     records["glare"] = _certain_glare(first, charts)
     if irradiance is not None:
         _widen_by_lamp_position(config, records)
@@ -133,20 +148,35 @@ def _irradiance(config: SessionConfig, device: str, progress: Progress) -> np.nd
     return patch_irradiance(scene, patch_centres_uv(), patch_size_uv(), config.session.seed)
 
 
+def _stated(light: Spectrum | UnknownLight) -> Spectrum:
+    assert isinstance(light, Spectrum)      # session_rules refuses what would need it
+    return light
+
+
 def _first_chart(config: SessionConfig, shown: Mapping[int, PatchSamples],
-                 lights: Sequence[Spectrum], irradiance: np.ndarray | None,
+                 lights: Sequence[Spectrum | UnknownLight], irradiance: np.ndarray | None,
                  curves: np.ndarray | None) -> ChartCalibration:
     """The first view's chart, together with those under other lights where the method takes
-    several.
+    several and all are known.
     """
-    chosen, reference = config.sensitivity, read_chart_reference(config)
-    several = curves is None and chosen.method in (None, "prior")
-    photos = [ChartPhoto(samples, reference, lights[number], irradiance)
-             for number, samples in shown.items() if several or number == 0]
+    known = not any(isinstance(light, UnknownLight) for light in lights)
+    several = curves is None and config.sensitivity.method in (None, "prior") and known
+    photos = [_chart_photo(config, number, shown, lights, irradiance) for number in shown
+              if several or number == 0]
+    return calibrate_chart(photos, GRID, _options(config, curves))
+
+
+def _chart_photo(config: SessionConfig, number: int, shown: Mapping[int, PatchSamples],
+                 lights: Sequence[Spectrum | UnknownLight],
+                 irradiance: np.ndarray | None) -> ChartPhoto:
+    return ChartPhoto(shown[number], read_chart_reference(config), lights[number], irradiance,
+                      kept_out_patches(config))
+
+
+def _options(config: SessionConfig, curves: np.ndarray | None) -> CalibrationOptions:
+    chosen = config.sensitivity
     prior = None if chosen.prior is None else load_prior(config.path(chosen.prior))
-    return calibrate_chart(photos, GRID,
-                           CalibrationOptions(chosen.method or "prior", prior, chosen.coefficients,
-                                              curves))
+    return CalibrationOptions(chosen.method or "prior", prior, chosen.coefficients, curves)
 
 
 def _scale_under(config: SessionConfig, number: int, shown: Mapping[int, PatchSamples],

@@ -13,11 +13,11 @@ from spectrabox.capture.chart.reference_region import region_signals
 from spectrabox.capture.photo.binning import bin_image
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.radiometry.chart import PATCH_NAMES, typical_camera_signals
-from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_schema import ViewInputs
 from spectrabox.session.stages.inputs import (
     GRID,
     chart_corners,
+    power_of,
     read_chart_reference,
     read_light,
 )
@@ -55,8 +55,8 @@ def find_and_sample_charts(task: StageTask) -> dict[str, Any]:
 def _find_and_sample_chart(task: StageTask, view: ViewInputs) -> dict[str, Any]:
     config, name = task.config, view.chart_files[0]
     photo, notes = task.photos.developed(config, view.chart)
-    light = spectrum_on_grid(read_light(config, view.light), GRID)
-    reference = typical_camera_signals(read_chart_reference(config), GRID, light)
+    reference = typical_camera_signals(read_chart_reference(config), GRID,
+                                       power_of(read_light(config, view.light)))
     detection = find_chart(photo, reference, chart_corners(config, view))
     samples = sample_patches(photo, detection)
     require_unclipped(samples, PATCH_NAMES, name)

@@ -200,18 +200,29 @@ def sensitivity_covariance(calibrations: Sequence[Calibration], joint: BandSigna
     index : int
         Of the material, in ``joint.materials``.
     """
-    signal, fit = joint.signal[index], calibrations[0].sensitivity
-    if fit.covariance is None or fit.basis is None:
+    signal = joint.signal[index]
+    views = [int(view) for view in np.unique(joint.view_of_band)]
+    fits = [calibrations[view].sensitivity for view in views]
+    if fits[0].covariance is None or fits[0].basis is None:
         return block_diagonal(*(calibrations[view].relative_covariance
                             * signal[joint.view_of_band == view].max() ** 2
-                            for view in np.unique(joint.view_of_band)))
-    bands, coefficients = len(fit.curves), fit.basis.shape[1]
-    jacobian = np.zeros((signal.size, bands, coefficients))
-    for view in np.unique(joint.view_of_band):
-        mine = np.flatnonzero(joint.view_of_band == view)
-        weight = spectrum_on_grid(calibrations[view].light, joint.grid) * joint.grid.weights_nm
-        white = white_signal(fit.curves * weight)[:, None]
-        contrast = (joint.spectra[index] - signal[mine, None]) * weight / white
-        jacobian[mine, np.arange(bands)] = contrast @ fit.basis
-    rows = jacobian.reshape(signal.size, -1)
-    return rows @ fit.covariance @ rows.T
+                            for view in views))
+    covariance = np.zeros((signal.size, signal.size))
+    # photos under lights that are each unknown have products of their own
+    first_of = [next(place for place, fit in enumerate(fits)
+                     if np.array_equal(fit.curves, mine.curves)) for mine in fits]
+    for group in sorted(set(first_of)):
+        fit = fits[group]
+        assert fit.covariance is not None and fit.basis is not None
+        bands, coefficients = len(fit.curves), fit.basis.shape[1]
+        jacobian = np.zeros((signal.size, bands, coefficients))
+        for view in (view for view, first in zip(views, first_of, strict=True) if first == group):
+            mine = np.flatnonzero(joint.view_of_band == view)
+            weight = spectrum_on_grid(calibrations[view].light,
+                                      joint.grid) * joint.grid.weights_nm
+            white = white_signal(fit.curves * weight)[:, None]
+            contrast = (joint.spectra[index] - signal[mine, None]) * weight / white
+            jacobian[mine, np.arange(bands)] = contrast @ fit.basis
+        rows = jacobian.reshape(signal.size, -1)
+        covariance += rows @ fit.covariance @ rows.T
+    return covariance

@@ -10,15 +10,17 @@ from spectrabox.capture.develop.developed import develop_photos, open_any
 from spectrabox.radiometry.chart import chart_reflectances, measured_chart
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import LinearImage, Quantity, Spectrum
+from spectrabox.radiometry.records import LinearImage, Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_curves,
     read_spectrum,
     spectrum_on_grid,
 )
+from spectrabox.radiometry.spectra.stated_light import spectrum_of_name, vague_light
 from spectrabox.session.config.session_schema import (
     ONE_PHOTO,
+    LightTable,
     SessionConfig,
     SpectrumTable,
     ViewInputs,
@@ -28,21 +30,54 @@ GRID = visible_grid()            # 400-700 nm in 1 nm steps, on which everything
 MAX_CLIPPED = 0.5               # of the object photo
 
 
-def read_light(config: SessionConfig, reference: SpectrumTable | None = None) -> Spectrum:
-    """Light spectrum as its file gives it, the session's own unless another is named; covers
-    400-700 nm, nowhere negative.
+def read_light(config: SessionConfig, reference: LightTable | None = None
+               ) -> Spectrum | UnknownLight:
+    """Light spectrum as its file gives it, or what is known of it; the session's own unless another
+    is named.
 
     Raises
     ------
     InputError
-        If the file cannot be read, does not cover 400-700 nm or is negative there.
+        If its file cannot be read, does not cover 400-700 nm or is negative there, or no light has
+        its name.
     """
     reference = reference or config.light.spectrum
-    light = _spectrum(config, reference, Quantity.RELATIVE)
+    if reference.cct is not None:
+        return UnknownLight(cct=reference.cct)
+    if reference.word is not None:
+        return vague_light(reference.word) or spectrum_of_name(reference.word, GRID)
+    assert reference.file is not None
+    light = read_spectrum(config.path(reference.file), role=Quantity.RELATIVE,
+                          column=reference.column, wavelength_column=reference.wavelength_column)
     values = spectrum_on_grid(light, GRID)
     if values.max() <= 0 or values.min() < -0.01 * values.max():
         raise InputError(f"{reference.file}: a light spectrum must be positive; "
                          f"it runs from {values.min():.3g} to {values.max():.3g} over 400-700 nm")
+    return light
+
+
+def power_of(light: Spectrum | UnknownLight) -> np.ndarray | None:
+    """The spectrum (P,) on the working grid; None where it is not known.
+
+    Parameters
+    ----------
+    light : Spectrum or UnknownLight
+    """
+    return None if isinstance(light, UnknownLight) else spectrum_on_grid(light, GRID)
+
+
+def read_known_light(config: SessionConfig, reference: LightTable | None = None) -> Spectrum:
+    """The same where a spectrum is needed.
+
+    Raises
+    ------
+    InputError
+        As ``read_light``, and if the light is not known.
+    """
+    light = read_light(config, reference)
+    if isinstance(light, UnknownLight):
+        raise InputError(f"this needs the spectrum of a light and has an {light.words}; measure "
+                         "it, or name a CIE illuminant")
     return light
 
 
@@ -84,6 +119,11 @@ def read_chart_reference(config: SessionConfig) -> np.ndarray:
     file = config.chart.reference_file
     return chart_reflectances(config.chart.reference, GRID) if file is None else \
         measured_chart(config.path(file), GRID)
+
+
+def kept_out_patches(config: SessionConfig) -> np.ndarray:
+    """Whether the operator keeps each patch (24,) of the chart out of every fit."""
+    return np.isin(np.arange(1, 25), config.chart.leave_out)
 
 
 def chart_corners(config: SessionConfig, view: ViewInputs) -> np.ndarray | None:

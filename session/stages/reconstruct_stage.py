@@ -32,7 +32,7 @@ from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
     GRID,
     band_names,
-    read_light,
+    read_known_light,
     read_reflectance,
 )
 from spectrabox.session.stages.one_transport import require_one_transport
@@ -128,7 +128,7 @@ def views_of(config: SessionConfig, stored: Mapping[str, StoredStage],
         scene = read_session_scene(config, inputs.scene)
         drifted = drift if not inputs.name else None
         scale = scale_of_view(config, inputs, photo, calibration, stored, drifted)
-        lights = {light: read_light(config, spectrum)
+        lights = {light: read_known_light(config, spectrum)
                   for light, spectrum in inputs.lights_by_id.items()}
         views.append(View(inputs.name or FIRST_VIEW, scene, photo, calibration, bands,
                           read_materials(config, scene), scale, lights))

@@ -8,7 +8,9 @@ import numpy as np
 from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
+    ChartWhite,
     JointReconstruction,
+    LeftOutPatches,
     LinearImage,
     PatchSamples,
     Reconstruction,
@@ -67,6 +69,18 @@ def chart_glare_of(stored: Mapping[str, StoredStage]) -> np.ndarray:
     """Veiling glare (K,) that the first chart photo shows for certain, of its mean signal."""
     glare: np.ndarray = stored["calibrate"].record(np.ndarray, "glare")
     return glare
+
+
+def left_out_of(stored: Mapping[str, StoredStage]) -> LeftOutPatches | None:
+    """The first chart's patches, each by a calibration without it; None without a chart photo."""
+    patches: LeftOutPatches | None = stored["calibrate"].record(LeftOutPatches, "left out")
+    return patches
+
+
+def chart_white_of(stored: Mapping[str, StoredStage]) -> ChartWhite | None:
+    """White, field and glare of the first chart photo, where the calibration fitted them."""
+    white: ChartWhite | None = stored["calibrate"].record(ChartWhite, "white")
+    return white
 
 
 def joint_of(stored: Mapping[str, StoredStage]) -> JointReconstruction:

@@ -1,0 +1,159 @@
+"""Each patch of a chart as a calibration without it sees it.
+
+With a Gaussian prior, linear equations and W the inverse covariance of their innovations r, the
+weights of all data but those of patch i are
+
+    v = W r - W_i (W_ii)^-1 (W r)_i
+
+[Rasmussen & Williams 2006, Sec. 5.4.2], and the posterior covariance grows by G_i (W_ii)^-1 G_i^T
+with the gain G = P J^T W: nothing is fitted again.
+"""
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.calibrate.chart_equations import ChartEquations, noise_covariance
+from spectrabox.radiometry.shaped import Record
+
+
+@dataclass(frozen=True, eq=False)
+class PatchesWithout(Record):
+    """What is known of I patches by fits without them: signal = integral of response x reflectance
+    + offset.
+
+    response = (coefficients @ basis.T) x power. The covariance is that of the coefficients, then of
+    what is added to each band by exposure, field and glare (D = K N + K); ``noise`` is that of the
+    patch's own signal, with the model error.
+    """
+
+    basis: Annotated[np.ndarray, "P N"]
+    power: Annotated[np.ndarray, "P"]               # light x integration weight
+    coefficients: Annotated[np.ndarray, "I K N"]
+    offset: Annotated[np.ndarray, "I K"]
+    covariance: Annotated[np.ndarray, "I D D"]
+    signal: Annotated[np.ndarray, "I K"]
+    noise: Annotated[np.ndarray, "I K K"]
+
+    @property
+    def response(self) -> np.ndarray:
+        """Signal (I, K, P) of a reflectance of 1 at one wavelength alone."""
+        return np.asarray(self.coefficients @ self.basis.T * self.power)
+
+    def predicted(self, reflectances: np.ndarray) -> np.ndarray:
+        """Signals (I, K) of reflectances (I, P)."""
+        return np.asarray(np.einsum("ikp,ip->ik", self.response, reflectances) + self.offset)
+
+    def error_covariance(self, reflectances: np.ndarray) -> np.ndarray:
+        """Covariance (I, K, K) of signals less predictions, for reflectances (I, P)."""
+        bands = self.signal.shape[1]
+        seen = (reflectances * self.power) @ self.basis
+        rows = np.concatenate([np.einsum("kl,in->ikln", np.eye(bands), seen).reshape(
+            len(seen), bands, -1), np.broadcast_to(np.eye(bands), (len(seen), bands, bands))],
+            axis=2)
+        return np.asarray(rows @ self.covariance @ rows.transpose(0, 2, 1) + self.noise)
+
+
+def weights_without(inverse: np.ndarray, weighted: np.ndarray, rows: slice) -> np.ndarray:
+    """The weights (..., Y) W r of innovations r when some rows are left out, which weigh nothing.
+
+    Parameters
+    ----------
+    inverse : (Y, Y) array
+        Of the innovations' covariance.
+    weighted : (..., Y) array
+        W r of all rows.
+    rows : slice
+        Of the patch.
+    """
+    return np.asarray(weighted - np.linalg.solve(inverse[rows, rows], weighted[..., rows].T).T
+                      @ inverse[rows])
+
+
+def covariance_without(covariance: np.ndarray, gain: np.ndarray, inverse: np.ndarray,
+                       rows: slice) -> np.ndarray:
+    """Posterior covariance (Z, Z) when some rows are left out.
+
+    Parameters
+    ----------
+    covariance : (Z, Z) array
+        With all data.
+    gain : (Z, Y) array
+    inverse, rows
+        As in ``weights_without``.
+    """
+    return np.asarray(covariance + gain[:, rows] @ np.linalg.solve(inverse[rows, rows],
+                                                                   gain[:, rows].T))
+
+
+def patch_moments(photo: ChartEquations, patch: int, state: np.ndarray, covariance: np.ndarray,
+                  size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coefficients (K, N), offset (K,) and covariance (D, D) of one patch, see ``PatchesWithout``.
+
+    Parameters
+    ----------
+    photo : ChartEquations
+    patch : int
+    state : (Z,) array
+        Curves, then log exposure, field and glare of the photo.
+    covariance : (Z, Z) array
+    size : int
+        K N, of the curves.
+    """
+    bands, terms = photo.signal.shape[1], photo.field_terms.shape[1]
+    field = photo.field_terms[patch]
+    lit = np.exp(state[size] + field @ state[size + 1:size + 1 + terms])
+    lit *= photo.irradiance[patch] / np.pi
+    glare = slice(size + 1 + terms, size + 1 + terms + bands)
+    offset = state[glare] if photo.glare else np.zeros(bands)
+    change = np.zeros((size + bands, state.size))
+    change[:size, :size] = lit * np.eye(size)
+    signal = photo.signal[patch] - offset
+    change[size:, size] = signal
+    change[size:, size + 1:size + 1 + terms] = np.outer(signal, field)
+    if photo.glare:
+        change[size:, glare] = np.eye(bands)
+    return lit * state[:size].reshape(bands, -1), offset, change @ covariance @ change.T
+
+
+def gathered(photos: list[ChartEquations], basis: np.ndarray, error: float,
+             patches: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> PatchesWithout:
+    """The record of patches from ``patch_moments`` of each.
+
+    Parameters
+    ----------
+    photos : list of ChartEquations
+        That hold the patches in their order.
+    basis : (P, N) array
+    error : float
+        Relative disagreement of patches and model.
+    patches : list of tuples
+    """
+    signal = np.concatenate([photo.signal for photo in photos])
+    noises = []
+    for photo in photos:
+        count, bands = photo.signal.shape
+        index = np.arange(count)
+        noises.append(noise_covariance(photo, error).reshape(count, bands, count, bands)[
+            index, :, index, :])
+    coefficients, offset, covariance = (np.array(column) for column in zip(*patches, strict=True))
+    return PatchesWithout(basis, photos[0].power, coefficients, offset, covariance, signal,
+                          np.concatenate(noises))
+
+
+def in_chart_order(without: PatchesWithout, used: np.ndarray) -> PatchesWithout:
+    """The record in the order of the chart; those that were used come first in it.
+
+    Parameters
+    ----------
+    without : PatchesWithout
+    used : (I,) bool array
+        In the order of the chart.
+    """
+    position = np.argsort(np.concatenate([np.flatnonzero(used), np.flatnonzero(~used)]))
+    return dataclasses.replace(without, **{
+        name: getattr(without, name)[position]
+        for name in ("coefficients", "offset", "covariance", "signal", "noise")})

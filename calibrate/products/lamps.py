@@ -1,0 +1,225 @@
+"""The lamps that a photo may have been taken by: published spectra, and formulas beside them.
+
+Published are the illuminants and light sources of colour-science. By formula come
+
+    daylight     CIE daylights of 4000 to 12000 K [CIE 15:2004, Eqs. 3.3, 3.4], blackbodies above
+    halogen      blackbodies of 2300 to 3700 K, bare and through tinted glass
+    led          a blue or violet pump with one or two phosphors, three to five narrow bands, and
+                 a phosphor lamp with a red or cyan diode beside it
+    fluorescent  mixtures of two published lamps: other blends of the same phosphors
+
+Discharge lamps of other kinds (metal halide, mercury, sodium) count as fluorescent. Lamps that
+leave most of the spectrum dark, such as low-pressure sodium, are no lamps to take colours by, and
+are left out.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.published.tables import (
+    LIGHTS,
+    OBSERVERS,
+    all_published,
+    published_curves,
+)
+from spectrabox.radiometry.records import LIGHT_KINDS, UnknownLight
+from spectrabox.radiometry.shaped import Record
+
+GRID = visible_grid(1)
+OBSERVER = "CIE 1931 2 Degree Standard Observer"
+KIND_SHARE = {"daylight": 0.30, "halogen": 0.20, "led": 0.35, "fluorescent": 0.15}
+PUBLISHED_SHARE = 0.5       # of a kind's probability, where it has published lamps
+DAYLIGHT = ("B", "C", "D50", "D55", "D60", "D65", "D75", "E", "ID50", "ID65", "SC", "Kinoton 75P")
+HALOGEN = ("A", "SA", "Incandescent", "Neodimium Incandescent", "60 A/W (Soft White)")
+LED_WORDS = ("LED", "PHOS", "Luxeon")
+DARK_SHARE, MIN_LIT = 0.05, 0.45    # of the largest value; of the wavelengths, to take colours by
+SEED = 20                   # of the formulas' parameters
+DAYLIGHTS, HOT_BODIES, FILAMENTS, TINTED = 30, 10, 20, 20
+PHOSPHORS, HYBRIDS, NARROW, BLENDS = 120, 40, 60, 80
+CCT_MIRED_SD = 12.0         # of a stated temperature: labels are nominal
+SECOND_RADIATION = 1.4388e7         # nm K
+
+
+@dataclass(frozen=True, eq=False)
+class Lamps(Record):
+    """Spectra of L lamps of mean 1, every nm from 400 to 700 nm, and how probable each is."""
+
+    spectra: Annotated[np.ndarray, "L P"]
+    kind: Annotated[np.ndarray, "L"]                # index into LIGHT_KINDS
+    weights: Annotated[np.ndarray, "L"]
+    names: tuple[str, ...]
+
+
+def lamps_like(said: UnknownLight) -> Lamps:
+    """The lamps that a light may be, by what is said of it.
+
+    Parameters
+    ----------
+    said : UnknownLight
+    """
+    lamps = all_lamps()
+    weights = np.array(lamps.weights)
+    if said.kind is not None:
+        weights[lamps.kind != LIGHT_KINDS.index(said.kind)] = 0
+    if said.cct is not None:
+        away = np.abs(1e6 / colour_temperatures(lamps.spectra) - 1e6 / said.cct)
+        weights = weights * np.exp(-0.5 * ((away - away.min()) / CCT_MIRED_SD) ** 2)
+    kept = np.flatnonzero(weights > 1e-3 * weights.max())
+    return Lamps(lamps.spectra[kept], lamps.kind[kept], weights[kept] / weights[kept].sum(),
+                 tuple(lamps.names[index] for index in kept))
+
+
+def all_lamps() -> Lamps:
+    """Every lamp, published and by formula."""
+    published = _published()
+    rng = np.random.default_rng(SEED)
+    tubes = np.array([spectrum for kind, _, spectrum in published if kind == "fluorescent"])
+    made = {"daylight": np.vstack([daylights(np.linspace(4000, 12000, DAYLIGHTS)),
+                                   blackbodies(np.linspace(4000, 7500, HOT_BODIES))]),
+            "halogen": np.vstack([blackbodies(np.linspace(2300, 3700, FILAMENTS)),
+                                  _tinted(rng)]),
+            "led": np.vstack([_phosphor_leds(rng), _hybrids(rng), _narrow_bands(rng)]),
+            "fluorescent": _blends(tubes, rng)}
+    spectra, kinds, names, weights = [], [], [], []
+    for kind, share in KIND_SHARE.items():
+        ours = [(name, spectrum) for other, name, spectrum in published if other == kind]
+        rows = [spectrum for _, spectrum in ours] + list(made[kind])
+        spectra += rows
+        names += [name for name, _ in ours] + [f"{kind} by formula"] * len(made[kind])
+        kinds += [LIGHT_KINDS.index(kind)] * len(rows)
+        weights += [share * PUBLISHED_SHARE / len(ours)] * len(ours)
+        weights += [share * (1 - PUBLISHED_SHARE) / len(made[kind])] * len(made[kind])
+    whole = np.array(spectra)
+    return Lamps(whole / whole.mean(axis=1, keepdims=True), np.array(kinds), np.array(weights),
+                 tuple(names))
+
+
+def colour_temperatures(spectra: np.ndarray) -> np.ndarray:
+    """Correlated colour temperatures (L,), K, by McCamy's formula; 1500 to 25000 K.
+
+    Parameters
+    ----------
+    spectra : (L, P) array
+        Every nm from 400 to 700 nm.
+    """
+    nm, matching = published_curves(OBSERVERS, OBSERVER)
+    observer = np.array([np.interp(GRID.nm, nm, curve) for curve in matching])
+    xyz = spectra @ observer.T
+    x, y = (xyz[:, :2] / xyz.sum(axis=1, keepdims=True)).T
+    n = (x - 0.3320) / (0.1858 - y)
+    return np.clip(449 * n**3 + 3525 * n**2 + 6823.3 * n + 5520.33, 1500, 25000)
+
+
+def blackbodies(kelvin: np.ndarray) -> np.ndarray:
+    """Planck's spectra (n, P) of mean 1."""
+    spectra = GRID.nm**-5.0 / np.expm1(SECOND_RADIATION / (GRID.nm * np.asarray(kelvin)[:, None]))
+    return np.asarray(spectra / spectra.mean(axis=1, keepdims=True))
+
+
+def daylights(kelvin: np.ndarray) -> np.ndarray:
+    """CIE daylights (n, P) of mean 1; their three components follow from the published D50, D55
+    and D75.
+
+    Parameters
+    ----------
+    kelvin : (n,) array
+        4000 to 25000 K.
+    """
+    named = {5003.0: "D50", 5503.0: "D55", 7504.0: "D75"}
+    published = np.array([_at_1_nm(name) for name in named.values()])
+    at_560 = published[:, np.searchsorted(GRID.nm, 560)]
+    known = np.array([_daylight_terms(cct) for cct in named])
+    components = np.linalg.solve(known, published / at_560[:, None])
+    spectra = np.array([_daylight_terms(cct) for cct in kelvin]) @ components
+    return np.asarray(spectra / spectra.mean(axis=1, keepdims=True))
+
+
+def _daylight_terms(cct: float) -> np.ndarray:
+    """1, M1 and M2 of CIE 15:2004, Eqs. 3.3 and 3.4."""
+    a = (0.244063, 0.09911e3, 2.9678e6, -4.6070e9) if cct <= 7000 else (
+        0.237040, 0.24748e3, 1.9018e6, -2.0064e9)
+    x = sum(value / cct**power for power, value in enumerate(a))
+    y = -3 * x**2 + 2.87 * x - 0.275
+    below = 0.0241 + 0.2562 * x - 0.7341 * y
+    return np.array([1.0, (-1.3515 - 1.7703 * x + 5.9114 * y) / below,
+                     (0.0300 - 31.4424 * x + 30.0717 * y) / below])
+
+
+def _published() -> list[tuple[str, str, np.ndarray]]:
+    """Kind, name and spectrum of every published lamp that lights the range."""
+    found = []
+    for name, (nm, curves) in all_published(LIGHTS).items():
+        if nm[0] > 405 or nm[-1] < 690:
+            continue
+        spectrum = np.maximum(np.interp(GRID.nm, nm, curves[0]), 0)
+        if np.mean(spectrum > DARK_SHARE * spectrum.max()) > MIN_LIT:
+            found.append((_kind(name), name, spectrum / spectrum.mean()))
+    return found
+
+
+def _kind(name: str) -> str:
+    if name in DAYLIGHT or name == "ISO 7589 Photographic Daylight" \
+            or name == "ISO 7589 Sensitometric Daylight":
+        return "daylight"
+    if name in HALOGEN or name.startswith("ISO 7589"):
+        return "halogen"
+    return "led" if any(word in name for word in LED_WORDS) else "fluorescent"
+
+
+def _at_1_nm(name: str) -> np.ndarray:
+    nm, curves = published_curves(LIGHTS, name)
+    return np.interp(GRID.nm, nm, curves[0])
+
+
+def _bump(peak: np.ndarray, sd: np.ndarray) -> np.ndarray:
+    """Gaussians (n, P)."""
+    return np.asarray(np.exp(-0.5 * ((GRID.nm - peak[:, None]) / sd[:, None]) ** 2))
+
+
+def _tinted(rng: np.random.Generator) -> np.ndarray:
+    """Filaments behind glass: a straight line in wavelength, on the logarithm."""
+    slope = rng.uniform(-0.5, 0.5, TINTED)[:, None]
+    return blackbodies(rng.uniform(2500, 3400, TINTED)) * np.exp(slope * (GRID.nm - 550) / 150)
+
+
+def _phosphor_leds(rng: np.random.Generator, count: int = PHOSPHORS) -> np.ndarray:
+    def uniform(low: float, high: float) -> np.ndarray:
+        return rng.uniform(low, high, count)
+    violet = rng.random(count) < 0.1
+    pump = uniform(0.15, 1.8)[:, None] * _bump(
+        np.where(violet, uniform(405, 425), uniform(440, 465)), uniform(7, 13))
+    for_plants = rng.random(count) < 0.05
+    broad = uniform(0.6, 1.0)[:, None] * _bump(
+        np.where(for_plants, uniform(600, 660), uniform(525, 590)), uniform(38, 62))
+    red = (uniform(0, 1.2) * (rng.random(count) < 0.7))[:, None] * _bump(uniform(600, 660),
+                                                                        uniform(25, 55))
+    blue = (0.6 * uniform(0.5, 1) * violet)[:, None] * _bump(uniform(450, 470), uniform(15, 30))
+    return pump + broad + red + blue
+
+
+def _hybrids(rng: np.random.Generator) -> np.ndarray:
+    beside = np.where(rng.random(HYBRIDS) < 0.7, rng.uniform(615, 665, HYBRIDS),
+                      rng.uniform(470, 505, HYBRIDS))
+    return _phosphor_leds(rng, HYBRIDS) + rng.uniform(0.4, 2.0, HYBRIDS)[:, None] * _bump(
+        beside, rng.uniform(7, 13, HYBRIDS))
+
+
+def _narrow_bands(rng: np.random.Generator) -> np.ndarray:
+    """Blue, green and red diodes, of half of them amber and cyan ones besides."""
+    spectra = np.full((NARROW, GRID.nm.size), 0.002)
+    for low, high, sd, share in ((440, 475, 9, 1.0), (510, 560, 14, 1.0), (605, 645, 8, 1.0),
+                                 (580, 600, 8, 0.5), (480, 505, 11, 0.25)):
+        there = rng.random(NARROW) < share
+        spectra += (there * rng.uniform(0.4, 1.6, NARROW))[:, None] * _bump(
+            rng.uniform(low, high, NARROW), sd * rng.uniform(0.8, 1.5, NARROW))
+    return spectra
+
+
+def _blends(tubes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    first, second = (tubes[rng.integers(len(tubes), size=BLENDS)] for _ in range(2))
+    share = rng.uniform(0, 1, BLENDS)[:, None]
+    return share * first + (1 - share) * second

@@ -1,0 +1,75 @@
+"""What a chart photo says of its light by itself: kinds of lamps, mean, band, and how surely."""
+from __future__ import annotations
+
+import numpy as np
+
+from spectrabox.calibrate.products.product_posterior import ProductPosterior
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records import LIGHT_KINDS, LightPosterior, WavelengthGrid
+
+LEVEL = 0.9
+NORMAL_QUANTILE = 1.6449
+SURE, OPEN = 0.9, 0.25      # probability of a kind: above, it is said; both above, two are
+NARROWED = 0.75             # width of the band over that beforehand: above, the photo said little
+
+
+def light_posterior(found: ProductPosterior, grid: WavelengthGrid) -> LightPosterior:
+    """The light behind the products.
+
+    Parameters
+    ----------
+    found : ProductPosterior
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    """
+    prior = found.prior
+    basis = interpolation_matrix(prior.nm, grid.nm)
+    # the lamp of each component moves with its products: one gain for all
+    kind = prior.lamps.kind[prior.lamp]
+    shares = np.zeros(len(LIGHT_KINDS))
+    mean, square = np.zeros(prior.nm.size), np.zeros(prior.nm.size)
+    for hypothesis in found.hypotheses:
+        shares += hypothesis.share * np.bincount(kind, hypothesis.weights,
+                                                 minlength=len(LIGHT_KINDS))
+        lamps = prior.components[:, prior.light] + (
+            hypothesis.seen @ hypothesis.projected[prior.light].T)
+        lamps = np.maximum(lamps, 0)
+        own = np.maximum(np.diag(hypothesis.covariance)[prior.light], 0)
+        mean += hypothesis.share * (hypothesis.weights @ lamps)
+        square += hypothesis.share * (hypothesis.weights @ lamps**2 + own)
+    total = sum(hypothesis.share for hypothesis in found.hypotheses)
+    mean, square, shares = mean / total, square / total, shares / shares.sum()
+    half = NORMAL_QUANTILE * np.sqrt(np.maximum(square - mean**2, 0))
+    before = _spread_before(found)
+    fine = mean @ basis.T
+    scale = 1 / fine.mean()
+    lower, upper = np.maximum(mean - half, 0) @ basis.T, (mean + half) @ basis.T
+    return LightPosterior(grid, LIGHT_KINDS, shares, fine * scale, lower * scale, upper * scale,
+                          LEVEL, _sentences(shares, half, before, mean))
+
+
+def _spread_before(found: ProductPosterior) -> np.ndarray:
+    lamps, weights = found.prior.components[:, found.prior.light], found.prior.weights
+    return np.asarray(NORMAL_QUANTILE * np.sqrt(weights @ (lamps - weights @ lamps) ** 2))
+
+
+def _sentences(shares: np.ndarray, half: np.ndarray, before: np.ndarray,
+               mean: np.ndarray) -> tuple[str, ...]:
+    order = np.argsort(-shares)
+    first, second = (LIGHT_KINDS[index] for index in order[:2])
+    if shares[order[0]] >= SURE:
+        said = [f"the chart's light is {first} ({shares[order[0]]:.0%})"]
+    elif shares[order[1]] >= OPEN:
+        said = [f"the chart cannot tell two kinds of light apart: {first} "
+                f"({shares[order[0]]:.0%}) and {second} ({shares[order[1]]:.0%})"]
+    else:
+        said = [f"the chart's light is likely {first} ({shares[order[0]]:.0%}), else {second} "
+                f"({shares[order[1]]:.0%})"]
+    width = float(np.mean(half) / np.mean(mean))
+    said.append(f"its spectrum by itself is known within {width:.0%} of its mean "
+                f"({LEVEL:.0%} band); the products that surfaces are computed with are known far "
+                "better")
+    if np.mean(half) > NARROWED * np.mean(before):
+        said.append("the chart says little of the light by itself: relighting from under it, or "
+                    "another camera under it, needs its measured spectrum")
+    return tuple(said)

@@ -1,0 +1,194 @@
+"""Chart photos under a light that nobody measured, to what every later stage reads of a fit.
+
+The fit of products has the form of a fit of sensitivities under a light of 1 at every wavelength:
+curves, covariance, exposure, field and glare. Bands of other cameras than those of the prior are
+fitted with smoothness alone, as under a known light; a lamp's narrow lines are not smooth.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from spectrabox.calibrate.chart_equations import ChartEquations, nuisance_sd
+from spectrabox.calibrate.left_out import PatchesWithout, gathered, patch_moments
+from spectrabox.calibrate.photo_checks import require_apart, require_patches
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.curve_posterior import (
+    curve_moments,
+    curve_variance,
+    photo_states,
+)
+from spectrabox.calibrate.prior.prior_fit import CurvePosterior
+from spectrabox.calibrate.products.lamps import Lamps
+from spectrabox.calibrate.products.light_posterior import light_posterior
+from spectrabox.calibrate.products.product_posterior import (
+    ProductPosterior,
+    hypothesis_moments,
+    mixed,
+    posterior_of_products,
+    shares_without,
+)
+from spectrabox.calibrate.products.product_prior import ProductPrior, product_prior
+from spectrabox.calibrate.sensitivity import PriorFit, condition_number
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records import (
+    LightPosterior,
+    Outcome,
+    SensitivityFit,
+    WavelengthGrid,
+)
+
+SEED = 1                    # of the draws of cameras
+WIDENING = 1.15             # of standard deviations: benchmarks/bench_unknown_light.py --tails
+MAX_HYPOTHESES, MAX_COMPONENTS = 3, 200     # that a fit without a patch is computed with
+
+
+@dataclass(frozen=True)
+class ProductFit:
+    """The fit of products in the form of every other, and what is known of the light."""
+
+    fit: PriorFit
+    light: LightPosterior
+    posterior: ProductPosterior
+
+
+def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamps,
+                 grid: WavelengthGrid, said: str,
+                 apart: ChartEquations | None = None) -> ProductFit:
+    """Products of sensitivity and light, exposure, field and glare of chart photos under one light.
+
+    Parameters
+    ----------
+    photos : list of ChartEquations
+        Of one camera; their ``power`` is the integration weights: a light of 1.
+    cameras : CameraPrior
+    lamps : Lamps
+        That the light may be.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    said : str
+        What is known of the light, in words.
+    apart : ChartEquations or None
+        Patches of the first photo that no fit is to use.
+
+    Raises
+    ------
+    CalibrationError
+        If the photos hold too few patches, or two bands have the same signals.
+    """
+    for photo in photos:
+        require_patches(photo.signal)
+        require_apart(photo.signal)
+    with threadpool_limits(1, "blas"):      # see fit_with_prior
+        prior = product_prior(cameras, lamps, SEED)
+        found = posterior_of_products(photos, prior)
+        curves = _as_curves(found, photos, grid)
+        without = _without_each(found, photos[0], grid, apart)
+        moments = curve_moments(curves, prior.bands)
+        states = photo_states(curves, photos, moments)
+        share = _prior_share(found, curves, moments.covariance, grid)
+        light = light_posterior(found, grid)
+    held_out = without.predicted(np.vstack([photos[0].reflectances] if apart is None else [
+        photos[0].reflectances, apart.reflectances]))[:len(photos[0].signal)]
+    first = photos[0].signal
+    error = np.sqrt(curve_variance(curves.basis, moments.covariance, prior.bands))
+    fit = SensitivityFit(grid, moments.coefficients @ curves.basis.T, curves.basis,
+                         moments.coefficients, moments.covariance, error,
+                         1 - states[0].predicted / first if len(first) == 24 else None,
+                         1 - held_out / first if len(first) == 24 else None,
+                         condition_number(photos[0], grid),
+                         f"products of sensitivity and light, {said}: mixture of cameras "
+                         f"({cameras.source}) and {len(lamps.names)} lamps", Outcome.CONVERGED)
+    chi_square = sum(h.share * h.chi_square for h in found.hypotheses)
+    joint = PriorFit(fit, curves, tuple(states), (held_out, *(state.predicted
+                                                             for state in states[1:])),
+                     share, (), curves.model_error, float(chi_square), without)
+    return ProductFit(joint, light, found)
+
+
+def _as_curves(found: ProductPosterior, photos: list[ChartEquations],
+               grid: WavelengthGrid) -> CurvePosterior:
+    """The posterior as one of curves under a light of 1, a component for each hypothesis."""
+    prior, basis = found.prior, interpolation_matrix(found.prior.nm, grid.nm)
+    mass = grid.weights_nm @ basis
+    means, covariances = [], []
+    for hypothesis in found.hypotheses:
+        mean, covariance = hypothesis_moments(found, hypothesis)
+        state, spread = in_curves(prior, mean, covariance, mass)
+        means.append(state)
+        covariances.append(spread)
+    shares = np.array([hypothesis.share for hypothesis in found.hypotheses])
+    shares /= shares.sum()
+    best = found.hypotheses[int(np.argmax(shares))]
+    error = float(shares @ [hypothesis.error for hypothesis in found.hypotheses])
+    return CurvePosterior(basis, shares, np.array(means), np.array(covariances), shares, error,
+                          found.log_evidence, 0, best.gain_sd, best.error)
+
+
+def in_curves(prior: ProductPrior, mean: np.ndarray, covariance: np.ndarray,
+              mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Curves under a light of 1 and nuisances (K N + U,), widened covariance, from a state (Z,).
+
+    Parameters
+    ----------
+    prior : ProductPrior
+    mean : (Z,) array
+        Component, nuisances, gains.
+    covariance : (Z, Z) array
+    mass : (N,) array
+        Of each node, nm.
+    """
+    bands, nodes, entries = prior.bands, prior.nm.size, prior.components.shape[1]
+    nuisances = mean.size - entries - bands
+    product = mean[prior.products].reshape(bands, nodes)
+    level = np.exp(mean[prior.balance] + mean[entries + nuisances:])
+    curves = level[:, None] * product / mass
+    change = np.zeros((curves.size + nuisances, mean.size))
+    change[:curves.size, prior.products] = np.diag(np.repeat(level, nodes) / np.tile(mass, bands))
+    by_level = np.zeros((curves.size, bands))
+    for band in range(bands):
+        by_level[band * nodes:(band + 1) * nodes, band] = curves[band]
+    change[:curves.size, prior.balance] = by_level
+    change[:curves.size, entries + nuisances:] = by_level
+    change[curves.size:, entries:entries + nuisances] = np.eye(nuisances)
+    state = np.concatenate([curves.ravel(), mean[entries:entries + nuisances]])
+    return state, WIDENING**2 * change @ covariance @ change.T
+
+
+def _without_each(found: ProductPosterior, photo: ChartEquations, grid: WavelengthGrid,
+                  apart: ChartEquations | None) -> PatchesWithout:
+    """Every patch of the first photo by the hypotheses that are likely, then those kept apart."""
+    prior, basis = found.prior, interpolation_matrix(found.prior.nm, grid.nm)
+    mass, bands = grid.weights_nm @ basis, found.prior.bands
+    size = bands * prior.nm.size
+    likely = sorted(found.hypotheses, key=lambda h: -h.share)[:MAX_HYPOTHESES]
+    own = size + 1 + nuisance_sd(photo).size
+    patches = []
+    ours = [(photo, patch) for patch in range(len(photo.signal))]
+    others = [] if apart is None else [(apart, patch) for patch in range(len(apart.signal))]
+    for source, patch in ours + others:
+        rows = slice(patch * bands, (patch + 1) * bands) if source is photo else None
+        shares = (np.array([h.share for h in likely]) if rows is None
+                  else shares_without(likely, rows))
+        state, spread = in_curves(prior, *mixed(list(shares), [
+            hypothesis_moments(found, h, rows, MAX_COMPONENTS) for h in likely]), mass)
+        patches.append(patch_moments(source, patch, state[:own], spread[:own, :own], size))
+    error = float(np.average([h.error for h in likely], weights=[h.share for h in likely]))
+    return gathered([photo, *([] if apart is None else [apart])], basis, error, patches)
+
+
+def _prior_share(found: ProductPosterior, curves: CurvePosterior, covariance: np.ndarray,
+                 grid: WavelengthGrid) -> np.ndarray:
+    """Share (K, P) of the prior's uncertainty that the photo left, of curves of largest value 1."""
+    prior = found.prior
+    mass = grid.weights_nm @ curves.basis
+    level = np.exp(prior.components[:, prior.balance])
+    before = prior.components[:, prior.products].reshape(len(level), prior.bands, -1)
+    before = level[:, :, None] * before / mass
+    before = before / before.max(axis=(1, 2), keepdims=True)
+    mean = np.einsum("c,ckn->kn", prior.weights, before)
+    variance = np.einsum("c,ckn->kn", prior.weights, (before - mean) ** 2) @ curves.basis.T
+    after = curve_variance(curves.basis, covariance, prior.bands)
+    return np.clip(np.sqrt(after / np.maximum(variance, 1e-9 * variance.max())), 0, 1)

@@ -1,0 +1,332 @@
+"""Products of sensitivity and light behind chart photos: a mixture of Gaussians, in closed form.
+
+With the products x_c of a component, photo by photo
+
+    signal(i, k) = exp(level(k) + exposure + field(i)) sum_n reflectance(i, n) x_c(k, n) + glare(k)
+
+is linear in the products, and nearly so in the rest, of which the photo itself says enough to
+linearise it once for all components. All have one covariance about them, h^2 C, so that one gain
+moves all (an ensemble Kalman filter's update), and what a component could not explain is its
+evidence. How wide the kernels are, how far white balances depart, and how large the disagreement of
+patches and model is, are unknown too: a few values each, weighed by the same evidence.
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.calibrate.chart_equations import (
+    ChartEquations,
+    noise_covariance,
+    nuisance_sd,
+)
+from spectrabox.calibrate.left_out import covariance_without, weights_without
+from spectrabox.calibrate.prior.prior_fit import EXPOSURE_SD, GAINS, LINEARISED_AT
+from spectrabox.calibrate.products.lamps import GRID
+from spectrabox.calibrate.products.product_prior import ProductPrior
+from spectrabox.radiometry.covariance import block_diagonal
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.shaped import Record
+
+WIDTHS = ((0.01, 0.2), (0.03, 0.3), (0.1, 0.3), (0.4, 0.2))     # h^2 and its share
+ERRORS = (0.002, 0.004, 0.008, 0.016, 0.032, 0.064)             # of patches against the model
+STEPS = 4                   # of the linearisation
+NEGLIGIBLE = 1e-3           # share of a hypothesis below which it is left out
+MAX_COMPONENTS, FAINT = 1000, 1e-4  # that carry the moments; weight of the last over the first
+
+
+@dataclass(frozen=True, eq=False)
+class LinearChart(Record):
+    """Photos as linear equations: Y signals, of a component's X entries and U nuisances."""
+
+    measured: Annotated[np.ndarray, "Y"]            # less what the linearisation point explains
+    by_component: Annotated[np.ndarray, "Y X"]
+    by_nuisance: Annotated[np.ndarray, "Y U"]
+    nuisance_variance: Annotated[np.ndarray, "U"]   # exposure, field, glare, photo by photo
+    nuisance_mean: Annotated[np.ndarray, "U"]
+    by_gain: Annotated[np.ndarray, "Y K"]           # of log gains beyond the components'
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis(Record):
+    """One width of the kernels, spread of gains and model error, and what follows from it."""
+
+    width: float
+    gain_sd: float
+    error: float
+    share: float                                    # posterior probability
+    weights: Annotated[np.ndarray, "C"]             # of the components, summing to 1
+    seen: Annotated[np.ndarray, "C Y"]              # their innovations times the inverse
+    inverse: Annotated[np.ndarray, "Y Y"]           # of the innovations' covariance
+    projected: Annotated[np.ndarray, "Z Y"]         # covariance beforehand of state and innovation
+    gain: Annotated[np.ndarray, "Z Y"]              # Z = X + U + K: component, nuisances, gains
+    covariance: Annotated[np.ndarray, "Z Z"]
+    chi_square: float                               # per signal, of the components by weight
+
+
+@dataclass(frozen=True, eq=False)
+class ProductPosterior(Record):
+    """The mixture over hypotheses, and what it was linearised to."""
+
+    prior: ProductPrior
+    chart: LinearChart
+    residuals: Annotated[np.ndarray, "C Y"]         # innovation of each component
+    hypotheses: tuple[Hypothesis, ...]              # those that are not negligible
+    log_evidence: float                             # up to a constant of the photos
+
+    def moments(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (Z,) and covariance (Z, Z) over all hypotheses."""
+        return mixed([hypothesis.share for hypothesis in self.hypotheses],
+                     [hypothesis_moments(self, hypothesis) for hypothesis in self.hypotheses])
+
+
+def posterior_of_products(photos: list[ChartEquations], prior: ProductPrior) -> ProductPosterior:
+    """Posterior of products, light and nuisances from chart photos under one light.
+
+    Parameters
+    ----------
+    photos : list of ChartEquations
+        Of one camera under one light, their ``power`` being the integration weights.
+    prior : ProductPrior
+    """
+    best = (prior.weights @ prior.components, np.zeros(_nuisances(photos)),
+            np.zeros(prior.bands))
+    best[1][_exposures(photos)] = [_first_exposure(photo, prior, best[0]) for photo in photos]
+    start = best[1].copy()
+    ends = np.cumsum([prior.components.shape[1], best[1].size])
+    for _ in range(STEPS):
+        chart = linearised(photos, prior, *best, start)
+        found = _solved(photos, prior, chart, WIDTHS[1:2], GAINS[1:2], (LINEARISED_AT,))
+        hypothesis = found.hypotheses[0]
+        chosen = np.argsort(-hypothesis.weights)[:MAX_COMPONENTS]
+        weights = hypothesis.weights[chosen] / hypothesis.weights[chosen].sum()
+        mean = weights @ states_of_components(found, hypothesis, chosen)
+        best = (mean[:ends[0]], mean[ends[0]:ends[1]], mean[ends[1]:])
+    return _solved(photos, prior, linearised(photos, prior, *best, start), WIDTHS, GAINS, ERRORS)
+
+
+def mixed(shares: Sequence[float], moments: Sequence[tuple[np.ndarray, np.ndarray]]
+          ) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (Z,) and covariance (Z, Z) of a mixture from those of its parts.
+
+    Parameters
+    ----------
+    shares : sequence of float
+        Of any sum.
+    moments : sequence of (Z,) and (Z, Z) arrays
+    """
+    parts = np.asarray(shares) / np.sum(shares)
+    means = np.array([mean for mean, _ in moments])
+    mean = parts @ means
+    away = (means - mean) * np.sqrt(parts)[:, None]
+    within = sum(part * spread for part, (_, spread) in zip(parts, moments, strict=True))
+    return mean, np.asarray(within + away.T @ away)
+
+
+def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.ndarray,
+               nuisance: np.ndarray, gains: np.ndarray, start: np.ndarray) -> LinearChart:
+    """The equations about one state.
+
+    Parameters
+    ----------
+    component : (X,) array
+    nuisance : (U,) array
+    gains : (K,) array
+        Of the state, see ``Hypothesis``.
+    start : (U,) array
+        Mean of the nuisances beforehand.
+    """
+    bands, nodes = prior.bands, prior.nm.size
+    product_now = component[prior.products].reshape(bands, nodes)
+    level = component[prior.balance] + gains
+    measured, by_component, by_nuisance, by_gain, variances = [], [], [], [], []
+    at, count = 0, nuisance.size
+    for photo in photos:
+        design = node_reflectances(photo, prior.nm)
+        patches, terms = photo.signal.shape[0], photo.field_terms.shape[1]
+        own = 1 + nuisance_sd(photo).size
+        exposure, field = nuisance[at], nuisance[at + 1:at + 1 + terms]
+        lit = np.exp(exposure + photo.field_terms @ field) * photo.irradiance / np.pi
+        scale = lit[:, None] * np.exp(level)
+        signal = scale * (design @ product_now.T)
+        rows = np.zeros((patches, bands, prior.components.shape[1]))
+        for band in range(bands):
+            rows[:, band, band * nodes:(band + 1) * nodes] = scale[:, band, None] * design
+            rows[:, band, prior.balance.start + band] = signal[:, band]
+        nuisances = np.zeros((patches, bands, count))
+        nuisances[:, :, at] = signal
+        nuisances[:, :, at + 1:at + 1 + terms] = signal[:, :, None] * photo.field_terms[:, None]
+        if photo.glare:
+            nuisances[:, :, at + 1 + terms:at + own] = np.eye(bands)
+        of_gain = signal[:, :, None] * np.eye(bands)
+        offset = signal * (level + exposure + (photo.field_terms @ field)[:, None])
+        measured.append((photo.signal + offset).ravel())
+        by_component.append(rows.reshape(patches * bands, -1))
+        by_nuisance.append(nuisances.reshape(patches * bands, -1))
+        by_gain.append(of_gain.reshape(patches * bands, -1))
+        variances.append(np.r_[EXPOSURE_SD, nuisance_sd(photo)]**2)
+        at += own
+    return LinearChart(np.concatenate(measured), np.vstack(by_component), np.vstack(by_nuisance),
+                       np.concatenate(variances), start, np.vstack(by_gain))
+
+
+def node_reflectances(photo: ChartEquations, nm: np.ndarray) -> np.ndarray:
+    """Reflectances (I, N) as seen by the mass at each node."""
+    basis = interpolation_matrix(nm, GRID.nm)
+    return np.asarray(photo.reflectances @ (basis * GRID.weights_nm[:, None])
+                      / (GRID.weights_nm @ basis))
+
+
+def _solved(photos: list[ChartEquations], prior: ProductPrior, chart: LinearChart,
+            widths: tuple[tuple[float, float], ...], gains: tuple[tuple[float, float], ...],
+            errors: tuple[float, ...]) -> ProductPosterior:
+    """The mixture over every hypothesis, for one linearisation."""
+    innovation = (chart.measured - chart.by_nuisance @ chart.nuisance_mean
+                  - prior.components @ chart.by_component.T)
+    spread = chart.by_component @ prior.covariance @ chart.by_component.T
+    known = (chart.by_nuisance * chart.nuisance_variance) @ chart.by_nuisance.T
+    of_gains = chart.by_gain @ chart.by_gain.T
+    pixels = block_diagonal(*(noise_covariance(photo, 0.0) for photo in photos))
+    level = np.sqrt(np.concatenate([np.diag(noise_covariance(photo, 1.0) - noise_covariance(
+        photo, 0.0)) for photo in photos]))
+    log_prior = np.log(prior.weights)
+    tried = []
+    for (width, width_share), (gain, gain_share) in product(widths, gains):
+        # Q = M + error^2 L^2 for every error at once, by the eigenvectors of L^-1 M L^-1
+        rest = width * spread + known + gain**2 * of_gains + pixels
+        values, vectors = np.linalg.eigh(rest / np.outer(level, level))
+        rotated = ((innovation / level) @ vectors) ** 2
+        for error in errors:
+            variances = np.maximum(values, 0) + error**2
+            square = rotated @ (1 / variances)
+            logs = (log_prior - 0.5 * square - 0.5 * np.log(variances).sum()
+                    - np.log(level).sum() + np.log(width_share * gain_share))
+            tried.append((width, gain, error, logs, square, rest))
+    top = max(float(logs.max()) for *_, logs, _, _ in tried)
+    evidence = np.array([np.exp(logs - top).sum() for *_, logs, _, _ in tried])
+    shares = evidence / evidence.sum()
+    found = tuple(
+        _hypothesis(prior, chart, innovation, (width, gain, error), float(share), logs, square,
+                    rest + np.diag((error * level) ** 2))
+        for (width, gain, error, logs, square, rest), share in zip(tried, shares, strict=True)
+        if share >= NEGLIGIBLE)
+    return ProductPosterior(prior, chart, innovation, found, float(top + np.log(evidence.sum())))
+
+
+def _hypothesis(prior: ProductPrior, chart: LinearChart, innovation: np.ndarray,
+                setting: tuple[float, float, float], share: float, logs: np.ndarray,
+                square: np.ndarray, total: np.ndarray) -> Hypothesis:
+    width, gain, error = setting
+    weights = np.exp(logs - logs.max())
+    weights /= weights.sum()
+    inverse = np.linalg.inv(total)
+    projected = np.vstack([width * prior.covariance @ chart.by_component.T,
+                           chart.nuisance_variance[:, None] * chart.by_nuisance.T,
+                           gain**2 * chart.by_gain.T])
+    before = block_diagonal(width * prior.covariance, np.diag(chart.nuisance_variance),
+                            gain**2 * np.eye(prior.bands))
+    kalman = projected @ inverse
+    return Hypothesis(width, gain, error, share, weights, innovation @ inverse, inverse,
+                      projected, kalman, before - kalman @ projected.T,
+                      float(weights @ square / len(total)))
+
+
+def hypothesis_moments(found: ProductPosterior, hypothesis: Hypothesis, rows: slice | None = None,
+                       most: int = MAX_COMPONENTS) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (Z,) and covariance (Z, Z) under one hypothesis, without some rows where they are named.
+
+    Parameters
+    ----------
+    found : ProductPosterior
+    hypothesis : Hypothesis
+    rows : slice or None
+        Of the signals that are left out.
+    most : int
+        Components that carry the moments.
+    """
+    weights, covariance = hypothesis.weights, hypothesis.covariance
+    if rows is not None:
+        weights = weights_of_components(hypothesis, rows)
+        covariance = covariance_without(covariance, hypothesis.gain, hypothesis.inverse, rows)
+    carrying = np.argsort(-weights)[:most]
+    carrying = carrying[weights[carrying] > FAINT * weights[carrying[0]]]
+    states = states_of_components(found, hypothesis, carrying, rows)
+    weights = weights[carrying] / weights[carrying].sum()
+    mean = weights @ states
+    away = (states - mean) * np.sqrt(weights)[:, None]
+    return mean, covariance + away.T @ away
+
+
+def states_of_components(found: ProductPosterior, hypothesis: Hypothesis, chosen: np.ndarray,
+                         rows: slice | None = None) -> np.ndarray:
+    """Posterior means (n, Z) of some components under one hypothesis.
+
+    Parameters
+    ----------
+    found : ProductPosterior
+    hypothesis : Hypothesis
+    chosen : (n,) int array
+    rows : slice or None
+        Of the signals that are left out.
+    """
+    seen = (hypothesis.seen[chosen] if rows is None else
+            weights_without(hypothesis.inverse, hypothesis.seen[chosen], rows))
+    states = seen @ hypothesis.projected.T
+    entries, mean = found.prior.components.shape[1], found.chart.nuisance_mean
+    states[:, :entries] += found.prior.components[chosen]
+    states[:, entries:entries + mean.size] += mean
+    return np.asarray(states)
+
+
+def weights_of_components(hypothesis: Hypothesis, rows: slice) -> np.ndarray:
+    """Weights (C,) of the components when some rows are left out: over what they said of those."""
+    logs = np.log(np.maximum(hypothesis.weights, np.finfo(float).tiny))
+    logs = logs + 0.5 * _surprise(hypothesis, rows)
+    weights = np.exp(logs - logs.max())
+    return np.asarray(weights / weights.sum())
+
+
+def shares_without(hypotheses: Sequence[Hypothesis], rows: slice) -> np.ndarray:
+    """Probabilities of hypotheses when some rows are left out, summing to 1.
+
+    Parameters
+    ----------
+    hypotheses : sequence of Hypothesis
+    rows : slice
+    """
+    logs = []
+    for hypothesis in hypotheses:
+        # the density of the rows given all others is N(error; 0, block^-1), for every component
+        told = np.log(np.maximum(hypothesis.weights, np.finfo(float).tiny)) \
+            + 0.5 * _surprise(hypothesis, rows)
+        size = np.linalg.slogdet(hypothesis.inverse[rows, rows])[1]
+        logs.append(np.log(hypothesis.share) + np.logaddexp.reduce(told) - 0.5 * size)
+    shares = np.exp(np.array(logs) - np.max(logs))
+    return np.asarray(shares / shares.sum())
+
+
+def _surprise(hypothesis: Hypothesis, rows: slice) -> np.ndarray:
+    """Chi-square (C,) of some rows as each component and the other rows predict them."""
+    weighted = hypothesis.seen[:, rows]
+    solved = weighted @ np.linalg.inv(hypothesis.inverse[rows, rows])
+    return np.asarray(np.einsum("cy,cy->c", weighted, solved))
+
+
+def _nuisances(photos: list[ChartEquations]) -> int:
+    return sum(1 + nuisance_sd(photo).size for photo in photos)
+
+
+def _exposures(photos: list[ChartEquations]) -> np.ndarray:
+    """Index of each photo's exposure among the nuisances."""
+    return np.cumsum([0, *(1 + nuisance_sd(photo).size for photo in photos)])[:-1]
+
+
+def _first_exposure(photo: ChartEquations, prior: ProductPrior, component: np.ndarray) -> float:
+    product_now = component[prior.products].reshape(prior.bands, -1)
+    bare = (node_reflectances(photo, prior.nm) @ product_now.T) * np.exp(component[prior.balance])
+    bare = bare * (photo.irradiance / np.pi)[:, None]
+    return float(np.log(photo.signal.sum() / bare.sum()))

@@ -1,0 +1,232 @@
+"""Products of sensitivity and an unknown light: exact posteriors, evidence, coverage, left out."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from calibrate_cameras import GRID, NODES, cameras, on_grid, reflectances, signals
+from calibrate_cameras import prior as simulated_prior
+from threadpoolctl import threadpool_limits
+
+from spectrabox.calibrate.chart_equations import (
+    ChartEquations,
+    chart_equations,
+    noise_covariance,
+    some_patches,
+)
+from spectrabox.calibrate.left_out import covariance_without, weights_without
+from spectrabox.calibrate.products.lamps import Lamps, all_lamps, blackbodies, daylights, lamps_like
+from spectrabox.calibrate.products.product_fit import fit_products
+from spectrabox.calibrate.products.product_posterior import (
+    hypothesis_moments,
+    posterior_of_products,
+)
+from spectrabox.calibrate.products.product_prior import paired, product_prior
+from spectrabox.radiometry.chart import patch_centres_uv
+from spectrabox.radiometry.records import LIGHT_KINDS, PatchSamples, UnknownLight
+from spectrabox.radiometry.spectra.named_spectra import light as named_light
+
+SURFACES = reflectances()
+
+
+def simulated_lamps(count, seed):
+    """Blackbodies and broad LEDs of mean 1, kinds 1 and 2."""
+    rng = np.random.default_rng(seed)
+    half = count // 2
+    leds = (rng.uniform(0.3, 1.5, (half, 1)) * np.exp(-0.5 * ((GRID.nm - rng.uniform(
+        440, 465, (half, 1))) / 12) ** 2)
+        + np.exp(-0.5 * ((GRID.nm - rng.uniform(540, 600, (half, 1))) / 55) ** 2) + 0.02)
+    spectra = np.vstack([blackbodies(rng.uniform(2500, 6500, count - half)), leds])
+    spectra = spectra / spectra.mean(axis=1, keepdims=True)
+    return Lamps(spectra, np.repeat([1, 2], [count - half, half]), np.full(count, 1 / count),
+                 tuple(f"lamp {index}" for index in range(count)))
+
+
+def small_prior(seed=3, count=24):
+    lamps = simulated_lamps(12, seed)
+    curves = np.maximum(cameras(count, seed), 1e-3)
+    return paired(NODES, curves, np.arange(count) % 12, lamps)
+
+
+def shot(curves, lamp, seed, noise=0.01):
+    """A chart photo of a camera (3, 61) under a lamp (301,), with noise, fall-off and glare."""
+    rng = np.random.default_rng(seed)
+    signal = signals(on_grid(curves), lamp, SURFACES)
+    signal = signal / signal.max() * (1 + noise * rng.standard_normal(signal.shape))
+    signal = signal * (1 + 0.1 * patch_centres_uv()[:, :1]) + 0.003
+    samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), 0 * signal, 0 * signal)
+    return chart_equations(samples, SURFACES, np.ones(GRID.nm.size), np.full(24, np.pi), GRID,
+                           positions=patch_centres_uv())
+
+
+@pytest.fixture(scope="module")
+def found():
+    photo = shot(cameras(1, 8)[0], simulated_lamps(4, 9).spectra[3], 1)
+    return photo, posterior_of_products([photo], small_prior())
+
+
+def dense(photo, found, hypothesis, rows):
+    """Posterior of every component by textbook conditioning on some rows, and its log evidence."""
+    prior, chart = found.prior, found.chart
+    entries, bands = prior.components.shape[1], prior.bands
+    before = np.zeros((entries + chart.nuisance_mean.size + bands,) * 2)
+    before[:entries, :entries] = hypothesis.width * prior.covariance
+    index = np.arange(entries, len(before))
+    before[index, index] = np.r_[chart.nuisance_variance, np.full(bands, hypothesis.gain_sd**2)]
+    design = np.hstack([chart.by_component, chart.by_nuisance, chart.by_gain])[rows]
+    total = design @ before @ design.T + noise_covariance(photo, hypothesis.error)[
+        np.ix_(rows, rows)]
+    gain = np.linalg.solve(total, design @ before).T
+    means, logs = [], []
+    for index in range(len(prior.weights)):
+        start = np.r_[prior.components[index], chart.nuisance_mean, np.zeros(bands)]
+        off = chart.measured[rows] - design @ start
+        means.append(start + gain @ off)
+        logs.append(np.log(prior.weights[index]) - 0.5 * off @ np.linalg.solve(total, off)
+                    - 0.5 * np.linalg.slogdet(total)[1])
+    weights = np.exp(logs - np.max(logs))
+    weights /= weights.sum()
+    mean = weights @ np.array(means)
+    away = np.array(means) - mean
+    return mean, before - gain @ design @ before + (away.T * weights) @ away, logs
+
+
+@pytest.mark.parametrize("patch", [None, 0, 17])
+def test_the_posterior_is_that_of_conditioning_on_the_same_signals(found, patch):
+    photo, posterior = found
+    hypothesis = max(posterior.hypotheses, key=lambda one: one.share)
+    rows = np.arange(72)
+    left = None
+    if patch is not None:
+        left, rows = slice(3 * patch, 3 * patch + 3), np.delete(rows, range(3 * patch,
+                                                                            3 * patch + 3))
+    mean, covariance, _ = dense(photo, posterior, hypothesis, rows)
+    ours, spread = hypothesis_moments(posterior, hypothesis, left)
+    # Two orders of elimination of systems of condition 1e6: eps x 1e6 of the largest entry, and
+    # components below 1e-4 of the best are left out.
+    np.testing.assert_allclose(ours, mean, atol=1e-4 * np.abs(mean).max())
+    np.testing.assert_allclose(spread, covariance, atol=1e-3 * np.abs(covariance).max())
+
+
+def test_the_evidence_is_the_sum_over_all_that_was_tried(found):
+    photo, posterior = found
+    widths = {h.width for h in posterior.hypotheses}
+    assert len(posterior.hypotheses) > 1 and widths
+    logs = [np.logaddexp.reduce(dense(photo, posterior, h, np.arange(72))[2])
+            for h in posterior.hypotheses]
+    first = posterior.hypotheses[0]
+    from spectrabox.calibrate.prior.prior_fit import GAINS
+    from spectrabox.calibrate.products.product_posterior import WIDTHS
+    shares = [dict(WIDTHS)[h.width] * dict(GAINS)[h.gain_sd] for h in posterior.hypotheses]
+    by_hand = np.array(logs) + np.log(shares)
+    ratios = np.log([h.share / first.share for h in posterior.hypotheses])
+    # Determinants of 72 x 72 matrices agree to round-off.
+    np.testing.assert_allclose(by_hand - by_hand[0], ratios, atol=1e-6)
+    # What was left out holds less than a thousandth each of 48 hypotheses.
+    assert np.logaddexp.reduce(by_hand) == pytest.approx(posterior.log_evidence, abs=0.05)
+
+
+def test_a_left_out_patch_weighs_nothing():
+    rng = np.random.default_rng(1)
+    root = rng.standard_normal((12, 12))
+    covariance = root @ root.T + np.eye(12)
+    rows, rest = slice(3, 6), np.r_[0:3, 6:12]
+    residuals = rng.standard_normal((4, 12))
+    moved = residuals.copy()
+    moved[:, rows] += 5
+    inverse = np.linalg.inv(covariance)
+    weights = weights_without(inverse, residuals @ inverse, rows)
+    expected = np.linalg.solve(covariance[np.ix_(rest, rest)], residuals[:, rest].T).T
+    # Round-off of systems of condition below 1e3.
+    np.testing.assert_allclose(weights[:, rest], expected, atol=1e-10)
+    np.testing.assert_allclose(weights[:, rows], 0, atol=1e-10)
+    np.testing.assert_allclose(weights_without(inverse, moved @ inverse, rows), weights, atol=1e-10)
+
+
+def test_the_covariance_without_a_patch_is_that_of_the_others():
+    rng = np.random.default_rng(2)
+    prior = np.diag(rng.uniform(0.5, 2, 5))
+    design, noise = rng.standard_normal((9, 5)), np.diag(rng.uniform(0.1, 0.4, 9))
+    rows, rest = slice(0, 3), slice(3, 9)
+
+    def posterior(chosen):
+        total = design[chosen] @ prior @ design[chosen].T + noise[chosen, chosen]
+        return prior - prior @ design[chosen].T @ np.linalg.solve(total, design[chosen] @ prior)
+
+    inverse = np.linalg.inv(design @ prior @ design.T + noise)
+    gain = prior @ design.T @ inverse
+    np.testing.assert_allclose(covariance_without(posterior(slice(0, 9)), gain, inverse, rows),
+                               posterior(rest), atol=1e-12)
+
+
+def test_a_patch_kept_out_changes_no_curve_whatever_it_reads():
+    photo = shot(cameras(1, 8)[0], simulated_lamps(4, 9).spectra[3], 1)
+    used = np.arange(24) != 7
+    lamps, camera = simulated_lamps(12, 3), simulated_prior(12)
+    fits = []
+    for factor in (1.0, 1.7):
+        signal = np.array(photo.signal)
+        signal[7] *= factor
+        changed = replace(photo, signal=signal)
+        fits.append(fit_products([some_patches(changed, used)], camera, lamps, GRID, "",
+                                 some_patches(changed, ~used)).fit)
+    np.testing.assert_array_equal(fits[0].sensitivity.curves, fits[1].sensitivity.curves)
+    first, second = (fit.without.predicted(SURFACES)[23] for fit in fits)
+    np.testing.assert_array_equal(first, second)    # the patch kept out comes last
+
+
+def test_products_of_simulated_cameras_and_lamps_lie_in_their_bands():
+    prior = product_prior(simulated_prior(30), simulated_lamps(60, 3), 1, 900)
+    unseen, held, off = cameras(10, 77), [], []
+    basis = np.array([np.interp(GRID.nm, NODES, row) for row in np.eye(61)]).T
+    for number, lamp in enumerate(simulated_lamps(10, 78).spectra):
+        product = on_grid(unseen[number]) * lamp * GRID.weights_nm
+        true = (product / product.sum(axis=1, keepdims=True)) @ basis
+        with threadpool_limits(1, "blas"):
+            found = posterior_of_products([shot(unseen[number], lamp, number)], prior)
+            mean, covariance = found.moments()
+        mean = mean[prior.products].reshape(3, 61)
+        error = np.sqrt(np.diag(covariance)[prior.products]).reshape(3, 61)
+        held.append(np.mean(np.abs(mean - true) < 1.645 * error))
+        off.append(np.linalg.norm(mean - true) / np.linalg.norm(true))
+    # 10 photos of about 8 independent readings each: 90 % within 1.645 x sqrt(0.09 / 80) = 6 %,
+    # and the bands are meant to be wide enough for lamps of other kinds: one-sided above.
+    assert np.mean(held) > 0.82
+    assert np.median(off) < 0.15
+
+
+def test_published_daylight_and_filament_are_those_of_the_formulas():
+    published = named_light("D65", GRID)
+    # The components come from D50, D55 and D75, whose published values are rounded.
+    np.testing.assert_allclose(daylights(np.array([6504.0]))[0], published / published.mean(),
+                               rtol=0.02)
+    filament = named_light("A", GRID)
+    # CIE A is Planck's law at 2856 K with c2 = 1.435e-2, at 2848 K of today's c2.
+    np.testing.assert_allclose(blackbodies(np.array([2856.0]))[0], filament / filament.mean(),
+                               rtol=0.01)
+
+
+@pytest.mark.parametrize("said, kinds", [(UnknownLight(), set(LIGHT_KINDS)),
+                                         (UnknownLight(kind="halogen"), {"halogen"}),
+                                         (UnknownLight(cct=9000.0), {"daylight", "led",
+                                                                     "fluorescent"})])
+def test_what_is_said_of_a_light_narrows_the_lamps(said, kinds):
+    lamps = lamps_like(said)
+    assert {LIGHT_KINDS[index] for index in np.unique(lamps.kind)} == kinds
+    assert lamps.weights.sum() == pytest.approx(1)
+    np.testing.assert_allclose(lamps.spectra.mean(axis=1), 1)
+
+
+def test_every_kind_has_the_share_that_is_stated_for_it():
+    from spectrabox.calibrate.products.lamps import KIND_SHARE
+    lamps = all_lamps()
+    assert dict(zip(LIGHT_KINDS, np.bincount(lamps.kind, lamps.weights), strict=True)
+                ) == pytest.approx(KIND_SHARE)
+
+
+def test_some_patches_of_equations_are_those_rows():
+    photo = shot(cameras(1, 8)[0], simulated_lamps(4, 9).spectra[0], 1)
+    chosen = np.arange(24) % 2 == 0
+    part = some_patches(photo, chosen)
+    assert isinstance(part, ChartEquations)
+    np.testing.assert_array_equal(part.signal, photo.signal[::2])
+    np.testing.assert_array_equal(part.field_terms, photo.field_terms[::2])
