@@ -4,7 +4,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spectrabox.sampling.prior.families import animals, dyes, earth, leaves, paint, skin, whites
+from spectrabox.sampling.prior.families import (
+    animals,
+    dyes,
+    earth,
+    leaves,
+    paint,
+    printing,
+    skin,
+    whites,
+)
 from spectrabox.sampling.prior.families.kubelka_munk import (
     absorption_of,
     behind_surface,
@@ -14,8 +23,9 @@ from spectrabox.sampling.prior.families.truths import true_reflectances
 from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families
 
 FAMILIES = {made.__name__: made for made in (
-    skin.skin, skin.skin_in_two_fluxes, leaves.leaves, leaves.petals, dyes.textile, dyes.paper,
-    dyes.plastic, whites.whites, whites.tiles, earth.soils, earth.woods, animals.animals)}
+    skin.skin, skin.skin_in_two_fluxes, leaves.leaves, leaves.petals, dyes.textile,
+    dyes.plastic, printing.paper, whites.whites, whites.tiles, earth.soils, earth.woods,
+    animals.animals)}
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -78,6 +88,26 @@ def test_dyes_add_as_absorption_does():
     assert np.all(few >= 0)
     # the same random numbers with a larger range are at least as strong
     assert np.all(many >= few - 1e-12)
+
+
+def test_a_halftone_of_one_power_lies_between_its_overprints(monkeypatch):
+    rng = np.random.default_rng(6)
+    inks = tuple(np.exp(-((GRID.nm - nm) / 40)**2)[None] for nm in (620, 540, 440, 550))
+    monkeypatch.setattr(printing, "_inks", lambda rng, count: inks)
+    monkeypatch.setattr(printing, "DENSEST", ((1.0, 1.0),) * 4)
+    made = printing.halftone(rng, 300)
+    # paper where nothing is printed, all inks one above the other where everything is
+    assert np.all(made <= 1 + 1e-12) and np.all(made >= np.exp(-sum(inks)) - 1e-12)
+    # Without spread of light (n = 1) Neugebauer's shares factorise (Demichel): each ink lets
+    # through what it does not cover, and what passes it.
+    monkeypatch.setattr(printing, "uniform", lambda rng, low, high, count: np.ones((count, 1)))
+    monkeypatch.setattr(printing, "chance", lambda rng, used, count: np.ones((count, 1)))
+    rng = np.random.default_rng(9)
+    covered = [rng.beta(0.7, 0.9, (5, 1)) for _ in inks]
+    expected = np.prod([1 - part + part * np.exp(-ink)
+                        for part, ink in zip(covered, inks, strict=True)], axis=0)
+    np.testing.assert_allclose(printing.halftone(np.random.default_rng(9), 5), expected,
+                               rtol=1e-12)
 
 
 def test_rutile_absorbs_violet_and_nothing_else():

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.sampling.prior.families.animals import animals
-from spectrabox.sampling.prior.families.dyes import paper, plastic, textile
+from spectrabox.sampling.prior.families.dyes import plastic, textile
 from spectrabox.sampling.prior.families.earth import soils, woods
 from spectrabox.sampling.prior.families.leaves import leaves, petals
+from spectrabox.sampling.prior.families.printing import paper
 from spectrabox.sampling.prior.families.skin import skin, skin_in_two_fluxes
 from spectrabox.sampling.prior.families.whites import tiles, whites
 
@@ -35,7 +36,7 @@ class Family:
 
 FAMILIES = {
     "paint": Family(0.50, 12, 0.02, {}),    # measured, and mixtures of those measured
-    "textile": Family(0.12, 6, 0.02, {textile: 1500, paper: 600, plastic: 1200}),
+    "textile": Family(0.12, 8, 0.02, {textile: 1500, paper: 1200, plastic: 1200}),
     "leaves": Family(0.12, 4, 0.01, {leaves: 1500, petals: 1500}),
     "skin": Family(0.10, 3, 0.01, {skin: 1500, skin_in_two_fluxes: 1500}),
     "white": Family(0.05, 2, 0.02, {whites: 1500, tiles: 1500}),
