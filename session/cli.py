@@ -70,6 +70,9 @@ def main() -> None:
     """Entry point of the ``spectrabox`` command."""
     # Pydantic looks for plugins in every installed package; none may change what a file says.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    # BLAS splits its sums by the cores: on one thread the bits are the same on any machine, and the
+    # threads of small products would only wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     debug = "--debug" in sys.argv
     if not debug:
         warnings.simplefilter("ignore")     # lines of our code, which tell an operator nothing

@@ -39,7 +39,7 @@ from spectrabox.sampling.prior.mixture import (
     save_prior,
 )
 from spectrabox.sampling.prior.posterior import (
-    calibrated_band,
+    calibrated_bands,
     conformal_scores,
     mean_and_spread,
     mixture_quantile,
@@ -185,7 +185,7 @@ def test_draws_are_as_wide_as_the_calibrated_band(prior):
     found = posterior(prior, measured.relative_response, measured.signal[None],
                       measured.noise_covariance)
     mean, _ = mean_and_spread(found)
-    _, lower, upper = calibrated_band(prior, found, 0.95)
+    _, ((lower, upper),) = calibrated_bands(prior, found, (0.95,))
     width = np.diff(np.quantile(spectra, [0.025, 0.975], axis=0), axis=0)[0]
     # Two constructions of one band: projection on the signal and the factor's place (logit or
     # reflectance) differ by some percent where the band is skewed.
@@ -384,10 +384,10 @@ def test_skin_is_known_for_skin_and_saying_so_narrows_its_band(prior):
     M = seen(truth[0]).relative_response
     mixture = posterior(prior, M, truth @ M.T, np.zeros((3, 3)))
     assert prior.shares(mixture.weights)[:, prior.families.index("skin")].mean() > 0.4
-    _, lower, upper = calibrated_band(prior, mixture, 0.95)
+    _, ((lower, upper),) = calibrated_bands(prior, mixture, (0.95,))
     stated = of_families(prior, ["skin"])
     again = posterior(stated, M, truth @ M.T, np.zeros((3, 3)))
-    _, low, high = calibrated_band(stated, again, 0.95)
+    _, ((low, high),) = calibrated_bands(stated, again, (0.95,))
     assert (high - low).mean() < 0.8 * (upper - lower).mean()
     held = np.mean((truth >= low) & (truth <= high), axis=1)
     # one-sided at 1e-4 below 95 %, curves being independent

@@ -5,9 +5,12 @@ its curves are also told apart by the family that their signals speak for most.
 """
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.judge.scores import (
@@ -23,7 +26,7 @@ from spectrabox.sampling.judge.scores import (
 from spectrabox.sampling.prior.certified import CERTIFIED
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, condition_on_families
-from spectrabox.sampling.prior.posterior import calibrated_band, posterior, widened
+from spectrabox.sampling.prior.posterior import calibrated_bands, posterior, widened
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
 FEWEST = 10
@@ -96,20 +99,25 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, relative_response:
     if len(truth) < FEWEST:
         raise InputError(f"{library.name} holds {len(truth)} usable curves; a certificate needs at "
                          f"least {FEWEST}")
-    rng = np.random.default_rng(seed)
+    errors = noise * np.random.default_rng(seed).standard_normal((len(truth),
+                                                                  len(relative_response)))
     mean = np.empty_like(truth)
     bands = {level: (np.empty_like(truth), np.empty_like(truth)) for level in LEVELS}
     surprise, shares = np.empty(len(truth)), np.empty((len(truth), len(prior.families)))
-    for start in range(0, len(truth), BATCH):
+
+    def judge(start: int) -> None:
         rows = slice(start, start + BATCH)
         clean = truth[rows] @ relative_response.T
         covariance = np.einsum("tk,kl->tkl", (noise * clean)**2, np.eye(len(relative_response)))
-        mixture = posterior(prior, relative_response,
-                            clean * (1 + noise * rng.standard_normal(clean.shape)), covariance)
+        mixture = posterior(prior, relative_response, clean * (1 + errors[rows]), covariance)
         surprise[rows], shares[rows] = mixture.surprise, prior.shares(mixture.weights)
-        for level in LEVELS:
-            mean[rows], bands[level][0][rows], bands[level][1][rows] = calibrated_band(
-                prior, mixture, level)
+        mean[rows], ends = calibrated_bands(prior, mixture, LEVELS)
+        for (lower, upper), of_level in zip(ends, bands.values(), strict=True):
+            of_level[0][rows], of_level[1][rows] = lower, upper
+
+    # Every core has a part of its own: threads within its small products would only wait.
+    with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(judge, range(0, len(truth), BATCH)))
     lower, upper = bands[0.95]
     held = (truth >= lower) & (truth <= upper)
     curve = widened(mean, lower, upper, prior.curve_factor)

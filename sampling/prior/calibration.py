@@ -147,8 +147,8 @@ def judge(prior: LogitMixture, relative_response: np.ndarray,
     bands = len(relative_response)
     mixture = posterior(prior, relative_response, reflectances @ relative_response.T,
                         np.zeros((bands, bands)))
-    mean, _ = mean_and_spread(mixture)
-    adapted = width_factors(prior, mixture)
+    mean, spread = mean_and_spread(mixture)
+    adapted = width_factors(prior, spread)
     intervals = [widened(mean, *central_band(mixture, level), adapted) for level in LEVELS]
     scores = np.array([conformal_scores(mean, lower, upper, reflectances)
                        for lower, upper in intervals])

@@ -217,12 +217,13 @@ def _blocks(mixture: MixturePosterior) -> Iterator[tuple[Any, ...]]:
                None if mixture.skews is None else mixture.skews[chosen])
 
 
-def calibrated_band(prior: LogitMixture, mixture: MixturePosterior,
-                    level: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean (T, P), and lower and upper reflectance (T, P) of the calibrated band, in [0, 1]."""
-    mean, _ = mean_and_spread(mixture)
-    return mean, *widened(mean, *central_band(mixture, level),
-                          band_factors(prior, mixture, level))
+def calibrated_bands(prior: LogitMixture, mixture: MixturePosterior, levels: tuple[float, ...]
+                     ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+    """Mean (T, P), and of each level the ends (T, P) of its calibrated band, in [0, 1]."""
+    mean, spread = mean_and_spread(mixture)
+    width = width_factors(prior, spread)
+    return mean, [widened(mean, *central_band(mixture, level),
+                          width * prior.band_factor(level, mixture.weights)) for level in levels]
 
 
 def widened(mean: np.ndarray, lower: np.ndarray, upper: np.ndarray,
@@ -234,15 +235,17 @@ def widened(mean: np.ndarray, lower: np.ndarray, upper: np.ndarray,
 
 def band_factors(prior: LogitMixture, mixture: MixturePosterior, level: float) -> np.ndarray:
     """Factors (T, P) by which central bands are widened: the families', by share, for the width."""
-    return width_factors(prior, mixture) * prior.band_factor(level, mixture.weights)
+    return width_factors(prior, mean_and_spread(mixture)[1]) \
+        * prior.band_factor(level, mixture.weights)
 
 
-def width_factors(prior: LogitMixture, mixture: MixturePosterior) -> np.ndarray:
-    """Factors (T, 1) of bands for how wide they are before calibration, 1 for the usual width.
+def width_factors(prior: LogitMixture, spread: np.ndarray) -> np.ndarray:
+    """Factors (T, 1) of bands for how wide they are before calibration, 1 for the usual width;
+    ``spread`` (T, P) is the standard deviation.
 
     Of a learnt prior they fall: bands that are wide are too wide rather than too narrow.
     """
-    width = 2 * NORMAL_95 * mean_and_spread(mixture)[1].mean(axis=1, keepdims=True)
+    width = 2 * NORMAL_95 * spread.mean(axis=1, keepdims=True)
     return np.asarray((width / USUAL_WIDTH)**prior.width_power)
 
 
