@@ -9,9 +9,11 @@ gradient descent through the renderer (minutes; left out by ``--commands``).
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -120,6 +122,19 @@ def commands(folder: Path, before: Path | None, rounds: int) -> Iterator[Row]:
                       command.target_s / least[0])
 
 
+def where_a_run_goes(session: Path) -> list[str]:
+    """Lines of a table: seconds of every stage of a run from nothing, and of all that is none."""
+    without_results(session)
+    start = time.perf_counter()
+    ran = subprocess.run([sys.executable, "-m", "spectrabox", "run", str(session), "--json"],
+                         check=True, cwd=ROOT, capture_output=True, text=True)
+    whole = time.perf_counter() - start
+    taken = {stage["name"]: stage["seconds"] for stage in json.loads(ran.stdout)["stages"]}
+    taken["start, checks, report, files"] = whole - sum(taken.values())
+    return [f"  {name:<40} {seconds:7.2f} s {100 * seconds / whole:5.0f} %"
+            for name, seconds in {**taken, "whole": whole}.items()]
+
+
 def stages(folder: Path) -> Iterator[Row]:
     """Rows of what has an alternative in the same process."""
     from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -162,6 +177,8 @@ def main() -> None:
         for row in (row for some in rows for row in some):
             ratio = "" if row.ratio is None else f"{row.ratio:.1f}"
             print(f"{row.what:<42} {row.ours:>9} {row.alternative:>28} {ratio:>7}", flush=True)
+        print("\nwhere a run of the demo from nothing goes",
+              *where_a_run_goes(folder / "0"), sep="\n")
 
 
 if __name__ == "__main__":
