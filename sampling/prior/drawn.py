@@ -32,7 +32,7 @@ from spectrabox.sampling.prior.posterior import (
     with_floor,
 )
 
-NEWTON_STEPS = 4            # of a centre to its signal; it begins near
+NEWTON_STEPS = 3            # of a centre to its signal; it begins near
 MAX_STEP = 2.0              # logits
 PAIRS = 64                  # of component and signal at a time: their covariances fit the cache
 # Covariances are smooth: their squares are integrated over every third wavelength.
@@ -80,21 +80,24 @@ def as_drawn(prior: LogitMixture, relative_response: np.ndarray, signals: np.nda
     bend = relative_response * (slope * (1 - 2 * p))[:, None, :]                    # M p''
     coarse_bend = (relative_response @ BETWEEN) * (slope * (1 - 2 * p))[:, None, COARSE]
     H = np.empty_like(gain)
-    coarse = prior.covariances[:, :, COARSE].astype(np.float32)
     together = np.zeros((len(signals), GRID.nm.size, BETWEEN.shape[1]))
+    # What follows is of single precision: with doubles it takes twice as long.
+    coarse = prior.covariances[:, :, COARSE].astype(np.float32)
+    turned_bend = coarse_bend.astype(np.float32).transpose(0, 2, 1)
+    root = np.sqrt(pairs.weight)[:, None]
+    slopes, aways = (root * slope).astype(np.float32), (root * away).astype(np.float32)
     for start in range(0, len(p), PAIRS):
         rows = slice(start, start + PAIRS)
         C = _covariances(coarse[pairs.component[rows]], pairs, half, gain, rows)
-        H[rows] = -np.square(C) @ coarse_bend[rows].astype(np.float32).transpose(0, 2, 1)
-        C *= slope[rows, :, None]
-        C *= slope[rows, None, COARSE]
-        C += away[rows, :, None] * away[rows, None, COARSE]
-        C *= pairs.weight[rows, None, None]
+        H[rows] = -np.square(C) @ turned_bend[rows]
+        C *= slopes[rows, :, None]
+        C *= slopes[rows, None, COARSE]
+        C += aways[rows, :, None] * aways[rows, None, COARSE]
         at = np.flatnonzero(np.diff(pairs.signal[rows], prepend=-1))
         together[pairs.signal[rows][at]] += np.add.reduceat(C, at, axis=0)
     mean = pairs.centre + (gain @ (-0.5 * (bend @ own[..., None])))[..., 0]
-    variance = own + np.einsum("npk,nkl,npl->np", gain, -0.5 * (coarse_bend @ H[:, COARSE]), gain)
-    third = 3 * np.einsum("npk,npk->np", gain, H)
+    variance = own + np.sum((gain @ (-0.5 * (coarse_bend @ H[:, COARSE]))) * gain, axis=2)
+    third = 3 * np.sum(gain * H, axis=2)
     return _skewed(mixture, pairs, mean, np.maximum(variance, MIN_VARIANCE), third), together
 
 
@@ -174,8 +177,9 @@ def _covariances(S: np.ndarray, pairs: _Pairs, half: np.ndarray, gain: np.ndarra
     the prior's S (n, P, P').
     """
     factor, turned = pairs.factor[rows, :, None], pairs.base[rows].transpose(0, 2, 1)
-    C = S * factor.astype(np.float32)
-    C *= factor[:, COARSE, 0][:, None]
+    single = factor.astype(np.float32)
+    C = S * single
+    C *= single[:, COARSE, 0][:, None]
     left = np.concatenate([-factor * turned, half[rows], gain[rows]], axis=2, dtype=np.float32)
     right = np.concatenate([factor * pairs.seen[rows].transpose(0, 2, 1), gain[rows], half[rows]],
                            axis=2, dtype=np.float32)[:, COARSE]
