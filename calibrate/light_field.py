@@ -22,6 +22,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import FIELD_SD, field_terms
+from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.records import ChartWhite
 from spectrabox.radiometry.shaped import Record
 
@@ -92,7 +93,7 @@ def light_elsewhere(white: ChartWhite, patches: PicturePoints, places: list[Pict
                      in zip(weights, means - mean, found, strict=True))
     bands = len(white.level)
     return LightElsewhere(white.level * np.exp(mean[:bands]), mean[bands:2 * bands],
-                          mean[2 * bands:], np.asarray(covariance), weights)
+                          mean[2 * bands:], symmetric(np.asarray(covariance)), weights)
 
 
 def _likelihood(white: ChartWhite) -> tuple[np.ndarray, np.ndarray]:

@@ -69,3 +69,13 @@ def chance_beyond(x: float, degrees: int) -> float:
     terms = (math.exp(power * math.log(half) - math.lgamma(power + 1) - half)
              for power in (index + odd / 2 for index in range(degrees // 2)))
     return (math.erfc(math.sqrt(half)) if odd else 0.0) + math.fsum(terms)
+
+
+def symmetric(covariance: np.ndarray) -> np.ndarray:
+    """The covariance (N, N) without what round-off made of its two halves.
+
+    Parameters
+    ----------
+    covariance : (N, N) array
+    """
+    return np.asarray((covariance + covariance.T) / 2)

@@ -8,6 +8,7 @@ is one Gaussian. Regions of known spectrum, white cards, condition it.
 """
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from spectrabox.calibrate.light_field import LightElsewhere, PicturePoints, light_elsewhere
 from spectrabox.radiometry.chart import plane_centres, plane_from_picture, projected
+from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.light_drift import LightDrift
 from spectrabox.radiometry.light_scale import (
@@ -51,7 +53,6 @@ class PhotoWhite:
     causes: tuple[str, ...]
     mean: np.ndarray                    # (Z,) corrections to the above
     covariance: np.ndarray              # (Z, Z)
-    notes: tuple[str, ...]
 
     @property
     def white(self) -> np.ndarray:
@@ -96,7 +97,7 @@ class PhotoWhite:
         steps *= min(1.0, common[-1] / max(float(steps.sum()), np.finfo(float).tiny))
         both = np.outer(signal, signal)
         parts = dict(zip((LIGHT, *self.causes), steps[:, None, None] * both, strict=True))
-        return {WHITE: totals[-1] - np.sum(list(parts.values()), axis=0), **parts}
+        return {WHITE: symmetric(totals[-1] - np.sum(list(parts.values()), axis=0)), **parts}
 
 
 def white_at_regions(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
@@ -137,7 +138,7 @@ def white_at_regions(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
     covariance[range(size, size + len(causes)), range(size, size + len(causes))] = np.square(
         list(causes.values()))
     return PhotoWhite(samples, elsewhere, exposure, glare, tuple(causes),
-                      np.zeros(len(covariance)), covariance, ())
+                      np.zeros(len(covariance)), covariance)
 
 
 def light_map(task: StageTask, view: ViewInputs, chart_view: ViewInputs) -> np.ndarray:
@@ -185,9 +186,9 @@ def with_known(found: PhotoWhite, known: Mapping[str, np.ndarray],
         _require_one_light(found.samples.names[region], residual / target,
                            spread / np.outer(target, target))
         gain = np.linalg.solve(spread, rows @ found.covariance).T
-        found = PhotoWhite(found.samples, found.elsewhere, found.exposure, found.glare,
-                           found.causes, found.mean + gain @ residual,
-                           found.covariance - gain @ rows @ found.covariance, found.notes)
+        found = dataclasses.replace(
+            found, mean=found.mean + gain @ residual,
+            covariance=symmetric(found.covariance - gain @ rows @ found.covariance))
     return found
 
 
