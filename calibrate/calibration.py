@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, some_patches
-from spectrabox.calibrate.colour_matrix import matrix_sentences
+from spectrabox.calibrate.colour_matrix import matrix_contradicts
 from spectrabox.calibrate.left_out import PatchesWithout, in_chart_order
 from spectrabox.calibrate.measured_curves import check_measured_curves
 from spectrabox.calibrate.photo_checks import disagreement, light_power, refuse_disagreement
@@ -172,8 +172,10 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     left_out = ("" if chosen.curves is not None
                 else f", {delta_e_without.mean():.2f} for patches left out of the fit")
     checks = (f"chart colour difference {delta_e.mean():.2f} CIEDE2000{left_out}",
-              *_checks(fit, covariance, scale), *unseen, *said,
-              *matrix_sentences(first.samples.camera_from_xyz, fit.curves, grid))
+              *_checks(fit, covariance, scale), *unseen, *said)
+    if matrix_contradicts(first.samples.camera_from_xyz, fit.curves, grid):
+        doubtful += (CalibrationDoubt.COLOUR_MATRIX,)
+    checks += tuple(doubt.value for doubt in doubtful)
     calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
                               checks, doubtful, posterior)
     return ChartCalibration(calibration, scale, predicted, signals_without, delta_e,

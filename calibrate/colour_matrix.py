@@ -56,13 +56,9 @@ def matrix_doubt(camera_from_xyz: np.ndarray, curves: np.ndarray, grid: Waveleng
     return float(np.sum(((deviation - TYPICAL) / SPREAD) ** 2) / FREEDOM)
 
 
-def matrix_sentences(camera_from_xyz: np.ndarray | None, curves: np.ndarray,
-                     grid: WavelengthGrid) -> tuple[str, ...]:
-    """What a file's colour matrix says against the curves; nothing where it agrees or is none."""
+def matrix_contradicts(camera_from_xyz: np.ndarray | None, curves: np.ndarray,
+                       grid: WavelengthGrid) -> bool:
+    """Whether a file's colour matrix speaks against the curves; not where there is none."""
     if camera_from_xyz is None or len(curves) != len(camera_from_xyz):
-        return ()
-    doubt = matrix_doubt(camera_from_xyz, curves, grid)
-    if doubt < DOUBTFUL:
-        return ()
-    return (f"the colour matrix in the photo's file contradicts the curves ({np.sqrt(doubt):.1f} "
-            "times its usual error): check that the light spectrum is that of the photo",)
+        return False
+    return matrix_doubt(camera_from_xyz, curves, grid) >= DOUBTFUL

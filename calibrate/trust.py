@@ -96,7 +96,6 @@ def sentences(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     if likely:
         said.append("most like " + "; ".join(f"{members} ({share:.0%})"
                                              for members, share in likely))
-    said += [doubt.value for doubt in doubts(fit)]
     held = fit.prior_share > FROM_PRIOR
     for band in range(len(held)):
         if likely and held[band].any():     # products with a lamp's lines rest on it everywhere

@@ -223,6 +223,8 @@ class CalibrationDoubt(Enum):
                       "spectrum is that of the photo")
     WRONG_LIGHT = ("the chart contradicts the stated light: correct its spectrum, or state the "
                    "light as \"unknown\"")
+    COLOUR_MATRIX = ("the colour matrix in the photo's file contradicts the curves: check that the "
+                     "light spectrum is that of the photo")
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,7 +347,8 @@ class SurfaceMisfit(Record):
     """A surface on which photo and rendering differ beyond chance and beyond what was stated."""
 
     surface: str                                    # as ``SurfaceAgreement`` names it
-    deviation: float                                # largest: photo / rendering - 1, or its scatter
+    # largest: photo / rendering - 1 of the surface or of a part beyond noise, or their scatter
+    deviation: float
     sentence: str
 
 

@@ -5,7 +5,7 @@ Two tests for each surface and band. Level: is the surface as a whole brighter o
 rendering by more than its noise and the stated error of a surface explain (normal)? Shape: do its
 blocks scatter more than noise and the stated error of the photo explain (chi-square), as a lamp in
 the wrong position or vignetting makes them? The noise of photo and rendering together is read off
-the differences of neighbouring pixels, to which nothing smooth adds. A fit absorbs part of a
+the median difference of neighbouring pixels, to which nothing smooth adds. A fit absorbs part of a
 deviation, so the tests rather miss a misfit than invent one. Holm's correction (1979) bounds the
 chance of any false alarm.
 """
@@ -22,6 +22,8 @@ FALSE_ALARM = 0.01      # chance that a scene which fits is accused of anything
 SHAPE_ERROR = 0.02      # relative error of a block beside its noise: pose, light profile, lens
 BLOCK = 4               # pixels
 MIN_PIXELS = 12         # of a surface, below which nothing is tested
+CERTAIN = 3.0           # standard errors of noise that are taken off a block's deviation
+MEDIAN_STEP = 0.6745 * 2**0.5   # median |difference of two| of normal noise of deviation 1
 MIN_SHOWN = 0.005       # smaller deviations are left unsaid, however certain
 
 
@@ -37,6 +39,9 @@ class SurfaceTest:
     p: float
     # Holm's: below the chance of a false alarm that one accepts, the surface does not fit
     adjusted: float
+    # of the block that is farthest off: photo / rendering - 1, less CERTAIN standard errors of
+    # noise, 0 where noise explains it
+    worst_part: float
 
     @property
     def fits(self) -> bool:
@@ -61,6 +66,7 @@ def surface_tests(names: Sequence[str], measured: np.ndarray, rendered: np.ndarr
     from scipy.special import chdtrc, ndtr
 
     tests: list[tuple[str, int, str, float, float, float]] = []
+    parts: list[float] = []
     for index, name in enumerate(names):
         mask = used & (surface == index)
         if mask.sum() < MIN_PIXELS or not np.all(rendered[mask].sum(axis=0) > 0):
@@ -74,15 +80,23 @@ def surface_tests(names: Sequence[str], measured: np.ndarray, rendered: np.ndarr
             tests.append((name, band, "level", float(ratio - 1), float(level),
                           float(2 * ndtr(-abs(score)))))
             blocks, pixels = _blocks(photo, model * ratio, mask)
+            parts.append(_worst_part(ratio * (1 + blocks) - 1, ratio * noise / np.sqrt(pixels)))
             if len(blocks) > 1:
                 variance = noise**2 / pixels + SHAPE_ERROR**2
                 centre = np.sum(blocks / variance) / np.sum(1 / variance)
                 p = chdtrc(len(blocks) - 1, np.sum((blocks - centre) ** 2 / variance))
                 tests.append((name, band, "shape", float(blocks.std(ddof=1)),
                               float(np.sqrt(variance.mean())), float(p)))
+                parts.append(parts[-1])
     adjusted = holm(np.array([row[-1] for row in tests]))
-    return tuple(SurfaceTest(*row, adjusted=float(p))
-                 for row, p in zip(tests, adjusted, strict=True))
+    return tuple(SurfaceTest(*row, adjusted=float(p), worst_part=part)
+                 for row, p, part in zip(tests, adjusted, parts, strict=True))
+
+
+def _worst_part(deviation: np.ndarray, error: np.ndarray) -> float:
+    """The largest of some deviations (B,), each without what ``CERTAIN`` errors explain."""
+    certain = np.sign(deviation) * np.maximum(np.abs(deviation) - CERTAIN * error, 0)
+    return float(max(certain, key=abs, default=0.0))
 
 
 def holm(p: np.ndarray) -> np.ndarray:
@@ -114,6 +128,9 @@ def surface_misfits(tests: Sequence[SurfaceTest],
     bands : K names
     """
     wrong = [test for test in tests if not test.fits]
+    worst_part: dict[str, float] = {}
+    for test in tests:
+        worst_part[test.surface] = max(worst_part.get(test.surface, 0.0), test.worst_part, key=abs)
     by_surface: dict[str, list[SurfaceTest]] = {}
 
     def severity(test: SurfaceTest) -> tuple[float, float]:
@@ -129,12 +146,14 @@ def surface_misfits(tests: Sequence[SurfaceTest],
         shape = max((test.deviation for test in own if test.kind == "shape"), default=0.0)
         said = [f"the photo is {', '.join(level)} than the rendering"] if level else []
         said += [f"its parts differ among themselves by {shape:.0%}"] if shape else []
-        p = min(test.adjusted for test in own)
+        p, part = min(test.adjusted for test in own), worst_part[surface]
+        largest = max((*(test.deviation for test in own), part), key=abs)
+        if largest == part:
+            said += [f"a part of it is {abs(part):.0%} {'brighter' if part > 0 else 'darker'}"]
         misfits.append(SurfaceMisfit(
-            surface, max((test.deviation for test in own), key=abs),
-            f"{surface} does not fit: {'; '.join(said)} "
+            surface, largest, f"{surface} does not fit: {'; '.join(said)} "
             f"({f'p = {p:.1g}' if p > 1e-6 else 'p < 1e-6'} after Holm's correction): "
-            "check its light, position and paint"))
+            "check its light, position and paint, and for gloss"))
     return tuple(misfits)
 
 
@@ -148,7 +167,8 @@ def _relative_noise(photo: np.ndarray, model: np.ndarray, mask: np.ndarray) -> f
     steps = np.concatenate([across, down])
     if not steps.size:
         return 0.0
-    return float(np.sqrt(np.mean(steps**2) / 2) / photo[mask].mean())
+    # the median, to which the steps of a highlight do not add
+    return float(np.median(np.abs(steps)) / MEDIAN_STEP / photo[mask].mean())
 
 
 def _blocks(photo: np.ndarray, model: np.ndarray,

@@ -25,7 +25,7 @@ from spectrabox.session.report.maps import residual_limit, residual_maps
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import write_report
 from spectrabox.session.report.svg import band_colours, plain_line
-from spectrabox.session.report.verdict import Status, judge
+from spectrabox.session.report.verdict import DOUBTS, Status, judge
 from spectrabox.session.report.words import exposure, number, percent, signed_percent
 from spectrabox.session.summary_text import run_facts, run_text
 
@@ -181,12 +181,15 @@ def test_a_surface_beyond_chance_and_stated_errors_is_heard(tmp_path, deviation,
     assert verdict.status is status and "white / panel does not fit: gloss" in verdict.says
 
 
-def test_a_doubtful_calibration_is_a_warning_of_its_own(tmp_path):
+@pytest.mark.parametrize("doubt", CalibrationDoubt)
+def test_a_doubtful_calibration_is_a_warning_of_its_own(tmp_path, doubt):
     results = example_session(tmp_path)
     results = with_ratio(results, np.ones_like(results.reconstruction.agreement.ratio))
-    doubted = dataclasses.replace(results.calibration, doubts=(CalibrationDoubt.UNLIKE_CAMERAS,))
+    doubted = dataclasses.replace(results.calibration, doubts=(doubt,))
     verdict = judge(dataclasses.replace(results, calibration=doubted))
-    assert verdict.status is Status.WARN and "check that the light spectrum" in verdict.says
+    assert verdict.status is Status.WARN and verdict.says == f"Calibration: {doubt.value}."
+    names = [each.name for each in verdict.criteria if each.status is Status.WARN]
+    assert names == [DOUBTS[doubt]]
 
 
 def test_a_signal_unlike_what_the_prior_knows_is_said_where_the_material_is_shown(tmp_path):

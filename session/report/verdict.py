@@ -9,7 +9,12 @@ from enum import Enum
 import numpy as np
 
 from spectrabox.radiometry.light_scale import REPEATABILITY
-from spectrabox.radiometry.records import Outcome, Reconstruction, SurfaceAgreement
+from spectrabox.radiometry.records import (
+    CalibrationDoubt,
+    Outcome,
+    Reconstruction,
+    SurfaceAgreement,
+)
 from spectrabox.session.report.words import deviation_words, percent
 from spectrabox.session.store.rehearsals import too_narrow, verdict_sentence
 from spectrabox.session.store.results import AS_INTENDED, CommonResults, SessionResults
@@ -20,6 +25,9 @@ WORST_LIMITS = (0.05, 0.15)
 CHART_LIMITS = (0.03, 0.10)           # rms of (photo - predicted) / photo
 # clipped pixels are left out, so they cost coverage, not correctness
 CLIPPED_LIMITS = (0.05, float("inf"))
+DOUBTS = {CalibrationDoubt.UNLIKE_CAMERAS: "Calibration like that of measured cameras",
+          CalibrationDoubt.WRONG_LIGHT: "Stated light against the chart",
+          CalibrationDoubt.COLOUR_MATRIX: "Curves against the colour matrix in the photo's file"}
 MAX_NAMED = 3                         # surfaces that the verdict names
 
 
@@ -68,7 +76,7 @@ def judge(results: SessionResults) -> Verdict:
     fitted += [(f" in the photo “{view.name}”", view.reconstruction) for view in results.views]
     criteria = (*(_median_surface(agreement, where) for where, agreement, _ in compared),
                 *(_worst_surface(agreement, bands, where) for where, agreement, bands in compared),
-                *(_misfits(view, where) for where, view in fitted), calibration_doubts(results),
+                *(_misfits(view, where) for where, view in fitted), *calibration_doubts(results),
                 chart_agreement(results), _clipped(results), *_outcomes(results),
                 *_between_photos(results),
                 *_rehearsal(results), coverage(results))
@@ -158,14 +166,16 @@ def _misfits(made: Reconstruction, where: str) -> Criterion:
                      status, f"{said}{f'. {more} more do not fit' if more > 0 else ''}.")
 
 
-def calibration_doubts(results: CommonResults) -> Criterion:
-    """Whether the calibration was made with a doubt of its own."""
-    name, found = "Calibration like that of measured cameras", results.calibration.doubts
-    if not found:
-        return Criterion(name, None, "no doubt", "no doubt", Status.PASS,
-                         "Nothing speaks against camera and light spectrum belonging together.")
-    says = "; ".join(doubt.value for doubt in found)
-    return Criterion(name, None, "doubtful", "no doubt", Status.WARN, f"Calibration: {says}.")
+def calibration_doubts(results: CommonResults) -> list[Criterion]:
+    """Whether the calibration was made with doubts, each a criterion of its own."""
+    rows = []
+    for doubt, name in DOUBTS.items():
+        doubtful = doubt in results.calibration.doubts
+        rows.append(Criterion(
+            name, None, "doubtful" if doubtful else "no doubt", "no doubt",
+            Status.WARN if doubtful else Status.PASS, f"Calibration: {doubt.value}." if doubtful
+            else "Nothing speaks against camera and light spectrum belonging together."))
+    return rows
 
 
 def chart_agreement(results: CommonResults) -> Criterion:
