@@ -4,12 +4,14 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+
+UNFINISHED = ".spectrabox-"      # begins the name of a file that is being written
 
 
 def names_a_file(word: str) -> bool:
@@ -87,21 +89,80 @@ def write_text_whole(path: Path, text: str) -> None:
     Raises
     ------
     EnvironmentProblem
-        If the folder cannot be written.
+        As ``whole_file``.
+    """
+    with whole_file(path) as unfinished:
+        unfinished.write_bytes(text.encode())
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """An empty file that takes the place of ``path`` when the block ends well, and is then on disk;
+    it vanishes otherwise.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder is made where it is missing.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If the folder cannot be written, or the path is a link.
     """
     with writable(path.parent):
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        require_no_link(path)
+        # The name of its process: what a killed one leaves is swept, what one at work has is not.
+        unfinished = path.with_name(f"{UNFINISHED}{os.getpid()}-{secrets.token_hex(6)}"
+                                    f"{path.suffix}")
+        # exclusive: it follows no link, and gets the permissions that the umask leaves
+        os.close(os.open(unfinished, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         try:
-            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
-                stream.write(text)
-                stream.flush()
-                os.fsync(stream.fileno())
-            Path(temporary).chmod(0o644)
-            Path(temporary).replace(path)
+            yield unfinished
+            sync(unfinished)
+            unfinished.replace(path)
             sync_folder(path.parent)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        finally:
+            unfinished.unlink(missing_ok=True)
+
+
+def require_no_link(path: Path) -> None:
+    """Refuse to write through, or in place of, a symbolic link: it may lead anywhere.
+
+    Raises
+    ------
+    EnvironmentProblem
+    """
+    if path.is_symlink():
+        raise EnvironmentProblem(f"{path} is a symbolic link, and outputs follow none: remove it, "
+                                 "or name what it leads to")
+
+
+def sweep_unfinished(folder: Path) -> None:
+    """Remove what killed processes left unfinished in a folder."""
+    for left in folder.glob(f"{UNFINISHED}*"):
+        number = left.name.removeprefix(UNFINISHED).partition("-")[0]
+        if number.isdigit() and not _is_running(int(number)):
+            left.unlink(missing_ok=True)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True
+
+
+def sync(path: Path) -> None:
+    """Bring a file's content onto the disk."""
+    handle = os.open(path, os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def sync_folder(folder: Path) -> None:

@@ -57,7 +57,8 @@ def stage_states(config: SessionConfig) -> list[StageState]:
         elif stored is None:
             states.append(StageState(name, "missing", (), None))
         else:
-            reasons = tuple(why_stale(stored.key, as_stored(keys[name])))
+            reasons = tuple(why_stale(stored.key, as_stored(keys[name]))) if not stored.damage \
+                else (f"its stored results are damaged ({stored.damage})",)
             states.append(StageState(name, "stale" if reasons else "done", reasons, stored.seconds))
     return states
 
@@ -90,11 +91,12 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
         if name == before:
             break
         stored = load_stage(config.results_folder, name)
-        fresh = stored is not None and stored.key == as_stored(key)
+        fresh = stored is not None and not stored.damage and stored.key == as_stored(key)
         if only is not None and name != only:
-            if stored is not None and (fresh or order.index(name) > order.index(only)):
+            later = order.index(name) > order.index(only)
+            if stored is not None and not stored.damage and (fresh or later):
                 finished.stored[name], finished.states[name] = stored, "kept" if fresh else "stale"
-            elif order.index(name) < order.index(only):
+            elif not later:
                 raise InputError(f"stage {name!r}, which comes before {only!r}, is not up to date: "
                                  "run without --only")
             continue
@@ -103,6 +105,8 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
             finished.stored[name], finished.states[name] = stored, "kept"
             progress(name, 1.0, "up to date")
         else:
+            if stored is not None and stored.damage:
+                progress(name, 0.0, f"made again: its stored results are damaged ({stored.damage})")
             finished.stored[name] = _run_stage(config, name, key, inputs, device,
                                                finished.stored, progress, photos)
             finished.states[name] = "run"
@@ -115,13 +119,17 @@ def load_finished(config: SessionConfig) -> FinishedRun:
     Raises
     ------
     InputError
-        If a stage has none.
+        If a stage has none, or damaged ones.
     """
     stored = {name: load_stage(config.results_folder, name) for name in stages_of(config.flat)
               if name != "chart" or config.views_with_chart}
     missing = [name for name, stage in stored.items() if stage is None]
     if missing:
         raise InputError(f"no results of stage {missing[0]!r} yet: run 'spectrabox run' first")
+    for name, stage in stored.items():
+        if stage is not None and stage.damage:
+            raise InputError(f"the stored results of stage {name!r} are damaged ({stage.damage}): "
+                             "'spectrabox run' makes them again")
     return FinishedRun({name: stage for name, stage in stored.items() if stage is not None},
                        dict.fromkeys(stored, "kept"))
 

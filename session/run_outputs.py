@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.provenance import PACKAGES, versions
+from spectrabox.session.store.session_lock import outputs_writer
 from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import ARRAYS, FACTS, load_stage, save_stage, stage_folder
 
@@ -32,7 +34,7 @@ class RunOutputs:
 def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | None:
     """What the files beside the results say, where all of them are those of this run."""
     stored = load_stage(config.results_folder, STAGE)
-    if stored is None or set(finished.states.values()) != {"kept"} \
+    if stored is None or stored.damage or set(finished.states.values()) != {"kept"} \
             or stored.key != _key(config, finished, InputFiles(config)):
         return None
     for name, digest in stored.facts["outputs"].items():
@@ -58,14 +60,23 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
     device : {"auto", "cpu", "cuda"} or "stored results"
         For the report: where Mitsuba rendered.
     """
+    inputs = InputFiles(config)
+    key = _key(config, finished, inputs)
+    with outputs_writer(config.folder):
+        return _written(config, finished, key, inputs, command_line, device)
+
+
+def _written(config: SessionConfig, finished: FinishedRun, key: dict[str, Any], inputs: InputFiles,
+             command_line: list[str], device: str) -> RunOutputs:
     if config.flat:
         from spectrabox.session.flat.outputs import write_flat_outputs as write
     else:
         from spectrabox.session.write_outputs import write_outputs_of as write
-    inputs = InputFiles(config)
-    key = _key(config, finished, inputs)
     facts, text, files = write(config, finished, command_line, device)
     inputs.require_unchanged(key["files"])
+    if _key(config, finished, inputs)["results"] != key["results"]:
+        raise InputError("results changed while the report was made; run 'spectrabox report' again "
+                         "once the run has ended")
     digests = {path.relative_to(config.folder).as_posix(): sha256_of(path) for path in files}
     named = {name: Path(facts[name]).name for name in ("report", "spectra")}
     with stage_folder(config.results_folder, STAGE) as folder:

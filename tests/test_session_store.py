@@ -1,10 +1,13 @@
 import json
+import os
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.files import sha256_of, write_text_whole
+from spectrabox.radiometry.files import sha256_of, sweep_unfinished, write_text_whole
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import (
     Calibration,
@@ -89,13 +92,37 @@ def test_half_a_facts_file_counts_as_no_result(tmp_path):
     save(tmp_path, 1)
     facts = tmp_path / "photo" / "facts.json"
     facts.write_text(facts.read_text()[:50])
-    assert load_stage(tmp_path, "photo") is None
+    stored = load_stage(tmp_path, "photo")
+    assert stored.damage == "facts.json" and stored.key == {}
+
+
+@pytest.mark.parametrize("name", ["facts.json", "arrays.npz", "picture.png", "SHA256SUMS"])
+def test_a_stored_file_that_is_not_as_it_was_written_is_named(tmp_path, name):
+    with stage_folder(tmp_path, "photo") as folder:
+        save_stage(folder, {"settings": {"v": 1}}, {"calibration": calibration()}, 1.0, {})
+        (folder / "picture.png").write_bytes(b"pixels")
+    assert load_stage(tmp_path, "photo").damage is None
+    path = tmp_path / "photo" / name
+    content = path.read_bytes()
+    for damaged in (bytes([content[0] ^ 1]) + content[1:], content[1:], b""):
+        path.write_bytes(damaged)
+        assert load_stage(tmp_path, "photo").damage is not None
+    path.unlink()
+    assert load_stage(tmp_path, "photo").damage is not None
+
+
+def test_the_checksums_are_those_of_sha256sum(tmp_path):
+    save(tmp_path, 1)
+    if shutil.which("sha256sum") is None:
+        pytest.skip("no sha256sum on this system")
+    subprocess.run(["sha256sum", "--check", "--strict", "SHA256SUMS"], cwd=tmp_path / "photo",
+                   check=True, capture_output=True)
 
 
 def test_damaged_arrays_get_a_sentence(tmp_path):
     save(tmp_path, 1)
     (tmp_path / "photo" / "arrays.npz").write_bytes(b"PK\x03\x04 not a zip")
-    with pytest.raises(InputError, match="run again with --force"):
+    with pytest.raises(InputError, match="'spectrabox run' makes it again"):
         load_stage(tmp_path, "photo").record(Calibration, "calibration")
 
 
@@ -132,6 +159,39 @@ def test_a_text_file_is_written_whole_or_not_at_all(tmp_path):
         write_text_whole(path, "second \ud800")
     assert path.read_text() == "first"
     assert [file.name for file in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_the_umask_decides_who_may_read_what_is_written(tmp_path):
+    before = os.umask(0o027)
+    try:
+        write_text_whole(tmp_path / "a.txt", "a")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o640
+
+
+def test_no_output_is_written_through_a_link(tmp_path):
+    (tmp_path / "secret").write_text("kept")
+    (tmp_path / "a.txt").symlink_to(tmp_path / "secret")
+    (tmp_path / "results").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "elsewhere").mkdir()
+    with pytest.raises(EnvironmentProblem, match=r"a\.txt is a symbolic link"):
+        write_text_whole(tmp_path / "a.txt", "lost")
+    with pytest.raises(EnvironmentProblem, match="results is a symbolic link"):
+        save(tmp_path / "results", 1)
+    assert (tmp_path / "secret").read_text() == "kept"
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+def test_what_killed_processes_left_is_swept_and_what_runs_is_not(tmp_path):
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    (tmp_path / f".spectrabox-{ended.pid}-0a.exr").write_text("half")
+    (tmp_path / f".spectrabox-{os.getpid()}-0a.exr").write_text("being written")
+    (tmp_path / ".spectrabox-notes").write_text("of somebody")
+    sweep_unfinished(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {f".spectrabox-{os.getpid()}-0a.exr",
+                                                          ".spectrabox-notes"}
 
 
 def test_a_folder_that_cannot_be_written_gets_a_sentence(tmp_path):

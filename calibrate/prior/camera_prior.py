@@ -32,6 +32,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.outside.archives import DamagedArchiveError, opened_npz
 from spectrabox.radiometry.shaped import Record
 
@@ -134,13 +135,14 @@ def save_prior(path: Path, prior: CameraPrior) -> None:
         Ends in .npz.
     prior : CameraPrior
     """
-    np.savez_compressed(path, nm=prior.nm, weights=prior.weights,
-                        means=prior.means.astype(np.float32), level=prior.level,
-                        shares=prior.shares, departures=prior.departures, widening=prior.widening,
-                        within=prior.within.astype(np.float32),
-                        between=prior.between.astype(np.float32), members=np.array(prior.members),
-                        source=np.array(prior.source), licence=np.array(prior.licence),
-                        floor=np.array(prior.floor), localised=np.array(prior.localised))
+    arrays = {"nm": prior.nm, "weights": prior.weights, "means": prior.means.astype(np.float32),
+              "level": prior.level, "shares": prior.shares, "departures": prior.departures,
+              "widening": prior.widening, "within": prior.within.astype(np.float32),
+              "between": prior.between.astype(np.float32), "members": np.array(prior.members),
+              "source": np.array(prior.source), "licence": np.array(prior.licence),
+              "floor": np.array(prior.floor), "localised": np.array(prior.localised)}
+    with whole_file(path) as unfinished, unfinished.open("wb") as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
 def load_prior(path: Path) -> CameraPrior:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.files import require_no_link, write_text_whole
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.outside.names import file_stem, name_fault
 from spectrabox.radiometry.outside.words import shortened
@@ -43,7 +43,10 @@ def readings_folder(spectra: Path, name: str) -> Path:
     if file_stem(name) != name:
         raise InputError(f"the name {name!r} must hold letters, digits, spaces, '-', '_', '.' "
                          f"only, since files are named after it: {file_stem(name)!r}, say")
-    return spectra / "readings" / name
+    folder = spectra / "readings" / name
+    for part in (spectra, folder.parent, folder):
+        require_no_link(part)
+    return folder
 
 
 def stored_readings(folder: Path) -> list[SpectralReading]:

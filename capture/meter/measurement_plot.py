@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.errors import EnvironmentProblem
+from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Spectrum
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
@@ -60,8 +60,5 @@ def png_plot(spectrum: Spectrum, path: Path) -> None:
         axes.legend()
     axes.set(xlabel="wavelength (nm)", ylabel=f"{spectrum.quantity.name.lower()} "
              f"({spectrum.quantity.value})", title=spectrum.source)
-    try:
-        figure.savefig(path, dpi=120, format="png")
-    except OSError as error:
-        raise EnvironmentProblem(
-            f"{path} cannot be written ({error.strerror}): choose another file") from None
+    with whole_file(path) as unfinished:
+        figure.savefig(unfinished, dpi=120, format="png")

@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 
 from spectrabox.capture.photo.noise import photon_transfer
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import sha256_of
+from spectrabox.radiometry.files import sha256_of, whole_file
 from spectrabox.radiometry.records import LinearImage, PhotoKind
 
 IMAGE_SUFFIXES = (".exr", ".tif", ".tiff", ".png", ".jpg", ".jpeg")
@@ -428,14 +428,12 @@ def _positive(spec: oiio.ImageSpec, name: str) -> float | None:
 
 
 def _write(path: Path, pixels: np.ndarray, spec: oiio.ImageSpec) -> None:
-    unfinished = path.with_name(f"{path.stem}.part{path.suffix}")
-    file = oiio.ImageOutput.create(os.fspath(unfinished))
-    if file is None or not file.open(os.fspath(unfinished), spec):
-        raise InputError(f"{path} cannot be written "
-                         f"({reason_of(file or oiio)})")
-    if not (file.write_image(pixels) and file.close()):
-        raise InputError(f"{path} cannot be written ({reason_of(file)}); is the disk full?")
-    unfinished.replace(path)
+    with whole_file(path) as unfinished:
+        file = oiio.ImageOutput.create(os.fspath(unfinished))
+        if file is None or not file.open(os.fspath(unfinished), spec):
+            raise InputError(f"{path} cannot be written ({reason_of(file or oiio)})")
+        if not (file.write_image(pixels) and file.close()):
+            raise InputError(f"{path} cannot be written ({reason_of(file)}); is the disk full?")
 
 
 def reason_of(source: Any) -> str:

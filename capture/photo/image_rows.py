@@ -23,6 +23,7 @@ from spectrabox.capture.photo.image_files import (
 )
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import whole_file
 
 ROWS_PER_BLOCK = 16     # of a compressed EXR; fewer rows at a time unpack it again and again
 WriteRows = Callable[[int, np.ndarray], None]   # first row, pixels (n, W, C)
@@ -109,25 +110,22 @@ def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
     spec = oiio.ImageSpec(width, height, len(channel_names), oiio.HALF if half else oiio.FLOAT)
     spec.channelnames = tuple(channel_names)
     spec.attribute("compression", "zip")
-    unfinished = path.with_name(f"{path.stem}.part{path.suffix}")
-    file = oiio.ImageOutput.create(os.fspath(unfinished))
+    with whole_file(path) as unfinished:
+        file = oiio.ImageOutput.create(os.fspath(unfinished))
+        if file is None or not file.open(os.fspath(unfinished), spec):
+            raise _unwritten(path, oiio if file is None else file)
 
-    if file is None or not file.open(os.fspath(unfinished), spec):
-        raise _unwritten(path, oiio if file is None else file)
+        def write(first: int, pixels: np.ndarray) -> None:
+            rows = np.ascontiguousarray(pixels, dtype=np.float32)
+            if not file.write_scanlines(first, first + len(rows), 0, rows):
+                raise _unwritten(path, file)
 
-    def write(first: int, pixels: np.ndarray) -> None:
-        rows = np.ascontiguousarray(pixels, dtype=np.float32)
-        if not file.write_scanlines(first, first + len(rows), 0, rows):
-            raise _unwritten(path, file)
-
-    try:
-        yield write
-        if not file.close():
-            raise _unwritten(path, file)
-        unfinished.replace(path)
-    finally:
-        file.close()
-        unfinished.unlink(missing_ok=True)
+        try:
+            yield write
+            if not file.close():
+                raise _unwritten(path, file)
+        finally:
+            file.close()
 
 
 def _unwritten(path: Path, writer: Any) -> InputError:

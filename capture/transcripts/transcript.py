@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TextIO
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.files import require_no_link
 
 TITLE = "spectrabox transcript"
 VERSION = "1"
@@ -60,6 +61,7 @@ class TranscriptWriter:
     """Appends every event to a file at once, so that a crash loses nothing that passed."""
 
     def __init__(self, path: Path, facts: dict[str, str]) -> None:
+        require_no_link(path)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._stream: TextIO = path.open("w", encoding="ascii", newline="\n")

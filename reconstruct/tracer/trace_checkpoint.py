@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.files import writable
+from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.outside.archives import DamagedArchiveError, opened_npz
 
 WRITE_EVERY_S = 20.0    # and when the trace is stopped
@@ -75,14 +74,9 @@ class TraceCheckpoint:
         """
         if not sums.done:
             return
-        with writable(self.path.parent):
-            temporary = self.path.with_name(f".{self.path.name}.part")
-            with temporary.open("wb") as stream:
-                np.savez(stream, fingerprint=self.fingerprint, done=sums.done,
-                         passes=np.array(sums.passes))
-                stream.flush()
-                os.fsync(stream.fileno())
-            temporary.replace(self.path)
+        with whole_file(self.path) as unfinished, unfinished.open("wb") as stream:
+            np.savez(stream, fingerprint=self.fingerprint, done=sums.done,
+                     passes=np.array(sums.passes))
         self.written = time.monotonic()
 
     def remove(self) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 
 from spectrabox.radiometry.covariance import is_covariance
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.outside.archives import DamagedArchiveError, opened_npz
 from spectrabox.radiometry.shaped import Record
@@ -141,7 +142,8 @@ def save_prior(path: Path, prior: LogitMixture) -> None:
     arrays = {name: np.asarray(getattr(prior, name),
                                np.float32 if name in SINGLE_PRECISION else np.float64)
               for name in ARRAYS}
-    with path.open("wb") as file:  # a name without .npz is kept as it was given
+    # opened here: NumPy would add .npz to a name without it
+    with whole_file(path) as unfinished, unfinished.open("wb") as file:
         np.savez_compressed(file, format=np.array(FORMAT), source=np.array(prior.source),
                             families=np.array(prior.families),
                             certificates=np.array(_certificates_text(prior)),

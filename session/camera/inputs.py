@@ -240,8 +240,8 @@ def write_draws(path: Path, band: CurveBand | None, grid: WavelengthGrid) -> Non
     """Draws of all curves together as an NPZ."""
     import numpy as np
 
-    from spectrabox.radiometry.files import writable
+    from spectrabox.radiometry.files import whole_file
     if band is None or band.draws is None:
         raise InputError("draws come with the method prior only; leave --samples out")
-    with writable(path.parent), path.open("wb") as file:
+    with whole_file(path) as unfinished, unfinished.open("wb") as file:
         np.savez_compressed(file, wavelengths_nm=grid.nm, curves=band.draws)

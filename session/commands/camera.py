@@ -137,13 +137,10 @@ def prior(folder: Annotated[Path, typer.Argument(metavar="FOLDER", show_default=
         from spectrabox.calibrate.prior.camera_database import read_camera_database
         from spectrabox.calibrate.prior.camera_prior import save_prior
         from spectrabox.calibrate.prior.learnt_prior import build_prior
-        from spectrabox.radiometry.files import writable
         database = read_camera_database(folder, leave_out=tuple(leave_out or ()))
         made = build_prior(database.nm, database.curves, database.names, licence=licence,
                            source=source or f"{len(database.names)} cameras of {folder.name}")
-        with writable(out.parent):
-            out.parent.mkdir(parents=True, exist_ok=True)
-            save_prior(out, made)
+        save_prior(out, made)
         families = [members for members, level in zip(made.members, made.level, strict=True)
                     if level == 0]
         facts = {"file": str(out), "cameras": list(database.names),

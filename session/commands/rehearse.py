@@ -34,11 +34,14 @@ def rehearse(folder: Folder,
         from spectrabox.session.progress_display import progress_display
         from spectrabox.session.rehearsal import facts
         from spectrabox.session.rehearsal import rehearse as replay
+        from spectrabox.session.stages.order import all_stages
         from spectrabox.session.store.rehearsals import rehearsal_text, save_rehearsal
+        from spectrabox.session.store.session_lock import only_writer
         config = read_session(folder, allow_outside)
-        with progress_display() as progress:
+        with only_writer(config.folder, all_stages(), "spectrabox rehearse"), \
+                progress_display() as progress:
             rehearsals = replay(config, times, seed, device,
                                 lambda done, what: progress("rehearse", done, what))
-        answers = facts(rehearsals, config.sampling.level, seed)
-        path = save_rehearsal(config, answers)
+            answers = facts(rehearsals, config.sampling.level, seed)
+            path = save_rehearsal(config, answers)
         answer(as_json, answers | {"file": str(path)}, rehearsal_text(answers))

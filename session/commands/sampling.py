@@ -284,12 +284,10 @@ def prior_train(folders: LabelledFolders, out: Trained, sensitivity: Sensitivity
     turn.
     """
     with command(as_json, debug):
-        from spectrabox.radiometry.files import writable
         from spectrabox.sampling.prior.mixture import save_prior
         from spectrabox.session.signals.judgement_answers import train_answer
         facts, text, prior = train_answer(folders, sensitivity, light, seed, models)
-        with writable(out.parent):
-            save_prior(out, prior)
+        save_prior(out, prior)
         answer(as_json, {**facts, "prior": str(out)}, f"{text}\nwrote {out}")
 
 
@@ -297,8 +295,6 @@ def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
     """An .npz under exactly the name that was asked for."""
     import numpy as np
 
-    from spectrabox.radiometry.files import writable
-    with writable(path.parent):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("wb") as file:
-            np.savez_compressed(file, **arrays)
+    from spectrabox.radiometry.files import whole_file
+    with whole_file(path) as unfinished, unfinished.open("wb") as file:
+        np.savez_compressed(file, **arrays)

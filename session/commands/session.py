@@ -187,9 +187,12 @@ def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_o
     from spectrabox.session.pipeline import load_finished, run_stages
     from spectrabox.session.progress_display import progress_display
     from spectrabox.session.run_outputs import kept_outputs, rewritten_outputs
+    from spectrabox.session.stages.order import all_stages
+    from spectrabox.session.store.session_lock import only_writer
 
     config = read_session(folder, allow_outside)
-    with progress_display() as progress:
+    with only_writer(config.folder, all_stages(), "spectrabox run"), \
+            progress_display() as progress:
         finished = run_stages(config, device=device, only=only, force=force, progress=progress)
         if only is not None and only != "sample":
             answer(as_json,

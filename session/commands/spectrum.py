@@ -149,7 +149,7 @@ def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
              grid: str | None) -> list[str]:
     import numpy as np
 
-    from spectrabox.radiometry.files import write_text_whole
+    from spectrabox.radiometry.files import whole_file, write_text_whole
     from spectrabox.radiometry.spectra.formats.envi import envi_files
     from spectrabox.radiometry.spectra.resampling import resampled
     from spectrabox.radiometry.spectra.spectrum_files import read_table, spectrum_of, table_text
@@ -181,7 +181,8 @@ def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
     if target.suffix.lower() == ".sli":
         header, binary = envi_files(nm, columns, quantity=stated, source=spectra[0].source)
         write_text_whole(target.with_suffix(".hdr"), header)
-        target.write_bytes(binary)
+        with whole_file(target) as unfinished:
+            unfinished.write_bytes(binary)
     else:
         write_text_whole(target,
                     _text_writer(target.suffix.lower(), table_text)(nm, columns, quantity=stated,

@@ -1,14 +1,13 @@
 """The session report: one HTML file that opens offline and carries its own numbers."""
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
 import jinja2
 from markupsafe import Markup
 
-from spectrabox.radiometry.errors import EnvironmentProblem
+from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Calibration, Reconstruction
 from spectrabox.session.report import words
 from spectrabox.session.report.figures import loss_figure, picture_data_uri
@@ -66,16 +65,8 @@ def written_whole(folder: Path, page: str) -> Path:
         If the folder cannot be written; an older report is left as it was.
     """
     report = folder / "report.html"
-    unfinished = folder / f".report-{os.getpid()}.html"
-    try:
+    with whole_file(report) as unfinished:
         unfinished.write_bytes(page.encode("utf-8", "backslashreplace"))
-        unfinished.replace(report)
-    except OSError as problem:
-        raise EnvironmentProblem("report.html cannot be written to the session folder "
-                                 f"({problem.strerror}); free some space or allow writing there, "
-                                 "then build the report again") from problem
-    finally:
-        unfinished.unlink(missing_ok=True)
     return report
 
 

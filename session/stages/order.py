@@ -42,3 +42,8 @@ FLAT_STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts"),
 def stages_of(flat: bool) -> dict[str, Stage]:
     """The stages of a session of flat samples, or of a scene."""
     return FLAT_STAGES if flat else STAGES
+
+
+def all_stages() -> tuple[str, ...]:
+    """Names of the stages of any session, each once."""
+    return tuple(STAGES | FLAT_STAGES)

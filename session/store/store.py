@@ -16,10 +16,16 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import writable
+from spectrabox.radiometry.files import (
+    require_no_link,
+    sha256_of,
+    sync,
+    sync_folder,
+    writable,
+)
 from spectrabox.session.store.record_files import opened_arrays, pack, save_arrays, unpack
 
-FACTS, ARRAYS = "facts.json", "arrays.npz"
+FACTS, ARRAYS, SUMS = "facts.json", "arrays.npz", "SHA256SUMS"
 
 
 @dataclass(frozen=True)
@@ -28,6 +34,7 @@ class StoredStage:
 
     folder: Path
     facts: dict[str, Any]
+    damage: str | None = None       # what in it is not as it was written
 
     @property
     def key(self) -> dict[str, Any]:
@@ -50,7 +57,7 @@ class StoredStage:
                 return unpack(kind, self.facts["records"][name], arrays)
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"the stored results of stage {self.folder.name} are damaged "
-                             f"({error!r}); run again with --force") from None
+                             f"({error!r}); 'spectrabox run' makes them again") from None
 
 
 def fingerprint(key: dict[str, Any]) -> str:
@@ -59,40 +66,77 @@ def fingerprint(key: dict[str, Any]) -> str:
 
 
 def load_stage(results: Path, stage: str) -> StoredStage | None:
-    """A stage's stored results; None where there are none. Finishes a replacement that was cut
-    short.
+    """A stage's stored results, with a word for what in them is damaged; None where there are none.
+
+    Nothing is mended here: another process may be at work.
     """
-    folder, old = results / stage, results / f".{stage}.old"
-    if not folder.exists() and old.exists():
-        old.replace(folder)
+    folder = next((folder for folder in (results / stage, results / f".{stage}.old",
+                                         results / stage) if folder.is_dir()), None)
+    if folder is None:
+        return None
+    damage = _damage_of(folder)
     try:
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-    except (json.JSONDecodeError, UnicodeDecodeError):
-        # half a file cannot come from here; whatever it is, the stage is to be run again
-        return None
-    return StoredStage(folder, facts) if isinstance(facts, dict) and "key" in facts else None
+    except (OSError, ValueError, RecursionError):
+        facts = None
+    if not isinstance(facts, dict) or not isinstance(facts.get("key"), dict):
+        return StoredStage(folder, {"key": {}, "seconds": 0.0}, damage or FACTS)
+    return StoredStage(folder, facts, damage)
+
+
+def _damage_of(folder: Path) -> str | None:
+    """The first file of a stage that is not as it was written; None where all are."""
+    try:
+        lines = (folder / SUMS).read_text(encoding="utf-8").splitlines()
+        wanted = {name: digest for digest, _, name in (line.partition("  ") for line in lines)}
+        if not {FACTS, ARRAYS} <= wanted.keys():
+            return SUMS
+        return next((name for name, digest in sorted(wanted.items())
+                     if sha256_of(folder / name) != digest), None)
+    except (OSError, ValueError, InputError):
+        missing = [name for name in (FACTS, ARRAYS, SUMS) if not (folder / name).is_file()]
+        return f"{missing[0]} is missing" if missing else SUMS
 
 
 @contextlib.contextmanager
 def stage_folder(results: Path, stage: str) -> Iterator[Path]:
-    """An empty folder that takes the stage's place when the block ends well, and vanishes
-    otherwise.
+    """An empty folder that takes the stage's place when the block ends well, is then on disk with
+    the checksums of its files, and vanishes otherwise.
     """
     new, old, final = results / f".{stage}.new", results / f".{stage}.old", results / stage
+    require_no_link(results)
     with writable(results):
-        shutil.rmtree(new, ignore_errors=True)
+        sweep_stage(results, stage)
         new.mkdir(parents=True)
         try:
             yield new
-            shutil.rmtree(old, ignore_errors=True)
+            _seal(new)
             if final.exists():
                 final.replace(old)
             new.replace(final)
+            sync_folder(results)
             shutil.rmtree(old, ignore_errors=True)
         finally:
             shutil.rmtree(new, ignore_errors=True)
+
+
+def sweep_stage(results: Path, stage: str) -> None:
+    """Finish a replacement that was cut short, and remove what it left."""
+    new, old, final = results / f".{stage}.new", results / f".{stage}.old", results / stage
+    if old.exists() and not final.exists():
+        old.replace(final)
+    for left in (new, old):
+        shutil.rmtree(left, ignore_errors=True)
+
+
+def _seal(folder: Path) -> None:
+    """Checksums of a folder's files, as ``sha256sum`` writes and checks them; all on disk."""
+    names = sorted(path.name for path in folder.iterdir())
+    text = "".join(f"{sha256_of(folder / name)}  {name}\n" for name in names)
+    (folder / SUMS).write_text(text, encoding="utf-8")
+    for name in (*names, SUMS):
+        sync(folder / name)
+    sync_folder(folder)
 
 
 def save_stage(folder: Path, key: dict[str, Any], records: dict[str, Any], seconds: float,

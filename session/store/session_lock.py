@@ -1,0 +1,102 @@
+"""One process at a time writes to a session, and says so; the lock dies with its owner."""
+from __future__ import annotations
+
+import contextlib
+import datetime
+import json
+import os
+import platform
+from collections.abc import Iterator
+from pathlib import Path
+
+from spectrabox.radiometry.errors import EnvironmentProblem
+from spectrabox.radiometry.files import require_no_link, sweep_unfinished, writable
+from spectrabox.session.store.store import sweep_stage
+
+RUN, OUTPUTS = ".run.lock", ".outputs.lock"     # among the results
+
+
+@contextlib.contextmanager
+def only_writer(folder: Path, stages: tuple[str, ...], command: str) -> Iterator[None]:
+    """Be the only run of a session, and begin with what a killed one left swept away.
+
+    Parameters
+    ----------
+    folder : Path
+        The session.
+    stages : tuple of str
+        Names of all that have results.
+    command : str
+        Of this process, for those that find the session taken.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If another process works in this session, saying which; if its folder cannot be written or
+        its results are a link.
+    """
+    results = folder / "results"
+    for name in ("results", "spdx"):
+        require_no_link(folder / name)
+    with _held(results, RUN, command, wait=False):
+        sweep(folder, stages)
+        yield
+
+
+@contextlib.contextmanager
+def outputs_writer(folder: Path) -> Iterator[None]:
+    """Be the only one that writes report and spectra, after any other."""
+    for name in ("results", "spdx"):
+        require_no_link(folder / name)
+    with _held(folder / "results", OUTPUTS, "", wait=True):
+        yield
+
+
+def sweep(folder: Path, stages: tuple[str, ...]) -> None:
+    """Remove what killed runs left in a session, and finish what they cut short."""
+    results = folder / "results"
+    for stage in stages:
+        sweep_stage(results, stage)
+    for inside in (folder, folder / "spdx", results):
+        sweep_unfinished(inside)
+
+
+@contextlib.contextmanager
+def _held(results: Path, name: str, command: str, wait: bool) -> Iterator[None]:
+    try:
+        import fcntl
+    except ImportError:     # Windows: there a file that is open cannot be replaced in any case
+        yield
+        return
+    with writable(results):
+        handle = os.open(results / name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC,
+                         0o666)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            raise EnvironmentProblem(f"{_owner(handle)} works in this session; wait for it, or "
+                                     "stop it: two runs would write over each other") from None
+        except OSError:         # a file system without locks: better a run than none
+            yield
+            return
+        os.truncate(handle, 0)
+        os.write(handle, json.dumps({"command": command, "process": os.getpid(),
+                                     "machine": platform.node(),
+                                     "since": _now()}).encode())
+        yield
+    finally:
+        os.close(handle)        # which frees it, as the end of the process does
+
+
+def _owner(handle: int) -> str:
+    try:
+        told = json.loads(os.pread(handle, 4096, 0))
+        return (f"'{told['command']}' (process {told['process']} on {told['machine']}, since "
+                f"{told['since']})")
+    except (ValueError, KeyError, TypeError):
+        return "another process"
+
+
+def _now() -> str:
+    return datetime.datetime.now().astimezone().isoformat(" ", "seconds")
