@@ -26,7 +26,7 @@ from spectrabox.capture.chart.reference import typical_signals
 from spectrabox.capture.photo.image_files import read_encoded_file
 from spectrabox.capture.photo.preview import preview_rgb8
 from spectrabox.fixtures.chart_scene import BORDER_MM, GRID_MM, PITCH_MM, chart_scene, homography
-from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
+from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LinearImage, PhotoKind
@@ -195,7 +195,7 @@ def run_scene(kind: str, rng: np.random.Generator, reflectances: np.ndarray) -> 
         detection = locate_chart(image, reference)
         if detection.mirrored:
             raise CheckError("mirrored")
-        verdict = judge_chart(image, detection, reference, PATCH_NAMES).verdict
+        verdict = judge_chart(image, detection, reference).verdict
         right = kind not in REFUSABLE and in_place(detection.corners_px.mean(axis=1), corners)
         outcome = "found" if right and not (kind in SPOILT[:2] and verdict == "good") else "wrong"
     except CheckError as error:

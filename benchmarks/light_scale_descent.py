@@ -33,7 +33,7 @@ START = 0.8             # of the factor that the summed signals ask for: the des
 TAIL = 0.25
 
 
-def scale_by_descent(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tuple[float, float],
+def scale_by_descent(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: np.ndarray,
                      grid: WavelengthGrid, reflectances: np.ndarray, light: np.ndarray,
                      sensitivities: np.ndarray, measured: np.ndarray, relative_error: float, *,
                      steps: int = STEPS, spp: int = SPP, seed: int = 0) -> LightScale:
@@ -47,7 +47,7 @@ def scale_by_descent(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tup
         Holds the light and a rectangle with the id "chart", as ``patch_irradiance`` wants it.
     centres_uv : (24, 2) array
         Centres of the patches as fractions of width and height from the dark-skin corner.
-    size_uv : (float, float)
+    size_uv : (2,) array
         Width and height of a patch in the same fractions.
     reflectances : (24, P) array
     light : (P,) array
@@ -115,7 +115,7 @@ def scale_by_descent(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tup
 
 
 def chart_in_place(scene_file: SceneFile, centres_uv: np.ndarray,
-                   size_uv: tuple[float, float]) -> SceneFile:
+                   size_uv: np.ndarray) -> SceneFile:
     """The scene with one rectangle per patch, ``patch_00`` on, where "chart" was, and a camera that
     sees just them.
 

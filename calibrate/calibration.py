@@ -28,7 +28,7 @@ from spectrabox.calibrate.sensitivity import (
 )
 from spectrabox.calibrate.spline_fit import SPLINE_BANDS
 from spectrabox.calibrate.trust import chart_colour_differences, doubts, other_reading, sentences
-from spectrabox.radiometry.chart import patch_centres_uv
+from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.light_scale import scale_from_signals
 from spectrabox.radiometry.records import (
@@ -49,24 +49,30 @@ from spectrabox.radiometry.response import response_matrix
 from spectrabox.radiometry.shaped import Record
 
 MIN_BANDS = 3
-UNKNOWN_IRRADIANCE = np.full(24, np.pi)     # gives a reflectance of 1 a signal without scale
-
 
 @dataclass(frozen=True, eq=False)
 class ChartPhoto(Record):
     """A photo of a chart: its patches, their reflectances, and the light on them."""
 
     samples: PatchSamples
-    reflectances: Annotated[np.ndarray, "24 P"]
+    reflectances: Annotated[np.ndarray, "I P"]
     light: Spectrum | UnknownLight
     # On each patch for a light spectrum of 1. None: not known, a smooth field is allowed.
-    irradiance: Annotated[np.ndarray, "24"] | None = None
-    kept_out: Annotated[np.ndarray, "24"] | None = None     # bool: patches that no fit may use
+    irradiance: Annotated[np.ndarray, "I"] | None = None
+    kept_out: Annotated[np.ndarray, "I"] | None = None      # bool: patches that no fit may use
+    chart: Chart = CLASSIC
 
     @property
     def used(self) -> np.ndarray:
-        """Whether each patch (24,) may be used."""
-        return np.ones(24, bool) if self.kept_out is None else ~self.kept_out.astype(bool)
+        """Whether each patch (I,) may be used."""
+        return np.ones(len(self.reflectances), bool) if self.kept_out is None \
+            else ~self.kept_out.astype(bool)
+
+    @property
+    def lit(self) -> np.ndarray:
+        """Irradiance (I,) on each patch; where it is not known one that sets no scale."""
+        return unknown_irradiance(len(self.reflectances)) if self.irradiance is None \
+            else self.irradiance
 
 
 @dataclass(frozen=True)
@@ -85,13 +91,13 @@ class ChartCalibration(Record):
 
     calibration: Calibration
     scale: LightScale                               # also where the calibration has none
-    predicted: Annotated[np.ndarray, "24 K"]
-    held_out: Annotated[np.ndarray, "24 K"]         # each patch predicted from the others
-    delta_e: Annotated[np.ndarray, "24"]            # CIEDE2000 of each patch, fitted
-    held_out_delta_e: Annotated[np.ndarray, "24"]   # the same, the patch left out of the fit
+    predicted: Annotated[np.ndarray, "I K"]
+    held_out: Annotated[np.ndarray, "I K"]          # each patch predicted from the others
+    delta_e: Annotated[np.ndarray, "I"]             # CIEDE2000 of each patch, fitted
+    held_out_delta_e: Annotated[np.ndarray, "I"]    # the same, the patch left out of the fit
     prior_fit: PriorFit | None                      # of the method "prior"
     without: PatchesWithout                         # the first photo's patches, each left out
-    kept_out: Annotated[np.ndarray, "24"]           # bool: of no fit at all
+    kept_out: Annotated[np.ndarray, "I"]            # bool: of no fit at all
 
     @property
     def white(self) -> ChartWhite | None:
@@ -134,7 +140,7 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         method = chosen.method if chosen.curves is None else "file"
         raise InputError(f"method {method} takes one photo; {len(photos)} photos need method prior")
     light, power, unseen = _power_of(first.light, grid)
-    lit = UNKNOWN_IRRADIANCE if first.irradiance is None else first.irradiance
+    lit = first.lit
     prior_fit, posterior = None, None
     doubtful: tuple[CalibrationDoubt, ...] = ()
     if chosen.curves is not None:
@@ -180,6 +186,11 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
                               checks, doubtful, posterior)
     return ChartCalibration(calibration, scale, predicted, signals_without, delta_e,
                             delta_e_without, prior_fit, without, ~first.used)
+
+
+def unknown_irradiance(patches: int) -> np.ndarray:
+    """Irradiance (I,) that gives a reflectance of 1 a signal without scale."""
+    return np.full(patches, np.pi)
 
 
 def prior_calibration(photos: list[ChartEquations], grid: WavelengthGrid,
@@ -278,9 +289,9 @@ def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> tuple[ChartEquatio
     """
     _, power, _ = _power_of(photo.light, grid)
     known = photo.irradiance is not None
-    whole = chart_equations(photo.samples, photo.reflectances, power,
-                            UNKNOWN_IRRADIANCE if photo.irradiance is None else photo.irradiance,
-                            grid, positions=None if known else patch_centres_uv())
+    whole = chart_equations(photo.samples, photo.reflectances, power, photo.lit, grid,
+                            positions=None if known else photo.chart.centres_uv,
+                            rows=photo.chart.rows)
     if photo.used.all():
         return whole, None
     return some_patches(whole, photo.used), some_patches(whole, ~photo.used)
@@ -306,7 +317,7 @@ def _products(photos: list[ChartEquations], said: UnknownLight, grid: Wavelength
 
 
 def _predicted(fit: PriorFit, photo: ChartPhoto, without: PatchesWithout) -> np.ndarray:
-    """Signals (24, K) that the fit predicts; of patches kept out, those of the fit without them."""
+    """Signals (I, K) that the fit predicts; of patches kept out, those of the fit without them."""
     predicted = without.predicted(photo.reflectances)
     predicted[photo.used] = fit.photos[0].predicted
     return predicted
@@ -315,21 +326,21 @@ def _predicted(fit: PriorFit, photo: ChartPhoto, without: PatchesWithout) -> np.
 def _from_measured(photo: ChartPhoto, power: np.ndarray, irradiance: np.ndarray,
                    grid: WavelengthGrid, curves: np.ndarray
                    ) -> tuple[SensitivityFit, LightScale, np.ndarray, PatchesWithout]:
-    samples, used = photo.samples, photo.used
+    samples, used, patches = photo.samples, photo.used, len(photo.reflectances)
     unscaled = _chart_signals(grid, curves, power, photo.reflectances, irradiance)
     scale = scale_from_signals(samples.mean[used], unscaled[used], CHART_ERROR, "chart photo")
     others = [scale_from_signals(samples.mean[used & rest], unscaled[used & rest], CHART_ERROR,
-                                 "chart photo").value for rest in ~np.eye(24, dtype=bool)]
+                                 "chart photo").value for rest in ~np.eye(patches, dtype=bool)]
     predicted = scale.value * unscaled
     residuals = 1 - predicted / samples.mean
     relative = relative_prediction_covariance(residuals, samples)
     bands = len(curves)
     lit = (np.array(others) * irradiance / np.pi)[:, None, None]
-    covariance = np.zeros((24, bands * bands + bands, bands * bands + bands))
+    covariance = np.zeros((patches, bands * bands + bands, bands * bands + bands))
     covariance[:, bands * bands:, bands * bands:] = (
         relative * samples.mean[:, :, None] * samples.mean[:, None, :])
     without = PatchesWithout(curves.T, power * grid.weights_nm, lit * np.eye(bands),
-                             np.zeros((24, bands)), covariance, samples.mean,
+                             np.zeros((patches, bands)), covariance, samples.mean,
                              samples.covariance_of_mean)
     return (_measured_curves(grid, curves, residuals), replace(scale, residuals=residuals),
             predicted, without)

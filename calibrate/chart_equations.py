@@ -34,29 +34,33 @@ class ChartEquations(Record):
     field_terms: Annotated[np.ndarray, "I E"]       # at each patch; E = 0: no field
     glare: bool
     relative_exposure_sd: float | None = None       # of the log, to the first photo; None: unknown
+    rows: int | None = None                         # of the chart; None: patches are no whole grid
 
 
 def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
                     irradiance: np.ndarray, grid: WavelengthGrid, *,
-                    positions: np.ndarray | None = None) -> ChartEquations:
+                    positions: np.ndarray | None = None,
+                    rows: int | None = None) -> ChartEquations:
     """One photo in the form that every fit takes, with an unknown offset in each band.
 
     Parameters
     ----------
     samples : PatchSamples
-        Mean signal (24, K) and its covariance.
-    reflectances : (24, P) array
+        Mean signal (I, K) and its covariance.
+    reflectances : (I, P) array
     light : (P,) array
         Spectrum of the light on ``grid``.
-    irradiance : (24,) array
+    irradiance : (I,) array
         On each patch for a light spectrum of 1; pi everywhere where it is not known.
     grid : WavelengthGrid
-    positions : (24, 2) array or None
+    positions : (I, 2) array or None
         Of the patches on the chart; None where the illumination of the patches is known.
+    rows : int or None
+        Of the chart, whose patches are listed row by row; None where some are left out.
     """
     terms = np.zeros((len(samples.mean), 0)) if positions is None else field_terms(positions)
     return ChartEquations(samples.mean, samples.covariance_of_mean, reflectances,
-                      light * grid.weights_nm, irradiance, terms, glare=True)
+                      light * grid.weights_nm, irradiance, terms, glare=True, rows=rows)
 
 
 def some_patches(photo: ChartEquations, chosen: np.ndarray) -> ChartEquations:
@@ -70,7 +74,7 @@ def some_patches(photo: ChartEquations, chosen: np.ndarray) -> ChartEquations:
     """
     return replace(photo, signal=photo.signal[chosen], covariance=photo.covariance[chosen],
                    reflectances=photo.reflectances[chosen], irradiance=photo.irradiance[chosen],
-                   field_terms=photo.field_terms[chosen])
+                   field_terms=photo.field_terms[chosen], rows=None)
 
 
 def field_terms(positions: np.ndarray) -> np.ndarray:

@@ -42,7 +42,7 @@ RIDGE = 1e-10
 class PicturePoints(Record):
     """Points of one photo: where they lie in the plane of the chart, and in the picture."""
 
-    plane: Annotated[np.ndarray, "N 2"]     # widths of the card, from its dark-skin corner
+    plane: Annotated[np.ndarray, "N 2"]     # widths of the card, from its corner at the first patch
     picture: Annotated[np.ndarray, "N 2"]   # from the middle, half of the diagonal being 1
 
 

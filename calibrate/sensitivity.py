@@ -135,11 +135,9 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid
     curves = moments.coefficients @ posterior.basis.T
     error = np.sqrt(curve_variance(posterior.basis, moments.covariance, prior.bands))
     first = photos[0].signal
-    of_chart = len(first) == 24
     condition = condition_number(photos[0], grid)
     fit = SensitivityFit(grid, curves, posterior.basis, moments.coefficients, moments.covariance,
-                         error, 1 - states[0].predicted / first if of_chart else None,
-                         1 - held_out[0] / first if of_chart else None, condition,
+                         error, 1 - states[0].predicted / first, 1 - held_out[0] / first, condition,
                          f"joint estimate with a Gaussian mixture prior ({prior.source})",
                          Outcome.CONVERGED)
     order = np.argsort(-posterior.families)
@@ -158,11 +156,11 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
     Parameters
     ----------
     patches : PatchSamples
-        mean (24, K) signal.
-    reflectances : (24, P) array
+        mean (I, K) signal.
+    reflectances : (I, P) array
     light : (P,) array
         Spectrum of the light, any unit; the light scale is relative to it.
-    irradiance : (24,) array
+    irradiance : (I,) array
         Irradiance on each patch for a light spectrum of 1; constant where unknown.
     grid : WavelengthGrid
         Working grid, of P wavelengths.
@@ -170,7 +168,7 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
         Spline coefficients a band, with the two zero ends; of ``paper`` and ``nonnegative`` only.
     method : str
         One of ``SPLINE_METHODS``; for ``prior`` see ``fit_with_prior``.
-    used : (24,) bool array or None
+    used : (I,) bool array or None
         Patches that the fit may use; None for all.
 
     Returns
@@ -224,7 +222,7 @@ def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamp
 
     Parameters
     ----------
-    fit_residuals : (24, K) array
+    fit_residuals : (I, K) array
         (photo - predicted) / photo, each patch left out of its own fit.
     patches : PatchSamples
     """

@@ -9,7 +9,6 @@ from spectrabox.calibrate.prior.learnt_prior import UNLIKE
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.appearance import tristimulus
-from spectrabox.radiometry.chart import COLUMNS, ROWS
 from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
 from spectrabox.radiometry.records import CalibrationDoubt, WavelengthGrid
 
@@ -53,14 +52,14 @@ def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGri
     Parameters
     ----------
     photo : ChartEquations
-        Of 24 patches; no reading is tried of other charts.
+        No reading is tried where patches were left out.
     prior : CameraPrior
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
-    if len(photo.signal) != ROWS * COLUMNS:
+    if photo.rows is None:
         return None
-    order = np.arange(ROWS * COLUMNS).reshape(ROWS, COLUMNS)
+    order = np.arange(len(photo.signal)).reshape(photo.rows, -1)
     readings = {
         "mirrored left to right": photo.signal[order[:, ::-1].ravel()],
         "mirrored top to bottom": photo.signal[order[::-1].ravel()],
@@ -130,7 +129,7 @@ def _evidence(photo: ChartEquations, signal: np.ndarray, prior: CameraPrior,
 
 def _read(photo: ChartEquations, signal: np.ndarray) -> ChartEquations:
     return ChartEquations(signal, photo.covariance, photo.reflectances, photo.power,
-                          photo.irradiance, photo.field_terms, photo.glare)
+                          photo.irradiance, photo.field_terms, photo.glare, rows=photo.rows)
 
 
 def _without_glare(photo: ChartEquations) -> np.ndarray:

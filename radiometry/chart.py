@@ -1,14 +1,21 @@
-"""The 24 patches of a ColorChecker Classic: names, positions and reflectances with their source."""
+"""A chart: where its patches lie, what they are called and which reflectances are known of it.
+
+``CLASSIC`` is the ColorChecker Classic; radiometry/charts holds the other layouts.
+"""
 from __future__ import annotations
 
+import dataclasses
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.published.tables import CHARTS, published_curves
 from spectrabox.radiometry.records import WavelengthGrid
-from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_reflectances
+from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry.spectra.spectrum_files import on_grid
 
 PATCH_NAMES = (
     "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
@@ -16,11 +23,6 @@ PATCH_NAMES = (
     "blue", "green", "red", "yellow", "magenta", "cyan",
     "white 9.5", "neutral 8", "neutral 6.5", "neutral 5", "neutral 3.5", "black 2",
 )
-ROWS, COLUMNS = 4, 6
-
-# The printed card: its size, the side of a patch and the distance from patch to patch; the border
-# is what remains.
-CARD_CM, PATCH_CM, PITCH_CM = (29.0, 20.3), 4.0, 4.35
 
 # Chart names of colour-science that cover 400-700 nm, by what an operator may write.
 REFERENCES = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta")
@@ -29,9 +31,115 @@ REFERENCES = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta")
 # one is seen.
 TYPICAL_BANDS_NM = ((600.0, 38.0), (535.0, 40.0), (460.0, 30.0))
 
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])    # corners, going round
 
-def chart_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
-    """Reflectances (24, P) of a named published chart, dark skin first.
+
+@dataclass(frozen=True, eq=False)
+class Chart(Record):
+    """Layout of a chart of I patches in rows and columns, listed row by row.
+
+    Lengths are in one unit, any; points are seen from the middle of the patches, x to the right and
+    y down where the first patch is at the top left.
+    """
+
+    name: str
+    rows: int
+    columns: int
+    names: tuple[str, ...]                          # I, of the patches
+    centres: Annotated[np.ndarray, "I 2"]
+    sizes: Annotated[np.ndarray, "I 2"]
+    card: Annotated[np.ndarray, "2"]                # width and height, the patches in its middle
+    neutrals: tuple[int, ...]                       # indices, lightest first; may be empty
+    # Four points in the order in which an operator gives them in a photo, and their names.
+    fiducials: Annotated[np.ndarray, "4 2"]
+    fiducial_names: tuple[str, str, str, str]
+    # Names that other software gives the patches, each tuple in the order of ``names``.
+    other_names: tuple[tuple[str, ...], ...] = ()
+    references: tuple[str, ...] = ()                # published reflectances, the usual one first
+    colours: str | None = None                      # published colours that tell the patches' order
+    reference_file: Path | None = None              # measured, of a layout that an operator wrote
+    detectable: bool = False                        # OpenCV finds it in a photo
+    black_frame: bool = False                       # patches stand apart on black, as the Classic's
+
+    @property
+    def centres_uv(self) -> np.ndarray:
+        """Centres (I, 2) of the patches as fractions of the card, from the first patch's corner."""
+        return 0.5 + self.centres / self.card
+
+    @property
+    def sizes_uv(self) -> np.ndarray:
+        """Width and height (I, 2) of the patches in the same fractions."""
+        return self.sizes / self.card
+
+    @property
+    def has_known_colours(self) -> bool:
+        """Whether it is known without an operator's file which patch is which."""
+        return bool(self.references) or self.colours is not None
+
+    @property
+    def corner_words(self) -> str:
+        """What ``corners_px`` are, in words and in order."""
+        *first, last = self.fiducial_names
+        return f"{', '.join(first)} and {last}"
+
+
+def grid_chart(name: str, rows: int, columns: int, names: tuple[str, ...],
+               patch: tuple[float, float], pitch: tuple[float, float],
+               neutrals: tuple[str, ...] = ()) -> Chart:
+    """A chart of equal patches in even rows, which ends at their outer corners, its fiducials.
+
+    Parameters
+    ----------
+    names : tuple of I = rows x columns str
+        Of the patches, row by row.
+    patch, pitch : (float, float)
+        Width and height of a patch, and distance of patches along a row and a column.
+    neutrals : tuple of str
+        Names of the neutral patches, lightest first.
+    """
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    centres = np.array(pitch) * np.column_stack([column - (columns - 1) / 2, row - (rows - 1) / 2])
+    return outlined_chart(name, rows, columns, names, centres, np.tile(patch, (len(names), 1)),
+                          neutrals)
+
+
+def outlined_chart(name: str, rows: int, columns: int, names: tuple[str, ...],
+                   centres: np.ndarray, sizes: np.ndarray, neutrals: tuple[str, ...]) -> Chart:
+    """A chart of patches anywhere, which ends at their outer corners, its fiducials.
+
+    Parameters
+    ----------
+    names, neutrals
+        As of ``grid_chart``.
+    centres, sizes : (I, 2) arrays
+        Of the patches, row by row.
+    """
+    corners = corner_patches(rows, columns)
+    fiducials = centres[list(corners)] + SQUARE * sizes[list(corners)] / 2
+    first, second, third, fourth = (names[corner] for corner in corners)
+    card = (centres + sizes / 2).max(axis=0) - (centres - sizes / 2).min(axis=0)
+    return Chart(name, rows, columns, names, centres, sizes, card,
+                 tuple(names.index(neutral) for neutral in neutrals), fiducials,
+                 (first, second, third, fourth))
+
+
+def corner_patches(rows: int, columns: int) -> tuple[int, int, int, int]:
+    """Indices of the corner patches, going round from the first."""
+    return 0, columns - 1, rows * columns - 1, (rows - 1) * columns
+
+
+# in cm, as printed
+CLASSIC = dataclasses.replace(
+    grid_chart("ColorChecker Classic", 4, 6, PATCH_NAMES, (4.0, 4.0), (4.35, 4.35),
+               neutrals=PATCH_NAMES[18:]),
+    card=np.array([29.0, 20.3]), fiducial_names=("dark skin", "bluish green", "black", "white"),
+    other_names=(tuple(f"{row}{column}" for row in "ABCD" for column in range(1, 7)),
+                 tuple(f"{column}{row}" for row in range(1, 5) for column in "ABCDEF")),
+    references=REFERENCES, detectable=True, black_frame=True)
+
+
+def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLASSIC) -> np.ndarray:
+    """Reflectances (I, P) of a named published chart, first patch first.
 
     ``BabelColor Average`` is the average of 30 charts that the paper uses [Pascale 2023], shipped
     by colour-science.
@@ -39,71 +147,52 @@ def chart_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
     Parameters
     ----------
     reference : str
-        One of ``REFERENCES``.
+        One of ``chart.references``.
     grid : WavelengthGrid
         Working grid, of P wavelengths.
+    chart : Chart
 
     Raises
     ------
     InputError
-        If the reference is not known.
+        If the reference is not known, or none is published of this chart.
     """
-    if reference not in REFERENCES:
+    if not chart.references:
+        raise InputError(f"chart reference {reference!r} is of another chart than the "
+                         f"{chart.name}; give a file of its {len(chart.names)} measured patches "
+                         "(CSV, CGATS or CxF)")
+    if reference not in chart.references:
         raise InputError(f"chart reference {reference!r} is not known; known are "
-                         f"{', '.join(REFERENCES)}, or a CSV file with one column per patch")
+                         f"{', '.join(chart.references)}, or a CSV file with one column per patch")
     nm, patches = published_curves(CHARTS, reference)
     return on_grid(nm, patches, grid, reference)
 
 
-def measured_chart(path: Path, grid: WavelengthGrid) -> np.ndarray:
-    """Reflectances (24, P) of one's own chart, from a file of one column per patch, dark skin
-    first.
-
-    Parameters
-    ----------
-    path : Path
-        Any spectral file.
-    grid : WavelengthGrid
-        Working grid, of P wavelengths.
-
-    Raises
-    ------
-    InputError
-        If the file does not hold 24 columns of reflectances that cover the grid.
-    """
-    patches = read_reflectances(path, grid)
-    if len(patches) != len(PATCH_NAMES):
-        raise InputError(f"{path.name} holds {len(patches)} columns; 24 are needed, one per patch, "
-                         "dark skin first")
-    return np.array(list(patches.values()))
+def patch_centres_uv(chart: Chart = CLASSIC) -> np.ndarray:
+    """Centres (I, 2) of the patches as fractions of the card, from the first patch's corner."""
+    return chart.centres_uv
 
 
-def patch_centres_uv() -> np.ndarray:
-    """Centres (24, 2) of the patches as fractions of the card, from the dark-skin corner."""
-    row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
-    from_centre_cm = PITCH_CM * np.column_stack([column - (COLUMNS - 1) / 2, row - (ROWS - 1) / 2])
-    return 0.5 + from_centre_cm / np.array(CARD_CM)
+def patch_size_uv(chart: Chart = CLASSIC) -> np.ndarray:
+    """Width and height (2,) of the first patch in the same fractions."""
+    return np.asarray(chart.sizes_uv[0])
 
 
-def patch_size_uv() -> tuple[float, float]:
-    """Width and height of a patch in the same fractions."""
-    return PATCH_CM / CARD_CM[0], PATCH_CM / CARD_CM[1]
+def plane_centres(chart: Chart = CLASSIC) -> np.ndarray:
+    """Centres (I, 2) of the patches in widths of the card, from its corner at the first patch."""
+    return chart.centres_uv * np.array([1.0, chart.card[1] / chart.card[0]])
 
 
-def plane_centres() -> np.ndarray:
-    """Centres (24, 2) of the patches in widths of the card, from its dark-skin corner."""
-    return patch_centres_uv() * np.array([1.0, CARD_CM[1] / CARD_CM[0]])
-
-
-def plane_from_picture(centres_px: np.ndarray) -> np.ndarray:
+def plane_from_picture(centres_px: np.ndarray, chart: Chart = CLASSIC) -> np.ndarray:
     """Matrix (3, 3) from pixels to the plane of the chart, in widths of the card.
 
     Parameters
     ----------
-    centres_px : (24, 2) array
+    centres_px : (I, 2) array
         Of the patches in a photo, in chart order.
+    chart : Chart
     """
-    (x, y), (u, v) = centres_px.T, plane_centres().T
+    (x, y), (u, v) = centres_px.T, plane_centres(chart).T
     unit = np.abs(centres_px).max()         # pixels in the thousands would spoil the last digits
     x, y = x / unit, y / unit
     zero, one = np.zeros(x.size), np.ones(x.size)
@@ -127,13 +216,13 @@ def projected(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def typical_camera_signals(reflectances: np.ndarray, grid: WavelengthGrid,
                            light: np.ndarray | None = None) -> np.ndarray:
-    """Signals (24, 3) that an ordinary camera would read, a perfect reflector about 1 in each band.
+    """Signals (I, 3) that an ordinary camera would read, a perfect reflector about 1 in each band.
 
     Only to recognise a chart and its orientation; nothing is measured with it.
 
     Parameters
     ----------
-    reflectances : (24, P) array
+    reflectances : (I, P) array
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     light : (P,) array or None

@@ -1,9 +1,9 @@
 """Every record that passes between stages, in flow order: read this file first.
 
-Shape letters: H, W pixels; P wavelengths; N spline coefficients; K camera bands (3 or more); M
-materials; R regions; E products of reflectances; T samples; S surfaces. "signal" is linear,
-black-subtracted, without white balance, as a fraction of (white - black). Wavelengths are in nm.
-Arrays are read-only.
+Shape letters: H, W pixels; I patches of a chart; P wavelengths; N spline coefficients; K camera
+bands (3 or more); M materials; R regions; E products of reflectances; T samples; S surfaces.
+"signal" is linear, black-subtracted, without white balance, as a fraction of (white - black).
+Wavelengths are in nm. Arrays are read-only.
 """
 from __future__ import annotations
 
@@ -145,9 +145,9 @@ class LinearImage(Record):
 
 @dataclass(frozen=True, eq=False)
 class ChartDetection(Record):
-    """Where the 24 patches lie, in full-resolution pixels; (0, 0) is the centre of the first."""
+    """Where the I patches lie, in full-resolution pixels; (0, 0) is the centre of the first."""
 
-    corners_px: Annotated[np.ndarray, "24 4 2"]     # sampled quadrilaterals, chart order
+    corners_px: Annotated[np.ndarray, "I 4 2"]      # sampled quadrilaterals, chart order
     confidence: float                               # 0 to 1: agreement with the reference
     mirrored: bool
     how_found: str
@@ -155,13 +155,13 @@ class ChartDetection(Record):
 
 @dataclass(frozen=True, eq=False)
 class PatchSamples(Record):
-    """Statistics of the 24 patches, dark skin first, row by row as printed on the chart."""
+    """Statistics of the I patches of a chart, row by row as printed on it."""
 
-    mean: Annotated[np.ndarray, "24 K"]             # signal
-    covariance_of_mean: Annotated[np.ndarray, "24 K K"]
-    pixels: Annotated[np.ndarray, "24"]             # samples used in each patch
-    saturated_fraction: Annotated[np.ndarray, "24 K"]
-    gradient: Annotated[np.ndarray, "24 K"]         # relative change across the patch
+    mean: Annotated[np.ndarray, "I K"]              # signal
+    covariance_of_mean: Annotated[np.ndarray, "I K K"]
+    pixels: Annotated[np.ndarray, "I"]              # samples used in each patch
+    saturated_fraction: Annotated[np.ndarray, "I K"]
+    gradient: Annotated[np.ndarray, "I K"]          # relative change across the patch
     camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # as in the raw frame
 
 
@@ -190,8 +190,8 @@ class SensitivityFit(Record):
     coefficients: Annotated[np.ndarray, "K N"] | None
     covariance: Annotated[np.ndarray, "D D"] | None             # D = K N, band after band
     standard_error: Annotated[np.ndarray, "K P"] | None
-    residuals: Annotated[np.ndarray, "24 K"] | None             # (photo - fit) / photo
-    held_out_residuals: Annotated[np.ndarray, "24 K"] | None    # each patch left out of its fit
+    residuals: Annotated[np.ndarray, "I K"] | None              # (photo - fit) / photo
+    held_out_residuals: Annotated[np.ndarray, "I K"] | None     # each patch left out of its fit
     condition_number: float | None
     method: str
     outcome: Outcome

@@ -1,6 +1,6 @@
 """Frozen records whose arrays are checked against letters and kept read-only.
 
-A field is declared as ``mean: Annotated[np.ndarray, "24 K"]``. A letter is any size, the same
+A field is declared as ``mean: Annotated[np.ndarray, "4 2"]``. A letter is any size, the same
 throughout the record; a number is that size. ``None`` passes where the annotation allows
 it.
 """

@@ -13,9 +13,10 @@ from spectrabox.calibrate.geometry.lens_files import read_lens
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.photo.regions import sample_regions
-from spectrabox.radiometry.chart import PATCH_NAMES, typical_camera_signals
+from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.records import LinearImage
+from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.config.session_schema import (
     FIRST_PHOTO,
@@ -166,5 +167,6 @@ def _reflectances(config: SessionConfig) -> list[SpectrumTable]:
 
 def _check_chart(config: SessionConfig, view: ViewInputs, chart: LinearImage,
                  signals: np.ndarray) -> None:
-    detection = find_chart(chart, signals, chart_corners(config, view))
-    require_unclipped(sample_patches(chart, detection), PATCH_NAMES, view.chart_files[0])
+    layout = session_chart(config)
+    detection = find_chart(chart, signals, chart_corners(config, view), layout)
+    require_unclipped(sample_patches(chart, detection), layout.names, view.chart_files[0])

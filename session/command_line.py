@@ -23,6 +23,10 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.
 Json = Annotated[bool, typer.Option("--json",
                                     help="One machine-readable object on standard output.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+ChartLayout = Annotated[str, typer.Option("--chart-layout", metavar="NAME|FILE", show_default=False,
+                                          help="The chart: \"Digital SG\", \"SpyderCheckr 24\", a "
+                                          "layout of your own, ...; a ColorChecker Classic by "
+                                          "default.")]
 Outside = Annotated[bool, typer.Option("--allow-outside",
                                        help="Let the session name files outside its folder.")]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda: where Mitsuba renders.")]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spectrabox.session.config.session_chart import chart_files
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig, SpectrumTable
 from spectrabox.session.stages.order import stages_of
 from spectrabox.session.store.input_files import InputFiles
@@ -40,8 +41,9 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
         If an input file is missing.
     """
     files = inputs.digests
+    files(config.chart.layout_file)     # before it is parsed: one that is replaced then is noticed
     chart_scene, scenes = (None, {}) if config.flat else _scenes(config, files)
-    reference = config.chart.reference_file
+    chart = chart_files(config) if config.views_with_chart else []
     curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
     installed = versions(DECISIVE)
     code = stage_code({name: stage.module for name, stage in
@@ -58,8 +60,9 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
                   "drift": _plain(config.drift)}
     if config.views_with_chart:
         charts = [name for view in config.views_with_chart for name in view.chart_files]
-        keys["chart"] = {"files": files(*charts, *correcting, reference, *light_files),
+        keys["chart"] = {"files": files(*charts, *correcting, *chart, *light_files),
                          "settings": {"reference": config.chart.reference,
+                                      "layout": config.chart.layout,
                                       "corners_px": config.chart.corners_px,
                                       "photos": {view.name: view.chart
                                                  for view in config.views_with_chart},
@@ -73,7 +76,7 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
                                   "photos": {view.name: view.photo for view in views}} | developing
                      } | made_by("photo")
     keys["calibrate"] = {
-        "files": files(*light_files, config.chart.scene, curves, reference,
+        "files": files(*light_files, config.chart.scene, curves, *chart,
                        config.sensitivity.prior) | files(
                            *_named_by(chart_scene, config.folder)),
         "settings": {"lights": lights, "sensitivity": _plain(config.sensitivity.source),
@@ -81,7 +84,7 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
                      "coefficients": config.sensitivity.coefficients, "seed": config.session.seed,
                      "lamp position": config.repeatability.lamp_position,
                      "relative_error": config.sensitivity.relative_error,
-                     "reference": config.chart.reference,
+                     "reference": config.chart.reference, "layout": config.chart.layout,
                      "leave out": list(config.chart.leave_out)},
         "stages": {"chart": fingerprint(keys["chart"])} if "chart" in keys
         else {}} | made_by("calibrate")

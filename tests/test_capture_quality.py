@@ -17,7 +17,6 @@ from spectrabox.capture.photo.preview import encode_srgb8, preview_rgb8
 from spectrabox.fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, mosaic
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry import chart as published
-from spectrabox.radiometry.chart import PATCH_NAMES
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.session.cli import app
@@ -42,7 +41,7 @@ def chart_photo(folder, signals=SIGNALS, place=PLACE, **changes):
 
 def judged(folder, **changes):
     image = open_photo(chart_photo(folder, **changes))
-    return judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS, PATCH_NAMES)
+    return judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS)
 
 
 # ---- reference -----------------------------------------------------------------------------------
@@ -111,7 +110,7 @@ def test_glare_is_named_with_its_patches(tmp_path):
     scene = scene + 0.08 * SIGNALS[18] * np.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / 2
                                                 / 70**2)[..., None]
     image = open_photo(write_photo(tmp_path / "chart.dng", scene))
-    verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS, PATCH_NAMES)
+    verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS)
     assert verdict.verdict == "re-shoot" and any(reason.startswith("glare: white light of up to")
                                                  for reason in verdict.reasons)
 
@@ -120,7 +119,7 @@ def test_blur_and_tilt_are_measured(tmp_path):
     from scipy.ndimage import gaussian_filter
     scene = gaussian_filter(chart_scene(HEIGHT, WIDTH, SIGNALS, PLACE), (5, 5, 0))
     image = open_photo(write_photo(tmp_path / "chart.dng", scene))
-    verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS, PATCH_NAMES)
+    verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS)
     # A Gaussian of 5 px: 2.56 sigma from 10 to 90 %, a patch being 87 px; the profile has points
     # every 1.2 % of a side, and the background beside the frame changes the plateau.
     assert verdict.blur == pytest.approx(2.56 * 5 / 87, abs=0.06)

@@ -9,6 +9,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.published.make_tables import tables_of_colour_science
 from spectrabox.radiometry.published.tables import (
     CHARTS,
+    COLOURS,
     LIGHTS,
     OBSERVERS,
     published_curves,
@@ -19,7 +20,7 @@ THEIRS = tables_of_colour_science()
 
 
 def test_every_name_of_colour_science_is_here():
-    ours = [f"{kind}/{name}" for kind in (OBSERVERS, LIGHTS, CHARTS)
+    ours = [f"{kind}/{name}" for kind in (OBSERVERS, LIGHTS, CHARTS, COLOURS)
             for name in published_names(kind)]
     assert sorted(ours) == sorted(THEIRS)
     assert set(REFERENCES) <= set(published_names(CHARTS))

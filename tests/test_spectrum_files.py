@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from spectrabox.radiometry.chart import measured_chart
+from spectrabox.radiometry.chart import CLASSIC
+from spectrabox.radiometry.charts.references import measured_chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm, visible_grid
 from spectrabox.radiometry.records import Quantity, Spectrum
@@ -160,7 +161,7 @@ def test_a_chart_of_one_s_own_is_read_in_the_unit_that_its_file_states(tmp_path,
     text = table_text(nm, {f"patch {i}": factor * row for i, row in enumerate(reflectances)},
                       quantity=Quantity.REFLECTANCE, source="chart")
     found = measured_chart(write(tmp_path, text.replace("# unit: 1", f"# unit: {unit}")),
-                           visible_grid())
+                           visible_grid(), CLASSIC)
     # Nine significant digits are written.
     np.testing.assert_allclose(found, reflectances[:, :1] * np.ones(301), rtol=1e-8)
 
@@ -170,6 +171,6 @@ def test_a_chart_in_percent_that_does_not_say_so_is_refused(tmp_path):
     text = table_text(nm, {f"patch {i}": np.full(nm.size, 30.0) for i in range(24)},
                       quantity=Quantity.REFLECTANCE, source="chart")
     with pytest.raises(InputError, match="a reflectance of 30 looks like percent"):
-        measured_chart(write(tmp_path, text), visible_grid())
+        measured_chart(write(tmp_path, text), visible_grid(), CLASSIC)
     with pytest.raises(InputError, match="holds 1 columns; 24 are needed, one per patch"):
-        measured_chart(write(tmp_path, "nm,a\n400,0.1\n700,0.2\n"), visible_grid())
+        measured_chart(write(tmp_path, "nm,a\n400,0.1\n700,0.2\n"), visible_grid(), CLASSIC)

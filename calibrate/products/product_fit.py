@@ -96,8 +96,8 @@ def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamp
     error = np.sqrt(curve_variance(curves.basis, moments.covariance, prior.bands))
     fit = SensitivityFit(grid, moments.coefficients @ curves.basis.T, curves.basis,
                          moments.coefficients, moments.covariance, error,
-                         1 - states[0].predicted / first if len(first) == 24 else None,
-                         1 - held_out / first if len(first) == 24 else None,
+                         1 - states[0].predicted / first,
+                         1 - held_out / first,
                          condition_number(photos[0], grid),
                          f"products of sensitivity and light, {said}: mixture of cameras "
                          f"({cameras.source}) and {len(lamps.names)} lamps", Outcome.CONVERGED)

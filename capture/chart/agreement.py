@@ -1,4 +1,4 @@
-"""Whether 24 quadrilaterals in a photo look like a ColorChecker Classic, and in which order.
+"""Whether quadrilaterals in a photo look like the patches of a chart, and in which order.
 
 First up to the gain of each band, the contrast of the file, and light that changes evenly across
 the chart: this finds the order of the patches. Then up to any mixture of the reference's three
@@ -13,65 +13,118 @@ from typing import NamedTuple
 import numpy as np
 
 from spectrabox.capture.chart.patches import pixels_inside
+from spectrabox.radiometry.chart import CLASSIC, Chart
+from spectrabox.radiometry.charts.table_order import AS_ASKED, table_orders
 from spectrabox.radiometry.records import LinearImage
 
-PATCH_MM, PITCH_MM = 40.0, 43.5  # printed size and distance of the patches
-COLUMNS_MM, ROWS_MM = (PITCH_MM * np.arange(count) + PATCH_MM / 2 for count in (6, 4))
-CENTRES_MM = np.stack(np.meshgrid(COLUMNS_MM, ROWS_MM), axis=-1).reshape(24, 2)
+PATCH = 40.0                     # side of a patch in the units of this room: mm on the Classic
 
 ACCEPTED_RESIDUAL = 0.45         # relative rms; charts reach 0.35, other colours begin at 1.1
 WORST_PATCH = 0.65               # in a raw: 0.37 in 99 of 100 charts, 0.72 in half of the covered
 WORST_ENCODED_PATCH = 1.3        # in a file that may have a tone curve and a colour matrix in it
 DARKEST_SHARE = 0.03             # of the brightest patch, in the denominator of relative misfits
-MIN_RANK_CORRELATION = 0.8       # of the six neutral patches
-NEUTRALS = slice(18, 24)
+MIN_RANK_CORRELATION = 0.8       # of the neutral patches
+MIN_NEUTRALS = 3                 # to be ranked
 LEFT_OUT = 0.1                   # of the log residuals, the worst
 HOPELESS_RESIDUAL = 1.0          # rms of the log residual above which no mixture of bands is tried
 MIN_CONTRAST = 0.2
-WORST_LEFT_OUT = 2               # patches
+WORST_LEFT_OUT = 12              # one patch in so many
 MIXTURE_STEPS = 6
 MIXED_BANDS = 3                  # more would fit 24 patches whatever their colours
 
-_GRID = np.arange(24).reshape(4, 6)
-# as proposed, turned by 180 degrees, two mirrors
-ORDERS = (_GRID, _GRID[::-1, ::-1], _GRID[:, ::-1], _GRID[::-1])
-
 
 class Agreement(NamedTuple):
-    """How well 24 signals fit a chart, in the order that fits best."""
+    """How well I signals fit a chart, in the order that fits best."""
 
-    residual: float      # relative rms of the patches, the two worst left out
+    residual: float      # relative rms of the patches, the worst twelfth left out
     contrast: float      # power of the light: 1 in a linear photo
-    order: np.ndarray    # (24,) index of the proposed quadrilateral of dark skin, light skin, ...
-    misfit: np.ndarray   # (24,) relative misfit of each patch, in chart order
-    light: np.ndarray    # (24,) on each patch as far as it changes evenly, geometric mean 1
+    order: np.ndarray    # (I,) index of the proposed quadrilateral of the first patch, ...
+    misfit: np.ndarray   # (I,) relative misfit of each patch, in chart order
+    light: np.ndarray    # (I,) on each patch as far as it changes evenly, geometric mean 1
 
 
-def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndarray) -> Agreement:
-    """Agreement of the signals of 24 patches with a reference, in the order that fits best.
+def chart_units(chart: Chart) -> np.ndarray:
+    """Centres (I, 2) of a chart's patches in units of which a patch's side is 40.
+
+    From the outer corner of the first patch.
+
+    Parameters
+    ----------
+    chart : Chart
+    """
+    return in_units(chart, chart.centres)
+
+
+def in_units(chart: Chart, points: np.ndarray) -> np.ndarray:
+    """The same of any points (n, 2) of the chart."""
+    scale = unit_scale(chart)
+    return points * scale - chart.centres[0] * scale + chart.sizes[0] * scale / 2
+
+
+def unit_scale(chart: Chart) -> float:
+    """Such units in one of the chart's own."""
+    return PATCH / float(np.sqrt(np.median(chart.sizes.prod(axis=1))))
+
+
+def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndarray,
+                    chart: Chart = CLASSIC) -> Agreement:
+    """Agreement of the signals of a chart's patches with a reference, in the order that fits best.
 
     Parameters
     ----------
     image : LinearImage
-    quads_px : (24, 4, 2) array
+    quads_px : (I, 4, 2) array
         Quadrilaterals in sensor pixels.
-    reference : (24, K) array
-        Signals that an ordinary camera would read, dark skin first.
+    reference : (I, K) array
+        Signals that an ordinary camera would read, in chart order.
+    chart : Chart
     """
-    medians = _patch_medians(image, quads_px)
+    medians, orders = _patch_medians(image, quads_px), _orders(chart)
+    patches = len(chart.names)
     if medians is None:
-        return Agreement(np.inf, np.nan, _GRID.ravel(), np.full(24, np.inf), np.ones(24))
-    fits = [(*_log_fit(medians[order.ravel()], reference), order.ravel()) for order in ORDERS]
+        return Agreement(np.inf, np.nan, orders[0], np.full(patches, np.inf), np.ones(patches))
+    fits = [(*_log_fit(medians[order], reference, chart), order) for order in orders]
     residual, contrast, order = min(fits, key=lambda fit: fit[0])
     if not residual < HOPELESS_RESIDUAL:
-        return Agreement(residual, contrast, order, np.full(24, np.inf), np.ones(24))
-    misfit, light = _mixture_fit(medians[order], reference, contrast)
-    residual = float(np.sqrt(np.mean(np.sort(misfit)[:-WORST_LEFT_OUT] ** 2)))
+        return Agreement(residual, contrast, order, np.full(patches, np.inf), np.ones(patches))
+    misfit, light = _mixture_fit(medians[order], reference, contrast, chart)
+    residual = float(np.sqrt(np.mean(np.sort(misfit)[:-(patches // WORST_LEFT_OUT) or None] ** 2)))
     return Agreement(residual, contrast, order, misfit, light)
 
 
+def _orders(chart: Chart) -> list[np.ndarray]:
+    """Indices (I,) of the patches as proposed, turned by 180 degrees, and in two mirrors."""
+    grid = np.arange(len(chart.names)).reshape(chart.rows, chart.columns)
+    return [order.ravel() for order in (grid, grid[::-1, ::-1], grid[:, ::-1], grid[::-1])]
+
+
+def reading_of_reference(image: LinearImage, quads_px: np.ndarray, reference: np.ndarray,
+                         chart: Chart, accepted: float) -> str | None:
+    """How a reference has to be read to agree with patches that lie in chart order.
+
+    Parameters
+    ----------
+    image, quads_px, reference, chart
+        As of ``chart_agreement``.
+    accepted : float
+        Residual up to which patches and reference agree.
+
+    Returns
+    -------
+    str or None
+        One of ``table_orders`` in words; None where no order agrees.
+    """
+    orders = table_orders(chart.rows, chart.columns)
+    for table in (orders[AS_ASKED], orders["column by column"]):
+        agreement = chart_agreement(image, quads_px, reference[table], chart)
+        if agreement.residual <= accepted:
+            read = table[np.argsort(agreement.order)]
+            return next(words for words, order in orders.items() if np.array_equal(order, read))
+    return None
+
+
 def _patch_medians(image: LinearImage, quads_px: np.ndarray) -> np.ndarray | None:
-    """Median signals (24, K), or None where a patch holds no pixel of the photo."""
+    """Median signals (I, K), or None where a patch holds no pixel of the photo."""
     height, width = image.signal.shape[:2]
     if not np.all(np.isfinite(quads_px)):
         return None
@@ -84,8 +137,8 @@ def _patch_medians(image: LinearImage, quads_px: np.ndarray) -> np.ndarray | Non
     return np.array(medians)
 
 
-def _log_fit(signals: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
-    """Rms residual and contrast of log signals (24, K) = contrast x log reference + gain of the
+def _log_fit(signals: np.ndarray, reference: np.ndarray, chart: Chart) -> tuple[float, float]:
+    """Rms residual and contrast of log signals (I, K) = contrast x log reference + gain of the
     band + plane in x, y.
 
     The residual is in log reference, that is, divided by the contrast. The tenth that fits worst is
@@ -95,15 +148,18 @@ def _log_fit(signals: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
     brightness = signals.sum(axis=1)
     if brightness.max() <= 0:
         return np.inf, np.nan
-    if _rank_correlation(brightness[NEUTRALS],
-                         reference[NEUTRALS].sum(axis=1)) < MIN_RANK_CORRELATION:
+    neutrals = list(chart.neutrals)
+    if len(neutrals) >= MIN_NEUTRALS and _rank_correlation(
+            brightness[neutrals], reference[neutrals].sum(axis=1)) < MIN_RANK_CORRELATION:
         return np.inf, np.nan
     bands = signals.shape[1]
     # dark patches may read 0 or less
     floor = 1e-3 * np.maximum(signals.max(axis=0), np.finfo(np.float32).tiny)
     logs = np.log(np.maximum(signals, floor)).ravel()
-    position = np.repeat(CENTRES_MM / CENTRES_MM.max(), bands, axis=0)
-    terms = np.column_stack([np.log(reference).ravel(), np.tile(np.eye(bands), (24, 1)), position])
+    centres = chart_units(chart)
+    position = np.repeat(centres / centres.max(), bands, axis=0)
+    terms = np.column_stack([np.log(reference).ravel(), np.tile(np.eye(bands), (len(signals), 1)),
+                             position])
     solution = np.linalg.lstsq(terms, logs, rcond=None)[0]
     contrast = float(solution[0])
     if contrast <= MIN_CONTRAST:
@@ -112,9 +168,9 @@ def _log_fit(signals: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
     return float(np.sqrt(np.mean(fitting**2))) / contrast, contrast
 
 
-def _mixture_fit(signals: np.ndarray, reference: np.ndarray,
-                 contrast: float) -> tuple[np.ndarray, np.ndarray]:
-    """Relative misfit (24,) of each patch and the light (24,) on it, bands mixing the reference's.
+def _mixture_fit(signals: np.ndarray, reference: np.ndarray, contrast: float,
+                 chart: Chart) -> tuple[np.ndarray, np.ndarray]:
+    """Relative misfit (I,) of each patch and the light (I,) on it, bands mixing the reference's.
 
     Alternates between the mixture, by least squares of relative errors in which misfits count less
     (Huber's weights at twice the median), and a light that changes exponentially across the chart.
@@ -122,9 +178,9 @@ def _mixture_fit(signals: np.ndarray, reference: np.ndarray,
     floor = 1e-3 * np.maximum(signals.max(axis=0), 1e-6 * signals.max())   # a band may be dark
     linear = np.maximum(signals, floor) ** (1 / contrast)
     darkest = DARKEST_SHARE * linear.max(axis=0)
-    light, weights = np.ones(24), np.ones_like(linear)
-    plane = np.column_stack([np.ones(24), (CENTRES_MM - CENTRES_MM.mean(axis=0))
-                             / CENTRES_MM.max()])
+    light, weights, centres = np.ones(len(linear)), np.ones_like(linear), chart_units(chart)
+    plane = np.column_stack([np.ones(len(linear)), (centres - centres.mean(axis=0))
+                             / centres.max()])
     mixed = reference.shape[1] == linear.shape[1] == MIXED_BANDS
     predicted = np.empty_like(linear)
     error = np.zeros_like(linear)
@@ -150,29 +206,45 @@ def _rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(np.argsort(np.argsort(a)), np.argsort(np.argsort(b)))[0, 1])
 
 
-def white_excess(signals: np.ndarray, reference: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """White light (24,) added to each patch, as a share of the white patch's signal: glare.
+def white_patch(chart: Chart, reference: np.ndarray) -> int:
+    """Index of the lightest neutral patch, or of the lightest where a chart names none.
+
+    Parameters
+    ----------
+    chart : Chart
+    reference : (I, K) array
+        Signals that an ordinary camera would read.
+    """
+    return chart.neutrals[0] if chart.neutrals else int(reference.sum(axis=1).argmax())
+
+
+def white_excess(signals: np.ndarray, reference: np.ndarray, light: np.ndarray,
+                 white: int = CLASSIC.neutrals[0]) -> np.ndarray:
+    """White light (I,) added to each patch, as a share of the white patch's signal: glare.
 
     The least of the bands counts: a reflection of the lamp adds to all of them. Where the whole
     chart is veiled the mixture takes up part of it, so that veiling glare is underestimated.
 
     Parameters
     ----------
-    signals : (24, K) array
-        Linear, dark skin first.
-    reference : (24, K) array
+    signals : (I, K) array
+        Linear, in chart order.
+    reference : (I, K) array
         Signals that an ordinary camera would read.
-    light : (24,) array
+    light : (I,) array
         On each patch, as ``Agreement.light``.
+    white : int
+        Index of the white patch.
     """
-    misfit = _signed_misfit(signals, reference, light)
+    misfit = _signed_misfit(signals, reference, light, white)
     return np.maximum(misfit.min(axis=1), 0.0)
 
 
-def _signed_misfit(signals: np.ndarray, reference: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """(signal - prediction) / signal of the white patch (24, K), predicted by mixing the bands."""
+def _signed_misfit(signals: np.ndarray, reference: np.ndarray, light: np.ndarray,
+                   white_index: int) -> np.ndarray:
+    """(signal - prediction) / signal of the white patch (I, K), predicted by mixing the bands."""
     lit = light[:, None] * reference
-    white = signals[NEUTRALS.start]
+    white = signals[white_index]
     weights = np.ones_like(signals)
     misfit = np.zeros_like(signals)
     for _ in range(MIXTURE_STEPS):

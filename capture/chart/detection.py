@@ -1,8 +1,9 @@
-"""A ColorChecker Classic detected in a photo, and how well it agrees (OpenCV's ``mcc`` module).
+"""A chart detected in a photo, and how well it agrees (OpenCV's ``mcc`` module).
 
-OpenCV proposes where the patches lie; the proposal is fitted to the patches' outlines and accepted
-only if the 24 signals agree with those of a chart (capture/chart/agreement.py), each patch for
-itself, and the gaps between patches are as wide as on the card.
+OpenCV proposes where the patches of a ColorChecker lie; of other charts the operator gives four
+corners. The proposal is fitted to the patches' outlines and accepted only if the signals agree with
+those of the chart (capture/chart/agreement.py), each patch for itself, and on the Classic the gaps
+between patches are as wide as on the card.
 """
 from __future__ import annotations
 
@@ -13,16 +14,20 @@ import numpy as np
 
 from spectrabox.capture.chart.agreement import (
     ACCEPTED_RESIDUAL,
-    CENTRES_MM,
-    PATCH_MM,
-    PITCH_MM,
+    PATCH,
     WORST_ENCODED_PATCH,
     WORST_PATCH,
     Agreement,
     chart_agreement,
+    chart_units,
+    in_units,
+    reading_of_reference,
+    unit_scale,
 )
 from spectrabox.capture.chart.patches import image_from_sensor, sensor_from_image
 from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.radiometry.chart import CLASSIC, SQUARE, Chart, corner_patches
+from spectrabox.radiometry.charts.table_order import AS_ASKED, table_orders
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, InputError
 from spectrabox.radiometry.records import ChartDetection, LinearImage, PhotoKind
 
@@ -32,93 +37,104 @@ REGION_SHARE = 0.55                      # of the picture's sides, for a search 
 MAX_MAGNIFIED = 2.0                      # more only blurs
 ACCEPTED_CONTRAST = (0.6, 1.9)           # power of the light; sRGB taken as linear has 0.5
 CONFIDENCE_SCALE = 0.25                  # confidence = exp(-residual / 0.25)
-RECTIFIED_PX_PER_MM, RECTIFIED_BORDER_MM = 2.0, 20.0
+# Lengths are in units of which a patch's side is 40: mm on the large card.
+RECTIFIED_PX_PER_UNIT, RECTIFIED_BORDER = 2.0, 20.0
 SAME_PATCH_CODES = 10                    # sRGB code values, for what belongs to one patch
 # Distance between patches / distance of their centres: 0.08 on the large card, 0.2 on the small
 # ones; cards of other makers with the same colours have 0.02.
 MIN_GAP = 0.05
-GAP_PX_PER_MM, GAP_STRIP_MM = 3.0, 12.0  # sampling of the strip that joins two patches
+GAP_PX_PER_UNIT, GAP_STRIP = 3.0, 12.0   # sampling of the strip that joins two patches
 MIN_GAP_DEPTH = 15                       # sRGB code values by which a gap is darker than patches
 # of the brightest band, below which the light has no power in a band: the warmest lamps leave blue
 # 0.05
 DARK_BAND = 0.02
 BRIGHT_PERCENTILE = 99
 MIN_GAPS = 6                             # of 38
+MIN_OUTLINED = 0.5                       # of the patches, to fit a chart to their outlines
 OVERLAY_SIDE = 1600                      # px
-
-SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-GRID_CORNERS_MM = np.array([CENTRES_MM[patch] for patch in (0, 5, 23, 18)]) + SQUARE * PATCH_MM / 2
+KINDS = {(4, 6): cv2.mcc.MCC24, (10, 14): cv2.mcc.SG140}     # rows and columns that OpenCV knows
 
 
-def find_chart(image: LinearImage, reference: np.ndarray,
-               corners_px: np.ndarray | None = None) -> ChartDetection:
+def find_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarray | None = None,
+               chart: Chart = CLASSIC) -> ChartDetection:
     """The chart's patches, detected or checked at the corners that the operator gave.
 
     Parameters
     ----------
     image : LinearImage
-    reference : (24, K) array
-        Signals that an ordinary camera would read, in any unit, dark skin first.
+    reference : (I, K) array
+        Signals that an ordinary camera would read, in any unit, in chart order.
     corners_px : (4, 2) array or None
-        Outer corners of the patch grid in sensor pixels, at dark skin, bluish green, black and
-        white; None to search the photo.
+        The chart's fiducials in sensor pixels: of the Classic the outer corners of the patch grid
+        at dark skin, bluish green, black and white; None to search the photo.
+    chart : Chart
 
     Raises
     ------
     ChartNotFoundError
         If no chart is detected, or the patches at the given corners do not look like one.
     CheckError
-        If the photo shows the chart mirrored, or is not linear in the light.
+        If the photo shows the chart mirrored, or is not linear in the light, or the reference lists
+        the patches in another order.
     """
-    detection = locate_chart(image, reference, corners_px)
+    detection = locate_chart(image, reference, corners_px, chart)
     if detection.mirrored:
         raise CheckError(f"photo {image.source} shows the chart mirrored; give the photo as the "
                          "camera took it, without flipping or a mirror in the light path")
     return detection
 
 
-def locate_chart(image: LinearImage, reference: np.ndarray,
-                 corners_px: np.ndarray | None = None) -> ChartDetection:
+def locate_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarray | None = None,
+                 chart: Chart = CLASSIC) -> ChartDetection:
     """As ``find_chart``, but a mirrored chart is returned and marked.
 
     Parameters
     ----------
-    image, reference, corners_px
+    image, reference, corners_px, chart
         As in ``find_chart``.
 
     Raises
     ------
     ChartNotFoundError, CheckError, InputError
     """
-    if reference.shape != (24, image.signal.shape[2]):
+    if reference.shape != (len(chart.names), image.signal.shape[2]):
         raise InputError(f"photo {image.source} has {image.signal.shape[2]} bands and the chart "
                          f"reference is {reference.shape}; one reference signal per patch and band "
                          "is needed")
     best = np.inf
     refusal: CheckError | None = None
+    reading: str | None = None
     picture = preview_rgb8(image)
-    for quads_px, how_found in _proposals(image, picture, corners_px):
-        agreement = chart_agreement(image, quads_px, reference)
+    for quads_px, how_found in _proposals(image, picture, corners_px, chart):
+        agreement = chart_agreement(image, quads_px, reference, chart)
         best = min(best, agreement.residual)
         if agreement.residual <= ACCEPTED_RESIDUAL:
             ordered = quads_px[agreement.order]
             try:
                 _require_linear(image, agreement.contrast)
-                _require_every_patch(image, agreement)
-                _require_gaps(image, picture, ordered)
+                if corners_px is not None and not chart.has_known_colours:
+                    _require_order(image, agreement, chart)
+                _require_every_patch(image, agreement, chart)
+                if chart.black_frame:
+                    _require_gaps(image, picture, ordered, chart)
             except CheckError as error:  # the next proposal may fit the patches better
                 refusal = refusal or error
                 continue
             return ChartDetection(corners_px=ordered,
                                   confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),
-                                  mirrored=_is_mirrored(ordered), how_found=how_found)
+                                  mirrored=_is_mirrored(ordered, chart), how_found=how_found)
+        elif corners_px is not None and not chart.has_known_colours:
+            reading = reading or reading_of_reference(image, quads_px, reference, chart,
+                                                      ACCEPTED_RESIDUAL)
     if refusal is not None:
         raise refusal
-    raise ChartNotFoundError(_not_found(image, best, by_hand=corners_px is not None))
+    if reading is not None:
+        raise CheckError(_other_order(image, chart, reading))
+    raise ChartNotFoundError(_not_found(image, best, chart, by_hand=corners_px is not None))
 
 
 def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:
-    """Picture (H, W, 3) uint8 of the photo with the 24 sampled quadrilaterals, numbered from 1.
+    """Picture (H, W, 3) uint8 of the photo with the I sampled quadrilaterals, numbered from 1.
 
     Parameters
     ----------
@@ -143,18 +159,20 @@ def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:
 
 # ---- proposals -----------------------------------------------------------------------------------
 
-def _proposals(image: LinearImage, picture: np.ndarray,
-               corners_px: np.ndarray | None) -> Iterator[tuple[np.ndarray, str]]:
-    """Quadrilaterals (24, 4, 2) in sensor pixels and their source in words, the likeliest first."""
+def _proposals(image: LinearImage, picture: np.ndarray, corners_px: np.ndarray | None,
+               chart: Chart) -> Iterator[tuple[np.ndarray, str]]:
+    """Quadrilaterals (I, 4, 2) in sensor pixels and their source in words, the likeliest first."""
     if corners_px is not None:
-        yield _printed_quads(homography(GRID_CORNERS_MM,
-                                         np.asarray(corners_px, float))), "corners given by hand"
+        given = homography(in_units(chart, chart.fiducials), np.asarray(corners_px, float))
+        yield _printed_quads(given, chart), "corners given by hand"
+        return
+    if not chart.detectable:
         return
     for window, side, how_found in _windows(*picture.shape[:2]):
         part, scale = _resized(picture[window], side)
-        for quads in _mcc_quads(part):
+        for quads in _mcc_quads(part, chart):
             offset = np.array([window[1].start, window[0].start])
-            fitted = (_fitted_quads(part, quads) + 0.5) / scale - 0.5 + offset
+            fitted = (_fitted_quads(part, quads, chart) + 0.5) / scale - 0.5 + offset
             yield sensor_from_image(fitted, image.sensor_step), how_found
 
 
@@ -177,11 +195,11 @@ def _resized(picture: np.ndarray, side: int) -> tuple[np.ndarray, float]:
     return cv2.resize(picture, None, fx=scale, fy=scale, interpolation=interpolation), scale
 
 
-def _mcc_quads(rgb8: np.ndarray) -> list[np.ndarray]:
-    """Proposals (24, 4, 2) of OpenCV in pixels of the picture."""
+def _mcc_quads(rgb8: np.ndarray, chart: Chart = CLASSIC) -> list[np.ndarray]:
+    """Proposals (I, 4, 2) of OpenCV in pixels of the picture."""
     detector = cv2.mcc.CCheckerDetector.create()
     # OpenCV 5.0.0 leaves it uninitialised, and then finds nothing
-    detector.setColorChartType(cv2.mcc.MCC24)
+    detector.setColorChartType(KINDS[chart.rows, chart.columns])
     detector.setUseDnnModel(False)
     try:
         detected = detector.process(np.ascontiguousarray(rgb8[..., ::-1]), 1)
@@ -190,56 +208,60 @@ def _mcc_quads(rgb8: np.ndarray) -> list[np.ndarray]:
         return []
     if not detected:
         return []
-    return [np.array(chart.getColorCharts(), float).reshape(24, 4, 2)
-            for chart in detector.getListColorChecker()]
+    return [np.array(found.getColorCharts(), float).reshape(-1, 4, 2)
+            for found in detector.getListColorChecker()]
 
 
-def _fitted_quads(rgb8: np.ndarray, proposed: np.ndarray) -> np.ndarray:
+def _fitted_quads(rgb8: np.ndarray, proposed: np.ndarray, chart: Chart) -> np.ndarray:
     """The sampled quadrilaterals after fitting the printed chart to the outlines of the patches.
 
     OpenCV's centres are off by up to a seventh of a patch. The chart is rectified, each patch is
     filled from its middle, and the centroids of those that come out square-sized give the
     homography.
     """
-    picture_from_mm = homography(CENTRES_MM, proposed.mean(axis=1))
+    centres = chart_units(chart)
+    picture_from_chart = homography(centres, proposed.mean(axis=1))
     for _ in range(2):
-        centroids_mm, complete = _patch_centroids(rgb8, picture_from_mm)
-        if np.count_nonzero(complete) < 12:
+        centroids, complete = _patch_centroids(rgb8, picture_from_chart, chart)
+        if np.count_nonzero(complete) < MIN_OUTLINED * len(centres):
             break
-        correction, _ = cv2.findHomography(CENTRES_MM[complete], centroids_mm[complete], cv2.RANSAC,
-                                           2.0)
+        correction, _ = cv2.findHomography(centres[complete], centroids[complete], cv2.RANSAC, 2.0)
         if correction is None:
             break
-        picture_from_mm = picture_from_mm @ correction
-    return _printed_quads(picture_from_mm)
+        picture_from_chart = picture_from_chart @ correction
+    return _printed_quads(picture_from_chart, chart)
 
 
-def _patch_centroids(rgb8: np.ndarray,
-                     picture_from_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """True centre of each patch in mm (24, 2), and whether its filled area is that of a patch."""
-    scale, border = RECTIFIED_PX_PER_MM, RECTIFIED_BORDER_MM
-    mm_from_px = np.array([[1 / scale, 0, 0.5 / scale - border],
+def _patch_centroids(rgb8: np.ndarray, picture_from_chart: np.ndarray,
+                     chart: Chart) -> tuple[np.ndarray, np.ndarray]:
+    """True centre of each patch in units (I, 2), and whether its filled area is that of a patch."""
+    scale, border, centres = RECTIFIED_PX_PER_UNIT, RECTIFIED_BORDER, chart_units(chart)
+    areas = (chart.sizes * unit_scale(chart) * scale).prod(axis=1)
+    chart_from_px = np.array([[1 / scale, 0, 0.5 / scale - border],
                            [0, 1 / scale, 0.5 / scale - border], [0, 0, 1]])
-    width, height = (int(scale * (side + 2 * border)) for side in GRID_CORNERS_MM[2])
-    rectified = cv2.warpPerspective(rgb8, picture_from_mm @ mm_from_px, (width, height),
+    width, height = (int(scale * (side + 2 * border))
+                     for side in (centres + chart.sizes * unit_scale(chart) / 2).max(axis=0))
+    rectified = cv2.warpPerspective(rgb8, picture_from_chart @ chart_from_px, (width, height),
                                     flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
     rectified = cv2.medianBlur(rectified, 9)
-    centroids, complete = CENTRES_MM.copy(), np.zeros(24, bool)
-    for patch, centre in enumerate(CENTRES_MM):
+    centroids, complete = centres.copy(), np.zeros(len(centres), bool)
+    for patch, centre in enumerate(centres):
         filled = np.zeros((height + 2, width + 2), np.uint8)
         seed = tuple(int(value) for value in scale * (centre + border))
         cv2.floodFill(rectified, filled, seed, 0, (SAME_PATCH_CODES,) * 3, (SAME_PATCH_CODES,) * 3,
                       4 | cv2.FLOODFILL_FIXED_RANGE | cv2.FLOODFILL_MASK_ONLY | 1 << 8)
         y, x = np.nonzero(filled[1:-1, 1:-1])
-        complete[patch] = 0.75 < x.size / (scale * PATCH_MM) ** 2 < 1.15
+        complete[patch] = 0.75 < x.size / areas[patch] < 1.15
         if complete[patch]:
             centroids[patch] = (np.array([x.mean(), y.mean()]) + 0.5) / scale - border
     return centroids, complete
 
 
-def _printed_quads(target_from_mm: np.ndarray) -> np.ndarray:
-    squares = CENTRES_MM[:, None] + SQUARE * (QUAD_SHARE * PATCH_MM / 2)
-    return cv2.perspectiveTransform(squares.reshape(1, 96, 2), target_from_mm).reshape(24, 4, 2)
+def _printed_quads(target_from_chart: np.ndarray, chart: Chart) -> np.ndarray:
+    halves = QUAD_SHARE * (chart.sizes * unit_scale(chart)) / 2
+    squares = chart_units(chart)[:, None] + SQUARE * halves[:, None]
+    return cv2.perspectiveTransform(squares.reshape(1, -1, 2),
+                                    target_from_chart).reshape(-1, 4, 2)
 
 
 def homography(source: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -264,10 +286,11 @@ def homography(source: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 # ---- verdicts ------------------------------------------------------------------------------------
 
-def _is_mirrored(quads_px: np.ndarray) -> bool:
-    """Whether the way from dark skin by bluish green to black turns left, y pointing down."""
-    dark_skin, bluish_green, black = (quads_px[patch].mean(axis=0) for patch in (0, 5, 23))
-    (ax, ay), (bx, by) = bluish_green - dark_skin, black - bluish_green
+def _is_mirrored(quads_px: np.ndarray, chart: Chart) -> bool:
+    """Whether the way along the first row and down the last column turns left, y pointing down."""
+    first, second, third, _ = corner_patches(chart.rows, chart.columns)
+    start, turn, end = (quads_px[patch].mean(axis=0) for patch in (first, second, third))
+    (ax, ay), (bx, by) = turn - start, end - turn
     return bool(ax * by - ay * bx < 0)
 
 
@@ -279,17 +302,34 @@ def _require_linear(image: LinearImage, contrast: float) -> None:
                          "tone curve or sRGB encoding")
 
 
-def _require_every_patch(image: LinearImage, agreement: Agreement) -> None:
+def _require_order(image: LinearImage, agreement: Agreement, chart: Chart) -> None:
+    """Refuse given corners or a reference in another order, where no published colours of the
+    chart say which of the two is the one to correct.
+    """
+    for words, order in table_orders(chart.rows, chart.columns).items():
+        if np.array_equal(order, agreement.order) and words != AS_ASKED:
+            raise CheckError(_other_order(image, chart, words))
+
+
+def _other_order(image: LinearImage, chart: Chart, reading: str) -> str:
+    return (f"photo {image.source}: the patches agree with the reference of the {chart.name} only "
+            f"if one of the two is read {reading}; list the reference row by row, "
+            f"{chart.names[0]} first, or name its samples after the patches, and give corners_px "
+            f"at {chart.corner_words}")
+
+
+def _require_every_patch(image: LinearImage, agreement: Agreement, chart: Chart) -> None:
     """Refuse a chart of which some patches read unlike themselves, though the rest agree."""
     limit = WORST_PATCH if image.kind is PhotoKind.RAW else WORST_ENCODED_PATCH
     unlike = np.flatnonzero(agreement.misfit > limit)
     if unlike.size:
         worst = unlike[np.argsort(-agreement.misfit[unlike])]
         remedy = _dark_bands(image) or ("uncover and clean the chart, keep reflections off it, and "
-                                        "use a Classic: 24 patches of this very order")
+                                        f"use a {_short(chart)}: {len(chart.names)} patches of "
+                                        "this very order")
         raise CheckError(f"photo {image.source}: patch "
                          f"{', '.join(str(patch + 1) for patch in worst[:6])} of the chart "
-                         f"read{'s' if worst.size == 1 else ''} unlike a ColorChecker Classic "
+                         f"read{'s' if worst.size == 1 else ''} unlike a {chart.name} "
                          f"(relative misfit {agreement.misfit[worst[0]]:.2f}, at most {limit} is "
                          f"accepted); {remedy}")
 
@@ -306,9 +346,14 @@ def _dark_bands(image: LinearImage) -> str | None:
             "look alike under it; photograph the chart under a light that covers 400-700 nm")
 
 
-def _require_gaps(image: LinearImage, picture: np.ndarray, quads_px: np.ndarray) -> None:
+def _short(chart: Chart) -> str:
+    return chart.name.removeprefix("ColorChecker ")
+
+
+def _require_gaps(image: LinearImage, picture: np.ndarray, quads_px: np.ndarray,
+                  chart: Chart) -> None:
     """Refuse a card whose patches stand closer than on any ColorChecker Classic."""
-    gap = patch_gap(picture, image_from_sensor(quads_px, image.sensor_step))
+    gap = patch_gap(picture, image_from_sensor(quads_px, image.sensor_step), chart)
     if gap is None or gap < MIN_GAP:
         distance = ("at no visible distance" if gap is None
                     else f"only {gap:.1%} of their pitch")
@@ -318,7 +363,7 @@ def _require_gaps(image: LinearImage, picture: np.ndarray, quads_px: np.ndarray)
                          "focus; photograph a ColorChecker Classic in focus")
 
 
-def patch_gap(rgb8: np.ndarray, quads: np.ndarray) -> float | None:
+def patch_gap(rgb8: np.ndarray, quads: np.ndarray, chart: Chart = CLASSIC) -> float | None:
     """Median width of the dark gaps between patches / distance of their centres, at half depth.
 
     None where fewer than 6 of the 38 gaps can be seen. Blur can only widen a gap or hide it.
@@ -326,18 +371,22 @@ def patch_gap(rgb8: np.ndarray, quads: np.ndarray) -> float | None:
     Parameters
     ----------
     rgb8 : (H, W, 3) uint8 array
-    quads : (24, 4, 2) array
+    quads : (I, 4, 2) array
         Patches in pixels of that picture.
+    chart : Chart
     """
-    scale = GAP_PX_PER_MM
-    matrix = np.diag([scale, scale, 1.0]) @ homography(quads.mean(axis=1), CENTRES_MM)
-    width, height = (int(scale * (side + PATCH_MM / 2)) for side in CENTRES_MM[-1])
+    scale, centres = GAP_PX_PER_UNIT, chart_units(chart)
+    last_column, last_row = chart.columns - 1, len(centres) - chart.columns
+    matrix = np.diag([scale, scale, 1.0]) @ homography(quads.mean(axis=1), centres)
+    width, height = (int(scale * (side + PATCH / 2)) for side in centres[-1])
+    reaches = np.array([centres[1, 0] - centres[0, 0], centres[chart.columns, 1] - centres[0, 1]])
     grey = cv2.warpPerspective(rgb8, matrix, (width, height), flags=cv2.INTER_LINEAR).mean(axis=2)
     widths = []
-    for patch, (x, y) in enumerate(np.rint(CENTRES_MM * scale).astype(int)):
-        reach, half = int(PITCH_MM * scale), int(GAP_STRIP_MM * scale / 2)
-        strips = ([grey[y - half:y + half, x:x + reach].mean(axis=0)] if patch % 6 < 5 else []) + \
-                 ([grey[y:y + reach, x - half:x + half].mean(axis=1)] if patch < 18 else [])
+    (across, down), half = (reaches * scale).astype(int), int(GAP_STRIP * scale / 2)
+    for patch, (x, y) in enumerate(np.rint(centres * scale).astype(int)):
+        strips = ([grey[y - half:y + half, x:x + across].mean(axis=0)]
+                  if patch % chart.columns < last_column else []) + \
+                 ([grey[y:y + down, x - half:x + half].mean(axis=1)] if patch < last_row else [])
         widths += [gap for strip in strips if (gap := _gap_width(strip)) is not None]
     return float(np.median(widths)) if len(widths) >= MIN_GAPS else None
 
@@ -353,18 +402,22 @@ def _gap_width(profile: np.ndarray) -> float | None:
     return float(np.mean(profile < (lowest + ends) / 2))
 
 
-def _not_found(image: LinearImage, residual: float, by_hand: bool) -> str:
+def _not_found(image: LinearImage, residual: float, chart: Chart, by_hand: bool) -> str:
     limit = f"at most {ACCEPTED_RESIDUAL} is accepted"
     if by_hand:
         said = (f"disagree with a chart by {residual:.2f}" if np.isfinite(residual)
                 else "are nothing like a chart")
         return (f"photo {image.source}: the patches at the given corners {said} (relative rms, "
-                f"{limit}); give corners_px as the outer corners of the patch grid at dark skin, "
-                "bluish green, black and white")
+                f"{limit}); give corners_px as the outer corners of the patch grid at "
+                f"{chart.corner_words}")
+    if not chart.detectable:
+        return (f"a {chart.name} cannot be found in photo {image.source} by itself; give "
+                f"corners_px ({chart.corner_words}) in pixels of the photo")
     nearest = ""
     if np.isfinite(residual):
         nearest = f" (the likeliest place disagrees by {residual:.2f}, {limit})"
     remedy = _dark_bands(image) or ("let the chart fill at least a quarter of the frame in even "
                                     "light without glare, or give its corners as corners_px in "
                                     "session.toml")
-    return f"no ColorChecker was found in photo {image.source}{nearest}; {remedy}"
+    named = "ColorChecker" if chart.name == CLASSIC.name else chart.name
+    return f"no {named} was found in photo {image.source}{nearest}; {remedy}"

@@ -1,4 +1,4 @@
-"""Statistics of the 24 patches of a chart that was detected in a photo."""
+"""Statistics of the patches of a chart that was detected in a photo."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ def sample_patches(image: LinearImage, detection: ChartDetection) -> PatchSample
 
 def patches_and_excluded(image: LinearImage,
                          detection: ChartDetection) -> tuple[PatchSamples, np.ndarray]:
-    """As ``sample_patches``, and the share (24,) of samples left out as dust or glints.
+    """As ``sample_patches``, and the share (I,) of samples left out as dust or glints.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: s
     Parameters
     ----------
     samples : PatchSamples
-    names : sequence of 24 str
+    names : sequence of I str
         Of the patches.
     photo_name : str
 

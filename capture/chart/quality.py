@@ -11,16 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.capture.chart.agreement import (
-    CENTRES_MM,
-    PATCH_MM,
+    PATCH,
     chart_agreement,
+    chart_units,
+    unit_scale,
     white_excess,
+    white_patch,
 )
 from spectrabox.capture.chart.detection import homography
 from spectrabox.capture.chart.patches import CLIPPED_LIMIT, image_from_sensor, patches_and_excluded
+from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples, PhotoKind
 
-WHITE_PATCH, BLACK_PATCH = 18, 23
 MIN_WHITE_SIGNAL = 0.05          # of full scale: black-level errors are then 1 % of grey patches
 MAX_RELATIVE_ERROR = 0.05        # standard error / mean of the black patch in its best band
 MAX_UNEVEN = 0.40                # of the light over the chart: a smooth field leaves 2 % of it
@@ -30,7 +32,8 @@ MAX_TILT_DEG = 40.0              # beyond it paints are glossy
 MAX_BLUR = 0.20                  # of a patch's side, 10 to 90 %: the sampled middle is still clean
 MIN_PIXELS = 100                 # of each patch
 PROFILE_POINTS = 61
-HALF_EDGE_MM = 15.0              # of the profile across the outer edge of a patch
+HALF_EDGE = 15.0                 # of the profile across an outer edge; a patch's side is 40
+NO_EDGE = 2                      # darkest neutral patches, that do not stand out from the frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +43,9 @@ class ChartVerdict:
     verdict: str                     # "good" or "re-shoot"
     reasons: tuple[str, ...]
     samples: PatchSamples
-    excluded: np.ndarray             # (24,) share of samples left out as dust or glints
+    excluded: np.ndarray             # (I,) share of samples left out as dust or glints
     white_signal: float              # of the white patch in its brightest band, of full scale
-    light: np.ndarray                # (24,) as it changes evenly over the chart, mean about 1
+    light: np.ndarray                # (I,) as it changes evenly over the chart, mean about 1
     uneven: float                    # largest / smallest light over the chart - 1
     glare: float                     # largest white light added to a patch / white patch's signal
     tilt_deg: float
@@ -51,18 +54,16 @@ class ChartVerdict:
 
 
 def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.ndarray,
-                names: tuple[str, ...], *, light_explained: bool = False) -> ChartVerdict:
+                chart: Chart = CLASSIC, *, light_explained: bool = False) -> ChartVerdict:
     """Measure the patches and say whether to keep the photo.
 
     Parameters
     ----------
     image : LinearImage
     detection : ChartDetection
-    reference : (24, K) array
-        Signals that an ordinary camera would read, dark skin first.
-    names : tuple of 24 str
-        Of the patches, for the reasons.
-
+    reference : (I, K) array
+        Signals that an ordinary camera would read, in chart order.
+    chart : Chart
     light_explained : bool
         The light over the chart will be compared with that of a scene (``uneven_light_reasons``):
         its fall-off alone is no reason to shoot again.
@@ -73,15 +74,18 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
         If a patch leaves the photo or holds fewer than 16 pixels.
     """
     samples, excluded = patches_and_excluded(image, detection)
-    agreement = chart_agreement(image, detection.corners_px, reference)
+    agreement = chart_agreement(image, detection.corners_px, reference, chart)
     uneven = float(agreement.light.max() / agreement.light.min() - 1)
     # A file that went through a tone curve is undone by its power, as well as one number can.
     linear = (samples.mean if image.kind is PhotoKind.RAW
               else np.maximum(samples.mean, 0) ** (1 / agreement.contrast))
-    glare = white_excess(linear, reference, agreement.light)
-    white, pixels = float(samples.mean[WHITE_PATCH].max()), int(samples.pixels.min())
-    tilt, blur = tilt_deg(detection.corners_px), edge_width(image, detection.corners_px)
-    reasons = (*_exposure_reasons(samples, names, white),
+    lightest = white_patch(chart, reference)
+    darkest = chart.neutrals[-1] if chart.neutrals else int(reference.sum(axis=1).argmin())
+    glare = white_excess(linear, reference, agreement.light, lightest)
+    white, pixels = float(samples.mean[lightest].max()), int(samples.pixels.min())
+    tilt = tilt_deg(detection.corners_px, chart)
+    blur, names = edge_width(image, detection.corners_px, chart), chart.names
+    reasons = (*_exposure_reasons(samples, names, white, darkest),
                *([] if light_explained else uneven_light_reasons(agreement.light)),
                *_light_reasons(excluded, names, glare),
                *_camera_reasons(tilt, blur, pixels))
@@ -89,57 +93,76 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
                         agreement.light, uneven, float(glare.max()), tilt, blur, pixels)
 
 
-def tilt_deg(quads_px: np.ndarray) -> float:
+def tilt_deg(quads_px: np.ndarray, chart: Chart = CLASSIC) -> float:
     """Angle between the card and the sensor in degrees, 0 to 90 (weak perspective).
 
     Parameters
     ----------
-    quads_px : (24, 4, 2) array
+    quads_px : (I, 4, 2) array
         Of the patches, in chart order.
+    chart : Chart
     """
-    centres = quads_px.mean(axis=1)
-    affine = np.linalg.lstsq(np.column_stack([CENTRES_MM, np.ones(24)]), centres, rcond=None)[0][:2]
+    printed = np.column_stack([chart_units(chart), np.ones(len(quads_px))])
+    affine = np.linalg.lstsq(printed, quads_px.mean(axis=1), rcond=None)[0][:2]
     longest, shortest = np.linalg.svd(affine, compute_uv=False)
     return float(np.degrees(np.arccos(min(shortest / longest, 1.0))))
 
 
-def edge_width(image: LinearImage, quads_px: np.ndarray) -> float:
-    """Median width from 10 to 90 % of the outer edges of bright patches, in sides of a patch.
+def edge_width(image: LinearImage, quads_px: np.ndarray, chart: Chart = CLASSIC) -> float:
+    """Median width from 10 to 90 % of the outer edges of patches, in sides of a patch.
 
     Parameters
     ----------
     image : LinearImage
-    quads_px : (24, 4, 2) array
+    quads_px : (I, 4, 2) array
         Of the patches in sensor pixels, in chart order.
+    chart : Chart
     """
-    quads = image_from_sensor(quads_px, image.sensor_step)
-    picture_from_mm = homography(CENTRES_MM, quads.mean(axis=1))
-    grey = image.signal
+    quads, centres = image_from_sensor(quads_px, image.sensor_step), chart_units(chart)
+    picture_from_chart = homography(centres, quads.mean(axis=1))
+    half_sizes, half_edge = chart.sizes * unit_scale(chart) / 2, _half_edge(chart)
     widths = []
-    for patch, outward in (*((patch, (0.0, -1.0)) for patch in range(6)),
-                           *((patch, (0.0, 1.0)) for patch in range(18, 22)),
-                           *((6 * row, (-1.0, 0.0)) for row in range(4)),
-                           *((6 * row + 5, (1.0, 0.0)) for row in range(3))):
-        along = np.linspace(-HALF_EDGE_MM, HALF_EDGE_MM,
-                            PROFILE_POINTS)[:, None] * np.array(outward)
+    for patch, outward in _outer_edges(chart):
+        along = np.linspace(-half_edge, half_edge, PROFILE_POINTS)[:, None] * np.array(outward)
         beside = np.linspace(-8, 8, 9)[:, None] * np.array([outward[1], outward[0]])
-        points = CENTRES_MM[patch] + PATCH_MM / 2 * np.array(outward) + along[:, None] + beside
-        profile = _values_at(grey, _project(picture_from_mm, points)).sum(axis=2).mean(axis=1)
+        points = centres[patch] + half_sizes[patch] * np.array(outward) + along[:, None] + beside
+        profile = _values_at(image.signal,
+                             _project(picture_from_chart, points)).sum(axis=2).mean(axis=1)
         width = _rise(profile)
         if width is not None:
-            widths.append(width * 2 * HALF_EDGE_MM / (PROFILE_POINTS - 1) / PATCH_MM)
+            widths.append(width * 2 * half_edge / (PROFILE_POINTS - 1) / PATCH)
     return float(np.median(widths)) if widths else 1.0
 
 
-def _exposure_reasons(samples: PatchSamples, names: tuple[str, ...], white: float) -> list[str]:
+def _outer_edges(chart: Chart) -> list[tuple[int, tuple[float, float]]]:
+    """Patches at the outside of a chart and the way out, less those as dark as its frame."""
+    patches = np.arange(len(chart.names)).reshape(chart.rows, chart.columns)
+    sides = ((patches[0], (0.0, -1.0)), (patches[-1], (0.0, 1.0)), (patches[:, 0], (-1.0, 0.0)),
+             (patches[:, -1], (1.0, 0.0)))
+    dark = chart.neutrals[-NO_EDGE:] if chart.black_frame else ()
+    return [(int(patch), outward) for side, outward in sides for patch in side if patch not in dark]
+
+
+def _half_edge(chart: Chart) -> float:
+    """How far beside an edge there is nothing but patch and frame: the frame of the card, or, where
+    that is not known, as much as lies between two patches.
+    """
+    across = chart.centres[1, 0] - chart.centres[0, 0] - chart.sizes[0, 0]
+    outer = chart.centres[-1] - chart.centres[0] + (chart.sizes[-1] + chart.sizes[0]) / 2
+    border = (chart.card - outer) / 2
+    return min(HALF_EDGE, unit_scale(chart) * max(float(border.min()), float(across)))
+
+
+def _exposure_reasons(samples: PatchSamples, names: tuple[str, ...], white: float,
+                      darkest: int) -> list[str]:
     reasons = []
     clipped = np.flatnonzero(samples.saturated_fraction.max(axis=1) > CLIPPED_LIMIT)
     if clipped.size:
-        reasons.append(f"clipping: {clipped.size} of 24 patches are saturated "
+        reasons.append(f"clipping: {clipped.size} of {len(names)} patches are saturated "
                        f"({', '.join(names[i] for i in clipped)}); "
                        "halve the exposure")
-    error = np.sqrt(np.diagonal(samples.covariance_of_mean[BLACK_PATCH]))
-    relative = float(np.min(error / np.maximum(samples.mean[BLACK_PATCH], np.finfo(float).tiny)))
+    error = np.sqrt(np.diagonal(samples.covariance_of_mean[darkest]))
+    relative = float(np.min(error / np.maximum(samples.mean[darkest], np.finfo(float).tiny)))
     if white < MIN_WHITE_SIGNAL:
         reasons.append(f"under-exposure: the white patch reaches {white:.1%} of full scale and "
                        f"{MIN_WHITE_SIGNAL:.0%} "
@@ -156,9 +179,9 @@ def uneven_light_reasons(light: np.ndarray, irradiance: np.ndarray | None = None
 
     Parameters
     ----------
-    light : (24,) array
+    light : (I,) array
         On the patches, of a ``ChartVerdict``.
-    irradiance : (24,) array, optional
+    irradiance : (I,) array, optional
         What a scene with lamp and chart in their places gives each patch: only the rest counts.
     """
     rest = light if irradiance is None else light / irradiance
@@ -202,9 +225,9 @@ def _camera_reasons(tilt: float, blur: float, pixels: int) -> list[str]:
 
 
 def _rise(profile: np.ndarray) -> float | None:
-    """Points from 90 to 10 % of a falling edge, or None where there is none."""
+    """Points from 90 to 10 % of an edge, or None where there is none."""
     fifth = profile.size // 5
-    high, low = np.median(profile[:fifth]), np.median(profile[-fifth:])
+    low, high = sorted((float(np.median(profile[:fifth])), float(np.median(profile[-fifth:]))))
     if not high > 2 * max(low, 0.0) or high <= 0:
         return None
     share = (profile - low) / (high - low)

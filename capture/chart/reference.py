@@ -21,7 +21,7 @@ TYPICAL_SIGNALS = np.array([  # (24, 3) red, green, blue; dark skin first
 
 
 def typical_signals(bands: int) -> np.ndarray:
-    """Reference signals (24, bands), dark skin first.
+    """Reference signals (24, bands) of a Classic, dark skin first.
 
     Parameters
     ----------

@@ -7,13 +7,14 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry.colour_science import colour_science
-from spectrabox.radiometry.published.tables import CHARTS, FILE, LIGHTS, OBSERVERS
+from spectrabox.radiometry.published.tables import CHARTS, COLOURS, FILE, LIGHTS, OBSERVERS
 
 ALIASES = ("babel_average", "cc_ohta")  # second names of charts
+COLOURED = ("ColorCheckerSG - After November 2014",)    # charts of which no spectra are published
 
 
 def tables_of_colour_science() -> dict[str, np.ndarray]:
-    """Every table by kind and name: (1 + K, P), wavelengths in nm first."""
+    """Every table by kind and name: (1 + K, P), wavelengths in nm first; of colours X, Y, Z."""
     colour = colour_science()
     tables = {}
     for name, curves in {**colour.MSDS_CMFS, **colour.MSDS_CAMERA_SENSITIVITIES}.items():
@@ -25,6 +26,9 @@ def tables_of_colour_science() -> dict[str, np.ndarray]:
             curves = list(patches.values())
             tables[f"{CHARTS}/{name}"] = np.vstack([curves[0].wavelengths,
                                                     *(patch.values for patch in curves)])
+    for name in COLOURED:
+        chart = colour.CCS_COLOURCHECKERS[name]
+        tables[f"{COLOURS}/{name}"] = colour.xyY_to_XYZ(np.array(list(chart.data.values()))).T
     return tables
 
 

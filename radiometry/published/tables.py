@@ -13,6 +13,7 @@ from spectrabox.radiometry.errors import InputError
 
 FILE = Path(__file__).parent / "published_spectra.npz"
 OBSERVERS, LIGHTS, CHARTS = "observers and cameras", "lights", "charts"
+COLOURS = "chart colours"
 
 
 def published_names(kind: str) -> list[str]:
@@ -20,7 +21,7 @@ def published_names(kind: str) -> list[str]:
 
     Parameters
     ----------
-    kind : {"observers and cameras", "lights", "charts"}
+    kind : {"observers and cameras", "lights", "charts", "chart colours"}
     """
     with np.load(FILE) as tables:
         return [name.removeprefix(f"{kind}/") for name in tables.files
@@ -53,9 +54,26 @@ def all_published(kind: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
     Parameters
     ----------
-    kind : {"observers and cameras", "lights", "charts"}
+    kind : {"observers and cameras", "lights", "charts", "chart colours"}
     """
     with np.load(FILE) as tables:
         found = {name.removeprefix(f"{kind}/"): tables[name] for name in tables.files
                  if name.startswith(f"{kind}/")}
     return {name: (table[0], table[1:]) for name, table in found.items()}
+
+
+def published_colours(name: str) -> np.ndarray:
+    """Tristimulus values (I, 3) of a chart's patches under D50, row by row, white about 1.
+
+    Parameters
+    ----------
+    name : str
+        One of ``published_names(COLOURS)``.
+
+    Raises
+    ------
+    InputError
+        If there is no such table.
+    """
+    x, yz = published_curves(COLOURS, name)
+    return np.column_stack([x, *yz])

@@ -18,21 +18,22 @@ SAMPLES = 4096           # light directions per patch
 TINY = 1e-300
 
 
-def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tuple[float, float],
+def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, sizes_uv: np.ndarray,
                      seed: int = 0) -> np.ndarray:
-    """Irradiance (24,) in the centre of each patch, for an emitter whose spectrum is 1.
+    """Irradiance (I,) in the centre of each patch, for an emitter whose spectrum is 1.
 
     The spectrum is that of its radiance, or intensity.
 
     Parameters
     ----------
     scene_file : SceneFile
-        Holds the light and a rectangle with the id "chart". Its (u, v) = (0, 1) is the dark-skin
-        corner and (1, 1) the corner beyond bluish green, so v falls from dark skin to white.
-    centres_uv : (24, 2) array
-        Centres of the patches as fractions of width and height from the dark-skin corner.
-    size_uv : (float, float)
-        Width and height of a patch in the same fractions.
+        Holds the light and a rectangle with the id "chart". Its (u, v) = (0, 1) is the
+        corner at the first patch (dark skin) and (1, 1) that at the end of the first row (bluish
+        green), so v falls from row to row.
+    centres_uv : (I, 2) array
+        Centres of the patches as fractions of width and height from the corner at the first patch.
+    sizes_uv : (I, 2) or (2,) array
+        Width and height of each patch, or of all, in the same fractions.
     seed : int
         Of the points and directions that are drawn.
 
@@ -41,16 +42,16 @@ def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tup
     InputError
         If the scene has no such shape, or the light does not reach it.
     """
-    irradiance = _sampled(scene_file, centres_uv, size_uv, seed, ())[0]
+    irradiance = _sampled(scene_file, centres_uv, sizes_uv, seed, ())[0]
     if not np.all(irradiance > 0):
         raise InputError(f"{scene_file.path.name}: the light does not reach "
-                         f"{np.count_nonzero(irradiance <= 0)} of the 24 patches; turn the chart's "
-                         "rectangle to face the light")
+                         f"{np.count_nonzero(irradiance <= 0)} of the {len(centres_uv)} patches; "
+                         "turn the chart's rectangle to face the light")
     return irradiance
 
 
 def lamp_position_error(scene_file: SceneFile, centres_uv: np.ndarray,
-                        size_uv: tuple[float, float], position_error: float,
+                        sizes_uv: np.ndarray, position_error: float,
                         seed: int = 0) -> float:
     """Relative standard error of the light on the chart by that of the lamp's position.
 
@@ -60,21 +61,21 @@ def lamp_position_error(scene_file: SceneFile, centres_uv: np.ndarray,
 
     Parameters
     ----------
-    scene_file, centres_uv, size_uv, seed
+    scene_file, centres_uv, sizes_uv, seed
         As of ``patch_irradiance``.
     position_error : float
         Standard error of the position along each axis, relative to the distance of lamp and chart.
     """
     if position_error == 0:
         return 0.0
-    still, *moved = _sampled(scene_file, centres_uv, size_uv, seed, position_error * np.eye(3))
+    still, *moved = _sampled(scene_file, centres_uv, sizes_uv, seed, position_error * np.eye(3))
     changes = [np.log(np.maximum(one, TINY) / still).mean() for one in moved]
     return float(np.linalg.norm(changes))
 
 
-def _sampled(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tuple[float, float],
+def _sampled(scene_file: SceneFile, centres_uv: np.ndarray, sizes_uv: np.ndarray,
              seed: int, shifts: np.ndarray | tuple[()]) -> list[np.ndarray]:
-    """Irradiance (24,) on the patches as they lie, then shifted by each row of ``shifts``, along
+    """Irradiance (I,) on the patches as they lie, then shifted by each row of ``shifts``, along
     the chart's tangents and its normal, as shares of the lamp's distance.
     """
     import mitsuba as mi
@@ -88,7 +89,8 @@ def _sampled(scene_file: SceneFile, centres_uv: np.ndarray, size_uv: tuple[float
                                  size=(4, 4), integrator="path"))
     shape = next(shape for shape in scene.shapes() if shape.id() == CHART_SHAPE)
     rng = np.random.default_rng(seed)
-    offset = (rng.random((len(centres_uv), SAMPLES, 2)) - 0.5) * SAMPLED_PART * np.asarray(size_uv)
+    offset = (rng.random((len(centres_uv), SAMPLES, 2)) - 0.5) \
+        * SAMPLED_PART * sizes_uv.reshape(-1, 1, 2)
     uv = (centres_uv[:, None] + offset).reshape(-1, 2)
     interaction = shape.eval_parameterization(mi.Point2f(uv[:, 0], 1.0 - uv[:, 1]))
     interaction.wavelengths = mi.Spectrum(550.0)

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
     from spectrabox.calibrate.calibration import ChartCalibration, ChartPhoto
     from spectrabox.calibrate.curve_band import CurveBand
+    from spectrabox.radiometry.chart import Chart
     from spectrabox.radiometry.records import (
         Calibration,
         LightPosterior,
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 
 def read_photos(photos: list[Path], lights: list[str], references: list[str], corners: list[str],
                 decode: bool, grid: WavelengthGrid,
-                leave_out: list[int]) -> tuple[tuple[ChartPhoto, ...], tuple[str, ...]]:
+                leave_out: list[int],
+                layout: str = "") -> tuple[tuple[ChartPhoto, ...], tuple[str, ...]]:
     """Every photo with its light and chart, and the names of the bands.
 
     Parameters
@@ -31,9 +33,11 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     photos : list of Path
         Pictures if ``decode``, tables of patch signals otherwise.
     lights, references, corners : lists of str
-        One for every photo, or one for all; ``corners`` may be empty.
+        One for every photo, or one for all; ``references`` and ``corners`` may be empty.
     leave_out : list of int
-        Numbers of patches, 1 to 24, that no fit is to use.
+        Numbers of patches, from 1, that no fit is to use.
+    layout : str
+        Of the chart, by name or file; a ColorChecker Classic where empty.
 
     Raises
     ------
@@ -43,19 +47,27 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     import numpy as np
 
     from spectrabox.calibrate.calibration import ChartPhoto
+    from spectrabox.radiometry.charts.left_out import left_out
+    from spectrabox.radiometry.charts.references import reference_reflectances
     from spectrabox.radiometry.spectra.stated_light import stated_light
     from spectrabox.session.camera.patch_files import read_patches
-    kept_out = np.isin(np.arange(1, 25), leave_out)
     charts: list[ChartPhoto] = []
     names: list[tuple[str, ...]] = []
     known_lights = {name: stated_light(name, grid) for name in lights}
-    known_charts = {name: read_reflectances(name, grid) for name in references}
+    layout_of = read_layout(layout)
+    kept_out = left_out(leave_out, layout_of, "--leave-out")
+    named_charts: list[str | None] = list(references) or [None]
+    known_charts = {name: reference_reflectances(name, layout_of, grid)
+                    for name in named_charts}
     for index, photo in enumerate(photos):
-        light, reference = (given[index if len(given) > 1 else 0] for given in (lights, references))
+        light = lights[index if len(lights) > 1 else 0]
+        reference = named_charts[index if len(named_charts) > 1 else 0]
         places = corners[index if len(corners) > 1 else 0] if corners else None
-        measured, bands = _patches_of_picture(photo, places) if decode else read_patches(photo)
+        measured, bands = (
+            _patches_of_picture(photo, places, layout_of, known_charts[reference], grid) if decode
+            else read_patches(photo, layout_of))
         charts.append(ChartPhoto(measured, known_charts[reference], known_lights[light],
-                                 kept_out=kept_out))
+                                 kept_out=kept_out, chart=layout_of))
         names.append(bands)
         if any(np.array_equal(measured.mean, chart.samples.mean) for chart in charts[:-1]):
             raise InputError(f"{photo.name} holds the same signals as another of the photos; "
@@ -97,33 +109,47 @@ def numbers_of_patches(written: str) -> list[int]:
     Raises
     ------
     InputError
-        If they are not numbers from 1 to 24.
+        If they are not whole numbers.
     """
     words = [word.strip() for word in written.split(",") if word.strip()]
-    wrong = [word for word in words if not (word.isdigit() and 1 <= int(word) <= 24)]
+    wrong = [word for word in words if not word.isdigit()]
     if wrong:
-        raise InputError(f"--leave-out {written}: {wrong[0]!r} is no patch; they are numbered 1 to "
-                         "24, dark skin first")
+        raise InputError(f"--leave-out {written}: {wrong[0]!r} is no patch; they are numbered "
+                         "from 1, the first patch of the chart first")
     return sorted({int(word) for word in words})
 
 
-def read_reflectances(reference: str, grid: WavelengthGrid) -> np.ndarray:
-    """Chart reflectances (24, P) by name or from a table of 24 columns."""
-    from spectrabox.radiometry.chart import chart_reflectances, measured_chart
-    from spectrabox.radiometry.files import names_a_file
-    return measured_chart(Path(reference), grid) if names_a_file(reference) else \
-        chart_reflectances(reference, grid)
+def read_layout(layout: str) -> Chart:
+    """The chart of a name or a layout file; a ColorChecker Classic where nothing is named."""
+    from spectrabox.radiometry.chart import CLASSIC
+    from spectrabox.radiometry.charts.layouts import chart_layout
+    return chart_layout(layout) if layout else CLASSIC
 
 
-def _patches_of_picture(chart: Path, corners: str | None) -> tuple[PatchSamples, tuple[str, ...]]:
+def chart_signals(layout: Chart, reflectances: np.ndarray | None, bands: int,
+                  grid: WavelengthGrid) -> np.ndarray:
+    """Signals (I, bands) by which a chart is known in a photo whose light is not."""
+    import numpy as np
+
+    from spectrabox.capture.chart.reference import typical_signals
+    from spectrabox.radiometry.chart import typical_camera_signals
+    from spectrabox.radiometry.charts.references import published_signals
+    if layout.references:
+        return typical_signals(bands)
+    signals = published_signals(layout, grid) if reflectances is None else \
+        typical_camera_signals(reflectances, grid)
+    return signals if bands == signals.shape[1] else np.repeat(
+        signals.mean(axis=1, keepdims=True), bands, axis=1)
+
+
+def _patches_of_picture(chart: Path, corners: str | None, layout: Chart, reflectances: np.ndarray,
+                        grid: WavelengthGrid) -> tuple[PatchSamples, tuple[str, ...]]:
     """Patch statistics and band names of a photo."""
     import numpy as np
 
     from spectrabox.capture.chart.detection import find_chart
     from spectrabox.capture.chart.patches import require_unclipped, sample_patches
-    from spectrabox.capture.chart.reference import typical_signals
     from spectrabox.capture.photo.linear import open_photo
-    from spectrabox.radiometry.chart import PATCH_NAMES
     photo = open_photo(chart)
     bands = photo.signal.shape[2]
     places = None
@@ -136,8 +162,9 @@ def _patches_of_picture(chart: Path, corners: str | None) -> tuple[PatchSamples,
         if places.shape != (4, 2):
             raise InputError(f"--corners {corners} are not four points; write --corners 'x,y x,y "
                              "x,y x,y'")
-    measured = sample_patches(photo, find_chart(photo, typical_signals(bands), places))
-    require_unclipped(measured, PATCH_NAMES, chart.name)
+    measured = sample_patches(photo, find_chart(photo, chart_signals(
+        layout, reflectances, bands, grid), places, layout))
+    require_unclipped(measured, layout.names, chart.name)
     return (measured, ("R", "G", "B") if bands == 3
             else tuple(f"band {index + 1}" for index in range(bands)))
 
@@ -183,10 +210,9 @@ def light_facts(light: LightPosterior | None) -> dict[str, Any] | None:
 
 
 def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthGrid,
-             reflectances: np.ndarray) -> dict[str, Any]:
-    """A calibration as plain numbers for a script (docs/json.md, ``camera fit``).
-
-    ``reflectances`` (24, P) are those of the first chart.
+             photo: ChartPhoto) -> dict[str, Any]:
+    """A calibration as plain numbers for a script (docs/json.md, ``camera fit``); ``photo`` is the
+    first.
     """
     from spectrabox.calibrate.curve_band import LEVEL
     from spectrabox.session.stages.left_out import (
@@ -207,8 +233,8 @@ def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthG
         "light_scale_standard_error": result.scale.standard_error,
         "method": fit.method, "checks": list(result.calibration.checks),
         "outcome": fit.outcome.value}
-    left_out = left_out_patches(result, reflectances)
-    facts["left_out"] = left_out_facts(left_out)
+    left_out = left_out_patches(result, photo.reflectances)
+    facts["left_out"] = left_out_facts(left_out, photo.chart.names)
     facts["checks"].append(left_out_sentence(left_out))
     facts["doubts"] = [doubt.value for doubt in result.calibration.doubts]
     facts["light_posterior"] = light_facts(result.calibration.light_posterior)

@@ -6,16 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
+from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import PatchSamples
 
-PATCHES = 24
 MAX_SIGNAL = 1e9        # white is near 1, or near 65535
+ADVICE = "give a CSV of signals, a row for each patch"
 ERROR_PREFIX = "standard_error"
 
 
-def read_patches(path: Path) -> tuple[PatchSamples, tuple[str, ...]]:
-    """Signals of the 24 patches, dark skin first, and the names of the bands.
+def read_patches(path: Path, chart: Chart) -> tuple[PatchSamples, tuple[str, ...]]:
+    """Signals of a chart's patches, in chart order, and the names of the bands.
 
     The first row may name the columns; a column ``standard_error NAME`` holds the standard errors
     of band NAME, and where such columns name no bands they stand in the bands' order. Without
@@ -25,21 +26,22 @@ def read_patches(path: Path) -> tuple[PatchSamples, tuple[str, ...]]:
     ----------
     path : Path
         Comma-separated text; lines that begin with # are left out.
+    chart : Chart
 
     Raises
     ------
     InputError
-        If the file is missing, does not hold 24 rows, a cell is not a number up to 1e9, two bands
-        have one name, or a standard error is negative or of no band.
+        If the file is missing, does not hold a row for each patch, a cell is not a number up to
+        1e9, two bands have one name, or a standard error is negative or of no band.
     """
     rows = _rows(path)
     header = rows.pop(0) if not any(_is_number(cell) for cell in rows[0]) else None
     if rows and not _is_number(rows[0][0]):
         rows = [row[1:] for row in rows]
         header = header[1:] if header is not None else None
-    if len(rows) != PATCHES:
-        raise InputError(f"{path.name} holds {len(rows)} rows of signals; {PATCHES} are needed, "
-                         "one per patch, dark skin first, black last")
+    if len(rows) != len(chart.names):
+        raise InputError(f"{path.name} holds {len(rows)} rows of signals; {len(chart.names)} are "
+                         f"needed, one per patch, {chart.names[0]} first, {chart.names[-1]} last")
     if len({len(row) for row in rows}) != 1 or not all(_is_number(cell) for row in rows
                                                        for cell in row):
         raise InputError(f"{path.name}: some rows are shorter than others or hold words; give a "
@@ -57,13 +59,13 @@ def read_patches(path: Path) -> tuple[PatchSamples, tuple[str, ...]]:
         raise InputError(f"{path.name} holds two bands of one name ({', '.join(band_names)}); name "
                          "each column once")
     error = (_errors(values, names, band_names, errors, path.name) if errors
-             else np.zeros((PATCHES, len(bands))))
+             else np.zeros((len(values), len(bands))))
     return _samples(values[:, bands], error), tuple(band_names)
 
 
 def _errors(values: np.ndarray, names: list[str], band_names: list[str], columns: list[int],
             file: str) -> np.ndarray:
-    """Standard errors (24, K) in the order of the bands."""
+    """Standard errors (I, K) in the order of the bands."""
     of_band = {names[column].removeprefix(ERROR_PREFIX).strip(" _"): column for column in columns}
     if set(of_band) == set(band_names):
         columns = [of_band[name] for name in band_names]
@@ -79,7 +81,7 @@ def _errors(values: np.ndarray, names: list[str], band_names: list[str], columns
 
 def _samples(signal: np.ndarray, error: np.ndarray) -> PatchSamples:
     covariance = np.einsum("ik,kl->ikl", error**2, np.eye(signal.shape[1]))
-    return PatchSamples(signal, covariance, np.ones(PATCHES), np.zeros(signal.shape),
+    return PatchSamples(signal, covariance, np.ones(len(signal)), np.zeros(signal.shape),
                         np.zeros(signal.shape))
 
 
@@ -87,14 +89,14 @@ def _rows(path: Path) -> list[list[str]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise InputError(f"{path} is missing; give a CSV of 24 rows of signals") from None
+        raise InputError(f"{path} is missing; {ADVICE}") from None
     except (UnicodeDecodeError, IsADirectoryError):
         raise InputError(
-            f"{path.name} is not a text file; give a CSV of 24 rows of signals") from None
+            f"{path.name} is not a text file; {ADVICE}") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
     if not rows:
-        raise InputError(f"{path.name} is empty; give a CSV of 24 rows of signals")
+        raise InputError(f"{path.name} is empty; {ADVICE}")
     return rows
 
 

@@ -11,14 +11,22 @@ from spectrabox.session.camera.inputs import (
     known_light,
     light_words,
     numbers_of_patches,
+    read_layout,
     read_measured_curves,
     read_photos,
-    read_reflectances,
     require_outputs,
     write_curves,
     write_draws,
 )
-from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command, fail
+from spectrabox.session.command_line import (
+    ChartLayout,
+    CommandGroup,
+    Debug,
+    Json,
+    answer,
+    command,
+    fail,
+)
 
 if TYPE_CHECKING:
     from spectrabox.calibrate.calibration import ChartCalibration
@@ -28,25 +36,28 @@ METHODS = ("prior", "smooth", "nonnegative", "paper", "file")
 SECOND_LIGHTS = ("A", "D65", "FL2", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-RGB1", "LED-V1")
 Light = Annotated[str, typer.Option(metavar="FILE|NAME", show_default=False, help="CSV of the "
                                     "light's spectrum, or a CIE name: D65, A, LED-B3.")]
-Reference = Annotated[str, typer.Option(metavar="NAME|CSV", help="Chart reflectances: a published "
-                                        "average, or a CSV of 24 columns.")]
+Reference = Annotated[str | None, typer.Option(metavar="NAME|FILE", help="Chart reflectances: a "
+                                               "published average, or a file you measured.")]
 Lights = Annotated[list[str], typer.Option(metavar="FILE|NAME", show_default=False,
                                            help="CSV of the light's spectrum, a CIE name (D65, A, "
                                            "LED-B3), unknown, 3200K, or a kind: daylight, halogen, "
                                            "led, fluorescent. Once for each photo, or once for "
                                            "all.")]
 Charts = Annotated[list[Path] | None, typer.Option(metavar="PHOTO", help="Raw, DNG, or linear EXR "
-                                                   "or TIFF of a ColorChecker; several of one "
+                                                   "or TIFF of a colour chart; several of one "
                                                    "camera may be given.")]
-Tables = Annotated[list[Path] | None, typer.Option(metavar="CSV", help="24 rows of signals in "
-                                                   "place of a photo; columns named "
+Tables = Annotated[list[Path] | None, typer.Option(metavar="CSV", help="Signals, a row for each "
+                                                   "patch, in place of a photo; columns named "
                                                    "standard_error... hold their errors.")]
-Corners = Annotated[list[str] | None, typer.Option(metavar="'X,Y X,Y X,Y X,Y'", help="Outer "
-                                                   "corners of the patches at dark skin, bluish "
-                                                   "green, black and white, where the chart is not "
-                                                   "found.")]
-References = Annotated[list[str], typer.Option(metavar="NAME|CSV", help="Chart reflectances: a "
-                                               "published average, or a CSV of 24 columns.")]
+Corners = Annotated[list[str] | None, typer.Option(metavar="'X,Y X,Y X,Y X,Y'", help="Corners "
+                                                   "of the chart where it is not found: of a "
+                                                   "ColorChecker the outer corners of the patches "
+                                                   "at dark skin, bluish green, black and white."
+                                                   )]
+References = Annotated[list[str] | None, typer.Option(metavar="NAME|FILE", help="Chart "
+                                                      "reflectances: a published average, or a "
+                                                      "file you measured; by default the "
+                                                      "layout's own.")]
 PriorFile = Annotated[Path | None, typer.Option("--prior", metavar="NPZ", help="A prior of your "
                                                 "own; the shipped one by default.")]
 camera = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="Sensitivities of a camera: fit, "
@@ -68,10 +79,9 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
             metavar="CSV", help="Write the curves and their band.")] = None,
         samples: Annotated[Path | None, typer.Option(
             metavar="NPZ", help="Write 1000 draws of the curves.")] = None,
-        reference: References = ("BabelColor Average",),  # type: ignore[assignment]
-        corners: Corners = None,
+        reference: References = None, layout: ChartLayout = "", corners: Corners = None,
         leave_out: Annotated[str, typer.Option(metavar="N,N...", show_default=False, help="Patches "
-                                               "that no fit uses, 1 to 24.")] = "",
+                                               "that no fit uses, by number from 1.")] = "",
         prior_file: PriorFile = None, as_json: Json = False, debug: Debug = False) -> None:
     """Sensitivities from chart photos and light spectra, with error bars.
 
@@ -88,28 +98,29 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
         if (method == "file") != (curves is not None):
             fail(as_json, "measured curves need both --method file and --curves CSV", 2)
         photos = chart or patches or []
-        for option, given in (("--light", light), ("--reference", reference),
+        for option, given in (("--light", light), ("--reference", reference or [""]),
                               ("--corners", corners or [""])):
             if len(given) not in (1, len(photos)):
                 fail(as_json, f"{len(given)} times {option} for {len(photos)} photos; give one for "
                      "each or one for all", 2)
         require_outputs([path for path in (out, samples) if path is not None],
-                        [*photos, *map(Path, light), *map(Path, reference),
+                        [*photos, *map(Path, light), *map(Path, reference or []),
                          *(path for path in (curves, prior_file)
                            if path is not None)])
         from spectrabox.calibrate.calibration import CalibrationOptions, calibrate_chart
         from spectrabox.calibrate.curve_band import curve_band
         from spectrabox.radiometry.grid import visible_grid
         grid = visible_grid()
-        charts, names = read_photos(list(photos), list(light), list(reference), list(corners or []),
-                                  bool(chart), grid, numbers_of_patches(leave_out))
+        charts, names = read_photos(list(photos), list(light), list(reference or []),
+                                  list(corners or []), bool(chart), grid,
+                                  numbers_of_patches(leave_out), layout)
         given_curves = None if curves is None else read_measured_curves(curves, len(names), grid)
         options = CalibrationOptions(method, None if prior_file is None else _prior(prior_file),
                                      curves=given_curves)
         result = calibrate_chart(charts, grid, options)
         band = curve_band(result)
         source = ", ".join(light_words(chart.light) for chart in charts)
-        facts = {**facts_of(result, band, grid, charts[0].reflectances), "bands": list(names),
+        facts = {**facts_of(result, band, grid, charts[0]), "bands": list(names),
                  "light": source}
         if out is not None:
             write_curves(out, result.calibration, names, source)
@@ -154,7 +165,7 @@ def prior(folder: Annotated[Path, typer.Argument(metavar="FOLDER", show_default=
 def preflight(light: Light,
               noise: Annotated[float, typer.Option(help="Relative error of a patch, everything "
                                                    "included.")] = 0.01,
-              reference: Reference = "BabelColor Average", prior_file: PriorFile = None,
+              reference: Reference = None, layout: ChartLayout = "", prior_file: PriorFile = None,
               as_json: Json = False, debug: Debug = False) -> None:
     """Before shooting: expected error of the curves for this chart and light, and what second light
     would help.
@@ -165,15 +176,15 @@ def preflight(light: Light,
         from spectrabox.calibrate.photo_checks import light_power
         from spectrabox.calibrate.preflight import preflight as expected_of
         from spectrabox.calibrate.prior.camera_prior import shipped_prior
-        from spectrabox.radiometry.chart import patch_centres_uv
+        from spectrabox.radiometry.charts.references import reference_reflectances
         from spectrabox.radiometry.grid import visible_grid
         from spectrabox.radiometry.spectra.named_spectra import light as named_light
-        grid = visible_grid()
+        grid, chart = visible_grid(), read_layout(layout)
         power, unseen = light_power(known_light(light, grid), grid)
         second = {name: named_light(name, grid) for name in SECOND_LIGHTS if name != light}
         known = shipped_prior() if prior_file is None else _prior(prior_file)
-        expected = expected_of(known, read_reflectances(reference, grid), power, grid,
-                               relative_error=noise, positions=patch_centres_uv(), second=second)
+        expected = expected_of(known, reference_reflectances(reference, chart, grid), power, grid,
+                               relative_error=noise, positions=chart.centres_uv, second=second)
         facts = {"wavelengths_nm": grid.nm.tolist(),
                  "expected_error": expected.expected_error.tolist(),
                  "expected_error_unlike": expected.unlike_error.tolist(),

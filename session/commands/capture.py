@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.session.command_line import Debug, Json, answer, command, fail
+from spectrabox.session.camera.inputs import chart_signals, read_layout
+from spectrabox.session.command_line import ChartLayout, Debug, Json, answer, command, fail
 
 if TYPE_CHECKING:
     from spectrabox.capture.chart.quality import ChartVerdict
+    from spectrabox.radiometry.chart import Chart
     from spectrabox.radiometry.records import ChartDetection, LinearImage
 
 ENCODED_SUFFIXES = (".jpg", ".jpeg", ".png")
@@ -33,8 +35,13 @@ def chart(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
           overlay: Annotated[Path | None, typer.Option(
               metavar="PNG", help="Write the photo with the samples drawn.")] = None,
           corners: Annotated[list[str] | None, typer.Option(
-              metavar="X,Y", help="Four times: outer corners of the patches at dark skin, bluish "
-              "green, black and white, in pixels of the photo.")] = None,
+              metavar="X,Y", help="Four times: corners of the chart in pixels of the photo; of a "
+              "ColorChecker the outer corners of the patches at dark skin, bluish green, black and "
+              "white.")] = None,
+          layout: ChartLayout = "",
+          reference: Annotated[str | None, typer.Option(
+              metavar="NAME|FILE", show_default=False, help="Reflectances by which a chart is "
+              "known that is no ColorChecker of 24 patches.")] = None,
           encoded: Annotated[bool | None, typer.Option(
               "--encoded/--linear", help="Take an image file as sRGB-encoded, or as linear. "
               "Default: JPEG and PNG are encoded.")] = None,
@@ -43,18 +50,21 @@ def chart(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
     with command(as_json, debug):
         from spectrabox.capture.chart.detection import chart_overlay, locate_chart
         from spectrabox.capture.chart.quality import judge_chart
-        from spectrabox.capture.chart.reference import typical_signals
         from spectrabox.capture.photo.image_files import write_png
-        from spectrabox.radiometry.chart import PATCH_NAMES
+        from spectrabox.radiometry.charts.references import reference_reflectances
+        from spectrabox.radiometry.grid import visible_grid
+        grid, chart_of = visible_grid(), read_layout(layout)
+        reflectances = None if chart_of.has_known_colours and reference is None else \
+            reference_reflectances(reference, chart_of, grid)
         image = _open(photo, encoded)
-        reference = typical_signals(image.signal.shape[2])
+        signals = chart_signals(chart_of, reflectances, image.signal.shape[2], grid)
         try:
-            detection = locate_chart(image, reference, _corners(corners))
+            detection = locate_chart(image, signals, _corners(corners, chart_of), chart_of)
             if detection.mirrored:
                 raise CheckError(f"photo {image.source} shows the chart mirrored; give the photo "
                                  "as the camera took it, without flipping or a mirror in the light "
                                  "path")
-            verdict = judge_chart(image, detection, reference, PATCH_NAMES)
+            verdict = judge_chart(image, detection, signals, chart_of)
         except CheckError as error:
             if debug or not as_json:
                 raise
@@ -111,7 +121,7 @@ def _open(photo: Path, encoded: bool | None) -> LinearImage:
     return open_photo(photo)
 
 
-def _corners(given: list[str] | None) -> Any:
+def _corners(given: list[str] | None, chart: Chart) -> Any:
     if not given:
         return None
     import numpy as np
@@ -122,7 +132,7 @@ def _corners(given: list[str] | None) -> Any:
         points = np.empty(0)
     if points.shape != (4, 2):
         raise InputError(f"--corners {' '.join(words)} are not four points; write --corners 'x,y "
-                         "x,y x,y x,y' at dark skin, bluish green, black and white")
+                         f"x,y x,y x,y' at {chart.corner_words}")
     return points
 
 

@@ -30,8 +30,8 @@ def inconsistencies(config: SessionConfig) -> list[str]:
         if (wrong := unknown_families(surface.families)) is not None:
             problems.append(f"{FILE_NAME}: {kind}.{name}.family: {wrong}")
     if config.chart.corners_px is not None and [len(c) for c in config.chart.corners_px] != [2] * 4:
-        problems.append(f"{FILE_NAME}: chart.corners_px needs four [x, y] pairs: the outer corners "
-                        "at dark skin, bluish green, black and white")
+        problems.append(f"{FILE_NAME}: chart.corners_px needs four [x, y] pairs: of a ColorChecker "
+                        "Classic the outer corners at dark skin, bluish green, black and white")
     if len(config.drift.chart_px) != len(config.drift.object_px):
         problems.append(f"{FILE_NAME}: drift.chart_px names {len(config.drift.chart_px)} "
                         f"references and drift.object_px {len(config.drift.object_px)}; name the "

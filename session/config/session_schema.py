@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from spectrabox.radiometry.charts.layouts import is_layout_file
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
@@ -126,8 +127,8 @@ class PhotosSection(Table):
 
     object: Photo = Field(description="the scene: camera raw, or linear EXR or TIFF; a list is an "
                           "exposure bracket, a table has one photo for each filter or lamp")
-    chart: Photo | None = Field(None, description="a ColorChecker Classic under the same light, "
-                                "same camera")
+    chart: Photo | None = Field(None, description="the colour chart under the same light, same "
+                                "camera")
     flat: str | dict[str, str] | None = Field(None, description="evenly lit white card: corrects "
                                               "vignetting")
     dark: Files | None = Field(None, description="dark frames, one or several at each exposure")
@@ -144,22 +145,25 @@ class PhotosSection(Table):
 
 
 class ChartSection(Table):
-    """The ColorChecker and where it lies."""
+    """The chart and where it lies."""
 
-    reference: str = Field("BabelColor Average", description="published reflectances by name, or "
-                           "a CSV with 24 measured columns")
+    layout: str = Field("ColorChecker Classic", description="name of a chart that is sold, or a "
+                        "file NAME.toml of one's own")
+    reference: str | None = Field(None, description="published reflectances by name, or a file of "
+                                  "measured ones; the layout's own by default: \"BabelColor "
+                                  "Average\" of a ColorChecker")
     scene: str | None = Field(None, description="Mitsuba XML with the light and a rectangle of id "
                               "\"chart\"")
     corners_px: ListOf[ListOf[float]] | None = Field(
-        None, description="outer corners at dark skin, bluish green, black and white, in pixels "
-        "of the photo")
-    leave_out: ListOf[int] = Field((), description="numbers of patches, 1 to 24, that no fit uses: "
+        None, description="the chart's four corners in pixels of the photo: of the Classic the "
+        "outer corners at dark skin, bluish green, black and white")
+    leave_out: ListOf[int] = Field((), description="numbers of patches, from 1, that no fit uses: "
                                    "soiled ones, or some to judge the calibration by")
 
     @property
-    def reference_file(self) -> str | None:
-        """Name of the file of measured reflectances; None where a published average is named."""
-        return self.reference if names_a_file(self.reference) else None
+    def layout_file(self) -> str | None:
+        """Name of the file of the layout; None where a chart that is sold is named."""
+        return self.layout if is_layout_file(self.layout) else None
 
 
 class CameraSection(Table):

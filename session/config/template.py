@@ -42,7 +42,8 @@ chart = "photos/chart.dng"          # a ColorChecker Classic under the same ligh
 # A list of files in place of one photo is an exposure bracket.
 
 [chart]
-reference = "{CHART.reference}"    # or "ISO 17321-1", "ColorChecker N Ohta", or a CSV of 24 columns
+# layout = "{CHART.layout}"   # or another chart that is sold, or a file of your own
+reference = "BabelColor Average"    # or "ISO 17321-1", "ColorChecker N Ohta", or your own file
 scene = "scene/chart.xml"           # light and chart in place; the chart is a rectangle, id "chart"
 # Only if the chart is not found: its corners at dark skin, bluish green, black and white.
 # corners_px = [[x, y], [x, y], [x, y], [x, y]]

@@ -10,6 +10,7 @@ from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, cal
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_prior
 from spectrabox.calibrate.prior.measured_prior import prior_of_curves
 from spectrabox.radiometry.records import PatchSamples, UnknownLight
+from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
     GRID,
@@ -30,11 +31,11 @@ def calibrate_photos(task: StageTask) -> dict[str, Any]:
     -------
     dict
         The "calibration" of every view; of every view with a chart what "white" reads there, a
-        ChartWhite; of the first chart the "irradiance" (24,) and the "predicted" signals (24, K);
+        ChartWhite; of the first chart the "irradiance" (I,) and the "predicted" signals (I, K);
         the relative "model error" of patches that the fit found, and its patches "left out".
     """
     config = task.config
-    reference = read_chart_reference(config)
+    reference, layout = read_chart_reference(config), session_chart(config)
     task.progress(0.1, "fitting sensitivities")
     groups = _one_fit_each(config)
     records: dict[str, Any] = {"notes": ()}
@@ -42,7 +43,7 @@ def calibrate_photos(task: StageTask) -> dict[str, Any]:
         shown = [view for view in views if view.chart]
         lights = {view.light: read_light(config, view.light) for view in views}
         photos = [ChartPhoto(_patches(task, view), reference, lights[view.light],
-                             kept_out=kept_out_patches(config)) for view in shown]
+                             kept_out=kept_out_patches(config), chart=layout) for view in shown]
         made = calibrate_chart(photos, GRID, CalibrationOptions(prior=_prior(config)))
         assert made.prior_fit is not None
         if number == 0:

@@ -20,7 +20,7 @@ class PhotoOfRegions:
     preview: Path                       # PNG of the whole photo
     size_px: tuple[int, int]            # width and height of the photo itself
     outlines: dict[str, np.ndarray]     # (C, 2) corners of each region in its pixels
-    chart_px: np.ndarray | None         # (24, 4, 2) patches, where the chart lies in this photo
+    chart_px: np.ndarray | None         # (I, 4, 2) patches, where the chart lies in this photo
     # of each region: light relative to the chart's mean, and its relative standard error
     light: dict[str, tuple[float, float]]
     # over the photo: light and its relative error, (2, h, w); None where it shows no region

@@ -27,6 +27,7 @@ from spectrabox.radiometry.light_scale import (
     rounding_error,
 )
 from spectrabox.radiometry.records import ChartWhite, LinearImage, RegionSamples
+from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import chart_of, photo_of
@@ -209,9 +210,9 @@ def _light_at(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
     white = stored["calibrate"].record(ChartWhite, chart_view.record("white"))
     chart, photo = chart_of(stored, chart_view), photo_of(stored, view)
     assert chart is not None
-    centres_px = chart[0].corners_px.mean(axis=1)
-    patches = PicturePoints(plane_centres(), _in_picture(centres_px, chart[2]))
-    to_plane = plane_from_picture(centres_px)
+    centres_px, layout = chart[0].corners_px.mean(axis=1), session_chart(task.config)
+    patches = PicturePoints(plane_centres(layout), _in_picture(centres_px, chart[2]))
+    to_plane = plane_from_picture(centres_px, layout)
     places = [PicturePoints(projected(to_plane, points), _in_picture(points, photo))
               for points in points_px]
     return light_elsewhere(white, patches, places, bool(task.config.photos.flats),

@@ -23,6 +23,7 @@ from spectrabox.session.report.svg import (
 from spectrabox.session.report.words import SUPERSCRIPT, number
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+MAX_TICKS = 24      # patches numbered along an axis
 MAX_SIDE_PX = 1400  # pictures are reduced to this: the page shows no more
 
 
@@ -64,14 +65,14 @@ def _reduced(content: bytes, factor: int) -> bytes:
 def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray | None,
                           bands: tuple[str, ...],
                           limit: float) -> Markup:
-    """Residuals (24, K) of the patches: filled as fitted, open where the patch was left out of its
+    """Residuals (I, K) of the patches: filled as fitted, open where the patch was left out of its
     own fit.
 
     Parameters
     ----------
     name : str
         Of the figure on its page, unique there.
-    residuals, held_out : (24, K) arrays
+    residuals, held_out : (I, K) arrays
         (photo - predicted) / photo, chart order; the latter None where nothing was left out.
     limit : float
         Of a chart that is good; drawn as a grey band.
@@ -80,34 +81,38 @@ def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray
     axes = drawing.add_subplot()
     axes.axhspan(-100 * limit, 100 * limit, color="#eef1f4", lw=0)
     axes.axhline(0, color=QUIET, lw=0.7)
+    patches = len(residuals)
     for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
-        at = np.arange(1, 25) + 0.5 * ((k + 0.5) / len(bands) - 0.5)
+        at = np.arange(1, patches + 1) + 0.5 * ((k + 0.5) / len(bands) - 0.5)
         if held_out is not None:
             axes.plot(at, 100 * held_out[:, k], "o", ms=4.5, mfc="none", mec=colour, mew=0.8)
         axes.plot(at, 100 * residuals[:, k], "o", ms=3.5, color=colour, label=plain_line(band, 24))
     if held_out is not None:
         axes.plot([], [], "o", ms=4.5, mfc="none", mec=INK, mew=0.8,
                   label="left out of its own fit")
-    axes.set(xlim=(0.4, 24.6), xticks=range(1, 25), xlabel="Patch",
+    axes.set(xlim=(0.4, patches + 0.6), xlabel="Patch",
              ylabel="(photo − predicted) / photo (%)")
+    axes.set_xticks(range(1, patches + 1, -(-patches // MAX_TICKS)))
     axes.grid(axis="y")
     drawing.legend(loc="outside upper left", ncols=8, handlelength=0.8, columnspacing=1.2)
     return inline_svg(drawing, name, "Chart residuals",
-                      "Relative residual of the 24 patches in each band.")
+                      f"Relative residual of the {patches} patches in each band.")
 
 
-def irradiance_figure(name: str, irradiance: np.ndarray) -> Markup:
-    """Relative irradiance (24,) over the chart, four rows of six as printed.
+def irradiance_figure(name: str, irradiance: np.ndarray, rows: int) -> Markup:
+    """Relative irradiance (I,) over the chart, row by row as printed.
 
     Parameters
     ----------
     name : str
         Of the figure on its page, unique there.
-    irradiance : (24,) array
-        Relative to the brightest patch, dark skin first.
+    irradiance : (I,) array
+        Relative to the brightest patch, in chart order.
+    rows : int
+        Of the chart.
     """
-    field = 100 * irradiance.reshape(4, 6)
-    drawing = figure(3.6, 2.6)
+    field = 100 * irradiance.reshape(rows, -1)
+    drawing = figure(max(0.6 * field.shape[1], 1.6), 0.55 * rows + 0.4)
     axes = drawing.add_subplot()
     axes.imshow(field, cmap="cividis", vmin=min(float(np.nanmin(field)), 80.0), vmax=100)
     low, high = axes.get_images()[0].get_clim()

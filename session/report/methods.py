@@ -41,7 +41,7 @@ def camera_words(results: CommonResults) -> str:
     parts = [f"Camera sensitivities: {fit.method}."]
     rms = root_mean_square(chart_residuals(results))
     if rms is not None:
-        parts.append(f"The rms residual over the 24 chart patches is {percent(rms)}.")
+        parts.append(f"The rms residual over the chart patches is {percent(rms)}.")
     held_out = root_mean_square(fit.held_out_residuals)
     if held_out is not None:
         parts.append(f"Left out of its own fit, a patch is predicted within {percent(held_out)} "

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.appearance import reflectance_to_srgb
-from spectrabox.radiometry.chart import PATCH_NAMES
 from spectrabox.radiometry.records import Reconstruction
 from spectrabox.sampling.prior.certified import certified_sentence, mostly_in_doubt
 from spectrabox.session.report.figures import (
@@ -85,8 +84,10 @@ def chart_section(results: CommonResults) -> dict[str, Any] | None:
                                                                                 held_out),
         "residuals": chart_residual_figure("chart-residuals", residuals, held_out, results.bands,
                                            CHART_LIMITS[0]), "rms": root_mean_square(residuals),
-        "irradiance": irradiance_figure("irradiance", results.chart.irradiance),
-        "detection": results.chart.detection, "limit": CHART_LIMITS[0],
+        "irradiance": irradiance_figure("irradiance", results.chart.irradiance,
+                                        results.chart.layout.rows),
+        "detection": results.chart.detection, "layout": results.chart.layout,
+        "limit": CHART_LIMITS[0],
         }
 
 
@@ -98,7 +99,7 @@ def _patches(results: CommonResults, residuals: np.ndarray,
     chosen = display_bands(results.calibration.sensitivity)
     white = np.nanmax(measured, axis=0)[chosen] / 0.9  # the white patch reflects about 90 %
     error = np.sqrt(np.diagonal(chart.samples.covariance_of_mean, axis1=1, axis2=2))
-    return [{"number": p + 1, "name": PATCH_NAMES[p],
+    return [{"number": p + 1, "name": chart.layout.names[p],
              "measured_colour": css_colour(srgb_encoded(measured[p, chosen] / white)),
              "predicted_colour": css_colour(srgb_encoded(predicted[p, chosen] / white)),
              "bands": [{"measured": float(measured[p, k]), "error": float(error[p, k]),
@@ -106,7 +107,8 @@ def _patches(results: CommonResults, residuals: np.ndarray,
                         "held_out": None if held_out is None else float(held_out[p, k]),
                         "off": abs(float(residuals[p, k])) > OFF}
                        for k in range(len(results.bands))],
-             "saturated": float(chart.samples.saturated_fraction[p].max())} for p in range(24)]
+             "saturated": float(chart.samples.saturated_fraction[p].max())}
+            for p in range(len(measured))]
 
 
 def held_out_rms(results: CommonResults) -> float | None:

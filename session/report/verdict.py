@@ -88,7 +88,7 @@ def judge(results: SessionResults) -> Verdict:
 
 
 def chart_residuals(results: CommonResults) -> np.ndarray | None:
-    """(photo - predicted) / photo of the 24 patches (24, K), or None where no chart was used."""
+    """(photo - predicted) / photo of the patches (I, K), or None where no chart was used."""
     residuals = results.calibration.sensitivity.residuals
     if residuals is None and results.chart is not None:
         measured = results.chart.samples.mean

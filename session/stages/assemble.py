@@ -7,6 +7,7 @@ import numpy as np
 
 from spectrabox.radiometry.records import Calibration, JointReconstruction
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, spectrum_on_grid
+from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.scores import score
@@ -90,7 +91,7 @@ def chart_result(config: SessionConfig, run: FinishedRun) -> ChartResult | None:
         return None
     predicted, irradiance = chart_fit_of(run.stored)
     return ChartResult(chart[0], chart[1], predicted, irradiance / irradiance.max(),
-                       config.results_folder / "chart" / "overlay.png")
+                       config.results_folder / "chart" / "overlay.png", session_chart(config))
 
 
 def sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:

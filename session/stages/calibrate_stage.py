@@ -8,18 +8,17 @@ from typing import Any
 import numpy as np
 
 from spectrabox.calibrate.calibration import (
-    UNKNOWN_IRRADIANCE,
     CalibrationOptions,
     ChartCalibration,
     ChartPhoto,
     calibrate_chart,
     calibration_from_curves,
+    unknown_irradiance,
 )
 from spectrabox.calibrate.prior.camera_prior import load_prior
 from spectrabox.calibrate.sensitivity import scale_of_photo
 from spectrabox.calibrate.trust import GLARE_SIGMA
 from spectrabox.capture.chart.quality import uneven_light_reasons
-from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
 from spectrabox.radiometry.light_scale import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import (
@@ -31,6 +30,7 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.chart_stage import light_on_chart
 from spectrabox.session.stages.inputs import (
@@ -56,8 +56,8 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
     Returns
     -------
     dict
-        The "calibration" of every view, and of the first chart the "irradiance" (24,), the
-        "predicted" signals (24, K), its "white" (ChartWhite, by methods that fit one) and its
+        The "calibration" of every view, and of the first chart the "irradiance" (I,), the
+        "predicted" signals (I, K), its "white" (ChartWhite, by methods that fit one) and its
         patches "left out" (LeftOutPatches); None where there is no chart.
     """
     config = task.config
@@ -75,7 +75,8 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
         assert curves is not None
         camera = calibration_from_curves(GRID, curves, _stated(lights[0]),
                                          config.sensitivity.relative_error)
-    lit = UNKNOWN_IRRADIANCE if irradiance is None else irradiance
+    lit = irradiance if irradiance is not None or first is None \
+        else unknown_irradiance(len(first.predicted))
     records: dict[str, Any] = {"calibration": camera, "irradiance": None if first is None else lit,
                "predicted": None if first is None else first.predicted,
                "white": None if first is None else first.white,
@@ -120,7 +121,8 @@ def _widen_by_lamp_position(config: SessionConfig, records: dict[str, Any]) -> N
     """
     scene = read_chart_scene(config)
     assert scene is not None
-    error = lamp_position_error(scene, patch_centres_uv(), patch_size_uv(),
+    chart = session_chart(config)
+    error = lamp_position_error(scene, chart.centres_uv, chart.sizes_uv,
                                 config.repeatability.lamp_position, config.session.seed)
     for view in config.all_views:
         calibration = records[view.record("calibration")]
@@ -145,7 +147,8 @@ def _irradiance(config: SessionConfig, device: str, progress: Progress) -> np.nd
         return None
     progress(0.2, "irradiance on the chart")
     start_mitsuba(device)
-    return patch_irradiance(scene, patch_centres_uv(), patch_size_uv(), config.session.seed)
+    chart = session_chart(config)
+    return patch_irradiance(scene, chart.centres_uv, chart.sizes_uv, config.session.seed)
 
 
 def _stated(light: Spectrum | UnknownLight) -> Spectrum:
@@ -170,7 +173,7 @@ def _chart_photo(config: SessionConfig, number: int, shown: Mapping[int, PatchSa
                  lights: Sequence[Spectrum | UnknownLight],
                  irradiance: np.ndarray | None) -> ChartPhoto:
     return ChartPhoto(shown[number], read_chart_reference(config), lights[number], irradiance,
-                      kept_out_patches(config))
+                      kept_out_patches(config), chart=session_chart(config))
 
 
 def _options(config: SessionConfig, curves: np.ndarray | None) -> CalibrationOptions:
@@ -189,5 +192,6 @@ def _scale_under(config: SessionConfig, number: int, shown: Mapping[int, PatchSa
         return None
     if first is not None and first.prior_fit is not None:
         return scale_of_photo(first.prior_fit, list(shown).index(number))
-    photo = ChartPhoto(shown[number], read_chart_reference(config), light, irradiance)
+    photo = ChartPhoto(shown[number], read_chart_reference(config), light, irradiance,
+                       chart=session_chart(config))
     return calibrate_chart([photo], GRID, CalibrationOptions(curves=curves)).scale

@@ -12,7 +12,8 @@ from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.chart.reference_region import region_signals
 from spectrabox.capture.photo.binning import bin_image
 from spectrabox.capture.photo.image_files import write_png
-from spectrabox.radiometry.chart import PATCH_NAMES, typical_camera_signals
+from spectrabox.radiometry.chart import typical_camera_signals
+from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import ViewInputs
 from spectrabox.session.stages.inputs import (
     GRID,
@@ -57,10 +58,11 @@ def _find_and_sample_chart(task: StageTask, view: ViewInputs) -> dict[str, Any]:
     photo, notes = task.photos.developed(config, view.chart)
     reference = typical_camera_signals(read_chart_reference(config), GRID,
                                        power_of(read_light(config, view.light)))
-    detection = find_chart(photo, reference, chart_corners(config, view))
+    chart = session_chart(config)
+    detection = find_chart(photo, reference, chart_corners(config, view), chart)
     samples = sample_patches(photo, detection)
-    require_unclipped(samples, PATCH_NAMES, name)
-    verdict = judge_chart(photo, detection, reference, PATCH_NAMES,
+    require_unclipped(samples, chart.names, name)
+    verdict = judge_chart(photo, detection, reference, chart,
                           light_explained=config.chart.scene is not None)
     notes = (*notes, *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))
     write_png(task.folder / f"{view.record('overlay')}.png", chart_overlay(photo, detection))
@@ -74,6 +76,6 @@ def _find_and_sample_chart(task: StageTask, view: ViewInputs) -> dict[str, Any]:
 
 
 def light_on_chart(stored: Mapping[str, StoredStage], view: ViewInputs) -> np.ndarray:
-    """Light (24,) on the patches of a view's chart photo, as it changes evenly over the chart."""
+    """Light (I,) on the patches of a view's chart photo, as it changes evenly over the chart."""
     light: np.ndarray = stored["chart"].record(np.ndarray, view.record("light on chart"))
     return light

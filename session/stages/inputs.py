@@ -7,7 +7,8 @@ import numpy as np
 
 from spectrabox.capture.develop.bands import stack_bands, strongest_channel
 from spectrabox.capture.develop.developed import develop_photos, open_any
-from spectrabox.radiometry.chart import chart_reflectances, measured_chart
+from spectrabox.radiometry.charts.left_out import left_out
+from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LinearImage, Quantity, Spectrum, UnknownLight
@@ -18,6 +19,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_on_grid,
 )
 from spectrabox.radiometry.spectra.stated_light import spectrum_of_name, vague_light
+from spectrabox.session.config.session_chart import chart_files, session_chart
 from spectrabox.session.config.session_schema import (
     ONE_PHOTO,
     LightTable,
@@ -115,15 +117,22 @@ def read_sensitivities(config: SessionConfig) -> tuple[tuple[str, ...], np.ndarr
 
 
 def read_chart_reference(config: SessionConfig) -> np.ndarray:
-    """Reflectances (24, P) of the chart, published or measured."""
-    file = config.chart.reference_file
-    return chart_reflectances(config.chart.reference, GRID) if file is None else \
-        measured_chart(config.path(file), GRID)
+    """Reflectances (I, P) of the chart, published or measured."""
+    for name in chart_files(config):
+        config.path(name)      # refuses what lies outside the session
+    return reference_reflectances(config.chart.reference, session_chart(config), GRID,
+                                  config.folder)
 
 
 def kept_out_patches(config: SessionConfig) -> np.ndarray:
-    """Whether the operator keeps each patch (24,) of the chart out of every fit."""
-    return np.isin(np.arange(1, 25), config.chart.leave_out)
+    """Whether the operator keeps each patch (I,) of the chart out of every fit.
+
+    Raises
+    ------
+    InputError
+        If the chart has no patch of such a number.
+    """
+    return left_out(config.chart.leave_out, session_chart(config), "chart.leave_out")
 
 
 def chart_corners(config: SessionConfig, view: ViewInputs) -> np.ndarray | None:

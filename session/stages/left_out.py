@@ -3,10 +3,11 @@ check with a truth in every photo.
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from spectrabox.calibrate.calibration import ChartCalibration
-from spectrabox.radiometry.chart import PATCH_NAMES
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import LeftOutPatches
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
@@ -24,7 +25,7 @@ def left_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
     Parameters
     ----------
     calibrated : ChartCalibration
-    reflectances : (24, P) array
+    reflectances : (I, P) array
         Of the chart, on the grid of the calibration.
     prior : LogitMixture or None
         The shipped one by default.
@@ -49,14 +50,16 @@ def left_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
                           LEVEL)
 
 
-def left_out_facts(patches: LeftOutPatches) -> dict[str, object]:
+def left_out_facts(patches: LeftOutPatches, names: Sequence[str]) -> dict[str, object]:
     """The same as plain numbers: ``left_out`` of docs/reference/json.md.
 
     Parameters
     ----------
     patches : LeftOutPatches
+    names : sequence of I str
+        Of the patches.
     """
-    rows = [{"patch": number + 1, "name": PATCH_NAMES[number], "rmse": float(patches.rmse[number]),
+    rows = [{"patch": number + 1, "name": names[number], "rmse": float(patches.rmse[number]),
              "inside": float(patches.inside[number]), "kept_out": bool(patches.kept_out[number])}
             for number in range(len(patches.mean))]
     return {"rmse_mean": float(patches.rmse.mean()), "coverage_95": float(patches.inside.mean()),

@@ -60,7 +60,7 @@ def calibrations_of(config: SessionConfig, stored: Mapping[str, StoredStage]) ->
 
 
 def chart_fit_of(stored: Mapping[str, StoredStage]) -> tuple[np.ndarray, np.ndarray]:
-    """Signals (24, K) that the calibration predicts for the first chart, and irradiance (24,)."""
+    """Signals (I, K) that the calibration predicts for the first chart, and irradiance (I,)."""
     stage = stored["calibrate"]
     return stage.record(np.ndarray, "predicted"), stage.record(np.ndarray, "irradiance")
 

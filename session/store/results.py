@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
@@ -73,9 +74,10 @@ class ChartResult:
 
     detection: ChartDetection
     samples: PatchSamples
-    predicted: np.ndarray             # (24, K) signal that the calibration predicts
-    irradiance: np.ndarray            # (24,) relative irradiance of each patch, brightest 1
+    predicted: np.ndarray             # (I, K) signal that the calibration predicts
+    irradiance: np.ndarray            # (I,) relative irradiance of each patch, brightest 1
     overlay: Path                     # PNG
+    layout: Chart = CLASSIC
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from spectrabox.radiometry.spectra.formats.table import (
 BAND = re.compile(r"(?:SPEC_|SPECTRAL_NM_?|SPECTRAL_|NM_?|R_?)?(\d{3,4}(?:\.\d+)?)(?:NM)?",
                   re.IGNORECASE)
 NAMES = ("SAMPLE_NAME", "SAMPLE_ID", "SAMPLEID", "SAMPLE_LOC", "SAMPLEID_NAME")
+LOCATION = "SAMPLE_LOC"     # where a sample lies on its chart, as "A1"
 MEASUREMENTS = {"EMISSION": ("radiance", "mW m-2 sr-1 nm-1"),
                 "AMBIENT": ("irradiance", "mW m-2 nm-1"),
                 "REFLECTIVE": ("reflectance", "1"), "TRANSMISSIVE": ("transmittance", "1")}
@@ -64,8 +65,12 @@ def read_cgats(content: bytes, path: Path) -> SpectralTable:
     values = np.array([[number(row[index]) for index, _ in bands] for row in rows]) / norm
     order = np.argsort(nm, kind="stable")
     facts = {"source": keys.get("DESCRIPTOR", path.name), **_stated(keys)}
-    return SpectralTable(nm[order], distinct(_names(fields, rows)), values[:, order], facts,
-                         path.name)
+    names = distinct(_names(fields, rows))
+    places = [field.upper() for field in fields].index(LOCATION) \
+        if LOCATION in [field.upper() for field in fields] else None
+    stated = {} if places is None else {name: {"location": row[places]}
+                                        for name, row in zip(names, rows, strict=True)}
+    return SpectralTable(nm[order], names, values[:, order], facts, path.name, None, stated)
 
 
 def sp_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity,
