@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.chart import Chart
+from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import PatchSamples
 
@@ -15,7 +15,7 @@ ADVICE = "give a CSV of signals, a row for each patch"
 ERROR_PREFIX = "standard_error"
 
 
-def read_patches(path: Path, chart: Chart) -> tuple[PatchSamples, tuple[str, ...]]:
+def read_patches(path: Path, chart: Chart = CLASSIC) -> tuple[PatchSamples, tuple[str, ...]]:
     """Signals of a chart's patches, in chart order, and the names of the bands.
 
     The first row may name the columns; a column ``standard_error NAME`` holds the standard errors
