@@ -21,6 +21,7 @@ import serial
 
 from spectrabox.capture.meter import serial_line
 from spectrabox.capture.meter.instruments.errors import InstrumentError
+from spectrabox.capture.meter.instruments.specbos1211 import DEFAULTS
 from spectrabox.capture.meter.interruption import SIGNALS
 from spectrabox.capture.meter.measurement import measure_once
 from spectrabox.capture.meter.serial_line import Pace
@@ -34,7 +35,7 @@ BUSY_S = 0.1                # a played measurement; the line is deaf to all that
 # How a command of each instrument names a setting and its value.
 SETTING = {"pr655": rb"(S[A-Z])(-?\d+)\r", "cs2000": rb"(RMTS|MSWE|SPMS|SCMS),(.*)\n",
            "cr250": rb"SM (\w+) (.*)\r", "specbos2501": rb"\*para:(\w+) (.*)\r",
-           "specbos1211": rb"\*CONTR:(LASER) (.*)\r", "pr650": rb"(?!)"}
+           "specbos1211": rb"\*CON(?:F|TR):(\w+) (.*)\r", "pr650": rb"(?!)"}
 MODES = {b"PHOTO": ("remote", b"1"), b"Q": ("remote", b"0")}
 
 
@@ -99,6 +100,8 @@ def settings_left(driver: str, obeyed: list[bytes]) -> dict[str, bytes]:
     for command in obeyed:
         if match := re.fullmatch(SETTING[driver], command):
             state[match[1].decode()] = match[2]
+        elif command == DEFAULTS:
+            state = {key: value for key, value in state.items() if key == "LASER"}
         elif command in MODES:
             key, value = MODES[command]
             state[key] = value
@@ -138,7 +141,7 @@ def interruptions(meter: SyntheticMeter, points: int) -> list[Interrupted]:
         number = SIGNALS[index % len(SIGNALS)]
         started = time.monotonic()
         interrupted, state, _ = run(meter, point, number)
-        left = all(as_found[key] == value for key, value in state.items())
+        left = all(as_found.get(key) == value for key, value in state.items())
         trials.append(Interrupted(meter.driver, number.name, point, interrupted, left,
                                   time.monotonic() - started))
     return trials

@@ -18,7 +18,8 @@ from spectrabox.capture.meter.instruments.errors import UntrustedReadingError
 from spectrabox.radiometry.grid import trapezoid_weights_nm
 from spectrabox.radiometry.spectra.luminous import tristimulus_of
 
-LUMINANCE_RTOL = 0.01
+LUMINANCE_RTOL = 0.01           # up to 4 nm
+LUMINANCE_PER_NM = 0.003        # of a wider step: 3 % at 10 nm
 POWER_RTOL = 0.01
 CHROMATICITY_PER_NM = 0.0005    # of the grid's step: 0.0005 at 1 nm, 0.002 at 4 nm
 MEAN_PER_NM = 0.5               # of the grid's step: less than a shift by one channel
@@ -130,7 +131,8 @@ def check_stated(nm: np.ndarray, values: np.ndarray, stated: Stated, name: str) 
                 f"{theirs.value:{form}}; they must agree within {allowed:.2g}: {ADVICE}")
     if stated.luminance is not None:
         compare("luminance", [float(xyz[1])], stated.luminance,
-                LUMINANCE_RTOL * abs(stated.luminance.value), ".4g", " cd/m2 (or lx)")
+                max(LUMINANCE_RTOL, LUMINANCE_PER_NM * step if step > 4 else 0.0)
+                * abs(stated.luminance.value), ".4g", " cd/m2 (or lx)")
     if xyz.sum() > 0:
         for axis, theirs, index in (("x", stated.x, 0), ("y", stated.y, 1)):
             if theirs is not None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
@@ -15,7 +15,7 @@ from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command
 
 if TYPE_CHECKING:
-    from spectrabox.capture.meter.calibration import Calibration
+    from spectrabox.capture.meter.calibration import Calibration, Maker
     from spectrabox.capture.meter.instruments.interface import Instrument, MeterSettings
     from spectrabox.capture.meter.serial_line import Log, Pace
     from spectrabox.radiometry.records import Spectrum
@@ -28,6 +28,10 @@ Meter = Annotated[str, typer.Option(help="cs2000, cr250, pr655, pr650, specbos12
                                     show_default=False)]
 Png = Annotated[Path | None, typer.Option(help="Draw the spectrum into this PNG.")]
 REPLAY_LIMIT_S = 2.0
+# What takes a reading, once it knows who reads and the check does not object; and what opens that.
+Check: TypeAlias = "Callable[[Maker], None]"
+Taker: TypeAlias = "Callable[[Check], SpectralReading]"
+Source: TypeAlias = "Callable[[Path], contextlib.AbstractContextManager[Taker]]"
 
 
 def register(app: typer.Typer) -> None:
@@ -64,9 +68,20 @@ def identify(port: Port, instrument: Meter, as_json: Json = False, debug: Debug 
                f"{identity.firmware or 'not stated'}")
 
 
-def measure(port: Port, instrument: Meter,
+def measure(
             folder: Annotated[Path, typer.Argument(
                 metavar="[DIR]", help="The session folder.")] = Path(),
+            port: Annotated[str | None, typer.Option(
+                help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'. With spotread: "
+                "the instrument's number in its list.", show_default=False)] = None,
+            instrument: Annotated[str | None, typer.Option(
+                help="cs2000, cr250, pr655, pr650, specbos1211 or specbos2501.",
+                show_default=False)] = None,
+            program: Annotated[str | None, typer.Option(
+                "--with", metavar="spotread", help="Measure with ArgyllCMS's spotread: i1Pro, "
+                "ColorMunki, Spyder and others.", show_default=False)] = None,
+            ambient: Annotated[bool, typer.Option(
+                help="With spotread: irradiance, through the diffuser.")] = False,
             role: Annotated[str, typer.Option(
                 "--as", help="light, white (the white standard), paint or chart.")] = "light",
             name: Annotated[str | None, typer.Option(
@@ -98,13 +113,14 @@ def measure(port: Port, instrument: Meter,
         from spectrabox.capture.meter.measurement_targets import claim
         names = _names(role, name)
         wanted = MeterSettings(integration_ms, averages, sync_hz)
+        source = _source(port, instrument, program, ambient, wanted)
         calibrations = [read_calibration(text) for text in calibration or ()]
         spectra = folder / "spectra"
         claim(spectra, role, names)
         if again:
             _set_aside(spectra, names)
-        readings = _measure_all(spectra, role, names, port, instrument, wanted, repeat,
-                                calibrations, wait and role == "chart")
+        readings = _measure_all(spectra, role, names, source, repeat, calibrations,
+                                wait and role == "chart")
         written, spectrum = _write_result(spectra, role, names, white_reflectance, calibrations)
         facts = _series_facts(spectra, names, calibrations)
         if png is not None and spectrum is not None:
@@ -168,19 +184,81 @@ def _set_aside(spectra: Path, names: list[str]) -> None:
             set_aside(folder)
 
 
-def _measure_all(spectra: Path, role: str, names: list[str], port: str, instrument: str,
-                 wanted: MeterSettings, repeat: int, calibrations: list[Calibration],
-                 wait: bool) -> list[SpectralReading]:
+def _source(port: str | None, instrument: str | None, program: str | None, ambient: bool,
+            wanted: MeterSettings) -> Source:
+    """What opens the instrument that the options name."""
+    if program is None:
+        if port is None or instrument is None or ambient:
+            raise typer.BadParameter("an instrument on a serial line needs --port and --instrument "
+                                     "(--ambient is for --with spotread)")
+        return lambda folder: _by_serial_line(folder, instrument, port, wanted)
+    if program != "spotread" or instrument is not None or wanted != type(wanted)():
+        raise typer.BadParameter("only spotread is known, without --instrument, --integration-ms, "
+                                 "--averages and --sync-hz", param_hint="--with")
+    if port is not None and not port.isdigit():
+        raise typer.BadParameter(f"{port!r} is no number of an instrument in spotread's list",
+                                 param_hint="--port")
+    return lambda folder: _by_spotread(folder, int(port or 1), ambient)
+
+
+@contextlib.contextmanager
+def _by_serial_line(folder: Path, instrument: str, port: str,
+                    wanted: MeterSettings) -> Iterator[Taker]:
+    """An instrument on its own line, set as wanted once ``check`` lets it measure."""
+    from spectrabox.capture.meter.measurement import take_reading, trusted_identity
+    from spectrabox.capture.transcripts.replay import record
+    with record(folder, instrument, wanted) as log, _instrument(instrument, port, log) as meter:
+        identity = trusted_identity(meter)
+        count = 0
+
+        def take(check: Check) -> SpectralReading:
+            nonlocal count
+            if not count:
+                check((identity.model, identity.serial_number))
+                meter.settings(wanted)
+            reading = take_reading(meter, identity, transcript=log.path.name)
+            count += 1
+            log.note("readings", str(count))
+            return reading
+        yield take
+
+
+@contextlib.contextmanager
+def _by_spotread(folder: Path, number: int, ambient: bool) -> Iterator[Taker]:
+    """The installed spotread, which says who it is with its first reading."""
+    from datetime import UTC, datetime
+
+    from spectrabox.capture.meter.spotread import NAME, spotread_reading
+    from spectrabox.capture.transcripts.transcript import TranscriptWriter
+    from spectrabox.radiometry.outside.words import plain
+    from spectrabox.radiometry.records import Quantity
+    now = datetime.now(UTC)
+    log = TranscriptWriter(folder / f"{now:%Y%m%dT%H%M%S.%f}.transcript",
+                           {"instrument": NAME, "recorded": now.isoformat(timespec="seconds")})
+    taken: list[SpectralReading] = []
+
+    def take(check: Check) -> SpectralReading:
+        reading = spotread_reading(Quantity.IRRADIANCE if ambient else Quantity.RADIANCE, number,
+                                   log, lambda text: print(plain(text), end="", file=sys.stderr,
+                                                           flush=True),
+                                   calibrated=bool(taken), transcript=log.path.name)
+        check((reading.instrument, reading.serial_number))
+        taken.append(reading)
+        return reading
+    with contextlib.closing(log):
+        yield take
+
+
+def _measure_all(spectra: Path, role: str, names: list[str], source: Source, repeat: int,
+                 calibrations: list[Calibration], wait: bool) -> list[SpectralReading]:
     """Take the readings that are still missing; those on disk are not taken again."""
     from spectrabox.capture.meter.calibration import makers_of, require_comparable
-    from spectrabox.capture.meter.measurement import take_reading, trusted_identity
     from spectrabox.capture.meter.measurement_files import (
         readings_folder,
         store_reading,
         stored_readings,
     )
     from spectrabox.capture.meter.measurement_targets import note_role
-    from spectrabox.capture.transcripts.replay import record
 
     stored = {name: stored_readings(readings_folder(spectra, name)) for name in names}
     have = {name: sum(reading.spectrum is not None for reading in stored[name]) for name in names}
@@ -190,22 +268,20 @@ def _measure_all(spectra: Path, role: str, names: list[str], port: str, instrume
         print(f"{names[0]} has its {repeat} readings already; --again starts a new series",
               file=sys.stderr)
         return taken
-    with record(spectra / "readings", instrument, wanted) as log, \
-            _instrument(instrument, port, log) as meter:
-        identity = trusted_identity(meter)
-        before = [*(reading for name in names for reading in stored[name]),
-                  *_white_readings(spectra, role)]
-        require_comparable([*makers_of(before), (identity.model, identity.serial_number)],
-                           calibrations, names[0] if role != "chart" else "the chart")
-        meter.settings(wanted)
+    before = makers_of([*(reading for name in names for reading in stored[name]),
+                        *_white_readings(spectra, role)])
+
+    def check(maker: Maker) -> None:
+        require_comparable([*before, maker], calibrations,
+                           names[0] if role != "chart" else "the chart")
+    with source(spectra / "readings") as take:
         for number, name in enumerate(missing, 1):
             if wait and not _ready(f"patch {number} of {len(missing)}, {name}"):
                 break
             for count in range(have[name], repeat):
-                reading = take_reading(meter, identity, transcript=log.path.name)
+                reading = take(check)
                 note_role(spectra, role, name)
                 store_reading(readings_folder(spectra, name), reading)
-                log.note("readings", str(len(taken) + 1))
                 taken.append(reading)
                 print(f"{name}, {_reading_line(count + 1, reading)}", file=sys.stderr, flush=True)
     return taken

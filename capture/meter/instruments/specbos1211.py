@@ -1,8 +1,9 @@
 """JETI specbos 1201 and 1211, and the CRS SpectroCAL, which is taken to be one of them.
 
 Sources: Argyll's specbos driver, a Python driver for the 1211, CRS and JETI scripts; they agree.
-Not checked on an instrument yet. ``*CONF`` settings last until the instrument is switched off;
-nothing is saved in it.
+Not checked on an instrument yet. ``*CONF`` settings cannot be read; they last until the instrument
+is switched off, or until it is told to take its own again, which one source does (Argyll). Nothing
+is saved in it.
 """
 from __future__ import annotations
 
@@ -33,6 +34,7 @@ EXPOSURE_S = 60.0
 SPECTRUM_S = 10.0
 MAX_BLOCKS = 6              # header, unit label and values, each closed by an empty line
 UNKNOWN_COMMAND = 4
+DEFAULTS = b"*CONF:DEFAULT\r"
 
 
 class Specbos1211(Instrument):
@@ -63,6 +65,7 @@ class Specbos1211(Instrument):
             commands += ["*CONF:CYCMOD 1", f"*CONF:CYCTIM {round(1e6 / wanted.sync_hz)}"]
         with suppress(RefusedError):  # a 1201 has no laser
             jeti.set_to(self, "*CONTR:LASER 0")
+        self.restore.append(DEFAULTS)
         for command in commands:
             jeti.set_to(self, command)
 
