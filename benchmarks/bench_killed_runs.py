@@ -26,9 +26,9 @@ RUN = ("--device", "cpu")
 
 def small_session(folder: Path) -> None:
     """The demo session with small photos, few steps and few draws."""
-    write_demo_session(folder, 1, size=(104, 156), spp=2)
+    write_demo_session(folder, 1, size=(208, 312), spp=4)
     text = (folder / "session.toml").read_text(encoding="utf-8")
-    text = text.replace("width = 96", "width = 24").replace("draws = 4000", "draws = 1000")
+    text = text.replace("width = 96", "width = 40").replace("draws = 4000", "draws = 1000")
     (folder / "session.toml").write_text(text, encoding="utf-8")
 
 

@@ -15,7 +15,8 @@ from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import fingerprint
 
 if TYPE_CHECKING:
-    from spectrabox.reconstruct.scene.scene_file import SceneFile
+    from spectrabox.reconstruct.rendering.llvm import llvm_name
+from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 Key = dict[str, Any]
 Files = Callable[..., dict[str, str]]       # names of files to their digests
@@ -45,7 +46,7 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
     chart_scene, scenes = (None, {}) if config.flat else _scenes(config, files)
     chart = chart_files(config) if config.views_with_chart else []
     curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
-    installed = versions(DECISIVE)
+    installed = versions(DECISIVE) | {"llvm": llvm_name()}
     code = stage_code({name: stage.module for name, stage in
                        stages_of(config.flat).items()})
 

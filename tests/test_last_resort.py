@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import sysconfig
 import time
 from pathlib import Path
@@ -110,6 +111,22 @@ def test_a_signal_that_is_ignored_stays_ignored():
     finally:
         signal.signal(signal.SIGHUP, before)
         signal.signal(signal.SIGTERM, terminate)
+
+
+STARTING = """
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+import drjit as dr
+mi = start_mitsuba("cpu")
+assert dr.all(dr.minimum(mi.Float([1.0, 2.0]), 1.5) == mi.Float([1.0, 1.5]))
+"""
+
+
+@pytest.mark.parametrize("home", [None, "/nowhere", "/proc"])
+def test_the_renderer_starts_without_a_home(home):
+    """Dr.Jit would abort the process: cron and systemd give no HOME."""
+    environment = {name: value for name, value in os.environ.items() if name != "HOME"}
+    environment |= {"PYTHONPATH": str(ROOT)} | ({} if home is None else {"HOME": home})
+    subprocess.run([sys.executable, "-c", STARTING], env=environment, check=True, timeout=60)
 
 
 def test_leaving_is_no_error():

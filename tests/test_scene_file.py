@@ -127,6 +127,10 @@ BROKEN = {
     "max_depth is 'deep'; a whole number is needed":
         "<scene><sensor type='perspective'/><emitter type='constant'/>"
         "<integrator type='path'><integer name='max_depth' value='deep'/></integrator></scene>",
+    "max_depth = 2000000000; 256 is the limit":
+        "<scene><sensor type='perspective'/><emitter type='constant'/>"
+        "<integrator type='path'><integer name='max_depth' value='2000000000'/></integrator>"
+        "</scene>",
     "holds its BSDF inside; move it out":
         "<scene><sensor type='perspective'/><emitter type='constant'/>"
         "<shape type='sphere' id='ball'>"

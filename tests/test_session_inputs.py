@@ -7,7 +7,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.keys import stage_keys
 from spectrabox.session.pipeline import run_stages, stage_states
-from spectrabox.session.stages import photo_stages
+from spectrabox.session.stages import inputs
 from spectrabox.session.store.input_files import InputFiles
 
 from tests.test_command_line import call
@@ -22,7 +22,7 @@ def run(folder, only=None):
 def test_results_of_a_photo_that_changed_while_it_was_read_are_refused(captured, monkeypatch,
                                                                       put_back):
     photo = captured / "photos" / "chart.dng"
-    right, read = photo.read_bytes(), photo_stages.read_photo
+    right, read = photo.read_bytes(), inputs.read_photo
 
     def read_another(config, files):
         photo.write_bytes(right[:-1] + bytes([right[-1] ^ 1]))
@@ -32,7 +32,7 @@ def test_results_of_a_photo_that_changed_while_it_was_read_are_refused(captured,
             if put_back:
                 photo.write_bytes(right)
 
-    monkeypatch.setattr(photo_stages, "read_photo", read_another)
+    monkeypatch.setattr(inputs, "read_photo", read_another)
     with pytest.raises(InputError, match=r"photos/chart\.dng was changed or replaced while"):
         run(captured)
     photo.write_bytes(right)
@@ -73,3 +73,13 @@ def test_both_files_of_a_spectral_library_are_inputs(captured):
     values[0] ^= 1
     light.with_suffix(".sli").write_bytes(values)
     assert stage_keys(config, InputFiles(config))["calibrate"] != before
+
+
+def test_another_llvm_makes_what_it_rendered_stale(captured, monkeypatch):
+    config = read_session(captured)
+    before = stage_keys(config, InputFiles(config))
+    (captured / "libLLVM-19.so.1").write_bytes(b"another")
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(captured / "libLLVM-19.so.1"))
+    after = stage_keys(config, InputFiles(config))
+    assert after["reconstruct"]["versions"]["llvm"] == "libLLVM-19.so.1, 7 bytes"
+    assert all(before[stage] != after[stage] for stage in before)

@@ -7,7 +7,10 @@ environment is being set up (``python -m spectrabox.reconstruct.rendering.llvm``
 """
 from __future__ import annotations
 
+import atexit
+import contextlib
 import ctypes
+import functools
 import importlib.metadata
 import os
 import re
@@ -15,6 +18,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem
@@ -60,17 +64,31 @@ def llvm_version(library: Path) -> int | None:
     return parts[0].value
 
 
+def llvm_name() -> str:
+    """Name and size of the libLLVM that would be chosen by its name, which none is loaded for."""
+    named = [(int(found[1]), file) for file in _candidates()
+             if (found := re.search(r"libLLVM[-.a-z]*(\d+)", file.name)) is not None]
+    if not named:
+        return "none"
+    _, file = max(named)
+    return f"{file.name}, {file.stat().st_size} bytes"
+
+
+def _candidates() -> set[Path]:
+    chosen = os.environ.get(VARIABLE)
+    candidates = [Path(chosen)] if chosen else [file for folder, pattern in PATTERNS
+                                                for file in folder.glob(pattern)]
+    return {file.resolve() for file in candidates if file.is_file()}
+
+
 def find_llvm() -> tuple[Path, int] | None:
     """The newest usable libLLVM of this machine with its major version, or None.
 
     An operator's own choice, in the environment variable, counts alone.
     """
     _preload_companions()
-    chosen = os.environ.get(VARIABLE)
-    candidates = [Path(chosen)] if chosen else [file for folder, pattern in PATTERNS
-                                                for file in folder.glob(pattern)]
-    unique = {file.resolve() for file in candidates if file.is_file()}
-    versions = [(version, file) for file in unique if (version := llvm_version(file)) is not None]
+    versions = [(version, file) for file in _candidates()
+                if (version := llvm_version(file)) is not None]
     usable = [(version, file) for version, file in versions if version >= oldest_usable()]
     if not usable:
         return None
@@ -94,6 +112,39 @@ def ensure_llvm() -> tuple[Path, int]:
         raise EnvironmentProblem(f"{what}: version {oldest_usable()} or newer is needed; {ADVICE}")
     os.environ[VARIABLE] = str(found[0])
     return found
+
+
+@contextlib.contextmanager
+def writable_home() -> Iterator[None]:
+    """A HOME for the start of Dr.Jit, which keeps its compiled kernels there and aborts where it
+    cannot: the user's home folder, or one that vanishes with this process.
+
+    Cron and systemd start commands without HOME.
+    """
+    before = os.environ.get("HOME")
+    os.environ["HOME"] = str(_home_for_kernels(before))
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["HOME"]
+        else:
+            os.environ["HOME"] = before
+
+
+@functools.cache
+def _home_for_kernels(home: str | None) -> Path:
+    candidates = [Path(home)] if home else []
+    with contextlib.suppress(RuntimeError):     # no such user
+        candidates.append(Path.home())
+    for folder in candidates:
+        with contextlib.suppress(OSError):
+            (folder / ".drjit").mkdir(exist_ok=True)
+            if os.access(folder / ".drjit", os.W_OK | os.X_OK):
+                return folder
+    scratch = tempfile.mkdtemp(prefix="spectrabox-")
+    atexit.register(shutil.rmtree, scratch, ignore_errors=True)
+    return Path(scratch)
 
 
 def fetch_llvm(folder: Path = ENVIRONMENT_FOLDER) -> None:

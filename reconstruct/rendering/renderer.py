@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.reconstruct.rendering.llvm import ensure_llvm
+from spectrabox.reconstruct.rendering.llvm import ensure_llvm, writable_home
 
 CPU_VARIANT, GPU_VARIANT = "llvm_ad_spectral", "cuda_ad_spectral"
 
@@ -33,6 +33,11 @@ def start_mitsuba(device: str = "auto") -> ModuleType:
     """
     if device != "cuda":
         ensure_llvm()  # before drjit is imported: it reads the variable once
+    with writable_home():
+        return _started(device)
+
+
+def _started(device: str) -> ModuleType:
     import drjit as dr
     import mitsuba as mi
 

@@ -16,6 +16,8 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.light_profile import read_profile
 
+MAX_DEPTH = 256         # reflections along a path; white walls leave 1e-6 of the light
+MAX_SIDE = 100_000      # pixels of a film
 EMITTED = {"area": "radiance", "constant": "radiance", "point": "intensity", "spot": "intensity",
            "directional": "irradiance", "projector": "irradiance", "directionalarea": "radiance"}
 # its picture gives the radiance by direction; its colours are Mitsuba's, not the light's
@@ -81,6 +83,12 @@ def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
             raise InputError(f"{path.name}: emitter type {light.get('type')!r} is not supported; "
                              f"use one of {', '.join((*EMITTED, SKY_MAP))}")
     depth = _integer(integrator, "max_depth", defaults, 8, path)
+    if depth > MAX_DEPTH:
+        raise InputError(f"{path.name} states max_depth = {depth}; {MAX_DEPTH} is the limit, "
+                         "beyond which no light of a scene counts")
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
+        raise InputError(f"{path.name} states a film of {width} x {height} pixels; 1 to {MAX_SIDE} "
+                         "along each side is possible")
     return SceneFile(path, root, width, height, depth if depth > 0 else 12,
                      tuple(node.get("id", "") for node in root.findall("bsdf")),
                      _surfaces(root, path), tuple(light_id(root, node) for node in lights), files,

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.outside.words import plain
 from spectrabox.reconstruct.scene.scene_file import (
     EMITTED,
     PROFILE,
@@ -93,7 +94,7 @@ def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float,
     """
     root = ET.Element("scene", version="3.0.0")
     for identity, values in reflectances.items():
-        node = ET.SubElement(root, "bsdf", type="diffuse", id=identity)
+        node = ET.SubElement(root, "bsdf", type="diffuse", id=plain(identity))
         node.append(_regular("reflectance", values, range_nm))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"

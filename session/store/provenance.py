@@ -6,6 +6,8 @@ import importlib.metadata
 import platform
 from typing import Any
 
+from spectrabox.reconstruct.rendering.llvm import llvm_name
+
 PACKAGES = ("spectrabox", "numpy", "scipy", "mitsuba", "drjit", "rawpy",
             "opencv-contrib-python-headless", "colour-science", "OpenImageIO", "exifread")
 DECISIVE = ("spectrabox", "mitsuba", "drjit", "rawpy", "scipy", "opencv-contrib-python-headless")
@@ -26,8 +28,8 @@ def provenance(command: list[str], seed: int, device: str) -> dict[str, Any]:
     device : str
         Where Mitsuba rendered.
     """
-    return {"versions": versions() | {"python": platform.python_version()}, "command": command,
-            "seed": seed,
+    more = {"python": platform.python_version(), "llvm": llvm_name()}
+    return {"versions": versions() | more, "command": command, "seed": seed,
             "device": device, "machine": platform.machine(), "system": platform.system(),
             "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")}
 

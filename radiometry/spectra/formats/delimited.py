@@ -15,8 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.outside.words import cell, from_cell, plain
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.table import SpectralTable, number, text_of
+
+MAX_COLUMNS = 20_000        # spectra in one file
 
 
 def read_delimited(content: bytes, path: Path, wavelength_column: int = 1) -> SpectralTable:
@@ -40,7 +43,7 @@ def read_delimited(content: bytes, path: Path, wavelength_column: int = 1) -> Sp
     others = [index for index in range(len(header)) if index != wavelength_column - 1]
     values = np.array([[row[index] if index < len(row) else np.nan for row in numbers]
                        for index in others])
-    return SpectralTable(nm, tuple(header[index].strip() for index in others),
+    return SpectralTable(nm, tuple(from_cell(header[index].strip()) for index in others),
                          values.reshape(len(others), nm.size), facts,
                          path.name)
 
@@ -60,7 +63,7 @@ def table_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quan
         Stored in the file.
     """
     lines = [f"# quantity: {quantity.name.lower()}", f"# unit: {quantity.value}",
-             f"# source: {' '.join(source.split())}",
+             f"# source: {plain(' '.join(source.split()))}",
              ",".join(["wavelength_nm", *(_cell(name) for name in columns)])]
     lines += [",".join([f"{wavelength:.9g}", *(f"{values[i]:.9g}" for values in columns.values())])
               for i, wavelength in enumerate(nm)]
@@ -68,7 +71,7 @@ def table_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quan
 
 
 def _cell(name: str) -> str:
-    name = " ".join(name.split())
+    name = cell(name)
     return '"' + name.replace('"', '""') + '"' if any(mark in name for mark in ',;"#') else name
 
 
@@ -84,6 +87,10 @@ def _split_rows(text: str, name: str) -> tuple[dict[str, str], list[list[str]]]:
             body.append(line)
     if not body:
         raise InputError(f"{name} is empty; a text file of spectra is needed")
+    if (widest := max(line.count(",") + line.count(";") + line.count("\t")
+                      for line in body)) > MAX_COLUMNS:
+        raise InputError(f"{name} has lines of {widest + 1} columns; {MAX_COLUMNS} is the limit: "
+                         "give one row for each wavelength, and split the file")
     delimiter = max(";\t,", key=lambda mark: sum(mark in line for line in body)
                     * (2 if mark != "," else 1))
     if not any(delimiter in line for line in body):

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.outside.words import plain
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.table import SpectralTable, number, text_of
 
@@ -84,7 +85,7 @@ def spdx_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quant
     """
     lines = ['<?xml version="1.0" encoding="UTF-8"?>',
              f'<IESTM2714 xmlns="{NAMESPACE}" version="1.0">', "  <Header>", "    "
-             f"<Description>{escape(' '.join(source.split()), quote=False)}</Description>",
+             f"<Description>{escape(plain(' '.join(source.split())), quote=False)}</Description>",
              "    <DocumentCreator>spectrabox</DocumentCreator>", "  </Header>"]
     for values in columns.values():
         lines += ["  <SpectralDistribution>", "    "
