@@ -4,6 +4,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from spectrabox.fixtures.demo_session import write_demo_session
+from spectrabox.fixtures.flat_demo import write_flat_demo
 from spectrabox.session.config.session_schema import FILE_NAME
 from spectrabox.session.config.template import write_schema
 from spectrabox.session.progress_display import progress_display
@@ -19,3 +20,10 @@ def make_demo(folder: Path, seed: int) -> None:
                                                                         message))
         write_schema(folder)
         progress("capture", 1.0, "synthetic photos, spectra and scenes written")
+
+
+def make_flat_demo(folder: Path, seed: int) -> None:
+    """Write the synthetic painting with its chart into ``folder``, unless it is there already."""
+    if not (folder / FILE_NAME).exists():
+        write_flat_demo(folder, seed)
+        write_schema(folder)

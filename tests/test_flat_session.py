@@ -268,3 +268,26 @@ def test_a_warmer_lamp_over_the_samples_is_seen_on_a_white_card(flat_session):
         HEAD + regions_toml(known=("white_wall",)), encoding="utf-8")
     with pytest.raises(SpectraboxError, match="photographed under different light"):
         run(flat_session)
+
+
+def test_the_demo_finds_the_paints_of_a_painting_under_an_unknown_lamp(tmp_path):
+    from spectrabox.fixtures.flat_demo import PHOTO_SIZE, write_flat_demo
+    from spectrabox.fixtures.pigments import PIGMENTS
+    size = tuple(side // 2 for side in PHOTO_SIZE)
+    write_flat_demo(tmp_path / "demo", 1, size=size)
+    stored = run(tmp_path / "demo").stored
+    config = read_session(tmp_path / "demo")
+    off, inside = [], []
+    for name, section in config.regions.items():
+        if section.known is None:
+            _, summary = samples_of(stored, name)
+            pigment = PIGMENTS[_pigment_of(name)]
+            truth = np.interp(summary.grid.nm, NM, pigment)
+            off.append(np.sqrt(np.mean((summary.mean - truth) ** 2)))
+            inside.append(np.mean((summary.lower <= truth) & (truth <= summary.upper)))
+    assert np.mean(off) < 0.04 and np.mean(inside) > 0.9
+
+
+def _pigment_of(name):
+    from spectrabox.fixtures.flat_demo import REGIONS
+    return REGIONS[name][0]

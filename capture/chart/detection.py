@@ -51,7 +51,7 @@ DARK_BAND = 0.02
 BRIGHT_PERCENTILE = 99
 MIN_GAPS = 6                             # of 38
 MIN_OUTLINED = 0.5                       # of the patches, to fit a chart to their outlines
-OVERLAY_SIDE = 1600                      # px
+OVERLAY_SIDE = 1400                      # px, what a report shows
 KINDS = {(4, 6): cv2.mcc.MCC24, (10, 14): cv2.mcc.SG140}     # rows and columns that OpenCV knows
 
 

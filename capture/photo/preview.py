@@ -11,7 +11,7 @@ TABLE_SIZE = 65536
 SAMPLES = 500_000  # enough to find a percentile
 
 
-def preview_rgb8(image: LinearImage) -> np.ndarray:
+def preview_rgb8(image: LinearImage, factor: int = 1) -> np.ndarray:
     """Picture (H, W, 3) uint8, sRGB-encoded, each band scaled to its own brightest parts.
 
     The scaling removes the green cast of camera signal and lifts underexposed photos; colours are
@@ -20,16 +20,29 @@ def preview_rgb8(image: LinearImage) -> np.ndarray:
     Parameters
     ----------
     image : LinearImage
+    factor : int
+        By which the picture is smaller: each of its pixels is the mean of so many squared; rows and
+        columns that fill none are left out.
     """
     bands = image.signal.shape[2]
     shown = (0, bands // 2, bands - 1)
     stride = max(1, int(np.sqrt(image.signal[..., 0].size / SAMPLES)))
-    picture = np.empty((*image.signal.shape[:2], 3), np.uint8)
+    height, width = (size // factor for size in image.signal.shape[:2])
+    picture = np.empty((height, width, 3), np.uint8)
     for channel, band in enumerate(shown):
         plane = image.signal[..., band]
         white = max(float(np.percentile(plane[::stride, ::stride], WHITE_PERCENTILE)), MIN_WHITE)
-        picture[..., channel] = _encoded(plane, white)
+        picture[..., channel] = _encoded(_reduced(plane, factor), white)
     return picture
+
+
+def _reduced(plane: np.ndarray, factor: int) -> np.ndarray:
+    """Means of squares of ``factor`` pixels a side."""
+    if factor == 1:
+        return plane
+    height, width = (size // factor for size in plane.shape)
+    whole = plane[:height * factor, :width * factor]
+    return np.asarray(whole.reshape(height, factor, width, factor).mean(axis=(1, 3)))
 
 
 def _encoded(plane: np.ndarray, white: float) -> np.ndarray:

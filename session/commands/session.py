@@ -28,15 +28,18 @@ def register(app: typer.Typer) -> None:
         app.command()(function)
 
 
-def demo(folder: Annotated[Path, typer.Argument(
-             metavar="[DIR]", help="Where to write it.")] = Path("demo-session"),
+def demo(folder: Annotated[Path | None, typer.Argument(
+             metavar="[DIR]", help="Where to write it: demo-session, or demo-flat.")] = None,
+         flat: Annotated[bool, typer.Option("--flat", help="A painting with a chart in one photo, "
+                                            "without a scene.")] = False,
          seed: Annotated[int, typer.Option(help="Of the synthetic photos.")] = 1,
          device: Device = "auto", as_json: Json = False, debug: Debug = False) -> None:
     """Make a synthetic capture session with known truth, run it, write its report."""
     with command(as_json, debug):
         check_device(device)
-        from spectrabox.session.demo import make_demo
-        make_demo(folder, seed)
+        from spectrabox.session.demo import make_demo, make_flat_demo
+        folder = folder or Path("demo-flat" if flat else "demo-session")
+        (make_flat_demo if flat else make_demo)(folder, seed)
         execute(folder, only=None, force=False, device=device, allow_outside=False, as_json=as_json)
 
 

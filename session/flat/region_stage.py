@@ -18,7 +18,7 @@ from spectrabox.session.config.session_schema import (
 )
 from spectrabox.session.stages.stage_task import StageTask
 
-PREVIEW_WIDTH = 1200         # pixels of the picture in the report
+PREVIEW_WIDTH = 800          # pixels of the picture in the report, at most
 THUMBNAIL_WIDTH = 96         # of what is kept as numbers, for exposure, clipping and mean signal
 UNEVEN = 0.05                # scatter of pixels beyond noise, relative, above which to say so
 
@@ -58,9 +58,8 @@ def measure_regions(task: StageTask) -> dict[str, Any]:
         records[view.record("regions")] = samples
         records[view.record("photo")] = bin_image(
             photo, THUMBNAIL_WIDTH, max(round(THUMBNAIL_WIDTH * height / width), 1))
-        small = bin_image(photo, PREVIEW_WIDTH, round(PREVIEW_WIDTH * height / width)) \
-            if width > PREVIEW_WIDTH else photo
-        write_png(task.folder / f"{view.record('preview')}.png", preview_rgb8(small))
+        write_png(task.folder / f"{view.record('preview')}.png",
+                  preview_rgb8(photo, -(-width // PREVIEW_WIDTH)))
         records["notes"] += notes
     return records
 

@@ -32,12 +32,11 @@ from spectrabox.session.stages.stored_records import (
     photo_of,
     reference_signals,
 )
-from spectrabox.session.stages.stray_light import GLARE
 
 SAME = 1e-9             # relative: responses closer than this are one
 GUESSED = 0.01          # of white: error of the signals whose spectra the errors are evaluated at
 NOISE, MODEL, COLOUR = "photo noise", "photo and model disagree", "drift of the light's colour"
-CURVES, SPECTRUM = "sensitivities", "light spectrum"
+CURVES, SPECTRUM, GLARE = "sensitivities", "light spectrum", "veiling glare"
 
 
 def find_signals(task: StageTask) -> dict[str, Any]:

@@ -197,10 +197,15 @@ def far_notes(found: PhotoWhite) -> tuple[str, ...]:
     """Regions on which the light is known badly, because they lie far from the chart."""
     bands = found.glare.size
     errors = np.sqrt(np.diag(found.covariance)[2 * bands:2 * bands + len(found.samples.names)])
-    return tuple(f"region {name!r} lies far from the chart: the light upon it is known to "
-                 f"{error:.0%} only; put the chart beside it, or a white card of known spectrum, "
-                 "or photograph a white card in the samples' place as flat field"
-                 for name, error in zip(found.samples.names, errors, strict=True) if error > FAR)
+    far = {name: error for name, error in zip(found.samples.names, errors, strict=True)
+           if error > FAR}
+    if not far:
+        return ()
+    names = ", ".join(repr(name) for name in far)
+    return (f"region{'s' * (len(far) > 1)} {names}: far from the chart the "
+            f"light is known to {max(far.values()):.0%} only; put the chart beside, or a white "
+            "card of known spectrum, or photograph a white card in the samples' place as flat "
+            "field",)
 
 
 def _light_at(task: StageTask, view: ViewInputs, chart_view: ViewInputs,

@@ -17,7 +17,7 @@ from spectrabox.session.report.verdict import (
 )
 from spectrabox.session.report.words import percent
 
-LIGHT_LIMITS = (0.03, 0.15)             # relative error of the light on a region
+LIGHT_LIMITS = (0.05, 0.15)             # relative error of the light on a region
 CLIPPED_LIMITS = (0.05, float("inf"))   # of the photo; regions and chart are refused where clipped
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.capture.chart.detection import chart_overlay, find_chart
-from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.capture.chart.patches import require_unclipped
 from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.chart.reference_region import region_signals
 from spectrabox.capture.photo.binning import bin_image
@@ -60,10 +60,10 @@ def _find_and_sample_chart(task: StageTask, view: ViewInputs) -> dict[str, Any]:
                                        power_of(read_light(config, view.light)))
     chart = session_chart(config)
     detection = find_chart(photo, reference, chart_corners(config, view), chart)
-    samples = sample_patches(photo, detection)
-    require_unclipped(samples, chart.names, name)
     verdict = judge_chart(photo, detection, reference, chart,
                           light_explained=config.chart.scene is not None)
+    samples = verdict.samples
+    require_unclipped(samples, chart.names, name)
     notes = (*notes, *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))
     write_png(task.folder / f"{view.record('overlay')}.png", chart_overlay(photo, detection))
     height, width = photo.signal.shape[:2]
