@@ -289,6 +289,7 @@ def write_png(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
         If the file cannot be written.
     """
     spec = oiio.ImageSpec(rgb8.shape[1], rgb8.shape[0], rgb8.shape[2], oiio.UINT8)
+    spec.attribute("png:compressionLevel", 4)   # of 9: a third of the time of 6, 7 % larger
     _write(Path(path), np.ascontiguousarray(rgb8, dtype=np.uint8), spec)
 
 
