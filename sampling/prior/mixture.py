@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Annotated
 
@@ -158,7 +159,16 @@ def load_prior(path: Path | None = None) -> LogitMixture:
     InputError
         If the file is missing, damaged, holds something else, or was made for other wavelengths.
     """
-    path = path or SHIPPED
+    return _shipped() if path is None else _loaded(path)
+
+
+@cache
+def _shipped() -> LogitMixture:
+    """The prior that ships with the project, read and checked once in a process."""
+    return _loaded(SHIPPED)
+
+
+def _loaded(path: Path) -> LogitMixture:
     try:
         with opened_npz(path) as stored:
             if "format" not in stored or str(stored["format"]) != FORMAT:
