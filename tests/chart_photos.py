@@ -75,11 +75,11 @@ def true_reflectances(chart: Chart, seed: int = 0) -> np.ndarray:
     return paints[:, (GRID.nm[0] <= NM) & (GRID.nm[-1] >= NM)]
 
 
-def photograph(printed: Printed, signals: np.ndarray, corners_px: np.ndarray,
-               seed: int = 0) -> LinearImage:
+def photograph(printed: Printed, signals: np.ndarray, corners_px: np.ndarray, seed: int = 0,
+               background: float | np.ndarray = 0.3) -> LinearImage:
     """A linear photo of a chart with these signals (I, K), light falling off by a quarter stop."""
     scene = card_scene(HEIGHT, WIDTH, signals, corners_px, printed.left, printed.top, printed.side,
-                       border=0.1 * printed.extent[1], gradient_stops=0.25)
+                       border=0.1 * printed.extent[1], background=background, gradient_stops=0.25)
     return noisy(scene, seed)
 
 

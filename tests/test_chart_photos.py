@@ -197,3 +197,21 @@ def test_a_chart_that_needs_a_reference_asks_for_it(written):
     ran = call("chart", folder / "photo.exr", "--chart-layout", "SpyderCheckr 24", "--corners",
                corners, "--json")
     assert ran.exit_code == 3 and "measure its 24 patches" in json.loads(ran.stdout)["error"]
+
+
+def test_flat_takes_a_layout_of_ones_own(written):
+    folder, _, truth = written
+    printed = PRINTED["three rows of five"]
+    corners_px = printed.corners(height=360)
+    grey = 0.4 * camera_signals(np.ones((1, GRID.nm.size)))[0]
+    write_developed(folder / "flat.exr", photograph(printed, truth, corners_px, background=grey))
+    ran = call("flat", folder / "flat.exr", "--region", "table=10,100,60,150", "--light", "A",
+               "--chart-layout", folder / "chart.toml", "--corners",
+               ",".join(f"{value:.1f}" for value in corners_px.ravel()),
+               "--session", folder / "session", "--json")
+    assert ran.exit_code == 0, ran.stdout
+    # The table reflects 0.4; its light, 8 % weaker than on the chart, is told to a few per cent.
+    signal = json.loads(ran.stdout)["regions"][0]["signal"]
+    np.testing.assert_allclose(signal, 0.4, rtol=0.03)
+    assert {path.name for path in (folder / "session" / "spectra").iterdir()} == {"chart.toml",
+                                                                                 "spectra.csv"}

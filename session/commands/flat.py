@@ -8,10 +8,10 @@ from typing import Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.command_line import Debug, Json, answer, command
+from spectrabox.session.command_line import ChartLayout, Debug, Json, answer, command
 
 Photo = Annotated[Path, typer.Argument(
-    metavar="PHOTO", help="The samples, with a ColorChecker among them: camera raw or linear file.",
+    metavar="PHOTO", help="The samples, with a colour chart among them: camera raw or linear file.",
     show_default=False)]
 Regions = Annotated[list[str] | None, typer.Option(
     "--region", help="NAME=x0,y0,x1,y1: two opposite corners in pixels of the photo; may be "
@@ -21,8 +21,11 @@ Light = Annotated[str, typer.Option(
 ChartPhoto = Annotated[Path | None, typer.Option(
     "--chart", help="Photo of the chart in the samples' place, where they do not show it.")]
 Corners = Annotated[str | None, typer.Option(
-    help="Outer corners of the chart where it is not found: eight numbers x,y,... at dark skin, "
-    "bluish green, black and white.")]
+    help="Corners of the chart where it is not found: eight numbers x,y,..., of a ColorChecker the "
+    "outer corners of the patches at dark skin, bluish green, black and white.")]
+Reference = Annotated[str | None, typer.Option(
+    metavar="NAME|FILE", show_default=False, help="Chart reflectances: a published average, or a "
+    "file you measured; by default the layout's own.")]
 WhiteCard = Annotated[str | None, typer.Option(
     help="x0,y0,x1,y1=FILE: a region of known reflectance, or a number in place of the file.")]
 FlatField = Annotated[Path | None, typer.Option(
@@ -42,10 +45,11 @@ def register(app: typer.Typer) -> None:
 
 
 def flat(photo: Photo, region: Regions = None, light: Light = "unknown", chart: ChartPhoto = None,
-         corners: Corners = None, white_card: WhiteCard = None, flat_field: FlatField = None,
+         corners: Corners = None, layout: ChartLayout = "", reference: Reference = None,
+         white_card: WhiteCard = None, flat_field: FlatField = None,
          family: Family = None, truth: Truth = None, session: Session = None,
          as_json: Json = False, debug: Debug = False) -> None:
-    """Spectra of regions of a photo that shows a ColorChecker, without a scene."""
+    """Spectra of regions of a photo that shows a colour chart, without a scene."""
     start = time.perf_counter()
     with command(as_json, debug):
         if not region:
@@ -69,7 +73,7 @@ def flat(photo: Photo, region: Regions = None, light: Light = "unknown", chart: 
         px = None if corners is None else _numbers(corners, 8, "--corners")
         order = FlatOrder(photo, regions, light, chart, flat_field,
                           None if px is None else [px[at:at + 2] for at in range(0, 8, 2)],
-                          families, known, truths)
+                          families, known, truths, layout, reference)
         with session_of(order, session) as folder:
             facts, text = _run(folder)
         facts["seconds"] = round(time.perf_counter() - start, 3)

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from spectrabox.radiometry.charts.layouts import chart_layout, is_layout_file
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file, sha256_of, writable, write_text_whole
 from spectrabox.radiometry.outside.names import file_stem
@@ -39,6 +40,8 @@ class FlatOrder:
     families: Mapping[str, Sequence[str]] = field(default_factory=dict)
     known: Mapping[str, str] = field(default_factory=dict)      # file or number, by region
     truths: Mapping[str, str] = field(default_factory=dict)
+    layout: str = ""                            # of the chart: a name or a file
+    reference: str | None = None                # its reflectances: a name or a file
 
 
 @contextlib.contextmanager
@@ -101,8 +104,8 @@ def _write(order: FlatOrder, folder: Path) -> None:
              f"name = {_quoted(order.photo.stem)}", "", "[photos]",
              *(f"{key} = {_quoted(name)}" for key, name in photos.items()), "", "[light]",
              f"spectrum = {_quoted(light)}", ""]
-    if order.corners_px is not None:
-        lines += ["[chart]", f"corners_px = {json.dumps([list(c) for c in order.corners_px])}", ""]
+    if chart := _chart(order, folder):
+        lines += ["[chart]", *(f"{key} = {value}" for key, value in chart.items()), ""]
     for name, rect in order.regions.items():
         lines += [f"[regions.{_quoted(name)}]", f"rect = {json.dumps(list(rect))}"]
         if name in order.known:
@@ -116,6 +119,24 @@ def _write(order: FlatOrder, folder: Path) -> None:
     write_text_whole(folder / FILE_NAME, f"{body}{MARK}{_digest(body)}\n")
     if not (folder / SCHEMA_NAME).exists():
         write_schema(folder)
+
+
+def _chart(order: FlatOrder, folder: Path) -> dict[str, str]:
+    """What [chart] says, value by key; files are copied into the session."""
+    said, reference = {}, order.reference
+    if order.layout:
+        layout = chart_layout(order.layout)
+        by_file = is_layout_file(order.layout)
+        name = _copied(Path(order.layout), folder, "spectra") if by_file else layout.name
+        said["layout"] = _quoted(name)
+        if reference is None and layout.reference_file is not None:
+            reference = str(layout.reference_file)
+    if reference is not None:
+        said["reference"] = _quoted(_copied(Path(reference), folder, "spectra")
+                                    if names_a_file(reference) else reference)
+    if order.corners_px is not None:
+        said["corners_px"] = json.dumps([list(corner) for corner in order.corners_px])
+    return said
 
 
 def _copied(path: Path, folder: Path, part: str) -> str:
