@@ -28,10 +28,11 @@ from spectrabox.sampling.polytope.tilted_rejection import noise_columns
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior, reflectance
 from spectrabox.sampling.prior.posterior import (
     LEVEL,
-    MISFIT,
     MixturePosterior,
+    allowed_misfit,
     band_factors,
     posterior,
+    unlikeness,
     with_floor,
 )
 from spectrabox.sampling.prior.smoothness import smoothness_prior
@@ -128,11 +129,11 @@ def prior_spectra(measurement: SpectralMeasurement, draws: int, seed: int,
     relative_response = response_on(measurement, GRID)
     outcome, method = Outcome.FAMILIAR, "learnt prior"
     mixture = _posterior(prior, relative_response, measurement)
-    if mixture.surprise[0] > prior.familiar_surprise \
-            or mixture.misfit[0] > allowed_misfit(measurement):
+    allowed = float(allowed_misfit(measurement.noise_covariance))
+    if unlikeness(prior, mixture, measurement.noise_covariance)[0] > 1:
         prior, outcome, method = smoothness_prior(), Outcome.UNFAMILIAR, "smoothness prior"
         mixture = _posterior(prior, relative_response, measurement)
-        if mixture.misfit[0] > allowed_misfit(measurement):
+        if mixture.misfit[0] > allowed:
             operator = MeasurementOperator(relative_response, measurement.signal,
                                            measurement.noise_covariance)
             outcome = Outcome.TOO_ROUGH if is_reachable(operator) else Outcome.OUT_OF_REACH
@@ -152,13 +153,6 @@ def family_shares(prior: LogitMixture, measurement: SpectralMeasurement) -> dict
     """Shares of the families of surfaces that a signal allows, by name."""
     mixture = _posterior(prior, response_on(measurement, GRID), measurement)
     return dict(zip(prior.families, prior.shares(mixture.weights)[0].tolist(), strict=True))
-
-
-def allowed_misfit(measurement: SpectralMeasurement) -> float:
-    """Distance of signal and fit beyond which a prior does not explain the signal: 0.5 % of white,
-    or 4 sigma.
-    """
-    return max(MISFIT, 4 * float(np.sqrt(np.diag(measurement.noise_covariance).max())))
 
 
 def _posterior(prior: LogitMixture, relative_response: np.ndarray,

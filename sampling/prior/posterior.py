@@ -233,6 +233,30 @@ def widened(mean: np.ndarray, lower: np.ndarray, upper: np.ndarray,
             np.clip(mean + factor * (upper - mean), 0, 1))
 
 
+def unlikeness(prior: LogitMixture, mixture: MixturePosterior,
+               covariance: np.ndarray) -> np.ndarray:
+    """How unlike what the prior knows signals (T,) are; beyond 1 it does not explain them.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    mixture : MixturePosterior
+        Of the signals.
+    covariance : (T, K, K) or (K, K) array
+        Of the signals' noise.
+    """
+    return np.maximum(mixture.surprise / prior.familiar_surprise,
+                      mixture.misfit / allowed_misfit(covariance))
+
+
+def allowed_misfit(covariance: np.ndarray) -> np.ndarray:
+    """Distance of signal and fit beyond which a prior does not explain the signal: 0.5 % of white,
+    or 4 sigma of the noise (..., K, K).
+    """
+    largest = np.diagonal(covariance, axis1=-2, axis2=-1).max(axis=-1)
+    return np.maximum(MISFIT, 4 * np.sqrt(largest))
+
+
 def band_factors(prior: LogitMixture, mixture: MixturePosterior, level: float) -> np.ndarray:
     """Factors (T, P) by which central bands are widened: the families', by share, for the width."""
     return width_factors(prior, mean_and_spread(mixture)[1]) \

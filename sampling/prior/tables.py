@@ -24,6 +24,7 @@ from spectrabox.sampling.prior.mixture import GRID, LogitMixture
 from spectrabox.sampling.prior.posterior import (
     mean_and_spread,
     posterior,
+    unlikeness,
 )
 
 SIDE = 25                   # odd, so that grey is on the lattice
@@ -34,14 +35,25 @@ MAX_SIGNAL = 1.0
 CORNERS = np.array(list(product((0, 1), repeat=3)))
 
 Progress = Callable[[float], None]      # share that is done
+Errors = Callable[[np.ndarray], np.ndarray]     # signals (n, K) to covariances (n, K, K)
+
+
+@dataclass(frozen=True)
+class Uplifted:
+    """What n signals say by themselves."""
+
+    mean: np.ndarray                # (n, 61)
+    standard_deviation: np.ndarray  # (n, 61)
+    unlikeness: np.ndarray          # (n,) beyond 1 the prior does not explain the signal
 
 
 @dataclass(frozen=True)
 class UpliftTable:
-    """Mean and standard deviation (L, 61) at L points of the lattice."""
+    """Mean and standard deviation (L, 61), and unlikeness (L,), at L points of the lattice."""
 
     mean: np.ndarray
     standard_deviation: np.ndarray
+    unlikeness: np.ndarray
     row: np.ndarray             # (side, side, side) of each point, -1 where it was left out
     relative_response: np.ndarray
 
@@ -51,8 +63,8 @@ class UpliftTable:
         return len(self.row)
 
 
-def build_table(prior: LogitMixture, relative_response: np.ndarray, noise: float = 0.01,
-                side: int = SIDE, wanted: np.ndarray | None = None,
+def build_table(prior: LogitMixture, relative_response: np.ndarray,
+                noise: float | Errors = 0.01, side: int = SIDE, wanted: np.ndarray | None = None,
                 progress: Progress = lambda share: None) -> UpliftTable:
     """The posterior of three-band signals on a lattice, 1000 to 2000 points a second.
 
@@ -61,8 +73,8 @@ def build_table(prior: LogitMixture, relative_response: np.ndarray, noise: float
     prior : LogitMixture
     relative_response : (3, 61) array
         Rows summing to 1.
-    noise : float
-        Relative standard error of the signals.
+    noise : float, or function from signals to their covariances
+        A number is the relative standard error of every band.
     side : int
         Points of the lattice along each axis, odd.
     wanted : (side, side, side) bool array, optional
@@ -80,10 +92,12 @@ def build_table(prior: LogitMixture, relative_response: np.ndarray, noise: float
     wanted = np.ones((side,) * 3, dtype=bool) if wanted is None else wanted
     # Where a band is brighter than white, neighbours have the same signal.
     signals, same = np.unique(lattice(side)[wanted], axis=0, return_inverse=True)
-    mean, spread = uplift_directly(prior, relative_response, signals, noise, progress)
+    covariance = noise(signals) if callable(noise) else relative_errors(signals, noise)
+    made = uplift_signals(prior, relative_response, signals, covariance, progress)
     row = np.full(wanted.shape, -1, dtype=np.int32)
     row[wanted] = same.ravel()
-    return UpliftTable(mean.astype(np.float32), spread.astype(np.float32), row, relative_response)
+    return UpliftTable(made.mean.astype(np.float32), made.standard_deviation.astype(np.float32),
+                       made.unlikeness.astype(np.float32), row, relative_response)
 
 
 def lattice(side: int) -> np.ndarray:
@@ -112,22 +126,50 @@ def uplift_directly(prior: LogitMixture, relative_response: np.ndarray, signals:
         Relative standard error of the signals.
     progress : function of the share that is done
     """
+    made = uplift_signals(prior, relative_response, signals, relative_errors(signals, noise),
+                          progress)
+    return made.mean, made.standard_deviation
+
+
+def relative_errors(signals: np.ndarray, noise: float) -> np.ndarray:
+    """Covariance (n, K, K) of signals (n, K) of which every band errs for itself, by a share."""
+    return np.einsum("tk,kl->tkl", (noise * signals)**2, np.eye(signals.shape[1]))
+
+
+def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
+                   covariance: np.ndarray, progress: Progress = lambda share: None) -> Uplifted:
+    """Mean and standard deviation behind signals with errors of their own, each by itself.
+
+    They are those of calibrated draws: as wide as the 95 % band, not as the bare mixture.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    relative_response : (K, 61) array
+        Rows summing to 1.
+    signals : (n, K) array
+        Relative to white.
+    covariance : (n, K, K) array
+    progress : function of the share that is done
+    """
     starts = range(0, len(signals), BATCH)
 
-    def part(start: int) -> tuple[np.ndarray, np.ndarray]:
-        some = signals[start:start + BATCH]
-        covariance = np.einsum("tk,kl->tkl", (noise * some)**2, np.eye(len(relative_response)))
-        mixture = posterior(prior, relative_response, some, covariance)
-        drawn, _ = as_drawn(prior, relative_response, some, covariance, mixture)
-        return mean_and_spread(drawn)
+    def part(start: int) -> tuple[np.ndarray, ...]:
+        some, errors = signals[start:start + BATCH], covariance[start:start + BATCH]
+        mixture = posterior(prior, relative_response, some, errors)
+        drawn, _ = as_drawn(prior, relative_response, some, errors, mixture)
+        return *mean_and_spread(drawn), unlikeness(prior, mixture, errors)
 
-    means, spreads = np.empty((len(signals), GRID.nm.size)), np.empty((len(signals), GRID.nm.size))
+    shape = len(signals), GRID.nm.size
+    made = Uplifted(np.empty(shape), np.empty(shape), np.empty(len(signals)))
     # Every core has a part of its own: threads within its small products would only wait.
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
-        for start, (mean, spread) in zip(starts, pool.map(part, starts), strict=True):
-            means[start:start + BATCH], spreads[start:start + BATCH] = mean, spread
+        for start, (mean, spread, unlike) in zip(starts, pool.map(part, starts), strict=True):
+            rows = slice(start, start + BATCH)
+            made.mean[rows], made.standard_deviation[rows] = mean, spread
+            made.unlikeness[rows] = unlike
             progress(min(start + BATCH, len(signals)) / len(signals))
-    return means, spreads
+    return made
 
 
 def points_around(signals: np.ndarray, side: int) -> np.ndarray:
