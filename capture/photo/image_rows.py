@@ -144,7 +144,7 @@ def _rows_of(path: Path, spec: oiio.ImageSpec, kind: type) -> Iterator[WriteRows
             raise _unwritten(path, oiio if file is None else file)
 
         def write(first: int, pixels: np.ndarray) -> None:
-            rows = np.ascontiguousarray(pixels, dtype=kind)
+            rows: np.ndarray = np.ascontiguousarray(pixels, dtype=kind)
             if not file.write_scanlines(first, first + len(rows), 0, rows):
                 raise _unwritten(path, file)
 
