@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spectrabox.reconstruct.rendering.llvm import llvm_name
 from spectrabox.session.config.session_chart import chart_files
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig, SpectrumTable
 from spectrabox.session.stages.order import stages_of
@@ -15,8 +16,7 @@ from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import fingerprint
 
 if TYPE_CHECKING:
-    from spectrabox.reconstruct.rendering.llvm import llvm_name
-from spectrabox.reconstruct.scene.scene_file import SceneFile
+    from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 Key = dict[str, Any]
 Files = Callable[..., dict[str, str]]       # names of files to their digests
