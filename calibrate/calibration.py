@@ -16,6 +16,7 @@ from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.smooth_prior import SMOOTH_SOURCE
 from spectrabox.calibrate.products.lamps import lamps_like
 from spectrabox.calibrate.products.product_fit import fit_products
+from spectrabox.calibrate.products.stated_light import evidence_for_another_light, light_doubts
 from spectrabox.calibrate.sensitivity import (
     CHART_ERROR,
     SPLINE_COEFFICIENTS,
@@ -154,7 +155,8 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
             prior_fit, posterior, said = _products(fitted, first.light, grid, chosen.prior, apart)
         else:
             prior_fit = prior_calibration(fitted, grid, chosen.prior, apart)
-            said, doubtful = (), doubts(prior_fit)
+            doubtful, said = _light_doubts(photos, fitted, grid, chosen.prior)
+            doubtful = (*doubts(prior_fit), *doubtful)
         said = (*sentences(prior_fit, grid), *said)
         scale, without = scale_of_photo(prior_fit, 0), in_chart_order(prior_fit.without, first.used)
         predicted = _predicted(prior_fit, first, without)
@@ -295,6 +297,24 @@ def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> tuple[ChartEquatio
     if photo.used.all():
         return whole, None
     return some_patches(whole, photo.used), some_patches(whole, ~photo.used)
+
+
+def _light_doubts(shots: Sequence[ChartPhoto], photos: list[ChartEquations], grid: WavelengthGrid,
+                  prior: CameraPrior | None) -> tuple[tuple[CalibrationDoubt, ...],
+                                                      tuple[str, ...]]:
+    """Whether a photo contradicts its stated light, and a sentence for each that does."""
+    cameras = default_prior(photos, grid) if prior is None else prior
+    if cameras.source == SMOOTH_SOURCE:     # no camera is known, so no lamp can be told
+        return (), ()
+    found, said = set(), []
+    for shot, photo in zip(shots, photos, strict=True):
+        light, power, _ = _power_of(shot.light, grid)
+        evidence = evidence_for_another_light([photo], cameras, power, grid)
+        if light_doubts(evidence):
+            found |= set(light_doubts(evidence))
+            said.append(f"{CalibrationDoubt.WRONG_LIGHT.value} ({light.source}: other lamps "
+                        f"explain the chart better, by {evidence:.0f} nats)")
+    return tuple(found), tuple(said)
 
 
 def _products(photos: list[ChartEquations], said: UnknownLight, grid: WavelengthGrid,

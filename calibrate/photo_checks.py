@@ -142,7 +142,7 @@ def refuse_disagreement(said: str, rms: float, chi_square: float,
     CheckError
     """
     hint = (f"read as {reading} the patches would agree: correct that" if reading is not None else
-            "check the chart reference, the light spectrum, glare, and that the photo is linear "
-            "(not a JPEG)")
+            "check the chart reference, the light spectrum (or state the light as \"unknown\"), "
+            "glare, and that the photo is linear (not a JPEG)")
     raise CheckError(f"{said}: its patches disagree with the reference by {100 * rms:.2g} % rms "
                      f"(chi-square {chi_square:.1f} per signal); {hint}")

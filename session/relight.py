@@ -13,7 +13,7 @@ import numpy as np
 
 from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
 from spectrabox.radiometry.colour_science import colour_science
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records import Calibration, WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.named_spectra import sensitivities as named_observer
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
@@ -51,6 +51,7 @@ class Relit:
     xyz: np.ndarray
     picture: np.ndarray  # (H, W, 3) uint8, sRGB, adapted from the light's white to D65
     colours: tuple[ColourSpread, ...]
+    notes: tuple[str, ...] = ()     # how surely the light by itself is known
 
 
 def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, observer: str,
@@ -73,7 +74,7 @@ def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, obser
     """
     joint, calibration = joint_of(run.stored), calibrations_of(config, run.stored)[0]
     grid = joint.grid
-    power = spectrum_on_grid(calibration.light, grid) if light is None else named_light(light, grid)
+    power = named_light(light, grid) if light is not None else _own_light(calibration, grid)
     matching = named_observer(observer, grid)
     drawn = {name: samples_of(run.stored, name)[0]
              for name, known in zip(joint.materials, joint.known, strict=True) if not known}
@@ -91,7 +92,18 @@ def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, obser
     white = _tristimulus(np.ones_like(grid.nm), grid, power, matching)
     colours = tuple(_spread(name, means[name], drawn.get(name), grid, power, matching)
                     for name in means)
-    return Relit(xyz, _picture(xyz, white), colours)
+    known = calibration.light_posterior
+    notes = () if light is not None or known is None else (
+        "nobody measured the session's light: rendered under the most likely one",
+        *known.sentences)
+    return Relit(xyz, _picture(xyz, white), colours, notes)
+
+
+def _own_light(calibration: Calibration, grid: WavelengthGrid) -> np.ndarray:
+    """The session's light (P,); its most likely spectrum where the chart alone tells it."""
+    known = calibration.light_posterior
+    return spectrum_on_grid(calibration.light, grid) if known is None else np.asarray(
+        np.interp(grid.nm, known.grid.nm, known.mean))
 
 
 def _tristimulus(reflectances: np.ndarray, grid: WavelengthGrid, power: np.ndarray,

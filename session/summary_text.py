@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.sampling.prior.certified import certified_sentence, mostly_in_doubt
+from spectrabox.session.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.report.numbers import family_facts
 from spectrabox.session.report.verdict import judge, median_surface_error
 from spectrabox.session.report.words import percent
@@ -33,6 +34,9 @@ def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
                             "standard_error": results.light_scale.standard_error,
                             "common_errors": {error.cause: error.relative for error
                                               in results.light_scale.common_errors}},
+            "left_out": None if results.chart is None or results.chart.left_out is None
+            else left_out_facts(results.chart.left_out, results.chart.layout.names),
+            "light": light_facts(results.calibration),
             "warnings": results.warnings}
 
 

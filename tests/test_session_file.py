@@ -115,3 +115,34 @@ def test_a_link_out_of_the_folder_is_outside_too(tmp_path):
     (folder / "link.csv").symlink_to(tmp_path / "secret.csv")
     with pytest.raises(InputError, match="outside"):
         read_session(folder).path("link.csv")
+
+
+@pytest.mark.parametrize("written, said", [('"unknown"', ("unknown", None, None)),
+                                           ('"halogen"', ("halogen", None, None)),
+                                           ('"D65"', ("D65", None, None)),
+                                           ('"FL3.15"', ("FL3.15", None, None)),
+                                           ("{ cct = 3200.0 }", (None, 3200.0, None)),
+                                           ('"lamp.csv"', (None, None, "lamp.csv"))])
+def test_a_light_may_be_a_word_a_temperature_or_a_file(tmp_path, written, said):
+    (tmp_path / "session.toml").write_text(GOOD.replace('"spectra/light.csv"', written),
+                                           encoding="utf-8")
+    light = read_session(tmp_path).light.spectrum
+    assert (light.word, light.cct, light.file) == said
+    assert light.stated == (written in ('"D65"', '"FL3.15"', '"lamp.csv"'))
+
+
+@pytest.mark.parametrize("change, sentence", [
+    (('"spectra/light.csv"', '{ cct = 3200.0, word = "led" }'), "a light is either a file, a word"),
+    (('"spectra/light.csv"', "{ cct = 300.0 }"), "1500 to 25000 is possible"),
+    (('"spectra/light.csv"', '"unknown"\nby_id = { lamp = "spectra/lamp.csv" }'),
+     "lamps of several spectra"),
+    (('"spectra/light.csv"', '"D65"\nby_id = { lamp = "led" }'), "light.by_id.lamp is not known"),
+    (('"spectra/light.csv"', '"unknown"\n[sensitivity]\nmethod = "paper"'),
+     "found with the camera from the chart"),
+    (('"spectra/light.csv"', '"unknown"\n[views.second]\nphoto = "b.dng"\nlight = "D65"'),
+     "give it a chart photo of its own"),
+    (("[chart]", "[chart]\nleave_out = [25]"), "leave_out names patch 25"),
+    (("[chart]", f"[chart]\nleave_out = {list(range(1, 18))}"),
+     "leaves 7 patches; 8 are needed")])
+def test_what_an_unknown_light_or_a_left_out_patch_cannot_do_is_said(tmp_path, change, sentence):
+    assert any(sentence in said for said in problems_of(tmp_path, GOOD.replace(*change)))

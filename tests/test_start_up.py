@@ -21,7 +21,9 @@ MAY_IMPORT = {
     "check": (["check", "{session}"], {"pydantic", "numpy", "scipy", "mitsuba", "drjit", *PHOTOS}),
     "sample": (SAMPLE, {"pydantic", "numpy"}),
     "camera fit": (["camera", "fit", "--chart", "{session}/photos/chart.dng", "--light",
-                    "{session}/spectra/light.csv", "--json"], {"pydantic", "numpy", *PHOTOS}),
+                    "{session}/spectra/light.csv", "--json"],
+                   # reflectances of the patches left out have bands
+                   {"pydantic", "numpy", "scipy", *PHOTOS}),
 }
 RUN = """
 import sys

@@ -94,7 +94,7 @@ def paired(nm: np.ndarray, curves: np.ndarray, lamp: np.ndarray, lamps: Lamps) -
 
 
 def draw_cameras(prior: CameraPrior, draws: int, rng: np.random.Generator) -> np.ndarray:
-    """Curves (T, K, N) of cameras as the prior expects them.
+    """Curves (T, K, N) of cameras as the prior expects them, as wide as it says that it may err.
 
     Parameters
     ----------
@@ -108,7 +108,8 @@ def draw_cameras(prior: CameraPrior, draws: int, rng: np.random.Generator) -> np
     states = np.empty(normal.shape)
     for level, root in enumerate(roots):
         rows = np.flatnonzero(prior.level[component] == level)
-        states[rows] = prior.means[component[rows]] + normal[rows] @ root.T
+        states[rows] = (prior.means[component[rows]]
+                        + prior.widening[level] * normal[rows] @ root.T)
     curves = prior.curves(states)
     least = LEAST_CURVE * curves.max(axis=1, keepdims=True)
     return np.asarray(np.maximum(curves, least).reshape(draws, prior.bands, -1))

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from spectrabox.radiometry.chart import Chart
     from spectrabox.radiometry.records import (
         Calibration,
-        LightPosterior,
         PatchSamples,
         Spectrum,
         UnknownLight,
@@ -198,28 +197,18 @@ def require_outputs(outputs: list[Path], inputs: list[Path]) -> None:
                              "another name")
 
 
-def light_facts(light: LightPosterior | None) -> dict[str, Any] | None:
-    """What is known of an unknown light by itself, as plain numbers; None where it was stated."""
-    if light is None:
-        return None
-    return {"kind": light.kinds[int(light.probabilities.argmax())],
-            "kinds": dict(zip(light.kinds, light.probabilities.tolist(), strict=True)),
-            "wavelengths_nm": light.grid.nm.tolist(), "mean": light.mean.tolist(),
-            "lower": light.lower.tolist(), "upper": light.upper.tolist(), "level": light.level,
-            "sentences": list(light.sentences)}
-
-
 def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthGrid,
              photo: ChartPhoto) -> dict[str, Any]:
     """A calibration as plain numbers for a script (docs/json.md, ``camera fit``); ``photo`` is the
     first.
     """
     from spectrabox.calibrate.curve_band import LEVEL
-    from spectrabox.session.stages.left_out import (
+    from spectrabox.session.calibration_facts import (
         left_out_facts,
-        left_out_patches,
         left_out_sentence,
+        posterior_facts,
     )
+    from spectrabox.session.stages.left_out import left_out_patches
     fit, joint = result.calibration.sensitivity, result.prior_fit
     facts: dict[str, Any] = {
         "wavelengths_nm": grid.nm.tolist(), "sensitivities": fit.curves.tolist(),
@@ -237,7 +226,8 @@ def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthG
     facts["left_out"] = left_out_facts(left_out, photo.chart.names)
     facts["checks"].append(left_out_sentence(left_out))
     facts["doubts"] = [doubt.value for doubt in result.calibration.doubts]
-    facts["light_posterior"] = light_facts(result.calibration.light_posterior)
+    known = result.calibration.light_posterior
+    facts["light_posterior"] = None if known is None else posterior_facts(known)
     if joint is not None:
         facts |= {"model_error": joint.model_error, "chi_square": joint.chi_square,
                   "prior_share": joint.prior_share.tolist(), "photos": len(joint.photos),

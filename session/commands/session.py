@@ -161,8 +161,9 @@ def relight(folder: Folder,
                  for colour in made.colours]
         answer(as_json, {"png": str(png), "exr": str(png.with_suffix(".exr")),
                          "light": light or "session",
-                         "colours": [vars(colour) for colour in made.colours]},
-               "\n".join([*lines, f"picture: {png}"]))
+                         "colours": [vars(colour) for colour in made.colours],
+                         "notes": list(made.notes)},
+               "\n".join([*lines, *made.notes, f"picture: {png}"]))
 
 
 def doctor(device: Device = "auto", as_json: Json = False, debug: Debug = False) -> None:

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from spectrabox.calibrate.photo_checks import MIN_PATCHES
 from spectrabox.radiometry.outside.names import name_fault, sharing_a_file
 from spectrabox.radiometry.outside.words import shortened
 from spectrabox.sampling.prior.families.words import unknown_families
@@ -39,7 +40,43 @@ def inconsistencies(config: SessionConfig) -> list[str]:
     if config.drift.chart_px and not config.needs_chart:
         problems.append(f"{FILE_NAME}: [drift] compares the object photo with the chart photo, but "
                         "nothing of this session comes from a chart photo; leave it out")
-    return problems + _names(config) + _views(config) + _bands(config)
+    return (problems + _names(config) + _views(config) + _bands(config) + _unknown_lights(config)
+            + _patches(config))
+
+
+def _unknown_lights(config: SessionConfig) -> list[str]:
+    """What a light that nobody measured cannot do."""
+    first, problems = config.all_views[0], []
+    if unknown := [name for name, light in (config.light.by_id or {}).items() if not light.stated]:
+        problems.append(f"{FILE_NAME}: light.by_id.{unknown[0]} is not known: one chart under "
+                        "several lamps cannot tell their spectra apart; measure this lamp, or "
+                        "leave it out if it has the spectrum of the others")
+    if all(view.light.stated for view in config.all_views):
+        return problems
+    if config.light.by_id:
+        problems.append(f"{FILE_NAME}: a light is not known, but light.by_id says that the scene "
+                        "has lamps of several spectra: products of the camera with each are "
+                        "needed, and a chart tells those with one; measure the lamps, or leave out "
+                        "light.by_id if all have one spectrum")
+    by_chart = config.flat or config.sensitivity.from_chart
+    if not by_chart or config.sensitivity.method not in (None, "prior"):
+        problems.append(f"{FILE_NAME}: a light that is not known is found with the camera from the "
+                        "chart: leave out sensitivity.from and sensitivity.method, or measure the "
+                        "light")
+    problems += [f"{FILE_NAME}: views.{view.name} has another light than the first photo, and not "
+                 "both are known: give it a chart photo of its own, or measure both lights"
+                 for view in config.all_views[1:] if view.light != first.light and not view.chart]
+    return problems
+
+
+def _patches(config: SessionConfig) -> list[str]:
+    """Patches left out must be on the chart, and leave enough."""
+    left = 24 - len(set(config.chart.leave_out))
+    if wrong := [number for number in config.chart.leave_out if not 1 <= number <= 24]:
+        return [f"{FILE_NAME}: chart.leave_out names patch {wrong[0]}; the patches are numbered 1 "
+                "to 24, dark skin first"]
+    return [] if left >= MIN_PATCHES else [
+        f"{FILE_NAME}: chart.leave_out leaves {left} patches; {MIN_PATCHES} are needed"]
 
 
 def _names(config: SessionConfig) -> list[str]:

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.records import Calibration, SurfaceSignals
+from spectrabox.radiometry.records import SurfaceSignals
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.session.calibration_facts import light_facts
 from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
 from spectrabox.session.flat.flat_results import FlatResults, PhotoOfRegions
 from spectrabox.session.flat.region_stage import regions_of
@@ -37,8 +38,6 @@ from spectrabox.session.stages.surface_signals import (
 from spectrabox.session.store.results import AS_INTENDED, MaterialResult
 from spectrabox.session.store.store import StoredStage
 
-TWO_SIGMA = 2.0
-
 
 def assemble_flat(config: SessionConfig, run: FinishedRun,
                   provenance: dict[str, Any]) -> FlatResults:
@@ -61,19 +60,6 @@ def assemble_flat(config: SessionConfig, run: FinishedRun,
                 for name, stage in stored.items()],
         photos=[_photo(config, stored, view) for view in config.all_views], signals=signals,
         light=light_facts(calibration))
-
-
-def light_facts(calibration: Calibration) -> dict[str, Any]:
-    """What is known of the light by itself: kind, wavelengths, mean, and a 95 % band."""
-    known = calibration.light_posterior
-    if known is not None:
-        best = int(np.argmax(known.probabilities))
-        return {"kind": known.kinds[best], "wavelengths_nm": known.grid.nm, "mean": known.mean,
-                "lower": known.lower, "upper": known.upper}
-    light = calibration.light
-    error = np.zeros(light.grid.nm.size) if light.standard_error is None else light.standard_error
-    return {"kind": "stated", "wavelengths_nm": light.grid.nm, "mean": light.values,
-            "lower": light.values - TWO_SIGMA * error, "upper": light.values + TWO_SIGMA * error}
 
 
 def _region(config: SessionConfig, signals: SurfaceSignals, stored: Mapping[str, StoredStage],

@@ -9,6 +9,7 @@ import numpy as np
 
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.colour_difference import lab_from_xyz
+from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report.flat_verdict import judge_flat
 from spectrabox.session.report.numbers import family_facts
@@ -29,8 +30,9 @@ def flat_facts(results: FlatResults, report: Path) -> dict[str, Any]:
     return {"report": str(report), "spectra": str(report.with_name("spectra.csv")),
             "verdict": judge_flat(results).status.name.lower(), "stages": results.stages,
             "regions": [_region(region, results) for region in results.materials],
-            "light": {name: value.tolist() if isinstance(value, np.ndarray) else value
-                      for name, value in results.light.items()},
+            "left_out": None if results.chart is None or results.chart.left_out is None
+            else left_out_facts(results.chart.left_out, results.chart.layout.names),
+            "light": results.light,
             "warnings": results.warnings,
             "seconds": float(sum(stage["seconds"] for stage in results.stages
                                  if stage["state"] == "run"))}

@@ -12,6 +12,7 @@ from spectrabox.session.report.verdict import (
     chart_agreement,
     coverage,
     graded,
+    left_out,
     outcome_status,
     samplers,
 )
@@ -24,7 +25,8 @@ CLIPPED_LIMITS = (0.05, float("inf"))   # of the photo; regions and chart are re
 def judge_flat(results: FlatResults) -> Verdict:
     """Verdict on a session of flat samples: PASS, WARN or FAIL."""
     fit = results.calibration.sensitivity.outcome
-    criteria = (*_light(results), chart_agreement(results), *calibration_doubts(results),
+    criteria = (*_light(results), chart_agreement(results), *left_out(results),
+                *calibration_doubts(results),
                 Criterion("Sensitivity fit", None, fit.name.replace("_", " ").lower(), "converged",
                           outcome_status(fit), f"Sensitivity fit: {fit.value}"),
                 _clipped(results), *samplers(results), coverage(results))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
+from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report.verdict import Criterion, Verdict, chart_residuals
 from spectrabox.session.store.results import (
@@ -134,6 +135,9 @@ def _calibration(results: CommonResults) -> dict[str, Any]:
                                "held_out_residuals", "condition_number", "method", "outcome"),
         "sensitivity_truth": None if truth is None else {"nm": truth[0], "curves": truth[1]},
         "light": _fields(calibration.light, "values", "standard_error", "quantity", "source"),
+        "light_posterior": _fields(calibration.light_posterior, "kinds", "probabilities", "mean",
+                                   "lower", "upper", "level", "sentences"),
+        "doubts": [doubt.value for doubt in calibration.doubts],
         "relative_covariance": calibration.relative_covariance,
         "chart_residuals": chart_residuals(results),
         "checks": calibration.checks,
@@ -145,4 +149,6 @@ def _chart(chart: ChartResult) -> dict[str, Any]:
             "saturated_fraction": chart.samples.saturated_fraction, "predicted": chart.predicted,
             "irradiance": chart.irradiance, "corners_px": chart.detection.corners_px,
             "confidence": chart.detection.confidence, "how_found": chart.detection.how_found,
-            "mirrored": chart.detection.mirrored}
+            "mirrored": chart.detection.mirrored,
+            "left_out": None if chart.left_out is None
+            else left_out_facts(chart.left_out, chart.layout.names)}

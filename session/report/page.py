@@ -124,7 +124,8 @@ def _agreement_section(name: str, made: Reconstruction, calibration: Calibration
 def _view_sections(results: SessionResults) -> list[dict[str, Any]]:
     return [_agreement_section(f"-{number}", view.reconstruction, view.calibration, view.bands)
             | {"name": view.name, "preview": picture_data_uri(view.photo_preview),
-               "light": light_figure(f"light-{number}", view.calibration.light),
+               "light": light_figure(f"light-{number}", view.calibration.light,
+                                     view.calibration.light_posterior),
                "light_source": view.calibration.light.source,
                "scale_source": view.reconstruction.light_scale.source} for number,
             view in enumerate(results.views, start=2)]
@@ -140,5 +141,6 @@ def calibration_section(results: CommonResults, scale: str | None) -> dict[str, 
         "scale": scale,
         "sensitivity": sensitivity_figure("sensitivity", fit, results.bands,
                                           results.sensitivity_truth),
-        "light": light_figure("light", results.calibration.light),
+        "light": light_figure("light", results.calibration.light,
+                              results.calibration.light_posterior),
         }

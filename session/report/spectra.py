@@ -8,7 +8,10 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
+from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.records import (
+    LeftOutPatches,
+    LightPosterior,
     Quantity,
     SensitivityFit,
     Spectrum,
@@ -27,6 +30,7 @@ from spectrabox.session.report.words import percent
 from spectrabox.session.store.results import MaterialResult
 
 DRAWS_SHOWN = 30
+LETTERS, MANY_COLUMNS = 120, 8  # above a row of patches; more columns take smaller letters
 LEGEND_LETTERS = 42     # that one row above the error budget holds
 MEAN, RENDERED, TRUTH = "#1f4e8c", "#d0661a", "#1a1a1a"
 QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradiance (W m⁻² nm⁻¹)",
@@ -206,26 +210,69 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
                       Readout(axes, nm, series, "Wavelength", "nm"))
 
 
-def light_figure(name: str, light: Spectrum) -> Markup:
-    """The light spectrum, with two standard errors either side where they are stated."""
-    nm = light.grid.nm
+def light_figure(name: str, light: Spectrum, posterior: LightPosterior | None = None) -> Markup:
+    """The light spectrum, with two standard errors either side where they are stated; what the
+    chart says of it, with its band, where nobody stated it.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure on its page, unique there.
+    light : Spectrum
+    posterior : LightPosterior or None
+    """
+    if posterior is not None:
+        nm, values, quantity = posterior.grid.nm, posterior.mean, "Relative spectral power"
+        band: tuple[np.ndarray, np.ndarray] | None = (posterior.lower, posterior.upper)
+        series = {"mean": values, "lower": posterior.lower, "upper": posterior.upper}
+    else:
+        nm, values, quantity = light.grid.nm, light.values, QUANTITIES[light.quantity]
+        series, band = {quantity.partition(" (")[0].lower(): values}, None
+        if light.standard_error is not None:
+            series["± 2 s.e."] = 2 * light.standard_error
+            band = (values - 2 * light.standard_error, values + 2 * light.standard_error)
     drawing = figure(3.7, 3.1)
     axes = drawing.add_subplot()
-    axes.plot(nm, light.values, color=INK, lw=1.5)
-    series = {QUANTITIES[light.quantity].partition(" (")[0].lower(): light.values}
-    if light.standard_error is not None:
-        spread = 2 * light.standard_error
-        axes.fill_between(nm, light.values - spread, light.values + spread, color=QUIET, alpha=0.3,
-                          lw=0)
-        series["± 2 s.e."] = spread
+    axes.plot(nm, values, color=INK, lw=1.5)
+    if band is not None:
+        axes.fill_between(nm, *band, color=QUIET, alpha=0.3, lw=0)
     _wavelength_axis(axes, nm)
-    axes.set(ylabel=QUANTITIES[light.quantity], ylim=(0, None))
+    axes.set(ylabel=quantity, ylim=(0, None))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
-    digits = int(np.clip(3 - np.floor(np.log10(max(float(np.abs(light.values).max()), 1e-30))), 0,
-                         12))
-    return inline_svg(drawing, name, "Light spectrum",
-                      f"{QUANTITIES[light.quantity]} over wavelength.",
+    digits = int(np.clip(3 - np.floor(np.log10(max(float(np.abs(values).max()), 1e-30))), 0, 12))
+    return inline_svg(drawing, name, "Light spectrum", f"{quantity} over wavelength.",
                       Readout(axes, nm, series, "Wavelength", "nm", digits))
+
+
+def left_out_figure(name: str, patches: LeftOutPatches, chart: Chart) -> Markup:
+    """Every patch's reflectance by a calibration without it: mean, band and reference, as printed
+    on the chart.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure on its page, unique there.
+    patches : LeftOutPatches
+    chart : Chart
+        Its layout.
+    """
+    drawing = figure(9.6, 1.6 * chart.rows)
+    nm, top = patches.grid.nm, 1.05 * max(1.0, float(patches.upper.max()))
+    for number, axes in enumerate(drawing.subplots(
+            chart.rows, chart.columns, sharex=True, sharey=True, squeeze=False).flat):
+        axes.fill_between(nm, patches.lower[number], patches.upper[number], color=MEAN, alpha=0.2,
+                          lw=0)
+        axes.plot(nm, patches.mean[number], color=MEAN, lw=1.3)
+        axes.plot(nm, patches.reference[number], color=TRUTH, lw=1.0, ls=(0, (1, 1.2)))
+        kept = ", kept out" if patches.kept_out[number] else ""
+        axes.set_title(f"{number + 1} {plain_line(chart.names[number], LETTERS // chart.columns)}"
+                       f"{kept}\n"
+                       f"{patches.rmse[number]:.3f}, {percent(patches.inside[number])} inside",
+                       fontsize=7 if chart.columns <= MANY_COLUMNS else 4)
+        axes.set(xlim=(float(nm[0]), float(nm[-1])), ylim=(0, top), xticks=(450, 550, 650))
+        axes.grid()
+    return inline_svg(drawing, name, "Patches left out", "Reflectance of each patch by a "
+                      "calibration without it, its band, and the chart's reference.")
 
 
 def _wavelength_axis(axes: Axes, nm: np.ndarray) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.records import Reconstruction
 from spectrabox.sampling.prior.certified import certified_sentence, mostly_in_doubt
+from spectrabox.session.calibration_facts import left_out_sentence
 from spectrabox.session.report.figures import (
     chart_residual_figure,
     irradiance_figure,
@@ -17,6 +18,7 @@ from spectrabox.session.report.maps import display_bands, srgb_encoded, surface_
 from spectrabox.session.report.spectra import (
     error_budget_figure,
     every_10_nm,
+    left_out_figure,
     material_curves,
     material_figure,
 )
@@ -88,6 +90,9 @@ def chart_section(results: CommonResults) -> dict[str, Any] | None:
                                         results.chart.layout.rows),
         "detection": results.chart.detection, "layout": results.chart.layout,
         "limit": CHART_LIMITS[0],
+        "left_out": None if (patches := results.chart.left_out) is None else {
+            "figure": left_out_figure("left-out", patches, results.chart.layout),
+            "level": patches.level, "says": left_out_sentence(patches)},
         }
 
 

@@ -15,6 +15,7 @@ from spectrabox.radiometry.records import (
     Reconstruction,
     SurfaceAgreement,
 )
+from spectrabox.session.calibration_facts import left_out_sentence
 from spectrabox.session.report.words import deviation_words, percent
 from spectrabox.session.store.rehearsals import too_narrow, verdict_sentence
 from spectrabox.session.store.results import AS_INTENDED, CommonResults, SessionResults
@@ -77,7 +78,8 @@ def judge(results: SessionResults) -> Verdict:
     criteria = (*(_median_surface(agreement, where) for where, agreement, _ in compared),
                 *(_worst_surface(agreement, bands, where) for where, agreement, bands in compared),
                 *(_misfits(view, where) for where, view in fitted), *calibration_doubts(results),
-                chart_agreement(results), _clipped(results), *_outcomes(results),
+                chart_agreement(results), *left_out(results), _clipped(results),
+                *_outcomes(results),
                 *_between_photos(results),
                 *_rehearsal(results), coverage(results))
     status = max((c.status for c in criteria), key=lambda s: s.value)
@@ -176,6 +178,22 @@ def calibration_doubts(results: CommonResults) -> list[Criterion]:
             Status.WARN if doubtful else Status.PASS, f"Calibration: {doubt.value}." if doubtful
             else "Nothing speaks against camera and light spectrum belonging together."))
     return rows
+
+
+def left_out(results: CommonResults) -> list[Criterion]:
+    """How well each chart patch is predicted by a calibration without it; nothing without a chart.
+
+    Parameters
+    ----------
+    results : CommonResults
+    """
+    patches = None if results.chart is None else results.chart.left_out
+    if patches is None:
+        return []
+    held = float(patches.inside.mean())
+    return [Criterion("Chart patches left out, inside the band", held, percent(held),
+                      f"{percent(patches.level)} intended", Status.INFO,
+                      f"{left_out_sentence(patches).capitalize()}.")]
 
 
 def chart_agreement(results: CommonResults) -> Criterion:

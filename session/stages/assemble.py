@@ -22,6 +22,7 @@ from spectrabox.session.stages.stored_records import (
     chart_fit_of,
     chart_of,
     joint_of,
+    left_out_of,
     notes_of,
     photo_of,
     samples_of,
@@ -91,12 +92,13 @@ def chart_result(config: SessionConfig, run: FinishedRun) -> ChartResult | None:
         return None
     predicted, irradiance = chart_fit_of(run.stored)
     return ChartResult(chart[0], chart[1], predicted, irradiance / irradiance.max(),
-                       config.results_folder / "chart" / "overlay.png", session_chart(config))
+                       config.results_folder / "chart" / "overlay.png", session_chart(config),
+                       left_out_of(run.stored))
 
 
 def sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:
     truth = config.sensitivity.truth
-    if truth is None:
+    if truth is None or not config.light.spectrum.stated:   # products are no sensitivities
         return None
     nm, _, curves = read_curves(config.path(truth.file), truth.columns, truth.wavelength_column)
     values = on_grid(nm, curves, GRID, truth.file)

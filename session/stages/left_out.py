@@ -3,8 +3,6 @@ check with a truth in every photo.
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from spectrabox.calibrate.calibration import ChartCalibration
@@ -48,30 +46,3 @@ def left_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
     truth = np.array([np.interp(GRID.nm, nm, row) for row in reflectances])
     return LeftOutPatches(GRID, found.mean, found.lower, found.upper, truth, calibrated.kept_out,
                           LEVEL)
-
-
-def left_out_facts(patches: LeftOutPatches, names: Sequence[str]) -> dict[str, object]:
-    """The same as plain numbers: ``left_out`` of docs/reference/json.md.
-
-    Parameters
-    ----------
-    patches : LeftOutPatches
-    names : sequence of I str
-        Of the patches.
-    """
-    rows = [{"patch": number + 1, "name": names[number], "rmse": float(patches.rmse[number]),
-             "inside": float(patches.inside[number]), "kept_out": bool(patches.kept_out[number])}
-            for number in range(len(patches.mean))]
-    return {"rmse_mean": float(patches.rmse.mean()), "coverage_95": float(patches.inside.mean()),
-            "level": patches.level, "patches": rows}
-
-
-def left_out_sentence(patches: LeftOutPatches) -> str:
-    """One sentence on all patches.
-
-    Parameters
-    ----------
-    patches : LeftOutPatches
-    """
-    return (f"each patch from the others: reflectance within {patches.rmse.mean():.3f} (rms), "
-            f"{patches.inside.mean():.0%} of it inside the {patches.level:.0%} band")

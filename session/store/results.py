@@ -11,6 +11,7 @@ from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
+    LeftOutPatches,
     LightScale,
     LinearImage,
     Outcome,
@@ -78,6 +79,7 @@ class ChartResult:
     irradiance: np.ndarray            # (I,) relative irradiance of each patch, brightest 1
     overlay: Path                     # PNG
     layout: Chart = CLASSIC
+    left_out: LeftOutPatches | None = None      # each patch by a calibration without it
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,205 @@
+"""Charts under lamps that nobody measured, by cameras of makers that nobody measured.
+
+Every case is a camera of the folder, its maker left out of the prior, under one of the lamps that
+the prior does not hold: 24 BabelColor patches and 30 published test colours with 1 % of noise,
+fall-off over the chart and glare. Spectra of the test colours are found with the light unknown, and
+with camera and light known exactly; then the chart is held against the right spectrum of its lamp,
+and against that of another. ``--shipped`` takes lamps of the prior in place of measured ones, all
+lamps of their kind being left out of it: what the widening of errors and the limit for a wrong
+light were chosen by.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, field_terms
+from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.products.lamps import Lamps, all_lamps
+from spectrabox.calibrate.products.product_fit import fit_products
+from spectrabox.calibrate.products.stated_light import (
+    CONTRADICTS,
+    evidence_for_another_light,
+)
+from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
+from spectrabox.radiometry.errors import CheckError
+from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.records import PatchSamples
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.radiometry.spectra.spectrum_files import on_grid
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import load_prior
+from spectrabox.sampling.prior.summaries import summaries
+
+from benchmarks.bench_unknown_makers import makers_of, prior_without
+
+GRID = visible_grid()
+NOISE, SURFACES, LEVEL = 0.01, 30, 0.95
+FIELD_SD, MAX_GLARE = (0.08, 0.08, 0.03, 0.03, 0.02), 0.01      # of the terms; of white
+TO_PRIOR = interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A chart photo and signals of unseen surfaces, with the truth behind them."""
+
+    photo: ChartEquations
+    products: np.ndarray    # (K, P) true, rows summing to 1
+    level: np.ndarray       # (K,) white signal at the middle of the chart
+    signals: np.ndarray     # (n, K) of the surfaces, in the same unit
+    surfaces: np.ndarray    # (n, P)
+
+
+def simulated(curves: np.ndarray, lamp: np.ndarray, surfaces: np.ndarray,
+              rng: np.random.Generator) -> Case:
+    """A photo by curves (K, P) under a lamp (P,)."""
+    product = curves * lamp * GRID.weights_nm
+    level = product.sum(axis=1) / product.sum(axis=1).max()
+    products = product / product.sum(axis=1, keepdims=True)
+    reflectances = chart_reflectances("BabelColor Average", GRID)
+    field = np.exp(field_terms(patch_centres_uv()) @ (rng.standard_normal(5) * FIELD_SD))
+    signal = reflectances @ products.T * level * field[:, None]
+    signal = signal * (1 + NOISE * rng.standard_normal(signal.shape)) + rng.uniform(0, MAX_GLARE)
+    zero = np.zeros(signal.shape)
+    samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), zero, zero)
+    photo = chart_equations(samples, reflectances, np.ones_like(GRID.nm), np.full(24, np.pi), GRID,
+                            positions=patch_centres_uv())
+    seen = surfaces @ products.T * level
+    return Case(photo, products, level, seen * (1 + NOISE * rng.standard_normal(seen.shape)),
+                surfaces)
+
+
+def judged(case: Case, cameras: CameraPrior, lamps: Lamps) -> dict[str, float]:
+    """Errors and bands of one case, nothing known and everything known."""
+    start = time.process_time()
+    found = fit_products([case.photo], cameras, lamps, GRID, "unknown light")
+    seconds = time.process_time() - start
+    fit, white = found.fit.sensitivity, found.fit.photos[0].white
+    response = fit.curves * GRID.weights_nm
+    response /= response.sum(axis=1, keepdims=True)
+    # by wavelengths of the fit: what a lamp's lines do within 5 nm no reflectance tells
+    mass = GRID.weights_nm @ fit.basis
+    weight = (fit.coefficients * mass).sum(axis=1)[:, None]
+    blocks = fit.covariance.reshape(3, mass.size, 3, mass.size)
+    error = np.array([np.sqrt(np.diag(blocks[band, :, band])) for band in range(3)]) * mass / weight
+    nodes = fit.coefficients * mass / weight
+    truth = case.products @ fit.basis
+    true = case.surfaces @ np.linalg.pinv(TO_PRIOR).T
+    noise = _diagonal(NOISE * case.signals / white.level)
+    relative = case.signals / white.level
+    estimate = np.full((len(relative), PRIOR_GRID.nm.size), 0.4)
+    for _ in range(2):
+        contrast = (estimate @ TO_PRIOR.T)[:, None, :] - relative[..., None]
+        rows = np.einsum("nkp,pq->nkq", contrast * GRID.weights_nm, fit.basis) / weight
+        of_curves = np.einsum("nkq,kqlr,nlr->nkl", rows, blocks, rows)
+        of_white = white.covariance[:3, :3] * relative[:, :, None] * relative[:, None, :]
+        unknown = summaries(load_prior(), response @ TO_PRIOR, relative,
+                            {"all": noise + of_curves + of_white}, LEVEL)
+        estimate = unknown.mean
+    known = summaries(load_prior(), case.products @ TO_PRIOR, case.signals / case.level,
+                      {"all": _diagonal(NOISE * case.signals / case.level)}, LEVEL)
+    row: dict[str, float] = {
+        "products_error": float(np.mean(np.linalg.norm(nodes - truth, axis=1)
+                                        / np.linalg.norm(truth, axis=1))),
+        "products_hold": float(np.mean(np.abs(nodes - truth) < 1.645 * error)),
+        "seconds": seconds, "chi_square": found.fit.chi_square}
+    for name, answer in (("unknown", unknown), ("known", known)):
+        row[f"rmse_{name}"] = float(np.sqrt(np.mean((answer.mean - true) ** 2, axis=1)).mean())
+        row[f"holds_{name}"] = float(np.mean((answer.lower <= true) & (true <= answer.upper)))
+    return row
+
+
+def _diagonal(errors: np.ndarray) -> np.ndarray:
+    return np.einsum("nk,kl->nkl", errors**2, np.eye(errors.shape[1]))
+
+
+def run(database: CameraDatabase, spectra: np.ndarray, kinds: np.ndarray | None, cases: int,
+        seed: int, spectrum_only: bool) -> list[dict[str, float]]:
+    """Every case as a row; ``kinds`` (L,) leaves lamps of the case's kind out of the prior."""
+    rng = np.random.default_rng(seed)
+    sets = test_reflectances(GRID)
+    tests = np.vstack([sets["CES99"], sets["NIST CQS test colours"]])
+    makers, known, rows = makers_of(database), all_lamps(), []
+    priors: dict[str, CameraPrior] = {}
+    for _ in range(cases):
+        camera, lamp = rng.integers(len(makers)), rng.integers(len(spectra))
+        maker = str(makers[camera])
+        if maker not in priors:
+            priors[maker] = prior_without(database, makers == maker)
+        curves = on_grid(database.nm, database.curves[camera] / database.curves[camera].max(),
+                         GRID, database.names[camera])
+        surfaces = tests[rng.choice(len(tests), SURFACES, replace=False)]
+        case = simulated(curves, spectra[lamp], surfaces, rng)
+        row: dict[str, float] = {"camera": float(camera), "lamp": float(lamp)}
+        if not spectrum_only:
+            lamps = known if kinds is None else _without(known, known.kind != kinds[lamp])
+            row |= judged(case, priors[maker], lamps)
+        other = spectra[rng.integers(len(spectra))]
+        while np.array_equal(other, spectra[lamp]):
+            other = spectra[rng.integers(len(spectra))]
+        for name, stated in (("right", spectra[lamp]), ("wrong", other)):
+            try:
+                row[name] = evidence_for_another_light([case.photo], priors[maker], stated, GRID)
+            except CheckError:
+                row[name] = np.inf
+        rows.append(row)
+        print(".", end="", flush=True)
+    return rows
+
+
+def _without(lamps: Lamps, kept: np.ndarray) -> Lamps:
+    weights = lamps.weights[kept]
+    return Lamps(lamps.spectra[kept], lamps.kind[kept], weights / weights.sum(),
+                 tuple(name for name, one in zip(lamps.names, kept, strict=True) if one))
+
+
+def summary(rows: list[dict[str, float]]) -> dict[str, Any]:
+    """Means over all cases, and the rates of naming."""
+    table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    found: dict[str, Any] = {name: float(np.mean(values)) for name, values in table.items()
+                             if name not in ("camera", "lamp", "right", "wrong")}
+    if "rmse_known" in found:
+        found["ratio"] = found["rmse_unknown"] / found["rmse_known"]
+        found["products_error_median"] = float(np.median(table["products_error"]))
+    return found | {"cases": len(rows),
+                    "wrong_named": float(np.mean(table["wrong"] > CONTRADICTS)),
+                    "right_named": float(np.mean(table["right"] > CONTRADICTS)),
+                    "right_98th_percentile": float(np.percentile(table["right"], 98)),
+                    "wrong_5th_percentile": float(np.percentile(table["wrong"], 5))}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, required=True, help="folder with cameras/ and lights/")
+    parser.add_argument("--cases", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--shipped", action="store_true", help="lamps of the prior, by kind left "
+                        "out of it")
+    parser.add_argument("--naming", action="store_true", help="wrong and right lights alone")
+    parser.add_argument("--json", action="store_true", help="rows too")
+    arguments = parser.parse_args()
+    database = read_camera_database(arguments.data / "cameras")
+    if arguments.shipped:
+        lamps = all_lamps()
+        spectra, kinds = lamps.spectra, lamps.kind
+    else:
+        stored = np.load(arguments.data / "lights" / "lights_for_checks.npz")
+        spectra, kinds = np.array([np.interp(GRID.nm, stored["wavelengths_nm"], one)
+                                   for one in stored["spectra"]]), None
+    with threadpool_limits(1):
+        rows = run(database, spectra, kinds, arguments.cases, arguments.seed, arguments.naming)
+    print()
+    print(json.dumps({"summary": summary(rows)} | ({"rows": rows} if arguments.json else {}),
+                     indent=None if arguments.json else 1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,68 @@
+"""What is said of a chart's patches left out and of the light, to a script and to a person."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.records import Calibration, LeftOutPatches, LightPosterior
+
+TWO_SIGMA = 2.0
+
+
+def light_facts(calibration: Calibration) -> dict[str, Any]:
+    """What is known of the light by itself: kind, wavelengths, mean and band, as plain numbers.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    """
+    if calibration.light_posterior is not None:
+        return posterior_facts(calibration.light_posterior)
+    light = calibration.light
+    error = np.zeros(light.grid.nm.size) if light.standard_error is None else light.standard_error
+    return {"kind": "stated", "wavelengths_nm": light.grid.nm.tolist(),
+            "mean": light.values.tolist(), "lower": (light.values - TWO_SIGMA * error).tolist(),
+            "upper": (light.values + TWO_SIGMA * error).tolist()}
+
+
+def posterior_facts(light: LightPosterior) -> dict[str, Any]:
+    """What a chart says of an unknown light.
+
+    Parameters
+    ----------
+    light : LightPosterior
+    """
+    return {"kind": light.kinds[int(light.probabilities.argmax())],
+            "kinds": dict(zip(light.kinds, light.probabilities.tolist(), strict=True)),
+            "wavelengths_nm": light.grid.nm.tolist(), "mean": light.mean.tolist(),
+            "lower": light.lower.tolist(), "upper": light.upper.tolist(), "level": light.level,
+            "sentences": list(light.sentences)}
+
+
+def left_out_facts(patches: LeftOutPatches, names: Sequence[str]) -> dict[str, Any]:
+    """The same as plain numbers: ``left_out`` of docs/reference/json.md.
+
+    Parameters
+    ----------
+    patches : LeftOutPatches
+    names : sequence of I str
+        Of the patches.
+    """
+    rows = [{"patch": number + 1, "name": names[number], "rmse": float(patches.rmse[number]),
+             "inside": float(patches.inside[number]), "kept_out": bool(patches.kept_out[number])}
+            for number in range(len(patches.mean))]
+    return {"rmse_mean": float(patches.rmse.mean()), "coverage_95": float(patches.inside.mean()),
+            "level": patches.level, "patches": rows}
+
+
+def left_out_sentence(patches: LeftOutPatches) -> str:
+    """One sentence on all patches.
+
+    Parameters
+    ----------
+    patches : LeftOutPatches
+    """
+    return (f"each patch from the others: reflectance within {patches.rmse.mean():.3f} (rms), "
+            f"{patches.inside.mean():.0%} of it inside the {patches.level:.0%} band")

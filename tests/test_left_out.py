@@ -1,0 +1,117 @@
+"""Every calibration predicts each patch from the others and says whether the light can be right."""
+import numpy as np
+import pytest
+from calibrate_cameras import GRID
+
+from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.prior.camera_prior import shipped_prior
+from spectrabox.calibrate.products.stated_light import evidence_for_another_light, light_doubts
+from spectrabox.radiometry.chart import chart_reflectances
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import (
+    CalibrationDoubt,
+    PatchSamples,
+    Quantity,
+    Spectrum,
+    UnknownLight,
+)
+from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
+from spectrabox.session.calibration_facts import left_out_facts, light_facts
+from spectrabox.session.stages.left_out import left_out_patches
+
+SURFACES = chart_reflectances("BabelColor Average", GRID)
+CURVES = sensitivities("Nikon 5100 (NPL)", GRID)     # a camera that the shipped prior leaves out
+
+
+def chart_photo(name, stated, seed=3, kept_out=None, raise_patch=1.0):
+    """A chart under a CIE light with 1 % of noise, said to be under another."""
+    signal = SURFACES @ (CURVES * light(name, GRID) * GRID.weights_nm).T
+    signal *= 0.9 / signal.max() * (1 + 0.01 * np.random.default_rng(seed).standard_normal((24, 3)))
+    signal[4] *= raise_patch
+    samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), 0 * signal, 0 * signal)
+    return ChartPhoto(samples, SURFACES, stated, kept_out=kept_out)
+
+
+def spectrum(name):
+    return Spectrum(GRID, light(name, GRID), Quantity.RELATIVE, f"CIE {name}")
+
+
+@pytest.mark.parametrize("method", ["prior", "unknown", "smooth", "nonnegative", "file"])
+def test_every_calibration_predicts_each_patch_from_the_others(method):
+    photo = chart_photo("LED-B3", UnknownLight() if method == "unknown" else spectrum("LED-B3"))
+    options = CalibrationOptions("prior" if method == "unknown" else method,
+                                 curves=CURVES if method == "file" else None)
+    made = calibrate_chart([photo], GRID, options)
+    patches = left_out_patches(made, SURFACES)
+    assert patches.mean.shape == (24, 61) and not patches.kept_out.any()
+    # Three signals leave an rms of 0.02 to 0.04 to a learnt prior even with the true curves.
+    assert patches.rmse.mean() < 0.045
+    # 24 curves of about 3 independent readings each: 95 % less 3 standard errors of 2.6 %.
+    assert patches.inside.mean() > 0.87
+    facts = left_out_facts(patches)
+    assert facts["rmse_mean"] == pytest.approx(patches.rmse.mean())
+    assert facts["patches"][4]["name"] == "blue flower"
+
+
+@pytest.mark.parametrize("stated", [UnknownLight(kind="led"), spectrum("LED-B3")])
+def test_a_patch_kept_out_changes_nothing_but_itself(stated):
+    kept_out = np.arange(24) == 4
+    fits = [calibrate_chart([chart_photo("LED-B3", stated, kept_out=kept_out,
+                                         raise_patch=factor)], GRID) for factor in (1.0, 1.5)]
+    first, second = (fit.calibration.sensitivity.curves for fit in fits)
+    np.testing.assert_array_equal(first, second)
+    np.testing.assert_array_equal(fits[0].predicted, fits[1].predicted)
+    before, after = (left_out_patches(fit, SURFACES) for fit in fits)
+    assert before.kept_out[4] and after.kept_out.sum() == 1
+    assert np.abs(after.mean[4] - before.mean[4]).max() > 0.05    # its own signal is 50 % more
+    others = ~kept_out
+    np.testing.assert_allclose(after.mean[others], before.mean[others], atol=1e-9)
+
+
+@pytest.mark.parametrize("name, kind", [("D65", "daylight"), ("LED-RGB1", "led")])
+def test_an_unknown_light_leaves_products_and_a_posterior_of_its_own(name, kind):
+    made = calibrate_chart([chart_photo(name, UnknownLight())], GRID).calibration
+    np.testing.assert_array_equal(made.light.values, 1)
+    found = light_facts(made)
+    assert found["kind"] == kind and sum(found["kinds"].values()) == pytest.approx(1)
+    true = light(name, GRID) / light(name, GRID).mean()
+    known = made.light_posterior
+    # A 90 % band of a curve with about 8 independent readings: at least 6 of 8.
+    assert np.mean((known.lower <= true) & (true <= known.upper)) > 0.75
+    assert known.mean.mean() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("true, stated, contradicts", [
+    ("LED-B3", "LED-B3", False), ("D65", "D65", False), ("A", "A", False), ("FL11", "FL11", False),
+    ("LED-B3", "A", True), ("A", "D65", True), ("D65", "FL11", True), ("FL11", "LED-B3", True)])
+def test_a_light_that_contradicts_the_chart_is_named(true, stated, contradicts):
+    from spectrabox.calibrate.calibration import _as_equations
+    photo, _ = _as_equations(chart_photo(true, spectrum(stated)), GRID)
+    evidence = evidence_for_another_light([photo], shipped_prior(), light(stated, GRID), GRID)
+    assert light_doubts(evidence) == ((CalibrationDoubt.WRONG_LIGHT,) if contradicts else ())
+
+
+def test_the_doubt_is_in_the_calibration_and_the_run_goes_on_with_an_unknown_light():
+    wrong = calibrate_chart([chart_photo("LED-B3", spectrum("A"))], GRID).calibration
+    assert CalibrationDoubt.WRONG_LIGHT in wrong.doubts
+    assert any("CIE A: other lamps explain the chart better" in check for check in wrong.checks)
+    assert not calibrate_chart([chart_photo("LED-B3", UnknownLight())], GRID).calibration.doubts
+
+
+def test_an_unknown_light_needs_the_method_that_can_find_it():
+    with pytest.raises(InputError, match="method paper needs the spectrum of the light"):
+        calibrate_chart([chart_photo("A", UnknownLight())], GRID, CalibrationOptions("paper"))
+    with pytest.raises(InputError, match="must all be under that light"):
+        calibrate_chart([chart_photo("A", UnknownLight()), chart_photo("D65", spectrum("D65"), 4)],
+                        GRID)
+
+
+def test_cameras_of_five_bands_have_no_lamp_told_and_say_so():
+    peaks = np.array([430.0, 490, 545, 600, 660])[:, None]
+    curves = np.exp(-0.5 * ((GRID.nm - peaks) / 25) ** 2)
+    signal = SURFACES @ (curves * light("D65", GRID) * GRID.weights_nm).T
+    signal *= 0.9 / signal.max()
+    samples = PatchSamples(signal, np.zeros((24, 5, 5)), np.ones(24), 0 * signal, 0 * signal)
+    made = calibrate_chart([ChartPhoto(samples, SURFACES, UnknownLight())], GRID).calibration
+    assert made.light_posterior is None
+    assert any("no measured camera has 5 bands" in check for check in made.checks)
