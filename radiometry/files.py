@@ -24,7 +24,15 @@ def names_a_file(word: str) -> bool:
     word : str
     """
     suffix = Path(word).suffix[1:]
-    return Path(word).exists() or (suffix != "" and not suffix.isdigit())
+    return is_there(Path(word)) or (suffix != "" and not suffix.isdigit())
+
+
+def is_there(path: Path) -> bool:
+    """Whether there is such a file or folder; a name too long for any is none."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
 
 
 @dataclass(frozen=True)

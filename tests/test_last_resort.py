@@ -115,8 +115,8 @@ def test_a_signal_that_is_ignored_stays_ignored():
 
 STARTING = """
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-import drjit as dr
 mi = start_mitsuba("cpu")
+import drjit as dr
 assert dr.all(dr.minimum(mi.Float([1.0, 2.0]), 1.5) == mi.Float([1.0, 1.5]))
 """
 

@@ -34,9 +34,13 @@ def read_profile(path: Path) -> np.ndarray:
         If rows are no pairs of numbers, the angles do not rise from 0 to at most 90, or a radiance
         is negative.
     """
-    # Latin-1 holds every byte: a name in any alphabet may stand in the first row
-    rows = [line.split(",") for line in path.read_text(encoding="latin-1").splitlines()
-            if line.strip("\xef\xbb\xbf ")]
+    try:
+        # Latin-1 holds every byte: a name in any alphabet may stand in the first row
+        text = path.read_text(encoding="latin-1")
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); give the lamp's "
+                         "profile") from None
+    rows = [line.split(",") for line in text.splitlines() if line.strip("\xef\xbb\xbf ")]
     if rows and not _is_number(rows[0][0]):
         rows = rows[1:]
     if len(rows) < 2 or not all(len(row) == 2 and _is_number(row[0]) and _is_number(row[1])

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import is_there
 from spectrabox.reconstruct.scene.light_profile import read_profile
 
 MAX_DEPTH = 256         # reflections along a path; white walls leave 1e-6 of the light
@@ -134,6 +135,8 @@ def _parse(path: Path) -> ET.Element:
     except FileNotFoundError:
         raise InputError(f"{path} is missing: give the scene file or correct its name in "
                          "session.toml") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); give the scene file") from None
     except (ET.ParseError, ValueError, RecursionError) as error:
         raise InputError(f"{path.name} is not well-formed XML: {error}") from None
     if root.tag != "scene":
@@ -156,7 +159,7 @@ def _named_files(root: ET.Element, path: Path, folder: Path | None) -> tuple[Pat
         if folder is not None and not target.is_relative_to(folder.resolve()):
             raise InputError(f"{path.name} names {name!r}, which lies outside the session folder; "
                              "copy it into scene/")
-        if not target.exists():
+        if not is_there(target):
             raise InputError(f"{path.name} names {name!r}, which is missing")
         files.append(target)
     return tuple(files)

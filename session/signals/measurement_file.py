@@ -7,6 +7,7 @@ import numpy as np
 
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import is_there
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra import named_spectra
@@ -222,5 +223,6 @@ def _spot(table: SpotTable, folder: Path) -> MoreMeasurement:
 
 
 def _beside(name: str, folder: Path) -> str:
-    return str(folder / name) if (folder / name).is_file() else name
+    beside = folder / name
+    return str(beside) if is_there(beside) and beside.is_file() else name
 
