@@ -142,7 +142,9 @@ def in_curves(prior: ProductPrior, mean: np.ndarray, covariance: np.ndarray,
     """
     bands, nodes, entries = prior.bands, prior.nm.size, prior.components.shape[1]
     nuisances = mean.size - entries - bands
-    product = mean[prior.products].reshape(bands, nodes)
+    # no product is negative; what is cut off leaves every band's white signal as it was
+    product = np.maximum(mean[prior.products].reshape(bands, nodes), 0)
+    product = product / product.sum(axis=1, keepdims=True)
     level = np.exp(mean[prior.balance] + mean[entries + nuisances:])
     curves = level[:, None] * product / mass
     change = np.zeros((curves.size + nuisances, mean.size))
