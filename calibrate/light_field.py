@@ -123,14 +123,16 @@ def _given_the_chart(white: ChartWhite, project: np.ndarray, centre: np.ndarray,
     total = spread + of_data
     evidence = -0.5 * innovation @ np.linalg.solve(total, innovation) \
         - 0.5 * np.linalg.slogdet(total)[1]
-    # the chart fit again, with this kind's prior on the terms in place of its own
+    # The chart fit again, with this kind's prior on the terms in place of its own: the terms'
+    # posterior is exchanged, and what was correlated with them moves along.
     own = slice(bands, bands + count)
-    change = np.linalg.inv(spread) - np.eye(count) / FIELD_SD**2
-    pull = np.linalg.solve(spread, mean) - change @ white.field
-    gain = white.covariance[:, own] @ np.linalg.inv(np.eye(count)
-                                                    + change @ white.covariance[own, own])
-    state = np.r_[np.zeros(bands), white.field, white.glare] + gain @ pull
-    covariance = white.covariance - gain @ change @ white.covariance[own]
+    precise = np.linalg.inv(spread)
+    terms_covariance = np.linalg.inv(information + precise)
+    exchanged = terms_covariance @ (information @ centre + precise @ mean)
+    along = white.covariance[:, own] @ np.linalg.inv(white.covariance[own, own])
+    state = np.r_[np.zeros(bands), white.field, white.glare] + along @ (exchanged - white.field)
+    covariance = white.covariance + along @ (terms_covariance
+                                             - white.covariance[own, own]) @ along.T
     centred = terms - mean
     regression = np.linalg.solve(centred.T @ centred, centred.T @ (on_places
                                                                    - on_places.mean(axis=0))).T

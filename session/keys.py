@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spectrabox.reconstruct.rendering.llvm import llvm_name
 from spectrabox.session.config.session_chart import chart_files
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig, SpectrumTable
 from spectrabox.session.stages.order import stages_of
@@ -46,7 +45,7 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
     chart_scene, scenes = (None, {}) if config.flat else _scenes(config, files)
     chart = chart_files(config) if config.views_with_chart else []
     curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
-    installed = versions(DECISIVE) | {"llvm": llvm_name()}
+    installed = versions(DECISIVE) | ({} if config.flat else _renderer())
     code = stage_code({name: stage.module for name, stage in
                        stages_of(config.flat).items()})
 
@@ -99,6 +98,12 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
                                    "seed": config.session.seed},
                       "stages": {last: fingerprint(keys[last])}} | made_by("sample")
     return keys
+
+
+def _renderer() -> dict[str, str]:
+    """What renders a scene, beside the packages; flat samples need none."""
+    from spectrabox.reconstruct.rendering.llvm import llvm_name
+    return {"llvm": llvm_name()}
 
 
 def _scenes(config: SessionConfig,

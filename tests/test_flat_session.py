@@ -242,7 +242,9 @@ def test_one_command_goes_from_a_photo_to_its_report(tmp_path):
     assert cube["rmse_mean"] < 0.08 and cube["coverage_95"] > 0.7
     assert not {name.split(".")[0] for name in modules} & {"mitsuba", "drjit"}
     ours = {name for name in modules if name.startswith("spectrabox.reconstruct.")}
-    assert ours == {"spectrabox.reconstruct.settings"}      # defaults of session.toml
+    # defaults of session.toml, and the name of what would render, for the report's provenance
+    assert ours <= {"spectrabox.reconstruct.settings", "spectrabox.reconstruct.rendering",
+                    "spectrabox.reconstruct.rendering.llvm"}
 
 
 def test_a_failed_command_leaves_nothing_and_an_edited_session_alone(tmp_path):
@@ -291,3 +293,18 @@ def test_the_demo_finds_the_paints_of_a_painting_under_an_unknown_lamp(tmp_path)
 def _pigment_of(name):
     from spectrabox.fixtures.flat_demo import REGIONS
     return REGIONS[name][0]
+
+
+def test_a_shadow_across_the_chart_is_said(flat_session):
+    light = light_over()
+    left, top = CHART[:2]
+    patch = CHART[2] / 6 * light.shape[1]
+    y, x = int(top * light.shape[1]), int(left * light.shape[1])
+    light[y:y + int(patch), x:x + int(2 * patch)] *= 0.8        # dark skin and light skin
+    write_photo(flat_session / "photos" / "sample.dng", picture(light=light), Fraction(1, 60),
+                np.random.default_rng(9))
+    try:
+        notes = " ".join(run(flat_session).stored["calibrate"].record(tuple[str, ...], "notes"))
+    except SpectraboxError as error:        # no camera explains it
+        notes = str(error)
+    assert "light skin" in notes and "a shadow lies across" in notes

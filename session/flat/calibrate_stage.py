@@ -2,11 +2,17 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.calibration import (
+    CalibrationOptions,
+    ChartCalibration,
+    ChartPhoto,
+    calibrate_chart,
+)
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_prior
 from spectrabox.calibrate.prior.measured_prior import prior_of_curves
 from spectrabox.radiometry.records import PatchSamples, UnknownLight
@@ -22,6 +28,8 @@ from spectrabox.session.stages.inputs import (
 from spectrabox.session.stages.left_out import left_out_patches
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import chart_of
+
+SHADED, BRIGHT = 0.06, 0.03     # darker than this is a shadow; of the brightest signal
 
 
 def calibrate_photos(task: StageTask) -> dict[str, Any]:
@@ -46,6 +54,7 @@ def calibrate_photos(task: StageTask) -> dict[str, Any]:
                              kept_out=kept_out_patches(config), chart=layout) for view in shown]
         made = calibrate_chart(photos, GRID, CalibrationOptions(prior=_prior(config)))
         assert made.prior_fit is not None
+        records["notes"] += _shadow_notes(shown[0], made, session_chart(config).names)
         if number == 0:
             records |= {"predicted": made.predicted, "irradiance": made.prior_fit.photos[0].field,
                         "model error": np.array([made.prior_fit.model_error]),
@@ -57,6 +66,25 @@ def calibrate_photos(task: StageTask) -> dict[str, Any]:
         for view, state in zip(shown, made.prior_fit.photos, strict=True):
             records[view.record("white")] = state.white
     return records
+
+
+def _shadow_notes(view: ViewInputs, made: ChartCalibration,
+                  names: Sequence[str]) -> tuple[str, ...]:
+    """Patches that are darker in all bands alike than the rest of the chart makes them."""
+    predicted = made.held_out
+    bright = predicted.min(axis=1) > BRIGHT * predicted.max()
+    residuals = made.calibration.sensitivity.residuals
+    assert residuals is not None
+    measured = made.predicted / (1 - residuals)
+    off = measured / np.where(bright[:, None], predicted, np.inf) - 1
+    darker = np.flatnonzero(bright & (off.mean(axis=1) < -SHADED)
+                            & (np.ptp(off, axis=1) < -off.mean(axis=1)))
+    if not darker.size:
+        return ()
+    return (f"{view.chart_files[0]}: {', '.join(names[patch] for patch in darker[:6])} read up to "
+            f"{-off[darker].mean(axis=1).min():.0%} darker in all bands than the rest of the chart "
+            "makes them: a shadow lies across it, or they are soiled; photograph it again without, "
+            "or leave them out (chart.leave_out)",)
 
 
 def _one_fit_each(config: SessionConfig) -> list[list[ViewInputs]]:

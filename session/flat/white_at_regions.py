@@ -17,7 +17,7 @@ import numpy as np
 from spectrabox.calibrate.light_field import LightElsewhere, PicturePoints, light_elsewhere
 from spectrabox.radiometry.chart import plane_centres, plane_from_picture, projected
 from spectrabox.radiometry.covariance import symmetric
-from spectrabox.radiometry.errors import CheckError
+from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.light_drift import LightDrift
 from spectrabox.radiometry.light_scale import (
     DRIFT,
@@ -227,6 +227,10 @@ def _light_at(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
 def _exposure(config: SessionConfig, chart_photo: LinearImage, photo: LinearImage,
               drift: LightDrift | None) -> tuple[float, dict[str, float]]:
     """Exposure and light of a photo relative to the chart's, and its relative errors by cause."""
+    if chart_photo.exposure_s is None or photo.exposure_s is None:
+        raise InputError(f"{chart_photo.source} and {photo.source} do not both state how long they "
+                         "were exposed, so the samples cannot be compared with the chart; show "
+                         "both in one photo, or give files that state it")
     ratio = exposure_ratio(chart_photo, photo)
     if drift is not None:
         return ratio * drift.level, {DRIFT: drift.level_error / drift.level}

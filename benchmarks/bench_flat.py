@@ -1,0 +1,205 @@
+"""Flat samples beside a chart, by cameras and lamps never trained on: from DNG to bands.
+
+Every case is a photo of the simulator in ``fixtures/flat_sample.py``: a camera of the folder, its
+maker left out of the prior, a lamp of the folder, the chart off the published average by 1 %, light
+that falls off over the picture, 1 % of noise in a pixel, and nine published test colours. The
+session runs as ``spectrabox flat`` runs it, once with nothing known and once with curves and light
+stated as they are. ``--seconds`` times the command itself on a photo of 24 megapixels.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.calibrate.prior.camera_database import read_camera_database
+from spectrabox.calibrate.prior.camera_prior import save_prior
+from spectrabox.fixtures.flat_sample import (
+    box,
+    chart_corners,
+    lamplight,
+    surface_signals,
+    vignetting,
+    write_photo,
+)
+from spectrabox.fixtures.paints import NM, chart_truth
+from spectrabox.radiometry.chart import REFERENCES
+from spectrabox.radiometry.errors import CheckError
+from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import run_stages
+from spectrabox.session.stages.stored_records import samples_of, signals_of
+
+from benchmarks.bench_unknown_makers import makers_of, prior_without
+
+SIZE, REGIONS, LARGE = (400, 600), 9, (4000, 6000)
+CHART = (0.05, 0.06, 0.40)
+SQUARE, ACROSS, DOWN = 0.11, (0.52, 0.67, 0.82), (0.06, 0.23, 0.40)
+HEAD = '[photos]\nobject = "photos/p.dng"\n[sampling]\ndraws = 1000\n'
+
+
+def places() -> list[np.ndarray]:
+    """Outlines (4, 2) of the test colours, in widths of the picture."""
+    return [box(x, y, x + SQUARE, y + SQUARE) for y in DOWN for x in ACROSS]
+
+
+def photograph(path: Path, curves: np.ndarray, lamp: np.ndarray, surfaces: np.ndarray,
+               rng: np.random.Generator, size: tuple[int, int] = SIZE) -> float:
+    """Write the photo of one case.
+
+    Parameters
+    ----------
+    curves, lamp : (3, P) and (P,) arrays
+        At the wavelengths of the fixtures.
+    surfaces : (n, P) array
+
+    Returns
+    -------
+    float
+        Largest over least light of the picture.
+    """
+    lamps = [(*rng.uniform(-0.6, 1.6, 2), rng.uniform(1.6, 3.0), 1.0),
+             (*rng.uniform(-0.6, 1.6, 2), rng.uniform(1.6, 3.0), rng.uniform(0, 0.6))]
+    light = lamplight(size, lamps, rng.uniform(0, 0.15)) * vignetting(size, rng.uniform(0.85, 1))
+    even = surface_signals(size, curves * lamp, chart_truth(rng), chart_corners(*CHART),
+                           list(zip(places(), surfaces, strict=True)), np.full(NM.size, 0.2))
+    write_photo(path, even * light[..., None], Fraction(1, 60), rng)
+    return float(light.max() / light.min())
+
+
+def regions_toml(width: int) -> str:
+    """[regions.NAME] of all test colours."""
+    inner = [np.array([*place[0], *place[2]]) + 0.02 * np.array([1, 1, -1, -1])
+             for place in places()]
+    return "".join(f"[regions.s{number}]\nrect = {[round(float(v * width)) for v in rect]}\n"
+                   for number, rect in enumerate(inner))
+
+
+def judged(folder: Path, surfaces: np.ndarray) -> dict[str, float]:
+    """RMSE, coverage and light error of one session that was run."""
+    finished = run_stages(read_session(folder), device="cpu", only=None, force=False,
+                          progress=lambda *_: None)
+    off, inside, width = [], [], []
+    for name in signals_of(finished.stored).names:
+        _, summary = samples_of(finished.stored, name)
+        truth = np.interp(summary.grid.nm, NM, surfaces[int(name[1:])])
+        off.append(float(np.sqrt(np.mean((summary.mean - truth) ** 2))))
+        inside.append(float(np.mean((summary.lower <= truth) & (truth <= summary.upper))))
+        width.append(float(np.mean(summary.upper - summary.lower)))
+    return {"rmse": float(np.mean(off)), "inside": float(np.mean(inside)),
+            "width": float(np.mean(width))}
+
+
+def measure(data: Path, cases: int, seed: int) -> dict[str, Any]:
+    """Figures of some cases with nothing known and everything known."""
+    rng = np.random.default_rng(seed)
+    database = read_camera_database(data / "cameras")
+    makers = makers_of(database)
+    with np.load(data / "lights" / "lights_for_checks.npz") as stored:
+        lamp_nm, lamps = stored["wavelengths_nm"], stored["spectra"]
+    sets = test_reflectances(grid_from_nm(NM[20:-30]))
+    colours = np.vstack([rows for name, rows in sets.items() if name not in REFERENCES])
+    padded = np.pad(colours, ((0, 0), (20, 30)), mode="edge")
+    found: dict[str, list[dict[str, float]]] = {"unknown": [], "known": []}
+    refused, uneven = [], []
+    for case in range(cases):
+        camera, lamp = int(rng.integers(len(database.names))), int(rng.integers(len(lamps)))
+        surfaces = padded[rng.choice(len(padded), REGIONS, replace=False)]
+        curves = np.array([np.interp(NM, database.nm, row) for row in database.curves[camera]])
+        light = np.interp(NM, lamp_nm, lamps[lamp])
+        with tempfile.TemporaryDirectory() as written:
+            results = {}
+            for kind in found:
+                folder = Path(written) / kind
+                for part in ("photos", "spectra"):
+                    (folder / part).mkdir(parents=True)
+                fall_off = photograph(folder / "photos" / "p.dng", curves, light, surfaces,
+                                      np.random.default_rng([seed, case]))
+                (folder / "session.toml").write_text(
+                    HEAD + _known(folder, kind, curves, light, database, makers, camera)
+                    + regions_toml(SIZE[1]), encoding="utf-8")
+                try:
+                    results[kind] = judged(folder, surfaces)
+                except CheckError as error:
+                    refused.append(f"{kind}: {error}")
+        if len(results) == len(found):
+            uneven.append(fall_off)
+            for kind, result in results.items():
+                found[kind].append(result)
+        print(f"{case + 1}/{cases} {database.names[camera]}: {results}", file=sys.stderr)
+    means = {kind: {figure: float(np.mean([row[figure] for row in rows]))
+                    for figure in rows[0]} for kind, rows in found.items() if rows}
+    return {"cases": len(uneven), "refused": refused, "uneven": float(np.mean(uneven)), **means,
+            "ratio": means["unknown"]["rmse"] / means["known"]["rmse"]}
+
+
+def _known(folder: Path, kind: str, curves: np.ndarray, light: np.ndarray, database: Any,
+           makers: np.ndarray, camera: int) -> str:
+    if kind == "unknown":
+        left_out = np.asarray(makers) == np.asarray(makers)[camera]
+        save_prior(folder / "spectra" / "prior.npz", prior_without(database, left_out))
+        return ('[light]\nspectrum = "unknown"\n[sensitivity]\nprior = "spectra/prior.npz"\n')
+    tables = {"light": {"value": light}, "camera": dict(zip("RGB", curves, strict=True))}
+    for name, columns in tables.items():
+        (folder / "spectra" / f"{name}.csv").write_text(
+            table_text(NM, columns, quantity=Quantity.RELATIVE, source=name), encoding="utf-8")
+    return ('[light]\nspectrum = "spectra/light.csv"\n'
+            '[sensitivity]\nfrom = "spectra/camera.csv"\nrelative_error = 0.001\n')
+
+
+def seconds() -> dict[str, float]:
+    """Seconds and GiB of ``spectrabox flat`` on 24 megapixels and three regions, code warm."""
+    from spectrabox.fixtures import lamp
+    from spectrabox.fixtures.demo_photos import camera_sensitivities
+    rng = np.random.default_rng(1)
+    with tempfile.TemporaryDirectory() as folder:
+        photo = Path(folder) / "p.dng"
+        surfaces = rng.uniform(0.1, 0.8, (REGIONS, 1)) * np.ones(NM.size)
+        photograph(photo, camera_sensitivities(), lamp.radiance(NM), surfaces, rng, LARGE)
+        rects = [np.array([*place[0], *place[2]]) + 0.02 * np.array([1, 1, -1, -1])
+                 for place in places()[:3]]
+        words = [f"--region=s{number}={','.join(str(round(float(v * LARGE[1]))) for v in rect)}"
+                 for number, rect in enumerate(rects)]
+        taken = []
+        for number in range(2):
+            start = time.perf_counter()
+            subprocess.run([sys.executable, "-m", "spectrabox", "flat", str(photo), *words,
+                            "--session", str(Path(folder) / f"s{number}"), "--json"],
+                           check=True, capture_output=True)
+            taken.append(time.perf_counter() - start)
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
+    return {"seconds": taken[-1], "GiB": peak}
+
+
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--data", type=Path, help="folder with cameras/ and lights/")
+    parser.add_argument("--cases", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", action="store_true", help="time the command")
+    parser.add_argument("--json", action="store_true")
+    asked = parser.parse_args()
+    figures: dict[str, Any] = {}
+    if asked.data is not None:
+        figures |= measure(asked.data, asked.cases, asked.seed)
+    if asked.seconds:
+        figures |= seconds()
+    print(json.dumps(figures) if asked.json else "\n".join(
+        f"{name}: {value}" for name, value in figures.items()))
+
+
+if __name__ == "__main__":
+    main()
