@@ -19,10 +19,9 @@
     line.setAttribute("class", "pointer");
     svg.appendChild(line);
     const [left, top, right, bottom] = plot.box;
-    svg.addEventListener("pointermove", (event) => {
-      const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
-      if (at.x < left || at.x > right) return;
-      const x = Math.round(plot.limits[0] + (at.x - left) / (right - left) * (plot.limits[1] - plot.limits[0]));
+    let shown = Math.round((plot.limits[0] + plot.limits[1]) / 2);
+    const show = (x) => {
+      shown = x;
       const px = left + (x - plot.limits[0]) / (plot.limits[1] - plot.limits[0]) * (right - left);
       Object.entries({x1: px, x2: px, y1: top, y2: bottom}).forEach(([key, value]) => line.setAttribute(key, value));
       const values = plot.series.map(([label, ys]) => {
@@ -30,6 +29,20 @@
         return label + " " + (y === null ? "not measured" : y.toFixed(plot.digits));
       });
       output.textContent = `${plot.name} ${x}${plot.unit ? " " + plot.unit : ""}: ${values.join(", ")}`;
+    };
+    svg.addEventListener("pointermove", (event) => {
+      const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+      if (at.x < left || at.x > right) return;
+      show(Math.round(plot.limits[0] + (at.x - left) / (right - left) * (plot.limits[1] - plot.limits[0])));
+    });
+    // By keyboard: arrows move the pointer, with Shift ten times as far; Home and End go to the ends.
+    svg.setAttribute("tabindex", "0");
+    svg.addEventListener("keydown", (event) => {
+      const step = event.shiftKey ? 10 : 1;
+      const to = {ArrowLeft: shown - step, ArrowRight: shown + step, Home: plot.limits[0], End: plot.limits[1]}[event.key];
+      if (to === undefined) return;
+      event.preventDefault();
+      show(Math.min(Math.max(Math.round(to), plot.limits[0]), plot.limits[1]));
     });
     readouts += 1;
   });
