@@ -53,9 +53,10 @@ def with_signals(session: Path) -> None:
     path, prior = session / "signals.csv", load_prior()
     if not path.exists():
         rng = np.random.default_rng(5)
-        logits = [rng.multivariate_normal(prior.means[index], prior.covariances[index])
-                  for index in rng.choice(len(prior.weights), size=1000, p=prior.weights)]
-        signals = reflectance(np.array(logits)) @ response_of_names(CAMERA, LIGHT).T
+        counts = rng.multinomial(1000, prior.weights / prior.weights.sum())
+        logits = [rng.multivariate_normal(mean, covariance, count) for mean, covariance, count
+                  in zip(prior.means, prior.covariances, counts, strict=True)]
+        signals = reflectance(np.vstack(logits)) @ response_of_names(CAMERA, LIGHT).T
         np.savetxt(path, signals, delimiter=",", header="X,Y,Z", comments="")
 
 
