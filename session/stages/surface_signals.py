@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.records import SignalError, SpectralMeasurement, SurfaceSignals
 from spectrabox.sampling.error_budget import error_budget
 from spectrabox.sampling.prior.certified import FamilyStanding, standings
@@ -52,7 +53,7 @@ def measurement(signals: SurfaceSignals, index: int) -> SpectralMeasurement:
     seen = np.isfinite(signals.signal[index])
     total = np.sum(list(errors_by_cause(signals, index).values()), axis=0)
     return SpectralMeasurement(signals.grid, signals.response[seen], signals.signal[index][seen],
-                               total)
+                               symmetric(total))
 
 
 def relative_errors(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
