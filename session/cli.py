@@ -23,6 +23,7 @@ from spectrabox.session.commands import (
     capture,
     flat,
     geometry,
+    match,
     meter,
     rehearse,
     sampling,
@@ -34,7 +35,8 @@ from spectrabox.session.commands import (
 app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
                   pretty_exceptions_enable=False, rich_markup_mode=None,
                   context_settings={"help_option_names": ["-h", "--help"]})
-for subject in (session, flat, rehearse, capture, geometry, camera, sampling, meter, spectrum):
+for subject in (session, flat, rehearse, capture, geometry, camera, sampling, match, meter,
+                spectrum):
     subject.register(app)
 
 

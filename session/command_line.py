@@ -34,7 +34,7 @@ SUBJECTS = {"A session": ("flat", "new", "check", "run", "status", "report", "re
                           "rehearse"),
             "Photos and cameras": ("develop", "chart", "camera", "geometry"),
             "Instruments and spectral files": ("meter", "spectrum"),
-            "The spectra behind a signal": ("sample", "uplift", "plan", "prior"),
+            "The spectra behind a signal": ("sample", "uplift", "match", "plan", "prior"),
             "Can they be trusted": ("certify", "judge"),
             "Trying it out": ("demo", "doctor")}
 INTERRUPTED = 130

@@ -52,6 +52,8 @@ class MixturePosterior(Record):
     misfit: Annotated[np.ndarray, "T"]  # largest |signal - M p|, averaged over the components
     # least r' Q^-1 r over the components: chi-square with K degrees
     surprise: Annotated[np.ndarray, "T"]
+    # of the signals under the mixture, in nats; a misfit is judged by the noise alone
+    log_evidence: Annotated[np.ndarray, "T"]
     # of the components' marginal distributions (quantiles.py); None for normal ones
     skews: Annotated[np.ndarray, "C T P"] | None = None
 
@@ -90,19 +92,28 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     rough = np.array([log_weights[index] + rough_evidence(seen, *component, logits[index])
                       for index, component in enumerate(components)])
     score, misfit, surprise = np.full(shape, -np.inf), np.zeros(shape), np.full(shape, np.inf)
+    plain = score.copy()
     for index, component in enumerate(components):
         near = np.flatnonzero(rough[index] > rough.max(axis=0) - BEHIND)
         climb(seen, near, *component, logits[index], STEPS)
         variances[index, near], evidence, misfit[index, near], surprise[index, near] = laplace(
             seen, near, *component, logits[index, near])
-        score[index, near] = log_weights[index] + evidence \
+        plain[index, near] = log_weights[index] + evidence
+        score[index, near] = plain[index, near] \
             - PENALTY * np.maximum(misfit[index, near] - MISFIT, 0)
     weights = np.exp(score - score.max(axis=0))
     weights /= weights.sum(axis=0)
     weights[weights < NEGLIGIBLE] = 0
     weights /= weights.sum(axis=0)
     return MixturePosterior(weights.T, logits, variances, (weights * misfit).sum(axis=0),
-                            surprise.min(axis=0))
+                            surprise.min(axis=0), _log_sum(plain)
+                            - signals.shape[1] / 2 * np.log(2 * np.pi))
+
+
+def _log_sum(logarithms: np.ndarray) -> np.ndarray:
+    """Logarithm (T,) of the sum over the rows of (C, T) numbers given by their logarithms."""
+    largest = logarithms.max(axis=0)
+    return np.asarray(largest + np.log(np.exp(logarithms - largest).sum(axis=0)))
 
 
 def with_floor(covariance: np.ndarray) -> np.ndarray:
