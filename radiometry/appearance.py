@@ -17,6 +17,10 @@ WITHIN_NM = (360.0, 780.0)
 TO_SRGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415],
                     [0.0557, -0.2040, 1.0570]])
 
+# X, Y, Z to responses of cones, Lam 1985.
+BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367],
+                     [0.0389, -0.0685, 1.0296]])
+
 
 def reflectance_to_srgb(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
     """Encoded sRGB (3,), 0 to 1, of a surface under D65; colours outside the gamut are clipped.
@@ -60,11 +64,38 @@ def tristimulus(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
     return weights @ np.interp(table_nm, nm, reflectance)
 
 
-@functools.cache
+def adapted_tristimulus(nm: np.ndarray, light: str) -> np.ndarray:
+    """Weights (3, P) that give X, Y, Z under D65 of what looks alike under another light.
+
+    The eye is taken to have adapted to the light, by the Bradford transform: white stays white.
+
+    Parameters
+    ----------
+    nm : (P,) array
+        Ascending.
+    light : str
+        CIE name.
+
+    Raises
+    ------
+    InputError
+        If no light of that name is published.
+    """
+    table_nm, weights = _weights_under(light)
+    found = weights @ np.array([np.interp(table_nm, nm, unit) for unit in np.eye(len(nm))]).T
+    cones, wanted = BRADFORD @ weights.sum(axis=1), BRADFORD @ _d65_weights()[1].sum(axis=1)
+    return np.asarray(np.linalg.solve(BRADFORD, (wanted / cones)[:, None] * (BRADFORD @ found)))
+
+
 def _d65_weights() -> tuple[np.ndarray, np.ndarray]:
+    return _weights_under("D65")
+
+
+@functools.cache
+def _weights_under(light_name: str) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (P,) from 360 to 780 nm and the weights (3, P) of X, Y, Z."""
     nm, observer = published_curves(OBSERVERS, "CIE 1931 2 Degree Standard Observer")
     inside = (nm >= WITHIN_NM[0]) & (nm <= WITHIN_NM[1])
-    nm, light = nm[inside], published_curves(LIGHTS, "D65")
+    nm, light = nm[inside], published_curves(LIGHTS, light_name)
     weights = observer[:, inside] * np.interp(nm, light[0], light[1][0])
     return nm, weights / weights[1].sum()

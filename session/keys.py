@@ -97,6 +97,18 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
                                    "families": _families(config),
                                    "seed": config.session.seed},
                       "stages": {last: fingerprint(keys[last])}} | made_by("sample")
+    if config.picture is not None:
+        # of the photo's key what changes with the regions is left out: the picture shows none
+        known = {name: _outlines(config)[name] for name in _known(config)}
+        keys["picture"] = _signals_key(config, files) | {
+            "files": files(*views[0].photo_files, *correcting,
+                           *(reference.file for reference in _known(config).values())),
+            "settings": {"picture": _plain(config.picture), "known": known,
+                         "repeatability": _plain(config.repeatability),
+                         "stray light": _plain(config.stray_light),
+                         "seed": config.session.seed} | developing,
+            "stages": {name: fingerprint(keys[name]) for name in ("chart", "calibrate")}
+            } | made_by("picture")
     return keys
 
 

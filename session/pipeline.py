@@ -122,7 +122,8 @@ def load_finished(config: SessionConfig) -> FinishedRun:
         If a stage has none, or damaged ones.
     """
     stored = {name: load_stage(config.results_folder, name) for name in stages_of(config.flat)
-              if name != "chart" or config.views_with_chart}
+              if (name != "chart" or config.views_with_chart)
+              and (name != "picture" or config.picture)}
     missing = [name for name, stage in stored.items() if stage is None]
     if missing:
         raise InputError(f"no results of stage {missing[0]!r} yet: run 'spectrabox run' first")

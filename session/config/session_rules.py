@@ -4,8 +4,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from spectrabox.calibrate.photo_checks import MIN_PATCHES
+from spectrabox.radiometry.grid import VISIBLE_NM
 from spectrabox.radiometry.outside.names import name_fault, sharing_a_file
 from spectrabox.radiometry.outside.words import shortened
+from spectrabox.radiometry.published.tables import LIGHTS, published_names
 from spectrabox.sampling.prior.families.words import unknown_families
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
@@ -41,7 +43,7 @@ def inconsistencies(config: SessionConfig) -> list[str]:
         problems.append(f"{FILE_NAME}: [drift] compares the object photo with the chart photo, but "
                         "nothing of this session comes from a chart photo; leave it out")
     return (problems + _names(config) + _views(config) + _bands(config) + _unknown_lights(config)
-            + _patches(config))
+            + _patches(config) + _picture(config))
 
 
 def _unknown_lights(config: SessionConfig) -> list[str]:
@@ -77,6 +79,34 @@ def _patches(config: SessionConfig) -> list[str]:
                 "to 24, dark skin first"]
     return [] if left >= MIN_PATCHES else [
         f"{FILE_NAME}: chart.leave_out leaves {left} patches; {MIN_PATCHES} are needed"]
+
+
+def _picture(config: SessionConfig) -> list[str]:
+    """Faults of [picture]."""
+    section, place = config.picture, f"{FILE_NAME}: picture"
+    if section is None:
+        return []
+    if not config.flat:
+        return [f"{FILE_NAME}: [picture] is of a flat sample, and this session has a scene; leave "
+                "it out"]
+    problems = []
+    if section.rect is not None and (len(section.rect) != 4 or _empty(section.rect)):
+        problems.append(f"{place}.rect is {list(section.rect)}; two opposite corners [x0, y0, x1, "
+                        "y1] that enclose something are needed")
+    if section.light is not None and section.light not in published_names(LIGHTS):
+        problems.append(f"{place}.light is {shortened(section.light)}, which is no CIE name; take "
+                        "A, D50, FL11 or LED-B3, say")
+    low, high = VISIBLE_NM
+    if outside := [nm for nm in section.bands_nm if not low <= nm <= high]:
+        problems.append(f"{place}.bands_nm has {outside[0]:g}, which lies outside {low:g} to "
+                        f"{high:g} nm")
+    if (wrong := unknown_families(section.families)) is not None:
+        problems.append(f"{place}.family: {wrong}")
+    if not any(not region.photos or FIRST_PHOTO in region.photos
+               for region in config.regions.values()):
+        problems.append(f"{FILE_NAME}: [picture] shows the photo of [photos], in which no region "
+                        "lies; outline one there")
+    return problems
 
 
 def _names(config: SessionConfig) -> list[str]:

@@ -359,6 +359,26 @@ class SamplingSection(Table):
     level: float = Field(0.95, ge=0.5, le=0.999, description="of the printed band")
 
 
+class PictureSection(Table):
+    """A picture of spectra: every pixel of the first photo of a flat sample. Off without it."""
+
+    rect: ListOf[float] | None = Field(None, description="[x0, y0, x1, y1]: two opposite corners "
+                                       "in pixels of the photo; all of it where left out")
+    light: str | None = Field(None, description="CIE name of a light beside D65 under which "
+                              "colours are shown")
+    bands_nm: ListOf[float] = Field((450, 500, 550, 600, 650), description="wavelengths of which "
+                                    "maps are made")
+    step_nm: Literal[5, 10, 15, 20, 25, 30, 50, 60] = Field(
+        10, description="between wavelengths of the mean in mean.exr")
+    family: str | ListOf[str] | None = Field(None, description="what the surfaces are, as of a "
+                                             "region")
+
+    @property
+    def families(self) -> tuple[str, ...]:
+        """The families that every surface is said to be one of; none where nobody said."""
+        return (self.family,) if isinstance(self.family, str) else tuple(self.family or ())
+
+
 class SessionTables(Table):
     """The tables of session.toml."""
 
@@ -378,6 +398,7 @@ class SessionTables(Table):
     regions: dict[str, RegionSection] = Field(default_factory=dict)
     reconstruct: ReconstructSection = ReconstructSection()
     sampling: SamplingSection = SamplingSection()
+    picture: PictureSection | None = None
 
 
 @dataclass(frozen=True)

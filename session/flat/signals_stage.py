@@ -58,21 +58,15 @@ def find_signals(task: StageTask) -> dict[str, Any]:
     """
     config = task.config
     calibrations, drift = calibrations_of(config, task.stored), drift_of(task)
-    known = {name: spectrum_on_grid(read_reflectance(config, section.known), GRID)
-             for name, section in config.regions.items() if section.known is not None}
-    responses = [_response(calibration) for calibration in calibrations]
-    model = float(task.stored["calibrate"].record(np.ndarray, "model error")[0])
+    known = _known_spectra(config)
+    responses = [response_of(calibration) for calibration in calibrations]
+    model = model_error(task)
     records: dict[str, Any] = {"drift": drift, "notes": ()}
     found: list[PhotoWhite | None] = []
     for number, view in enumerate(config.all_views):
         task.progress(number / len(config.all_views), view.photo_files[0])
-        white = white_at_regions(task, view, _chart_view(config, view),
-                                 None if view.name else drift)
+        white = white_of_photo(task, view, responses[number], drift)
         if white is not None:
-            signals = {name: responses[number] @ spectrum for name, spectrum in known.items()
-                       if name in white.samples.names}
-            white = with_known(white, signals, {name: _model_covariance(signal, model)
-                                                for name, signal in signals.items()})
             records["notes"] += far_notes(white)
         found.append(white)
     records["signals"] = _stacked(task, calibrations, responses, found, known, model, drift)
@@ -83,6 +77,42 @@ def find_signals(task: StageTask) -> dict[str, Any]:
         records[view.record("light map")] = None if white is None else light_map(
             task, view, _chart_view(config, view))
     return records
+
+
+def white_of_photo(task: StageTask, view: ViewInputs, response: np.ndarray,
+                   drift: LightDrift | None,
+                   nodes_px: np.ndarray | None = None) -> PhotoWhite | None:
+    """White at the regions of a photo, with what its regions of known spectrum say of it.
+
+    Parameters
+    ----------
+    view : ViewInputs
+    response : (K, P) array
+        Of the view's bands, rows summing to 1.
+    drift : LightDrift or None
+        From the first chart photo to the first photo of samples.
+    nodes_px : (N, 2) array, optional
+        As of ``white_at_regions``.
+    """
+    white = white_at_regions(task, view, _chart_view(task.config, view),
+                             None if view.name else drift, nodes_px)
+    if white is None:
+        return None
+    signals = {name: response @ spectrum for name, spectrum in _known_spectra(task.config).items()
+               if name in white.samples.names}
+    model = model_error(task)
+    return with_known(white, signals, {name: _model_covariance(signal, model)
+                                       for name, signal in signals.items()})
+
+
+def _known_spectra(config: SessionConfig) -> dict[str, np.ndarray]:
+    return {name: spectrum_on_grid(read_reflectance(config, section.known), GRID)
+            for name, section in config.regions.items() if section.known is not None}
+
+
+def model_error(task: StageTask) -> float:
+    """By what the patches of the chart and the model of the photo disagree, relative."""
+    return float(task.stored["calibrate"].record(np.ndarray, "model error")[0])
 
 
 def drift_of(task: StageTask) -> LightDrift | None:
@@ -101,7 +131,7 @@ def _chart_view(config: SessionConfig, view: ViewInputs) -> ViewInputs:
     return view if view.chart else config.all_views[0]
 
 
-def _response(calibration: Calibration) -> np.ndarray:
+def response_of(calibration: Calibration) -> np.ndarray:
     """Response (K, P) of the bands to reflectances; rows sum to 1."""
     matrix = response_matrix(GRID, calibration.sensitivity.curves,
                              spectrum_on_grid(calibration.light, GRID))

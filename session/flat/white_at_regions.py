@@ -102,7 +102,8 @@ class PhotoWhite:
 
 
 def white_at_regions(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
-                     drift: LightDrift | None) -> PhotoWhite | None:
+                     drift: LightDrift | None,
+                     nodes_px: np.ndarray | None = None) -> PhotoWhite | None:
     """White at every region of a photo, as the chart of ``chart_view`` gives it; None where the
     photo shows no region.
 
@@ -114,6 +115,8 @@ def white_at_regions(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
         Whose chart photo was taken under the same light.
     drift : LightDrift or None
         Of the light between both.
+    nodes_px : (N, 2) array, optional
+        Further points of the photo, which stand after the regions, without a signal of their own.
 
     Raises
     ------
@@ -124,10 +127,14 @@ def white_at_regions(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
     samples = stored["photo"].record(RegionSamples, view.record("regions"))
     if samples is None:
         return None
+    points = list(samples.points_px)
+    if nodes_px is not None:
+        points += list(nodes_px[:, None])
+        samples = _with_nodes(samples, nodes_px)
     chart, photo = chart_of(stored, chart_view), photo_of(stored, view)
     assert chart is not None
     chart_photo = chart[2]
-    elsewhere = _light_at(task, view, chart_view, list(samples.points_px))
+    elsewhere = _light_at(task, view, chart_view, points)
     own = chart_view.chart_files == view.photo_files
     exposure, causes = (1.0, {}) if own else _exposure(config, chart_photo, photo, drift)
     # veiling glare is in proportion to the light of the whole picture
@@ -140,6 +147,19 @@ def white_at_regions(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
         list(causes.values()))
     return PhotoWhite(samples, elsewhere, exposure, glare, tuple(causes),
                       np.zeros(len(covariance)), covariance)
+
+
+def _with_nodes(samples: RegionSamples, nodes_px: np.ndarray) -> RegionSamples:
+    """The regions, and after them points without a signal."""
+    count, bands = len(nodes_px), samples.mean.shape[1]
+    empty = np.zeros((count, bands))
+    points = np.broadcast_to(nodes_px[:, None], (count, *samples.points_px.shape[1:]))
+    return RegionSamples(
+        (*samples.names, *(f"\n{number}" for number in range(count))),
+        np.vstack([samples.mean, empty]),
+        np.concatenate([samples.covariance_of_mean, np.zeros((count, bands, bands))]),
+        np.r_[samples.pixels, np.ones(count, samples.pixels.dtype)],
+        np.vstack([samples.scatter, empty]), np.concatenate([samples.points_px, points]))
 
 
 def light_map(task: StageTask, view: ViewInputs, chart_view: ViewInputs) -> np.ndarray:

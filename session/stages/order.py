@@ -36,7 +36,8 @@ FLAT_STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts"),
                "photo": Stage(f"{FLAT_ROOM}.region_stage", "measure_regions"),
                "calibrate": Stage(f"{FLAT_ROOM}.calibrate_stage", "calibrate_photos"),
                "signals": Stage(f"{FLAT_ROOM}.signals_stage", "find_signals"),
-               "sample": Stage(f"{FLAT_ROOM}.sample_stage", "sample_regions")}
+               "sample": Stage(f"{FLAT_ROOM}.sample_stage", "sample_regions"),
+               "picture": Stage(f"{FLAT_ROOM}.picture_stage", "picture_of_spectra")}
 
 
 def stages_of(flat: bool) -> dict[str, Stage]:
