@@ -35,6 +35,10 @@ Family = Annotated[list[str] | None, typer.Option(
     "earth or animal. May be repeated.")]
 Truth = Annotated[list[str] | None, typer.Option(
     "--truth", help="NAME=FILE: measured reflectance of a region, to compare with.")]
+Picture = Annotated[bool, typer.Option(
+    "--picture", help="Also the spectrum of every pixel, with maps, in results/picture.")]
+PictureLight = Annotated[str | None, typer.Option(
+    help="CIE name of a light beside D65 under which the picture's colours are shown.")]
 Session = Annotated[Path | None, typer.Option(
     metavar="DIR", help="The session folder; beside the photo and named after it by default.")]
 
@@ -47,7 +51,8 @@ def register(app: typer.Typer) -> None:
 def flat(photo: Photo, region: Regions = None, light: Light = "unknown", chart: ChartPhoto = None,
          corners: Corners = None, layout: ChartLayout = "", reference: Reference = None,
          white_card: WhiteCard = None, flat_field: FlatField = None,
-         family: Family = None, truth: Truth = None, session: Session = None,
+         family: Family = None, truth: Truth = None, picture: Picture = False,
+         picture_light: PictureLight = None, session: Session = None,
          as_json: Json = False, debug: Debug = False) -> None:
     """Spectra of regions of a photo that shows a colour chart, without a scene."""
     start = time.perf_counter()
@@ -73,7 +78,10 @@ def flat(photo: Photo, region: Regions = None, light: Light = "unknown", chart: 
         px = None if corners is None else _numbers(corners, 8, "--corners")
         order = FlatOrder(photo, regions, light, chart, flat_field,
                           None if px is None else [px[at:at + 2] for at in range(0, 8, 2)],
-                          families, known, truths, layout, reference)
+                          families, known, truths, layout, reference, picture,
+                          picture_light)
+        if picture_light is not None and not picture:
+            raise InputError("--picture-light says how a picture is shown: give --picture too")
         with session_of(order, session) as folder:
             facts, text = _run(folder)
         facts["seconds"] = round(time.perf_counter() - start, 3)

@@ -88,6 +88,13 @@ class PixelErrors:
     def covariance(self, signals: np.ndarray, white: White, variance: np.ndarray) -> np.ndarray:
         """Covariance (n, K, K) of signals relative to white.
 
+        As ``at_white``, with what ``by_curves`` adds.
+        """
+        return self.at_white(signals, white, variance) + self.by_curves(signals)
+
+    def at_white(self, signals: np.ndarray, white: White, variance: np.ndarray) -> np.ndarray:
+        """Covariance (n, K, K) of signals by all but the curves of camera and light.
+
         Parameters
         ----------
         signals : (n, K) array
@@ -104,11 +111,12 @@ class PixelErrors:
             + _outer(inverse) * self.glare_covariance + _outer(veil)
         own = variance * inverse**2 + (self.model * signals)**2
         covariance += own[:, :, None] * np.eye(signals.shape[1])
-        covariance += self._by_curves(signals)
         return np.asarray((covariance + covariance.transpose(0, 2, 1)) / 2)
 
-    def _by_curves(self, signals: np.ndarray) -> np.ndarray:
-        """By the errors of sensitivities and light, for the spectra that are likely behind."""
+    def by_curves(self, signals: np.ndarray) -> np.ndarray:
+        """Covariance (n, K, K) of signals by the errors of sensitivities and light, for the spectra
+        that are likely behind.
+        """
         bands = signals.shape[1]
         surfaces = SurfaceSignals(
             tuple(map(str, range(len(signals)))), (False,) * len(signals), GRID,

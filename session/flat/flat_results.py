@@ -27,6 +27,19 @@ class PhotoOfRegions:
     light_map: np.ndarray | None
 
 
+@dataclass(frozen=True)
+class PictureOfSpectra:
+    """The spectra of every pixel as they lie in the session folder."""
+
+    files: tuple[str, ...]              # names, relative to the session folder
+    maps: tuple[tuple[str, Path], ...]  # title of each map, and a reduced PNG of it
+    size_px: tuple[int, int]            # width and height
+    masked: float                       # share of pixels that are clipped or black
+    beyond_white: float                 # share of pixels brighter than white for certain
+    unlike: float                       # share of pixels unlike what the prior knows
+    standard_deviation: float           # mean over wavelengths and pixels
+
+
 @dataclass(frozen=True, kw_only=True)
 class FlatResults(CommonResults):
     """What the report of a session of flat samples shows."""
@@ -34,3 +47,4 @@ class FlatResults(CommonResults):
     photos: list[PhotoOfRegions]
     signals: SurfaceSignals
     light: dict[str, Any]               # kind, wavelengths_nm, mean, lower, upper
+    picture: PictureOfSpectra | None    # where the session asks for one

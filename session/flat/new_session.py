@@ -42,6 +42,8 @@ class FlatOrder:
     truths: Mapping[str, str] = field(default_factory=dict)
     layout: str = ""                            # of the chart: a name or a file
     reference: str | None = None                # its reflectances: a name or a file
+    picture: bool = False                       # of the spectra of every pixel
+    picture_light: str | None = None            # CIE name of a light beside D65
 
 
 @contextlib.contextmanager
@@ -115,6 +117,10 @@ def _write(order: FlatOrder, folder: Path) -> None:
         if name in order.families:
             lines.append(f"family = {json.dumps(list(order.families[name]))}")
         lines.append("")
+    if order.picture:
+        light_of_picture = order.picture_light
+        lines += ["[picture]", *([] if light_of_picture is None
+                                 else [f"light = {_quoted(light_of_picture)}"]), ""]
     body = "\n".join(lines)
     write_text_whole(folder / FILE_NAME, f"{body}{MARK}{_digest(body)}\n")
     if not (folder / SCHEMA_NAME).exists():

@@ -1,11 +1,13 @@
 """The stage that makes a picture of spectra: mean and standard deviation of every pixel."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from spectrabox.capture.photo.image_files import write_png
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior, of_families
@@ -20,7 +22,7 @@ from spectrabox.sampling.prior.tables import (
 )
 from spectrabox.session.config.session_schema import PictureSection
 from spectrabox.session.flat.errors_of_pixels import PixelErrors, White, errors_of_pixels
-from spectrabox.session.flat.picture_maps import Reduced, map_rows, maps_of
+from spectrabox.session.flat.picture_maps import Map, Reduced, map_rows, maps_of, shown
 from spectrabox.session.signals.spectra_rows import (
     MEAN,
     SPREAD,
@@ -100,19 +102,19 @@ class _Job:
         there = White(white.signal[[node]], white.log[[node]],
                       white.log_and_glare[[node]]).repeated(len(signals))
         constant, slope = self.noise
-        return self.errors.covariance(
-            signals, there, constant + slope * (signals * there.signal + self.errors.glare))
+        variance = constant + slope * (signals * there.signal + self.errors.glare)
+        return self.errors.at_white(signals, there, variance)
 
 
 def picture_of_spectra(task: StageTask) -> dict[str, Any]:
-    """Every pixel of the first photo, or of a part of it, to its spectrum; see ``docs``.
+    """Every pixel of the first photo, or of a part of it, to its spectrum.
 
     Returns
     -------
     dict
-        The "files" in the stage's folder; of every map its "titles" and, by file name, "map FILE":
-        it reduced (h, w, C); the "shares" of pixels without a spectrum, beyond white, and unlike
-        what the prior knows, and the "mean spread".
+        The "files" in the stage's folder; "titles" and "previews", reduced pictures, of the maps;
+        the "shares" of pixels without a spectrum, beyond white, and unlike what the prior knows;
+        the "mean spread"; and the "size" of the picture.
 
     Raises
     ------
@@ -148,7 +150,14 @@ def picture_of_spectra(task: StageTask) -> dict[str, Any]:
     return {"notes": (), "files": (MEAN, SPREAD, *(each.file for each in maps)),
             "titles": tuple(each.title for each in maps), "shares": shares[:3],
             "mean spread": shares[3:], "size": np.array([width, height]),
-            **{f"map {each.file}": reduced.mean(each.file) for each in maps}}
+            "previews": tuple(_preview(task.folder, each, reduced) for each in maps)}
+
+
+def _preview(folder: Path, shown_map: Map, reduced: Reduced) -> str:
+    """The name of a reduced picture, which is written."""
+    name = f"preview-{shown_map.file}"
+    write_png(folder / name, shown(reduced.mean(shown_map.file), shown_map.encoded))
+    return name
 
 
 def _job(task: StageTask, section: PictureSection) -> _Job:
@@ -186,7 +195,6 @@ def _job(task: StageTask, section: PictureSection) -> _Job:
 
 def _cut(photo: LinearImage, rows: slice, columns: slice) -> LinearImage:
     """A part of a photo, without a copy of it."""
-    from dataclasses import replace
     return replace(photo, signal=photo.signal[rows, columns],
                    variance=photo.variance[rows, columns],
                    saturated=photo.saturated[rows, columns])
@@ -222,10 +230,12 @@ def _tables(job: _Job, task: StageTask) -> tuple[UpliftTable, UpliftTable] | Non
         wanted |= points_around(rows.within[rows.seen], SIDE)
     if height * width < 2 * wanted.sum():
         return None
-    made = []
+    made, by_curves = [], []
     for number, percentile in enumerate((BEST_KNOWN, LEAST_KNOWN)):
         def errors(signals: np.ndarray, percentile: float = percentile) -> np.ndarray:
-            return job.errors_near(percentile, signals)
+            if not by_curves:       # of the same signals in both tables
+                by_curves.append(job.errors.by_curves(signals))
+            return job.errors_near(percentile, signals) + by_curves[0]
 
         def say(share: float, number: int = number) -> None:
             task.progress(TABLE_SHARE * (number + share) / 2, "")

@@ -48,6 +48,8 @@ def _page(results: FlatResults) -> dict[str, Any]:
         "photos": [{"name": photo.name, "figure": flat_figures.photo_figure(f"photo-{i}", photo),
                     "light": flat_figures.light_figure(f"light-map-{i}", photo),
                     "regions": photo.light} for i, photo in enumerate(results.photos, start=1)],
+        "picture": results.picture and [(title, picture_data_uri(path))
+                                        for title, path in results.picture.maps],
         "calibration": calibration_section(results, None),
         "inputs": input_rows(results), "methods": flat_methods(results),
         }
