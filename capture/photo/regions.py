@@ -97,7 +97,8 @@ def _one_region(image: LinearImage, corners_px: np.ndarray, name: str) -> tuple[
     signal, variance = image.signal[y, x].astype(float), image.variance[y, x].mean(axis=0)
     mean = signal.mean(axis=0)
     terms = np.column_stack([np.ones(y.size), x - x.mean(), y - y.mean()])
-    plane = terms @ np.linalg.solve(terms.T @ terms, terms.T @ signal)
+    # a region may be one pixel wide
+    plane = terms @ (np.linalg.pinv(terms.T @ terms, hermitian=True) @ (terms.T @ signal))
     beyond = np.maximum(((signal - plane) ** 2).mean(axis=0) - variance, 0)
     scatter = np.sqrt(beyond) / np.maximum(np.abs(mean), np.finfo(np.float32).tiny)
     points = _points(corners_px)

@@ -104,9 +104,9 @@ def map_rows(folder: Path, height: int, width: int, maps: Sequence[Map], reduced
             values = {}
             for each in maps:
                 made = each.values(mean, spread, unlike)
-                shown = each.encoded(made)
-                shown[~seen] = MASKED
-                writers[each.file](first, shown.reshape(*shape, 3))
+                coded = each.encoded(np.nan_to_num(made))
+                coded[~seen] = MASKED
+                writers[each.file](first, coded.reshape(*shape, 3))
                 values[each.file] = made.reshape(*shape, each.channels)
             reduced.add(first, seen.reshape(shape), values)
 

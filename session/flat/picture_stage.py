@@ -13,7 +13,6 @@ from spectrabox.radiometry.records import LinearImage
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior, of_families
 from spectrabox.sampling.prior.tables import (
     MAX_SIGNAL,
-    SIDE,
     UpliftTable,
     build_table,
     interpolation,
@@ -37,6 +36,7 @@ from spectrabox.session.stages.stored_records import calibrations_of
 
 GREY = 0.3                  # signal by whose error the places of a photo are compared
 LEAST_KNOWN, BEST_KNOWN = 95, 5     # percentiles of the places that the two tables are made for
+SIDE = 17                   # of the tables: noise leaves no finer detail
 NOISE_SAMPLES = 20_000      # pixels that tell how noise depends on the signal
 DARKEST = 1e-4              # of white: signals are taken for at least as bright
 SIGMAS = 4.0                # beyond white: what no reflectance gives
@@ -230,7 +230,8 @@ def _tables(job: _Job, task: StageTask) -> tuple[UpliftTable, UpliftTable] | Non
         wanted |= points_around(rows.within[rows.seen], SIDE)
     if height * width < 2 * wanted.sum():
         return None
-    made, by_curves = [], []
+    made: list[UpliftTable] = []
+    by_curves: list[np.ndarray] = []
     for number, percentile in enumerate((BEST_KNOWN, LEAST_KNOWN)):
         def errors(signals: np.ndarray, percentile: float = percentile) -> np.ndarray:
             if not by_curves:       # of the same signals in both tables
