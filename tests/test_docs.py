@@ -124,7 +124,7 @@ def run_block(block, folder, names):
     elif block.language == "toml" and block.mark == "session":
         read_part_of_a_session(block.text, folder)
     elif block.language == "toml" and block.mark == "session.toml":
-        (folder / "alone").mkdir()
+        (folder / "alone").mkdir(exist_ok=True)
         (folder / "alone" / block.mark).write_text(block.text, encoding="utf-8")
         read_session(folder / "alone")
     elif block.language == "toml":
