@@ -1,5 +1,6 @@
-"""Damaged and hostile copies of every kind of file through its reader and through the light
-commands: is anything but a result or a sentence the end, how long does it take, how much memory?
+"""Damaged and hostile copies of every kind of file through its reader.
+
+Is anything but a result or a sentence the end, how long does it take, how much memory?
 
 Each kind is read in a process of its own, so that a crash of a library is counted, not suffered.
 

@@ -5,8 +5,7 @@ the prior does not hold: 24 BabelColor patches and 30 published test colours wit
 fall-off over the chart and glare. Spectra of the test colours are found with the light unknown, and
 with camera and light known exactly; then the chart is held against the right spectrum of its lamp,
 and against that of another. ``--shipped`` takes lamps of the prior in place of measured ones, all
-lamps of their kind being left out of it: what the widening of errors and the limit for a wrong
-light were chosen by.
+lamps of their kind being left out of it; the limit for a wrong light was chosen by them.
 """
 from __future__ import annotations
 

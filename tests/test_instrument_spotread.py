@@ -1,6 +1,6 @@
 """ArgyllCMS's spotread, as a stand-in that prints and saves what the real program (2.3.1) did.
 
-It was talking to the played recording of a specbos 1211 then, so that every digit is known.
+It was talking to an emulated specbos 1211 then, so that every digit is known.
 """
 import json
 import os

@@ -41,7 +41,7 @@ from spectrabox.radiometry.records import (
 )
 
 SEED = 1                    # of the draws of cameras
-WIDENING = 1.15             # of standard deviations: benchmarks/bench_unknown_light.py --tails
+WIDENING = 1.15             # of standard deviations: set by hand, so that products hold their bands
 MAX_HYPOTHESES, MAX_COMPONENTS = 3, 200     # that a fit without a patch is computed with
 
 
