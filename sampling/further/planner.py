@@ -30,13 +30,15 @@ class Candidate:
 
 @dataclass(frozen=True)
 class PlannedStep:
-    """One measurement of a plan with the mean width of the 95 % band before and after, and
-    minutes.
+    """One measurement of a plan: mean width of the 95 % band and expected RMSE of the mean, before
+    and after, and minutes.
     """
 
     name: str
     width_before: float
     width_after: float
+    rmse_before: float
+    rmse_after: float
     minutes: float
 
     @property
@@ -88,9 +90,12 @@ def plan(spectra: np.ndarray, candidates: list[Candidate], steps: int = 3) -> li
 
 def ranked(covariance: np.ndarray, candidates: list[Candidate]) -> list[PlannedStep]:
     """All candidates, best fall per minute first."""
-    before = mean_width(covariance)
-    options = [PlannedStep(candidate.name, before, mean_width(after(covariance, candidate)),
-                           candidate.minutes) for candidate in candidates]
+    options = []
+    for candidate in candidates:
+        left = after(covariance, candidate)
+        options.append(PlannedStep(candidate.name, mean_width(covariance), mean_width(left),
+                                   expected_rmse(covariance), expected_rmse(left),
+                                   candidate.minutes))
     return sorted(options, key=lambda option: -option.fall_per_minute)
 
 
@@ -104,3 +109,8 @@ def after(covariance: np.ndarray, candidate: Candidate) -> np.ndarray:
 def mean_width(covariance: np.ndarray) -> float:
     """Mean width of the 95 % band of a Gaussian with this covariance."""
     return float(2 * NORMAL_95 * np.sqrt(np.maximum(np.diag(covariance), 0)).mean())
+
+
+def expected_rmse(covariance: np.ndarray) -> float:
+    """Root of the mean square error, over wavelengths, of a mean with this covariance."""
+    return float(np.sqrt(np.maximum(np.diag(covariance), 0).mean()))

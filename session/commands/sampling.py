@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command
+from spectrabox.session.command_line import CommandGroup, Debug, Json, Outside, answer, command
 
 Sensitivity = Annotated[str, typer.Option(
     help="CSV of sensitivities, or a camera or observer by its name.")]
@@ -85,6 +85,18 @@ Full = Annotated[bool, typer.Option(
     "--full", help="All 61 wavelengths of both in single floats: eight times as large.")]
 
 # of plan alone
+PlannedSession = Annotated[Path | None, typer.Argument(
+    metavar="[DIR]", help="A finished session, in place of --sensitivity, --light and --signal.")]
+PlanSensitivity = Annotated[str | None, typer.Option(
+    "--sensitivity", help="CSV of sensitivities, or a camera or observer by its name.")]
+PlanLight = Annotated[str | None, typer.Option(
+    "--light", help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")]
+AtHand = Annotated[str | None, typer.Option(
+    "--lamps", metavar="NAME|FILE,...", help="Lamps at hand, for a second photo: D65,A,my.csv; a "
+    "few common ones by default.")]
+Filters = Annotated[str | None, typer.Option(
+    "--filters", metavar="FILE,...", help="Filters at hand, for a second photo under the same "
+    "light: files of their transmittance.")]
 Steps = Annotated[int, typer.Option(help="Readings to plan.")]
 OtherLights = Annotated[list[str] | None, typer.Option(
     "--second-light", help="A light for another photo.")]
@@ -183,23 +195,37 @@ def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
         answer(as_json, facts, text)
 
 
-def plan(sensitivity: Sensitivity, light: Light,
-         signal: Annotated[str, typer.Option(help="v1,v2,v3.")], white: White = None,
+def plan(folder: PlannedSession = None, sensitivity: PlanSensitivity = None,
+         light: PlanLight = None, signal: Signal = None, white: White = None,
          noise: Noise = None, reading: Readings = None, photo: Photos = None, same: Same = None,
          more: More = None, steps: Steps = 3, other: OtherLights = None,
-         camera: OtherCameras = None, reading_minutes: ReadingMinutes = 2.0,
-         photo_minutes: PhotoMinutes = 5.0, spot_minutes: SpotMinutes = None, seed: Seed = 0,
+         camera: OtherCameras = None, lamps: AtHand = None, filters: Filters = None,
+         reading_minutes: ReadingMinutes = 2.0, photo_minutes: PhotoMinutes = 5.0,
+         spot_minutes: SpotMinutes = None, seed: Seed = 0, allow_outside: Outside = False,
          as_json: Json = False, debug: Debug = False) -> None:
-    """Which reading or photo to take next, given those taken: fall of the band's width per
-    minute.
+    """Which reading or photo to take next: what it would bring in width of the band and in RMSE, of
+    one signal or of every surface of a finished session.
     """
     with command(as_json, debug):
+        from spectrabox.radiometry.errors import InputError
+        from spectrabox.session.signals.lamps_at_hand import lamps_at_hand, session_plan
+        hand = lamps_at_hand(lamps, filters)
+        stated = (sensitivity, light, signal)
+        if folder is not None:
+            if any(stated) or more or reading or photo or same:
+                raise InputError("a session has its own camera, light and signals: give DIR with "
+                                 "--lamps and --filters alone, or no DIR")
+            answer(as_json, *session_plan(folder, hand, allow_outside))
+            return
+        if sensitivity is None or light is None or signal is None:
+            raise InputError("nothing to plan for: give the folder of a finished session, or "
+                             "--sensitivity, --light and --signal")
         from spectrabox.session.signals.judgement_answers import PlanRequest, plan_answer
         request = PlanRequest(
             sensitivity, light, signal, white, noise, steps, lights=tuple(other or ()),
             cameras=tuple(camera or ()), readings=tuple(reading or ()), photos=tuple(photo or ()),
             same=tuple(same or ()), more=more, reading_minutes=reading_minutes,
-            photo_minutes=photo_minutes, spot_minutes=spot_minutes, seed=seed)
+            photo_minutes=photo_minutes, spot_minutes=spot_minutes, seed=seed, hand=hand)
         answer(as_json, *plan_answer(request))
 
 

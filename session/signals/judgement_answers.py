@@ -16,6 +16,7 @@ from spectrabox.sampling.further.planner import (
     Candidate,
     photo_candidate,
     plan,
+    ranked,
     wavelength_candidates,
 )
 from spectrabox.sampling.judge.certificate import LEVELS, Certificate, certificate_page, certify
@@ -31,6 +32,12 @@ from spectrabox.sampling.prior.mixture import (
     of_families,
 )
 from spectrabox.sampling.prior.training import MIXED
+from spectrabox.session.signals.lamps_at_hand import (
+    LampsAtHand,
+    lamp_candidates,
+    lamp_lines,
+    step_facts,
+)
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.signal_options import (
     measurement_of_signal,
@@ -44,7 +51,7 @@ PLAN_DRAWS = 2000
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """The options of ``spectrabox plan`` as given."""
+    """The options of ``spectrabox plan`` as given for one signal."""
 
     sensitivity: str
     light: str
@@ -62,6 +69,7 @@ class PlanRequest:
     photo_minutes: float
     spot_minutes: float | None          # of a whole spectrum by a spectrometer; None: there is none
     seed: int
+    hand: LampsAtHand
 
 
 def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
@@ -85,13 +93,18 @@ def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
                                  request.sensitivity, relative_response, white)
     draws = sample_prior(joined(measurement, taken), PLAN_DRAWS, request.seed)
     chosen = plan(draws.spectra, candidates_of(request), request.steps)
-    facts = {"steps": [{"measurement": step.name, "width_before": step.width_before,
-                        "width_after": step.width_after, "minutes": step.minutes,
+    fine = visible_grid(1)
+    lamps = ranked(np.cov(draws.spectra, rowvar=False), lamp_candidates(
+        named_spectra.sensitivities(request.sensitivity, fine),
+        named_spectra.light(request.light, fine), draws.grid, request.hand,
+        minutes=request.photo_minutes))
+    facts = {"steps": [{"measurement": step.name, **step_facts(step), "minutes": step.minutes,
                         "fall_per_minute": step.fall_per_minute} for step in chosen],
+             "lamps": [{"lamp": step.name, **step_facts(step)} for step in lamps],
              "taken": [measured.name for measured in taken], "outcome": draws.sentence}
     lines = [f"{step.name}: mean width of the 95 % band {step.width_before:.3f} -> "
              f"{step.width_after:.3f} in {step.minutes:g} min" for step in chosen]
-    return facts, "\n".join([*lines, draws.sentence])
+    return facts, "\n".join([*lines, *lamp_lines(lamps), draws.sentence])
 
 
 def candidates_of(request: PlanRequest) -> list[Candidate]:
