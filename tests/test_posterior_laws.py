@@ -1,0 +1,318 @@
+"""Posteriors against integration, exact linear cases, and the moments of known mixtures.
+
+Statistical tests have a significance of 1e-4 each (3.9 sigma), at fixed seeds.
+"""
+import dataclasses
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from calibrate_cameras import GRID as FINE
+from calibrate_cameras import (
+    NODES,
+    cameras,
+    daylight,
+    led,
+    on_grid,
+    photo,
+    reflectances,
+    samples,
+    signals,
+)
+from sampling_cameras import seen
+from scipy import stats
+
+from spectrabox.calibrate.curve_band import curve_band
+from spectrabox.calibrate.prior.curve_posterior import curve_moments, curve_variance, photo_states
+from spectrabox.calibrate.prior.learnt_prior import between_makers, build_prior
+from spectrabox.calibrate.prior.prior_fit import (
+    CurvePosterior,
+    expected_covariance,
+    held_out_signals,
+    posterior_of_curves,
+)
+from spectrabox.calibrate.sensitivity import fit_sensitivities
+from spectrabox.sampling.prior.calibration import AT_95, LeftOut, band_figures, judge
+from spectrabox.sampling.prior.draws import sample_prior
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture, reflectance
+from spectrabox.sampling.prior.posterior import (
+    SIGNAL_FLOOR,
+    calibrated_bands,
+    mean_and_spread,
+    mixture_quantile,
+    posterior,
+)
+from spectrabox.sampling.prior.training import LEVELS
+from spectrabox.sampling.scene.posterior import JointProblem, climb
+
+SIGMAS = stats.norm.isf(0.5e-4)
+SMOOTH = 0.2 + 0.8 * np.exp(-np.abs(GRID.nm[:, None] - GRID.nm) / 60)
+
+
+def mixture_of(nm, weights, means, covariances, factors=1.0):
+    ones = np.full((1, LEVELS.size, len(nm)), factors)
+    return LogitMixture(np.asarray(nm), np.asarray(weights), np.asarray(means),
+                        np.asarray(covariances), ("surface",), np.zeros(len(weights)), LEVELS,
+                        ones, ones, 1.0, 1e9, 0.0, "test")
+
+
+@pytest.fixture(scope="module")
+def two_wavelengths():
+    """A mixture on two wavelengths, what a camera of one band saw, and the exact posterior:
+    logits (n, 2) of a fine grid, and the mass (2, n) of each component there.
+    """
+    covariance = np.array([[1.0, 0.5], [0.5, 1.0]])
+    known = mixture_of([450.0, 650.0], [0.85, 0.15], [[-0.3, 0.1], [0.25, 0.3]],
+                       [0.08**2 * covariance, 0.35**2 * covariance])
+    response, signal, sigma = np.array([[0.7, 0.3]]), np.array([[0.503]]), 0.004
+    line = np.linspace(-2.2, 2.2, 601)
+    x = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
+    error = np.hypot(sigma, SIGNAL_FLOOR)
+    likelihood = stats.norm.pdf(signal[0], reflectance(x) @ response[0], error)
+    mass = np.array([weight * stats.multivariate_normal(mean, spread).pdf(x) * likelihood
+                     for weight, mean, spread in zip(known.weights, known.means,
+                                                     known.covariances, strict=True)])
+    found = posterior(known, response, signal, np.array([[sigma**2]]))
+    return found, x, mass / mass.sum()
+
+
+def test_weights_of_a_mixture_are_those_of_integration(two_wavelengths):
+    found, _, mass = two_wavelengths
+    # Laplace's method errs by the cubic term, the squared spread of 0.35 logits, in the wide one
+    np.testing.assert_allclose(found.weights[0], mass.sum(axis=1), atol=0.01)
+    assert 0.2 < found.weights[0, 0] < 0.8      # neither component decides alone
+
+
+def test_mean_spread_and_quantiles_of_a_mixture_are_those_of_integration(two_wavelengths):
+    found, x, mass = two_wavelengths
+    density, values = mass.sum(axis=0), reflectance(x)
+    mean = density @ values
+    spread = np.sqrt(density @ (values - mean)**2)
+    # Laplace's method: a few hundredths of the spread
+    np.testing.assert_allclose(mean_and_spread(found)[0][0], mean, atol=0.03 * spread.max())
+    np.testing.assert_allclose(mean_and_spread(found)[1][0], spread, rtol=0.04)
+    for probability in (0.025, 0.95):
+        at = mixture_quantile(found, probability)[0]
+        below = [density[x[:, axis] <= at[axis]].sum() for axis in (0, 1)]
+        np.testing.assert_allclose(below, probability, atol=0.008)
+
+
+def test_evidence_of_a_scene_is_exact_where_the_logit_is_linear():
+    rng = np.random.default_rng(3)
+    materials, size, rows = 2, 4, 3
+    roots = np.stack([scale * np.eye(size) + 0.2 * scale for scale in (1e-3, 4e-3, 2e-3)])
+    means = np.array([-5e-4, 1e-3, 0.0])[:, None] * np.ones(size)
+    log_weights = np.log(np.array([[0.7, 0.3, 1.0], [0.2, 0.8, 1.0]]))
+    reading = rng.uniform(200, 900, (rows, 1, materials))
+    response = rng.uniform(0.5, 1.5, (1, size))
+    slopes = np.concatenate([reading[:, :, m] * response / 4 for m in range(materials)], axis=1)
+    zero = (reading.sum(axis=2) * response.sum() / 2)[:, 0]
+    targets = zero + rng.normal(0, 2, rows)
+    problem = JointProblem(("a", "b"), np.eye(materials), np.ones((materials, size)), reading,
+                           targets, response, log_weights, means, roots)
+    labels = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
+    found = climb(problem, labels, np.zeros((len(labels), materials * size))).evidence
+    exact = []
+    for chosen in labels:
+        covariance = np.zeros((materials * size,) * 2)
+        for m, label in enumerate(chosen):
+            block = slice(m * size, (m + 1) * size)
+            covariance[block, block] = roots[label] @ roots[label].T
+        density = stats.multivariate_normal(zero + slopes @ means[chosen].ravel(),
+                                            slopes @ covariance @ slopes.T + np.eye(rows))
+        exact.append(density.logpdf(targets) + log_weights[[0, 1], chosen].sum())
+    # The climb stops within 0.01 nats; the curvature of the logit is of the order of 1e-3 of it.
+    np.testing.assert_allclose(found - found[0], np.array(exact) - exact[0], atol=0.02)
+
+
+def a_posterior(rng, apart, spread, exposure):
+    """A mixture of two on two bands of three nodes and a log exposure that goes against them."""
+    basis, centre = np.eye(3), np.array([0.3, 0.6, 0.2, 0.5, 1.2, 0.4])
+    covariances = []
+    for _ in range(2):
+        mixing = rng.normal(0, spread, (7, 7))
+        mixing[6] *= exposure / spread
+        mixing[6] -= 0.8 * mixing[4]
+        covariances.append(mixing @ mixing.T)
+    step = apart * np.array([1.0, -0.5, 0.3, 0.5, -0.2, 0.4, 0.0])
+    means = np.array([np.r_[centre, 0.1] - 0.4 * step, np.r_[centre, 0.1] + 0.6 * step])
+    return CurvePosterior(basis, np.array([0.6, 0.4]), means, np.array(covariances), np.ones(1),
+                          0.01, 0.0, 0, 0.05, 0.01)
+
+
+def states_of(made, rng, count):
+    return np.concatenate([rng.multivariate_normal(mean, covariance, round(count * weight))
+                           for weight, mean, covariance in zip(
+                               made.weights, made.means, made.covariances, strict=True)])
+
+
+def test_moments_of_curves_are_those_of_draws_of_the_mixture():
+    rng = np.random.default_rng(5)
+    made = a_posterior(rng, 0.02, 0.004, 0.01)
+    moments = curve_moments(made, 2)
+    drawn = states_of(made, rng, 60_000)[:, :6]
+    # the largest value is that of the fifth; a linear scaling, exact to spreads of 1 %
+    shares = np.delete(drawn / drawn[:, 4:5], 4, axis=1)
+    kept = np.delete(np.arange(6), 4)
+    found = moments.covariance[np.ix_(kept, kept)]
+    sizes = np.sqrt(np.diag(found))
+    # a covariance of 60 000 draws is known to 1 / sqrt(60 000) of the variances, times a few
+    np.testing.assert_allclose(np.cov(shares.T) / np.outer(sizes, sizes),
+                               found / np.outer(sizes, sizes), atol=0.04)
+
+
+def test_error_of_the_white_signal_is_that_of_draws_with_their_exposure():
+    rng = np.random.default_rng(6)
+    made = a_posterior(rng, 0.01, 0.004, 0.01)
+    power = np.array([1.0, 2.0, 0.5])
+    chart = dataclasses.replace(
+        photo(np.ones((4, 2)), np.ones(FINE.nm.size), np.ones((4, FINE.nm.size))),
+        power=power, reflectances=np.ones((4, 3)))
+    state = photo_states(made, [chart], curve_moments(made, 2))[0]
+    drawn = states_of(made, rng, 60_000)
+    white = np.exp(drawn[:, 6:]) * (drawn[:, :6].reshape(-1, 2, 3) @ power)
+    variance = white.var(axis=0)
+    # linear in errors of 1 %; 60 000 draws know a standard deviation to 0.3 %
+    assert state.scale_error / state.scale == pytest.approx(
+        np.sqrt(variance.sum() / (white.mean(axis=0)**2).sum()), rel=0.03)
+    np.testing.assert_allclose(np.sqrt(np.diag(state.white.covariance)[:2]),
+                               np.sqrt(variance) / white.mean(axis=0), rtol=0.03)
+
+
+@cache
+def coarse_prior():
+    """Of twelve cameras on 21 wavelengths."""
+    names = tuple(f"maker{i} one" for i in range(12))
+    return build_prior(NODES[::3], cameras(12, 1)[..., ::3], names, source="", licence="")
+
+
+def one_family(**changes):
+    made = coarse_prior()
+    alone = dataclasses.replace(made, weights=np.ones(1), means=made.means[-1:], level=[2],
+                                members=("all",))
+    return dataclasses.replace(alone, **changes)
+
+
+@pytest.fixture(scope="module")
+def chart_photo():
+    surfaces = reflectances()
+    signal = signals(on_grid(cameras(1, 40)[0]), led(), surfaces)
+    signal = signal * (1 + 0.01 * np.random.default_rng(41).standard_normal(signal.shape))
+    return photo(signal, led(), surfaces, 0.01)
+
+
+def test_families_that_a_photo_cannot_tell_keep_their_weights(chart_photo):
+    alike = one_family(weights=np.array([0.85, 0.15]), level=[2, 2], members=("a", "b"),
+                       means=np.repeat(coarse_prior().means[-1:], 2, axis=0))
+    found = posterior_of_curves([chart_photo], alike, FINE, model_errors=(0.01,))
+    # the second is linearised where the first ended: the same to a hundredth of a nat
+    np.testing.assert_allclose(found.families, [0.85, 0.15], atol=0.005)
+
+
+def test_widening_multiplies_every_standard_error_of_the_curves(chart_photo):
+    narrow, wide = (one_family(widening=np.array([1.0, 1.0, factor])) for factor in (1.0, 1.7))
+    curves, without, expected = [], [], []
+    for known in (narrow, wide):
+        found = posterior_of_curves([chart_photo], known, FINE, model_errors=(0.01,))
+        curves.append(found.covariances[np.argmax(found.weights)])
+        without.append(held_out_signals([chart_photo], known, FINE, found)[2].covariance)
+        expected.append(expected_covariance([chart_photo], known, 0, 0.01, FINE,
+                                            spread=known.covariances()[2]))
+    for one, other in (curves, without, expected):
+        # round-off of sums of 200 terms
+        np.testing.assert_allclose(other, 1.7**2 * one, rtol=1e-8, atol=1e-12 * np.abs(one).max())
+
+
+def test_a_prior_from_few_makers_holds_the_next_maker_nine_times_in_ten():
+    makers = tuple(f"maker{i} one" for i in range(6))
+    states = np.random.default_rng(7).standard_normal((7, 20_000))
+    middle, rows = between_makers(states[:6], makers)
+    widening = build_prior(FINE.nm[::5], cameras(6, 2), makers, source="",
+                           licence="").widening[-1]
+    spread = widening * np.sqrt((rows**2).sum(axis=0))
+    inside = np.abs(states[6] - middle) < stats.norm.ppf(0.95) * spread
+    # Student's interval is exact for normal states
+    assert abs(inside.mean() - 0.9) < SIGMAS * np.sqrt(0.09 / inside.size)
+
+
+def test_cameras_alike_of_one_maker_count_as_one():
+    states = np.random.default_rng(8).standard_normal((5, 12))
+    names = tuple(f"maker{i} one" for i in range(5))
+    alone, rows = between_makers(states, names)
+    again, more = between_makers(np.vstack([states, states[:1], states[:1]]),
+                                 (*names, "maker0 two", "maker0 three"))
+    # round-off of sums of seven terms
+    np.testing.assert_allclose(again, alone, atol=1e-14)
+    effective = 1 / (3 * (1 / 15)**2 + 4 * 0.2**2)      # weights of seven cameras, squared
+
+    def factor(makers):
+        return makers / (makers - 1) * (1 + 1 / makers)
+    np.testing.assert_allclose(more.T @ more / factor(effective), rows.T @ rows / factor(5),
+                               atol=1e-13)
+
+
+def test_the_90_per_cent_band_of_curves_holds_90_per_cent_of_draws():
+    made = a_posterior(np.random.default_rng(9), 0.02, 0.02, 0.01)
+    sensitivity = SimpleNamespace(curves=np.ones((2, 3)), standard_error=np.full((2, 3), 0.02))
+    fitted = SimpleNamespace(prior_fit=SimpleNamespace(posterior=made),
+                             calibration=SimpleNamespace(sensitivity=sensitivity))
+    band = curve_band(fitted)
+    share = ((band.draws > band.lower) & (band.draws < band.upper)).mean(axis=0)
+    # quantiles of the same draws: one of 1000 either side; the peak is 1 in every draw
+    np.testing.assert_allclose(share[share > 0], 0.9, atol=0.002)
+    assert (share > 0).sum() >= 5
+    fitted.prior_fit = None
+    band = curve_band(fitted)
+    held = stats.norm.cdf((band.upper - 1) / 0.02) - stats.norm.cdf((band.lower - 1) / 0.02)
+    np.testing.assert_allclose(held, 0.9, atol=1e-4)    # the quantile is given to four places
+
+
+@pytest.mark.parametrize("method", ["paper", "nonnegative"])
+def test_the_errors_of_spline_curves_do_not_hang_on_the_exposure(method):
+    surfaces, light = reflectances(), daylight()
+    signal = signals(on_grid(cameras(1, 44)[0]), light, surfaces)
+    signal = signal * (1 + 0.01 * np.random.default_rng(45).standard_normal(signal.shape))
+    one, ten = (fit_sensitivities(samples(factor * signal, 0.01), surfaces, light,
+                                  np.full(24, np.pi), FINE, method=method)[0]
+                for factor in (1.0, 10.0))
+    # round-off times the square of the condition number
+    np.testing.assert_allclose(ten.covariance, one.covariance, rtol=1e-5,
+                               atol=1e-9 * np.abs(one.covariance).max())
+    np.testing.assert_allclose(one.standard_error**2,
+                               curve_variance(one.basis, one.covariance, 3),
+                               atol=1e-9 * one.standard_error.max()**2)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.6])
+def test_the_calibrated_band_holds_95_per_cent_of_draws(factor):
+    measured = seen(np.full(61, 0.5), 0.002)
+    known = mixture_of(GRID.nm, [1.0], np.zeros((1, 61)), [0.15**2 * SMOOTH], factor)
+    mixture = posterior(known, measured.relative_response, measured.signal[None],
+                        measured.noise_covariance)
+    _, [(lower, upper)] = calibrated_bands(known, mixture, (0.95,))
+    drawn = sample_prior(measured, 8000, 3, prior=known).spectra
+    inside = ((drawn > lower) & (drawn < upper)).mean(axis=1)
+    # draws reproduce their signal, which moves those of a band that is widened by a hundredth
+    assert abs(inside.mean() - 0.95) < 0.008
+
+
+def test_a_certificate_says_what_the_calibrated_bands_do():
+    measured, rng = seen(np.full(61, 0.5)), np.random.default_rng(11)
+    plain = mixture_of(GRID.nm, [1.0], np.zeros((1, 61)), [0.3**2 * SMOOTH])
+    truth = reflectance(rng.multivariate_normal(np.zeros(61), 0.6**2 * SMOOTH, 60))
+    judgement = judge(plain, measured.relative_response, truth)
+    part = LeftOut("a", "surface", True, False, len(truth), judgement, judgement)
+    factors = np.ones((1, LEVELS.size, 61))
+    factors[:, AT_95] = np.linspace(1.2, 1.7, 61)
+    known = dataclasses.replace(plain, band_factors=factors, stated_factors=1.1 * factors)
+    response, signal = measured.relative_response, truth @ measured.relative_response.T
+    for kind, of_kind in (("unstated", known), ("stated", dataclasses.replace(
+            known, band_factors=known.stated_factors))):
+        mixture = posterior(of_kind, response, signal, np.zeros((3, 3)))
+        _, [(lower, upper)] = calibrated_bands(of_kind, mixture, (0.95,))
+        figures = band_figures(known, part, kind)
+        # bands are cut at 0 and 1, which no truth is beyond
+        assert figures.coverage == pytest.approx(np.mean((truth >= lower) & (truth <= upper)),
+                                                 abs=1e-12)
+        assert figures.width == pytest.approx(np.mean(upper - lower), rel=1e-3)
