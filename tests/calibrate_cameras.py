@@ -1,6 +1,8 @@
 """Simulated cameras and chart photos for the tests of calibrate/: smooth bumps that vary as real
 cameras do.
 """
+from functools import cache
+
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations
@@ -29,6 +31,13 @@ def cameras(count, seed):
 def prior(count=30, seed=1):
     return build_prior(NODES, cameras(count, seed), tuple(f"camera {i}" for i in range(count)),
                        source="simulated", licence="none")
+
+
+@cache
+def coarse_prior():
+    """A prior of twelve cameras on 21 wavelengths."""
+    names = tuple(f"maker{i} one" for i in range(12))
+    return build_prior(NODES[::3], cameras(12, 1)[..., ::3], names, source="", licence="")
 
 
 def reflectances(count=24, seed=5):

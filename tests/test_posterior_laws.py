@@ -3,15 +3,14 @@
 Statistical tests have a significance of 1e-4 each (3.9 sigma), at fixed seeds.
 """
 import dataclasses
-from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from calibrate_cameras import GRID as FINE
 from calibrate_cameras import (
-    NODES,
     cameras,
+    coarse_prior,
     daylight,
     led,
     on_grid,
@@ -178,13 +177,6 @@ def test_error_of_the_white_signal_is_that_of_draws_with_their_exposure():
         np.sqrt(variance.sum() / (white.mean(axis=0)**2).sum()), rel=0.03)
     np.testing.assert_allclose(np.sqrt(np.diag(state.white.covariance)[:2]),
                                np.sqrt(variance) / white.mean(axis=0), rtol=0.03)
-
-
-@cache
-def coarse_prior():
-    """Of twelve cameras on 21 wavelengths."""
-    names = tuple(f"maker{i} one" for i in range(12))
-    return build_prior(NODES[::3], cameras(12, 1)[..., ::3], names, source="", licence="")
 
 
 def one_family(**changes):
