@@ -6,6 +6,7 @@ or has no signal, has no spectrum: it is shown in magenta.
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -136,8 +137,13 @@ def _band(nm: np.ndarray, wavelength: float) -> Map:
 
 def _srgb8(linear: np.ndarray) -> np.ndarray:
     """sRGB codes by a table, off by less than one of them."""
-    table = encode_srgb8(np.linspace(0, 1, CODES**2))
+    table = _srgb_table()
     return table[(np.clip(linear, 0, 1) * (table.size - 1) + 0.5).astype(np.int32)]
+
+
+@functools.cache
+def _srgb_table() -> np.ndarray:
+    return encode_srgb8(np.linspace(0, 1, CODES**2))
 
 
 def _coloured(name: str, end: float) -> Encode:
