@@ -116,10 +116,13 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises
     ------
     EnvironmentProblem
-        If the folder cannot be written, or the path is a link.
+        If the folder cannot be written, or the path is a link or a folder.
     """
     with writable(path.parent):
         require_no_link(path)
+        if path.is_dir():
+            raise EnvironmentProblem(f"{path} cannot be written: it is a folder; move it away, or "
+                                     "name another file")
         # The name of its process: what a killed one leaves is swept, what one at work has is not.
         unfinished = path.with_name(f"{UNFINISHED}{os.getpid()}-{secrets.token_hex(6)}"
                                     f"{path.suffix}")

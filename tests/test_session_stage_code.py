@@ -90,7 +90,7 @@ def edited(tmp_path, monkeypatch):
     ("session/commands/session.py", set()),
     ("session/stages/assemble.py", set()),
     ("calibrate/prior/models/rawtoaces39.npz", {"calibrate", "reconstruct", "sample"}),
-    ("sampling/prior/models/surface_families.npz", {"reconstruct", "sample"}),
+    ("sampling/prior/models/surface_families.npz", {"calibrate", "reconstruct", "sample"}),
     ("radiometry/records.py", set(STAGES))])
 def test_an_edit_makes_stale_what_depends_on_it(finished, edited, file, stale):
     edited(file)

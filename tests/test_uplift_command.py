@@ -7,7 +7,7 @@ from sampling_cameras import surface
 from spectrabox.capture.photo import image_rows
 from spectrabox.capture.photo.image_files import read_linear_file, write_exr
 from spectrabox.capture.photo.image_rows import exr_rows, open_rows
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.sampling.prior.mixture import GRID, load_prior
 from spectrabox.sampling.prior.tables import build_table, uplift_directly, uplift_pixels
 from spectrabox.session.signals import spectra_rows
@@ -132,7 +132,7 @@ def test_a_picture_that_was_not_written_to_its_end_leaves_no_file(tmp_path):
 
 
 def test_a_folder_in_the_way_is_an_error(tmp_path):
-    (tmp_path / "a.part.exr").mkdir()
-    with pytest.raises(InputError, match=r"a.exr cannot be written"), \
+    (tmp_path / "a.exr").mkdir()
+    with pytest.raises(EnvironmentProblem, match=r"a.exr cannot be written: it is a folder"), \
             image_rows.exr_rows(tmp_path / "a.exr", 4, 4, ["R", "G", "B"], half=True):
         pass
