@@ -1,3 +1,4 @@
+import os
 import struct
 from types import SimpleNamespace
 
@@ -74,6 +75,28 @@ def test_full_colour_pixels_are_no_mosaic_but_a_photo(tmp_path):
     np.testing.assert_allclose(image.signal, (pixels - [600, 601, 602.0])
                                / (16383 - np.array([600, 601, 602])), atol=1e-6)
     assert (image.kind, image.sensor_step) == (PhotoKind.LINEAR_FILE, 1.0)
+
+
+def test_a_linear_dng_is_saturated_at_98_per_cent_of_its_white_level(tmp_path):
+    pixels = np.random.default_rng(6).integers(600, 15500, (64, 96, 3)).astype(np.uint16)
+    pixels[0, 0], pixels[0, 1] = (16383, 16057, 16053), (600, 16055, 16056)
+    write_dng(tmp_path / "photo.dng", pixels, black=(600, 601, 602))
+    saturated = open_photo(tmp_path / "photo.dng").saturated
+    # 0.98 of 16383 is 16055.3
+    assert saturated[0, :2].tolist() == [[True, True, False], [False, False, True]]
+    assert saturated.sum() == 3
+
+
+def test_what_libraw_complains_of_and_reads_on_is_an_error(photo, monkeypatch, capfd):
+    read = rawpy.imread
+
+    def complaining(path):
+        os.write(2, b"photo.dng: data corrupted at 512\n")
+        return read(path)
+    monkeypatch.setattr(rawpy, "imread", complaining)
+    with pytest.raises(InputError, match=r"fewer pixels than it promises \(photo.dng: data corr"):
+        read_raw(photo)
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize("black", [(64.5,) * 3, (64.25, 65.0, 63.75)])

@@ -1,0 +1,33 @@
+"""What a run says of itself: shares inside bands of the stated level, and the worst of its bands.
+"""
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.records import Outcome, SpectrumSamples, SurfaceAgreement
+from spectrabox.session.report.verdict import median_surface_error, worst_entry
+from spectrabox.session.scores import score
+
+
+@pytest.mark.parametrize("inside", [0.905, 0.945, 0.955])
+def test_the_95_per_cent_score_counts_truths_in_the_central_95_per_cent(inside):
+    grid = grid_from_nm(np.arange(400.0, 701.0, 5.0))
+    ladder = np.linspace(0.2, 0.6, 2001)
+    samples = SpectrumSamples(grid, np.repeat(ladder[:, None], 61, axis=1),
+                              np.full((2001, 5), 0.4), "test", 2001.0, 0, Outcome.CONVERGED, "")
+    truth = np.full(61, 0.4 + 0.2 * inside)         # as far out as that share of the draws
+    truth[:20] = 0.4
+    summary = SimpleNamespace(grid=grid, mean=np.full(61, 0.4), lower=truth - 1, upper=truth + 1,
+                              bound_lower=np.zeros(61), bound_upper=np.ones(61))
+    found = score(truth, None, summary, samples)
+    assert found.coverage_95 == pytest.approx(1.0 if inside < 0.95 else 20 / 61)
+
+
+def test_a_surface_is_judged_by_its_worst_band():
+    ratio = np.array([[1.0, 1.0, 0.8], [1.0, 1.1, 1.0], [1.02, 1.0, 1.0]])
+    seen = SurfaceAgreement(("a", "b", "c"), ("a", "b", "c"), np.full(3, 100), ratio,
+                            np.zeros((3, 3)))
+    assert median_surface_error(seen) == pytest.approx(0.1)
+    assert worst_entry(seen) == (0, 2)
