@@ -15,7 +15,7 @@ from spectrabox.calibrate.chart_equations import (
 )
 from spectrabox.calibrate.left_out import covariance_without, weights_without
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps, blackbodies, daylights, lamps_like
-from spectrabox.calibrate.products.product_fit import fit_products
+from spectrabox.calibrate.products.product_fit import fit_products, in_curves
 from spectrabox.calibrate.products.product_posterior import (
     hypothesis_moments,
     posterior_of_products,
@@ -230,3 +230,10 @@ def test_some_patches_of_equations_are_those_rows():
     assert isinstance(part, ChartEquations)
     np.testing.assert_array_equal(part.signal, photo.signal[::2])
     np.testing.assert_array_equal(part.field_terms, photo.field_terms[::2])
+
+
+def test_covariances_of_products_are_symmetric_to_the_last_bit(found):
+    _, posterior = found
+    mean, covariance = hypothesis_moments(posterior, posterior.hypotheses[0])
+    _, spread = in_curves(posterior.prior, mean, covariance, np.ones(NODES.size))
+    np.testing.assert_array_equal(spread, spread.T)

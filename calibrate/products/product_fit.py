@@ -32,6 +32,7 @@ from spectrabox.calibrate.products.product_posterior import (
 )
 from spectrabox.calibrate.products.product_prior import ProductPrior, product_prior
 from spectrabox.calibrate.sensitivity import PriorFit, condition_number
+from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import (
     LightPosterior,
@@ -156,7 +157,7 @@ def in_curves(prior: ProductPrior, mean: np.ndarray, covariance: np.ndarray,
     change[:curves.size, entries + nuisances:] = by_level
     change[curves.size:, entries:entries + nuisances] = np.eye(nuisances)
     state = np.concatenate([curves.ravel(), mean[entries:entries + nuisances]])
-    return state, WIDENING**2 * change @ covariance @ change.T
+    return state, symmetric(WIDENING**2 * change @ covariance @ change.T)
 
 
 def _without_each(found: ProductPosterior, photo: ChartEquations, grid: WavelengthGrid,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from spectrabox.radiometry.covariance import block_diagonal
+from spectrabox.radiometry.covariance import block_diagonal, symmetric
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.light_scale import error_of_each_band
 from spectrabox.radiometry.records import (
@@ -225,4 +225,4 @@ def sensitivity_covariance(calibrations: Sequence[Calibration], joint: BandSigna
             jacobian[mine, np.arange(bands)] = contrast @ fit.basis
         rows = jacobian.reshape(signal.size, -1)
         covariance += rows @ fit.covariance @ rows.T
-    return covariance
+    return symmetric(covariance)
