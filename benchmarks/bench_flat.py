@@ -4,7 +4,8 @@ Every case is a photo of the simulator in ``fixtures/flat_sample.py``: a camera 
 maker left out of the prior, a lamp of the folder, the chart off the published average by 1 %, light
 that falls off over the picture, 1 % of noise in a pixel, and nine published test colours. The
 session runs as ``spectrabox flat`` runs it, once with nothing known and once with curves and light
-stated as they are. ``--seconds`` times the command itself on a photo of 24 megapixels.
+stated as they are. "perfect" is what is left where products, white and the light upon every sample
+are known too. ``--seconds`` times the command itself on a photo of 24 megapixels.
 """
 from __future__ import annotations
 
@@ -15,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -35,9 +37,12 @@ from spectrabox.fixtures.paints import NM, chart_truth
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records import Quantity, SpectralMeasurement, SpectrumSummary
+from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.sampling.prior.draws import sample_prior
+from spectrabox.sampling.summary import summarise
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.stages.stored_records import samples_of, signals_of
@@ -47,6 +52,8 @@ from benchmarks.bench_unknown_makers import makers_of, prior_without
 SIZE, REGIONS, LARGE = (400, 600), 9, (4000, 6000)
 CHART = (0.05, 0.06, 0.40)
 SQUARE, ACROSS, DOWN = 0.11, (0.52, 0.67, 0.82), (0.06, 0.23, 0.40)
+KINDS = ("unknown", "known")
+PERFECT = 0.002                         # relative error of a signal
 HEAD = '[photos]\nobject = "photos/p.dng"\n[sampling]\ndraws = 1000\n'
 
 
@@ -91,10 +98,28 @@ def judged(folder: Path, surfaces: np.ndarray) -> dict[str, float]:
     """RMSE, coverage and light error of one session that was run."""
     finished = run_stages(read_session(folder), device="cpu", only=None, force=False,
                           progress=lambda *_: None)
+    return _figures((samples_of(finished.stored, name)[1], surfaces[int(name[1:])])
+                    for name in signals_of(finished.stored).names)
+
+
+def judged_perfect(responses: np.ndarray, surfaces: np.ndarray) -> dict[str, float]:
+    """The same of signals without any error but ``PERFECT``, by true products (K, P) at NM."""
+    grid = grid_from_nm(np.arange(400.0, 701.0))
+    seen = response_matrix(grid, np.array([np.interp(grid.nm, NM, row) for row in responses]),
+                           np.ones(grid.nm.size))
+    seen = seen / white_signal(seen)[:, None]
+    found = []
+    for number, surface in enumerate(surfaces):
+        signal = seen @ np.interp(grid.nm, NM, surface)
+        measurement = SpectralMeasurement(grid, seen, signal, np.diag((PERFECT * signal) ** 2))
+        found.append((summarise(sample_prior(measurement, 1000, number), measurement), surface))
+    return _figures(found)
+
+
+def _figures(found: Iterable[tuple[SpectrumSummary, np.ndarray]]) -> dict[str, float]:
     off, inside, width = [], [], []
-    for name in signals_of(finished.stored).names:
-        _, summary = samples_of(finished.stored, name)
-        truth = np.interp(summary.grid.nm, NM, surfaces[int(name[1:])])
+    for summary, surface in found:
+        truth = np.interp(summary.grid.nm, NM, surface)
         off.append(float(np.sqrt(np.mean((summary.mean - truth) ** 2))))
         inside.append(float(np.mean((summary.lower <= truth) & (truth <= summary.upper))))
         width.append(float(np.mean(summary.upper - summary.lower)))
@@ -112,7 +137,7 @@ def measure(data: Path, cases: int, seed: int) -> dict[str, Any]:
     sets = test_reflectances(grid_from_nm(NM[20:-30]))
     colours = np.vstack([rows for name, rows in sets.items() if name not in REFERENCES])
     padded = np.pad(colours, ((0, 0), (20, 30)), mode="edge")
-    found: dict[str, list[dict[str, float]]] = {"unknown": [], "known": []}
+    found: dict[str, list[dict[str, float]]] = {kind: [] for kind in (*KINDS, "perfect")}
     refused, uneven = [], []
     for case in range(cases):
         camera, lamp = int(rng.integers(len(database.names))), int(rng.integers(len(lamps)))
@@ -121,7 +146,7 @@ def measure(data: Path, cases: int, seed: int) -> dict[str, Any]:
         light = np.interp(NM, lamp_nm, lamps[lamp])
         with tempfile.TemporaryDirectory() as written:
             results = {}
-            for kind in found:
+            for kind in KINDS:
                 folder = Path(written) / kind
                 for part in ("photos", "spectra"):
                     (folder / part).mkdir(parents=True)
@@ -134,7 +159,8 @@ def measure(data: Path, cases: int, seed: int) -> dict[str, Any]:
                     results[kind] = judged(folder, surfaces)
                 except CheckError as error:
                     refused.append(f"{kind}: {error}")
-        if len(results) == len(found):
+        if len(results) == len(KINDS):
+            results["perfect"] = judged_perfect(curves * light, surfaces)
             uneven.append(fall_off)
             for kind, result in results.items():
                 found[kind].append(result)
