@@ -1,8 +1,10 @@
 """What a stage reads is what its key says, also where files change while a run goes on."""
+import re
 import sys
 
 import pytest
 
+from spectrabox.fixtures.object_views import object_mesh, write_ply
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.keys import stage_keys
@@ -83,3 +85,22 @@ def test_another_llvm_makes_what_it_rendered_stale(captured, monkeypatch):
     after = stage_keys(config, InputFiles(config))
     assert after["reconstruct"]["versions"]["llvm"] == "libLLVM-19.so.1, 7 bytes"
     assert all(before[stage] != after[stage] for stage in before)
+
+
+def test_another_mesh_makes_another_reconstruction_and_leaves_the_chart(captured):
+    config = read_session(captured)
+    scene, mesh = captured / config.all_views[0].scene, captured / "scene" / "ball.ply"
+    material = re.findall(r'<ref id="([^"]+)"', scene.read_text(encoding="utf-8"))[0]
+    shape = ('<shape type="ply" id="ball"><string name="filename" value="ball.ply"/>'
+             f'<ref id="{material}"/></shape></scene>')
+    scene.write_text(scene.read_text(encoding="utf-8").replace("</scene>", shape),
+                     encoding="utf-8")
+    keys = []
+    for size in (4, 5):
+        write_ply(mesh, *object_mesh(size))
+        keys.append(stage_keys(config, InputFiles(config)))
+    one, other = keys
+    name = "scene/ball.ply"
+    assert one["reconstruct"]["files"][name] != other["reconstruct"]["files"][name]
+    assert one["sample"]["stages"] != other["sample"]["stages"]
+    assert one["chart"] == other["chart"]
