@@ -18,7 +18,7 @@ from other_surfaces import OTHERS
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.sampling.prior.mixture import EDGE, GRID, LogitMixture, load_prior, of_families
-from spectrabox.sampling.prior.posterior import calibrated_band, posterior
+from spectrabox.sampling.prior.posterior import calibrated_bands, posterior
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
 TENTHS = np.array_split(np.arange(GRID.nm.size), 10)
@@ -46,10 +46,10 @@ def judged(prior: LogitMixture, response: np.ndarray, truth: np.ndarray) -> dict
     """Figures of the bands for noise-free signals of reflectances (n, 61)."""
     bands = len(response)
     mixture = posterior(prior, response, truth @ response.T, np.zeros((bands, bands)))
-    held = {}
-    for level in LEVELS:
-        mean, lower, upper = calibrated_band(prior, mixture, level)
-        held[level] = (truth >= lower) & (truth <= upper)
+    mean, ends = calibrated_bands(prior, mixture, LEVELS)
+    held = {level: (truth >= lower) & (truth <= upper)
+            for level, (lower, upper) in zip(LEVELS, ends, strict=True)}
+    lower, upper = ends[-1]
     tenths = [float(held[0.95][:, tenth].mean()) for tenth in TENTHS]
     bright = truth > BRIGHT
     return {"rmse": float(np.sqrt(np.mean((mean - truth)**2, axis=1)).mean()),
