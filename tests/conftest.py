@@ -1,7 +1,12 @@
 """A small synthetic session, written once and run once; every test gets its own copy."""
 import shutil
+import signal
 
 import pytest
+
+# Run in the background, a shell has the tests ignore Ctrl-C, and all that they start would too.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
