@@ -1,4 +1,6 @@
 """Every calibration predicts each patch from the others and says whether the light can be right."""
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from calibrate_cameras import GRID
@@ -17,6 +19,7 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.session.calibration_facts import left_out_facts, light_facts
+from spectrabox.session.report.verdict import Status, calibration_doubts
 from spectrabox.session.stages.left_out import left_out_patches
 
 SURFACES = chart_reflectances("BabelColor Average", GRID)
@@ -95,7 +98,12 @@ def test_the_doubt_is_in_the_calibration_and_the_run_goes_on_with_an_unknown_lig
     wrong = calibrate_chart([chart_photo("LED-B3", spectrum("A"))], GRID).calibration
     assert CalibrationDoubt.WRONG_LIGHT in wrong.doubts
     assert any("CIE A: other lamps explain the chart better" in check for check in wrong.checks)
-    assert not calibrate_chart([chart_photo("LED-B3", UnknownLight())], GRID).calibration.doubts
+    free = calibrate_chart([chart_photo("LED-B3", UnknownLight())], GRID).calibration
+    assert not free.doubts
+    of_wrong, of_free = ({row.name: row.status for row in calibration_doubts(SimpleNamespace(
+        calibration=made))} for made in (wrong, free))
+    assert of_wrong["Stated light against the chart"] is Status.WARN
+    assert "Stated light against the chart" not in of_free
 
 
 def test_an_unknown_light_needs_the_method_that_can_find_it():

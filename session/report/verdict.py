@@ -172,6 +172,9 @@ def calibration_doubts(results: CommonResults) -> list[Criterion]:
     """Whether the calibration was made with doubts, each a criterion of its own."""
     rows = []
     for doubt, name in DOUBTS.items():
+        if (doubt is CalibrationDoubt.WRONG_LIGHT
+                and results.calibration.light_posterior is not None):
+            continue        # nobody stated a light
         doubtful = doubt in results.calibration.doubts
         rows.append(Criterion(
             name, None, "doubtful" if doubtful else "no doubt", "no doubt",
