@@ -54,7 +54,11 @@ class PatchesWithout(Record):
         rows = np.concatenate([np.einsum("kl,in->ikln", np.eye(bands), seen).reshape(
             len(seen), bands, -1), np.broadcast_to(np.eye(bands), (len(seen), bands, bands))],
             axis=2)
-        return np.asarray(rows @ self.covariance @ rows.transpose(0, 2, 1) + self.noise)
+        predicted = rows @ self.covariance @ rows.transpose(0, 2, 1)
+        # What is known exactly has a variance of 0, which rounding may take below.
+        values, vectors = np.linalg.eigh((predicted + predicted.transpose(0, 2, 1)) / 2)
+        predicted = (vectors * np.maximum(values, 0)[:, None]) @ vectors.transpose(0, 2, 1)
+        return np.asarray(predicted + self.noise)
 
 
 def weights_without(inverse: np.ndarray, weighted: np.ndarray, rows: slice) -> np.ndarray:

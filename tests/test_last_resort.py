@@ -45,10 +45,11 @@ def session(tmp_path):
 
 @pytest.mark.parametrize("fault, code, said", [
     ('ZeroDivisionError("in [/x] \\x1b[31m" + 5000 * "y")', 1, "unexpected ZeroDivisionError"),
-    ("RecursionError", 1, "unexpected RecursionError"), ("MemoryError", 7, "memory ran out"),
+    ("RecursionError", 3, "session.toml is not valid TOML"), ("MemoryError", 7, "memory ran out"),
     ("type('Panic', (BaseException,), {})('of Rust')", 1, "unexpected Panic: of Rust"),
     ("KeyboardInterrupt", 130, "interrupted"),
-    ("PermissionError(13, 'Permission denied', 'a/b.csv')", 3, "a/b.csv cannot be read")])
+    ("PermissionError(13, 'Permission denied', 'a/b.csv')", 3,
+     "session.toml cannot be read (Permission denied)")])
 def test_an_error_that_nobody_foresaw_is_one_sentence(session, fault, code, said):
     ended = installed("status", session, "--json", fault=fault, folder=session)
     assert ended.returncode == code, ended.stderr

@@ -185,7 +185,8 @@ def test_a_chart_s_irradiance_knows_the_profile(tmp_path):
                                                  '<string name="profile" value="lamp.csv"/>'))
     (tmp_path / "b.xml").write_text(text.replace("PROFILE", ""))
     place = np.array([[0.5 + 0.09 * step, 0.5] for step in range(6)])
-    shaped, plain = (patch_irradiance(read_scene(tmp_path / name, tmp_path), place, (0.001, 0.001))
+    size = np.full(2, 0.001)
+    shaped, plain = (patch_irradiance(read_scene(tmp_path / name, tmp_path), place, size)
                      for name in ("a.xml", "b.xml"))
     offset = 2 * (place[:, 0] - 0.5)
     # Straight lines between angles 2 degrees apart are within 6e-4 of cos^2; the lamp is 0.01 wide,

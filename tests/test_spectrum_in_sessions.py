@@ -7,7 +7,7 @@ import pytest
 from spectrabox.fixtures.spectral_files import NM, REFLECTANCE, write_examples
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
-from spectrabox.session.config.session_schema import SpectrumTable
+from spectrabox.session.config.session_schema import LightTable, SpectrumTable
 from spectrabox.session.stages.inputs import read_light, read_reflectance
 
 
@@ -26,5 +26,5 @@ def test_a_light_may_be_a_tm27_document(tmp_path):
     text = spdx_text(NM, {"value": REFLECTANCE}, quantity=Quantity.IRRADIANCE, source="lamp")
     (tmp_path / "light.spdx").write_text(text)
     config = SimpleNamespace(path=lambda file: tmp_path / file,
-                             light=SimpleNamespace(spectrum=SpectrumTable(file="light.spdx")))
+                             light=SimpleNamespace(spectrum=LightTable(file="light.spdx")))
     assert read_light(config).quantity is Quantity.IRRADIANCE
