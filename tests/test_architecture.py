@@ -17,7 +17,8 @@ OWNERS = {"serial": ("capture/meter/serial_line.py",),
           "cv2": ("capture/chart/detection.py",           # pixels of a chart
                   "calibrate/geometry/projection.py"),    # a lens and its pose
           "OpenImageIO": ("capture/photo/image_files.py",
-                          "capture/photo/image_rows.py"),   # what is too large to hold
+                          "capture/photo/image_rows.py",    # what is too large to hold
+                          "radiometry/spectra/formats/spectral_exr.py"),    # spectra, no photo
           "colour": ("radiometry/",),
           "mitsuba": ("reconstruct/", "fixtures/"),
           "drjit": ("reconstruct/", "fixtures/"),

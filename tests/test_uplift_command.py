@@ -3,6 +3,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from sampling_cameras import surface
+from spectral.io import envi
 
 from spectrabox.capture.photo import image_rows
 from spectrabox.capture.photo.image_files import read_linear_file, write_exr
@@ -39,14 +40,21 @@ def stored(path):
     return np.asarray(file.read_image("float")), list(file.spec().channelnames)
 
 
+def layers(path):
+    """Spectra (H, W, P) and their channels, without the colours that viewers show."""
+    pixels, channels = stored(path)
+    spectral = [index for index, name in enumerate(channels) if name not in ("R", "G", "B")]
+    return pixels[..., spectral], [channels[index] for index in spectral]
+
+
 def test_the_files_hold_the_spectra_of_the_table(tmp_path):
     image = picture()
     facts = answer(tmp_path, image)
     table = build_table(load_prior(), response_of_names(CAMERA, LIGHT), side=SIDE)
     mean, spread = uplift_pixels(table, image.reshape(-1, 3))
     for name, values, step in (("mean", mean, 2), ("standard_deviation", spread, 4)):
-        kept, channels = stored(facts[name])
-        assert channels == [f"{nm:g}nm" for nm in GRID.nm[::step]]
+        kept, channels = layers(facts[name])
+        assert channels == [f"T.{nm:g},000000nm" for nm in GRID.nm[::step]]
         # half floats, and 1e-6 of sums in another order
         np.testing.assert_allclose(kept.reshape(len(values), -1), values[:, ::step], rtol=HALF,
                                    atol=1e-6)
@@ -61,8 +69,16 @@ def test_in_full_every_wavelength_is_kept_in_single_floats(tmp_path):
     direct = uplift_directly(load_prior(), response_of_names(CAMERA, LIGHT),
                              image.reshape(-1, 3).astype(float))
     for name, values in zip(("mean", "standard_deviation"), direct, strict=True):
-        kept, _ = stored(facts[name])
+        kept, _ = layers(facts[name])
         np.testing.assert_allclose(kept.reshape(12, 61), values, rtol=4 * SINGLE)
+
+
+def test_envi_images_hold_the_same_spectra(tmp_path):
+    image = picture(3, 4)
+    exr, written = (answer(tmp_path, image, full=True, form=form) for form in ("exr", "envi"))
+    for name in ("mean", "standard_deviation"):
+        shown = envi.open(written[name]).open_memmap()
+        np.testing.assert_array_equal(shown, layers(exr[name])[0])
 
 
 @pytest.mark.parametrize("rows", [1, 16, 48])

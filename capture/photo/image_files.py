@@ -5,9 +5,8 @@ Camera raws do not pass here: this library opens a DNG as a grey TIFF.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -15,6 +14,7 @@ import OpenImageIO as oiio
 from spectrabox.capture.photo.noise import photon_transfer
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of, whole_file
+from spectrabox.radiometry.outside.words import reason_of
 from spectrabox.radiometry.records import LinearImage, PhotoKind
 
 IMAGE_SUFFIXES = (".exr", ".tif", ".tiff", ".png", ".jpg", ".jpeg")
@@ -247,7 +247,8 @@ def _developed(path: Path, spec: oiio.ImageSpec) -> LinearImage:
 
 
 def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Sequence[str],
-              exposure_s: float | None = None) -> None:
+              exposure_s: float | None = None,
+              attributes: Mapping[str, str] | None = None) -> None:
     """Write an image (H, W, C) as float EXR with named channels, whole or not at all.
 
     Parameters
@@ -257,6 +258,8 @@ def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Se
     channel_names : sequence of C str
     exposure_s : float or None
         Stated in the file where given.
+    attributes : dict, optional
+        Words of its header.
 
     Raises
     ------
@@ -272,6 +275,8 @@ def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Se
     spec.attribute("DateTime", NO_DATE)  # OpenImageIO would put the time of writing there
     if exposure_s is not None:
         spec.attribute("ExposureTime", float(exposure_s))
+    for name, words in (attributes or {}).items():
+        spec.attribute(name, words)
     _write(Path(path), np.ascontiguousarray(image, dtype=np.float32), spec)
 
 
@@ -435,16 +440,3 @@ def _write(path: Path, pixels: np.ndarray, spec: oiio.ImageSpec) -> None:
             raise InputError(f"{path} cannot be written ({reason_of(file or oiio)})")
         if not (file.write_image(pixels) and file.close()):
             raise InputError(f"{path} cannot be written ({reason_of(file)}); is the disk full?")
-
-
-def reason_of(source: Any) -> str:
-    """What OpenImageIO says went wrong, in one line.
-
-    Parameters
-    ----------
-    source : file of OpenImageIO, or the module itself
-    """
-    try:
-        return " ".join(source.geterror().split()) or "no reason given"
-    except UnicodeDecodeError:      # it quotes the damaged bytes
-        return "damaged"

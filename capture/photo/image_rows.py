@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,18 +13,19 @@ import numpy as np
 import OpenImageIO as oiio
 
 from spectrabox.capture.photo.image_files import (
+    NO_DATE,
     SATURATED,
     VARIANCE,
     band_order,
     channel_names,
     full_scale,
     is_image_file,
-    reason_of,
     require_finite,
 )
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file
+from spectrabox.radiometry.outside.words import reason_of
 
 ROWS_PER_BLOCK = 16     # of a compressed EXR; fewer rows at a time unpack it again and again
 PNG_LEVEL = 2           # of 9: larger by a tenth than at 6, and three times as fast
@@ -93,7 +94,7 @@ def _held(path: Path) -> PictureRows:
 
 @contextlib.contextmanager
 def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
-             half: bool) -> Iterator[WriteRows]:
+             half: bool, attributes: Mapping[str, str] | None = None) -> Iterator[WriteRows]:
     """A function that writes the next rows of an EXR, which is there once all of them are written.
 
     Parameters
@@ -103,6 +104,8 @@ def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
     channel_names : sequence of str
     half : bool
         Half floats, 16 bits; else single floats, 32 bits.
+    attributes : dict, optional
+        Words of its header.
 
     Raises
     ------
@@ -112,6 +115,9 @@ def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
     spec = oiio.ImageSpec(width, height, len(channel_names), oiio.HALF if half else oiio.FLOAT)
     spec.channelnames = tuple(channel_names)
     spec.attribute("compression", "zip")
+    spec.attribute("DateTime", NO_DATE)     # else the time of writing
+    for name, words in (attributes or {}).items():
+        spec.attribute(name, words)
     with _rows_of(path, spec, np.float32) as write:
         yield write
 

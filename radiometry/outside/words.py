@@ -46,6 +46,19 @@ def from_cell(text: str) -> str:
     return text[1:] if text.startswith("'") and text[1:].startswith(FORMULA) else text
 
 
+def reason_of(source: Any) -> str:
+    """What OpenImageIO says went wrong, in one line.
+
+    Parameters
+    ----------
+    source : file of OpenImageIO, or the module itself
+    """
+    try:
+        return " ".join(source.geterror().split()) or "no reason given"
+    except UnicodeDecodeError:      # it quotes the damaged bytes
+        return "damaged"
+
+
 def _without_middle(text: str, characters: int) -> str:
     if len(text) <= characters:
         return text

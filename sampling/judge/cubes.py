@@ -12,9 +12,9 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.formats.table import text_of
+from spectrabox.radiometry.spectra.spectral_layers import REFLECTANCE, spectral_layers
 
 MOST_BANDS, MOST_SIDE, MOST_IN_ROW = 5000, 200_000, 100_000_000     # the last: values, read at once
-CHANNEL = re.compile(r"(?:.*\.)?(\d+(?:[.,]\d+)?)\s*nm", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,8 @@ def cube_of_channels(file: str, names: Sequence[str], height: int, width: int,
     InputError
         If fewer than two are.
     """
-    # Of a spectral EXR's layers the reflectance T is meant; polarised S1 to S3 never are.
-    layered = [name for name in names if name.startswith("T.")] or \
-        [name for name in names if not re.match(r"S[123]\.", name)]
-    bands = [(float(match[1].replace(",", ".")), names.index(name)) for name in layered
-             if (match := CHANNEL.fullmatch(name))]
+    # Of a spectral EXR's layers the reflectance T is meant.
+    _, bands = spectral_layers(names, first=REFLECTANCE)
     if len(bands) < 2:
         raise InputError(f"{file} is an ordinary picture ({', '.join(names[:4])}); a hyperspectral "
                          "one has channels such as 560nm or T.560nm")

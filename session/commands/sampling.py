@@ -6,7 +6,7 @@ A command's parameters are its options, so some have many.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -83,6 +83,8 @@ Step = Annotated[int, typer.Option(
     help="Nanometres between the mean's wavelengths; twice as far between those of the spread.")]
 Full = Annotated[bool, typer.Option(
     "--full", help="All 61 wavelengths of both in single floats: eight times as large.")]
+PictureFormat = Annotated[Literal["exr", "envi"], typer.Option(
+    "--to", help="exr: spectral EXR; envi: ENVI images of single floats.")]
 
 # of plan alone
 PlannedSession = Annotated[Path | None, typer.Argument(
@@ -182,14 +184,14 @@ def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signal
 
 def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
            white: White = None, noise: PixelNoise = 0.01, side: Side = 25, step: Step = 10,
-           full: Full = False, family: Families = None, as_json: Json = False,
-           debug: Debug = False) -> None:
-    """Mean and spread of the spectrum behind every pixel, as spectral EXR."""
+           full: Full = False, family: Families = None, to: PictureFormat = "exr",
+           as_json: Json = False, debug: Debug = False) -> None:
+    """Mean and spread of the spectrum behind every pixel, as spectral EXR or ENVI images."""
     with command(as_json, debug):
         from spectrabox.session.progress_display import progress_display, with_time_left
         from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
         request = UpliftRequest(image, out, sensitivity, light, white, noise, side, step, full,
-                                tuple(family or ()))
+                                tuple(family or ()), to)
         with progress_display() as progress:
             facts, text = uplift_answer(request, with_time_left(progress))
         answer(as_json, facts, text)

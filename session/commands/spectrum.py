@@ -20,7 +20,7 @@ Files = Annotated[list[Path],
                   typer.Argument(metavar="FILE...", help="Files of spectra, of any format.",
                                  show_default=False)]
 Column = Annotated[str | None, typer.Option(help="Name or number of one column.")]
-WRITTEN = (".csv", ".sp", ".spdx", ".sli")
+WRITTEN = (".csv", ".sp", ".spdx", ".sli", ".exr")
 MAX_LISTED = 12
 OUT_HELP = f"A file ({', '.join(WRITTEN)}), or a folder for several files."
 QUANTITY_HELP = "reflectance, radiance, irradiance or relative, where the file does not state it."
@@ -183,11 +183,33 @@ def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
         write_text_whole(target.with_suffix(".hdr"), header)
         with whole_file(target) as unfinished:
             unfinished.write_bytes(binary)
+    elif target.suffix.lower() == ".exr":
+        _write_layers(target, nm, columns, stated)
+        if len(columns) > 1:
+            notes.append(f"one pixel a spectrum, from left to right: {', '.join(columns)}")
     else:
         write_text_whole(target,
                     _text_writer(target.suffix.lower(), table_text)(nm, columns, quantity=stated,
                                                                     source=spectra[0].source))
     return notes
+
+
+def _write_layers(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray],
+                  quantity: Quantity) -> None:
+    """A spectral EXR of one row, a pixel for each spectrum."""
+    import numpy as np
+
+    from spectrabox.capture.photo.image_files import write_exr
+    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.spectra.spectral_layers import (
+        LIGHT,
+        REFLECTANCE,
+        layer_names,
+        layout_attributes,
+    )
+    kind = REFLECTANCE if quantity is Quantity.REFLECTANCE else LIGHT
+    write_exr(path, np.array(list(columns.values()))[None], layer_names(nm, kind),
+              attributes=layout_attributes(quantity))
 
 
 def _text_writer(suffix: str, csv_writer: Any) -> Any:

@@ -369,7 +369,9 @@ class PictureSection(Table):
     bands_nm: ListOf[float] = Field((450, 500, 550, 600, 650), description="wavelengths of which "
                                     "maps are made")
     step_nm: Literal[5, 10, 15, 20, 25, 30, 50, 60] = Field(
-        10, description="between wavelengths of the mean in mean.exr")
+        10, description="between wavelengths of the mean")
+    format: Literal["exr", "envi"] = Field("exr", description="of the spectra: spectral EXR or "
+                                           "ENVI images")
     family: str | ListOf[str] | None = Field(None, description="what the surfaces are, as of a "
                                              "region")
 

@@ -23,8 +23,6 @@ from spectrabox.session.config.session_schema import PictureSection
 from spectrabox.session.flat.errors_of_pixels import PixelErrors, White, errors_of_pixels
 from spectrabox.session.flat.picture_maps import Map, Reduced, map_rows, maps_of, shown
 from spectrabox.session.signals.spectra_rows import (
-    MEAN,
-    SPREAD,
     Canvas,
     KeptWavelengths,
     Spectra,
@@ -147,7 +145,7 @@ def picture_of_spectra(task: StageTask) -> dict[str, Any]:
     pixels = height * width
     shares = counts / pixels
     shares[3] = counts[3] / max(pixels - counts[0], 1)
-    return {"notes": (), "files": (MEAN, SPREAD, *(each.file for each in maps)),
+    return {"notes": (), "files": (*job.kept.files(), *(each.file for each in maps)),
             "titles": tuple(each.title for each in maps), "shares": shares[:3],
             "mean spread": shares[3:], "size": np.array([width, height]),
             "previews": tuple(_preview(task.folder, each, reduced) for each in maps)}
@@ -190,7 +188,7 @@ def _job(task: StageTask, section: PictureSection) -> _Job:
     own = _cut(photo, down, across)
     return _Job(own, (np.arange(across.start, across.stop) + 0.5) * step - 0.5,
                 (np.arange(down.start, down.stop) + 0.5) * step - 0.5, errors, prior,
-                KeptWavelengths(section.step_nm), at_nodes, noise)
+                KeptWavelengths(section.step_nm, form=section.format), at_nodes, noise)
 
 
 def _cut(photo: LinearImage, rows: slice, columns: slice) -> LinearImage:

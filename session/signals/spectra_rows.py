@@ -1,28 +1,42 @@
 """Spectra of every pixel written to two files, some rows at a time, in their order.
 
-The mean goes to ``mean.exr`` and the standard deviation to ``standard_deviation.exr``, one channel
-a wavelength. What is in memory does not grow with the picture.
+The mean goes to ``mean.exr`` and the standard deviation to ``standard_deviation.exr``, spectral EXR
+of one layer a wavelength (spectral_layers.py); the mean also has the colours under D65 as channels
+R, G and B (linear sRGB), which any viewer of pictures shows. As ENVI images they are ``mean.hdr``
+and ``standard_deviation.hdr`` with their values beside them. What is in memory does not grow with
+the picture.
 """
 from __future__ import annotations
 
+import contextlib
 import os
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
-from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK, exr_rows
+from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK, WriteRows, exr_rows
+from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
 from spectrabox.radiometry.files import writable
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.formats.envi_cube import VALUES, envi_rows
+from spectrabox.radiometry.spectra.spectral_layers import (
+    STANDARD_DEVIATION,
+    layer_names,
+    layout_attributes,
+)
 from spectrabox.sampling.prior.mixture import GRID
 
 PIXELS_AT_ONCE = 65_536
 GRID_STEP_NM = 5
 SPREAD_STEPS = 2        # the standard deviation changes slowly: every second wavelength is kept
-MEAN, SPREAD = "mean.exr", "standard_deviation.exr"
+DAYLIGHT = "D65"
+MEAN, SPREAD = "mean", "standard_deviation"
+Format = Literal["exr", "envi"]
 
 Rows = TypeVar("Rows")      # what some rows of a picture are given as
 Spectra = tuple[np.ndarray, ...]    # mean (n, P), standard deviation (n, Q), and what else there is
@@ -34,6 +48,7 @@ class KeptWavelengths:
 
     step_nm: int            # between wavelengths of the mean, a multiple of 5
     full: bool = False      # all wavelengths of both, in single floats
+    form: Format = "exr"    # of the files; ENVI's are single floats
 
     @property
     def mean(self) -> slice:
@@ -49,6 +64,16 @@ class KeptWavelengths:
     def nm(self) -> tuple[np.ndarray, np.ndarray]:
         """Wavelengths of the mean and of the standard deviation."""
         return GRID.nm[self.mean], GRID.nm[self.spread]
+
+    def paths(self, folder: Path) -> dict[str, Path]:
+        """The file of the mean and that of the standard deviation."""
+        suffix = ".hdr" if self.form == "envi" else ".exr"
+        return {name: folder / f"{name}{suffix}" for name in (MEAN, SPREAD)}
+
+    def files(self) -> tuple[str, ...]:
+        """Names of all files, with those of the values of ENVI images."""
+        names = tuple(path.name for path in self.paths(Path()).values())
+        return names if self.form == "exr" else (*names, MEAN + VALUES, SPREAD + VALUES)
 
 
 @dataclass(frozen=True)
@@ -81,18 +106,41 @@ def write_spectra(canvas: Canvas[Rows], folder: Path, kept: KeptWavelengths,
     dict
         "mean" and "standard_deviation" to their files.
     """
-    paths = {"mean": folder / MEAN, "standard_deviation": folder / SPREAD}
-    mean_nm, spread_nm = (_names(nm) for nm in kept.nm)
-    half, height, width = not kept.full, canvas.height, canvas.width
-    with writable(folder), \
-            exr_rows(paths["mean"], height, width, mean_nm, half) as write_mean, \
-            exr_rows(paths["standard_deviation"], height, width, spread_nm, half) as write_spread:
+    paths, width = kept.paths(folder), canvas.width
+    with writable(folder), _mean_rows(paths[MEAN], canvas, kept) as write_mean, \
+            _spread_rows(paths[SPREAD], canvas, kept) as write_spread:
         for first, last, made in _in_order(canvas):
             write_mean(first, made[0].reshape(last - first, width, -1))
             write_spread(first, made[1].reshape(last - first, width, -1))
             also(first, last, made)
-            progress(last / height)
+            progress(last / canvas.height)
     return paths
+
+
+@contextlib.contextmanager
+def _mean_rows(path: Path, canvas: Canvas[Rows], kept: KeptWavelengths) -> Iterator[WriteRows]:
+    nm, size = kept.nm[0], (canvas.height, canvas.width)
+    if kept.form == "envi":
+        with envi_rows(path, *size, nm, Quantity.REFLECTANCE.name.lower(),
+                       "mean reflectance of every pixel") as write:
+            yield write
+        return
+    to_srgb = (TO_SRGB @ adapted_tristimulus(nm, DAYLIGHT)).T.astype(np.float32)
+    with exr_rows(path, *size, [*"RGB", *layer_names(nm)], not kept.full,
+                  layout_attributes(Quantity.REFLECTANCE)) as write:
+        yield lambda first, mean: write(first, np.dstack([mean @ to_srgb, mean]))
+
+
+@contextlib.contextmanager
+def _spread_rows(path: Path, canvas: Canvas[Rows], kept: KeptWavelengths) -> Iterator[WriteRows]:
+    nm, size = kept.nm[1], (canvas.height, canvas.width)
+    made = (envi_rows(path, *size, nm, STANDARD_DEVIATION,
+                      "standard deviation of the reflectance of every pixel")
+            if kept.form == "envi" else
+            exr_rows(path, *size, layer_names(nm), not kept.full,
+                     layout_attributes(STANDARD_DEVIATION)))
+    with made as write:
+        yield write
 
 
 def row_blocks(height: int, width: int) -> list[tuple[int, int]]:
@@ -113,7 +161,3 @@ def _in_order(canvas: Canvas[Rows]) -> Iterator[tuple[int, int, Spectra]]:
                 yield first, last, spectra.result()
         for first, last, spectra in waiting:
             yield first, last, spectra.result()
-
-
-def _names(nm: np.ndarray) -> list[str]:
-    return [f"{wavelength:g}nm" for wavelength in nm]

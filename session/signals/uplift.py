@@ -28,6 +28,7 @@ from spectrabox.session.signals.signal_options import numbers, response_of_names
 from spectrabox.session.signals.spectra_rows import (
     GRID_STEP_NM,
     Canvas,
+    Format,
     KeptWavelengths,
     Spectra,
     row_blocks,
@@ -49,6 +50,7 @@ class UpliftRequest:
     step_nm: int            # between wavelengths of the mean
     full: bool              # all wavelengths of both, in single floats
     families: tuple[str, ...] = ()      # that the surfaces are said to be of
+    form: Format = "exr"
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict
     facts = {**{name: str(path) for name, path in paths.items()},
              "pixels": picture.height * picture.width, "outside_0_to_1": beyond,
              "wavelengths_nm": mean_nm.tolist(), "standard_deviation_nm": spread_nm.tolist(),
-             "pixel_type": "float" if request.full else "half"}
+             "pixel_type": "float" if request.full or request.form == "envi" else "half"}
     return facts, (f"wrote {paths['mean']} and {paths['standard_deviation']}; "
                    f"{100 * beyond:.1f} % of pixels lie outside what a reflectance between 0 and 1 "
                    "can give and were taken at the edge")
@@ -112,7 +114,7 @@ def _job(request: UpliftRequest) -> _Job:
         else numbers(request.white, picture.bands, "white")
     return _Job(picture, white.astype(np.float32), relative_response,
                 of_families(load_prior(), request.families), request.noise,
-                KeptWavelengths(request.step_nm, request.full))
+                KeptWavelengths(request.step_nm, request.full, request.form))
 
 
 def _wanted(job: _Job, side: int, progress: StageProgress) -> tuple[np.ndarray | None, float]:
