@@ -109,7 +109,6 @@ def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
         attempt(read_chart_reference, config)
         if not config.flat:
             attempt(read_chart_scene, config)
-    bsdfs = {name: material.bsdf for name, material in config.materials.items()}
     if config.camera.lens is not None:
         attempt(lambda: read_lens(config.path(config.camera.lens or "")))
     for view in config.all_views:
@@ -117,7 +116,7 @@ def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
             attempt(read_light, config, spectrum)
         scene = None if config.flat else attempt(read_session_scene, config, view.scene)
         if scene is not None:
-            attempt(require_materials, scene, bsdfs)
+            attempt(require_materials, scene, config.bsdfs)
 
 
 def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:

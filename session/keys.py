@@ -83,6 +83,7 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
                      "method": config.sensitivity.method,
                      "coefficients": config.sensitivity.coefficients, "seed": config.session.seed,
                      "lamp position": config.repeatability.lamp_position,
+                     "box": _measured(config, of_chart=True),
                      "relative_error": config.sensitivity.relative_error,
                      "reference": config.chart.reference, "layout": config.chart.layout,
                      "leave out": list(config.chart.leave_out)},
@@ -119,7 +120,7 @@ def _renderer() -> dict[str, str]:
 
 
 def _scenes(config: SessionConfig,
-            files: Files) -> tuple[SceneFile | None, dict[str, SceneFile]]:
+            files: Files) -> tuple[SceneFile | None, dict[str | None, SceneFile]]:
     """The scene of the chart photo, and those of the object photos by file."""
     from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
     # before they are parsed: a scene that is replaced after this is noticed
@@ -128,18 +129,19 @@ def _scenes(config: SessionConfig,
                                       for view in config.all_views}
 
 
-def _reconstruct_key(config: SessionConfig, scenes: dict[str, SceneFile], files: Files) -> Key:
+def _reconstruct_key(config: SessionConfig, scenes: dict[str | None, SceneFile],
+                     files: Files) -> Key:
     """Files and settings of the stage that inverts photos of a scene."""
     views, known = config.all_views, _known(config)
     named = [name for scene in scenes.values() for name in _named_by(scene, config.folder)]
     learnt = config.reconstruct.spectrum_prior == "learnt"
     return {
         "files": files(*scenes, *(reference.file for reference in known.values()), *named),
-        "settings": {"materials": {name: material.bsdf for name,
-                                   material in config.materials.items()},
+        "settings": {"materials": config.bsdfs,
                      "families": _families(config) if learnt else {},
                      "known": {name: _plain(reference) for name, reference in known.items()},
                      "scenes": {view.name: view.scene for view in views},
+                     "box": _measured(config, of_chart=False),
                      "lights by id": [list(view.lights_by_id) for view in views],
                      "reconstruct": _plain(config.reconstruct),
                      "scale": config.scale.source,
@@ -156,6 +158,14 @@ def _signals_key(config: SessionConfig, files: Files) -> Key:
                          "families": _families(config),
                          "repeatability": _plain(config.repeatability),
                          "stray light": _plain(config.stray_light)}}
+
+
+def _measured(config: SessionConfig, of_chart: bool) -> dict[str, Any]:
+    """What of the measures of a box the chart's scene is made from, or that of the photo."""
+    if config.box is None:
+        return {}
+    return config.box.model_dump(include={"lamp", "chart"} if of_chart else None,
+                                 exclude=None if of_chart else {"chart"})
 
 
 def _outlines(config: SessionConfig) -> dict[str, Any]:

@@ -83,7 +83,7 @@ def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, obser
              for name, spectrum in zip(joint.materials, joint.spectra, strict=True)}
     scene = read_session_scene(config)
     start_mitsuba(device)
-    xml = scene_xml(scene, reflectances={config.materials[name].bsdf: np.clip(mean, 0, 1)
+    xml = scene_xml(scene, reflectances={config.bsdfs[name]: np.clip(mean, 0, 1)
                                          for name, mean in means.items()},
                     light=power, bands=dict(zip("XYZ", matching, strict=True)),
                     range_nm=(grid.nm[0], grid.nm[-1]), size=size)

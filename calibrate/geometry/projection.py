@@ -23,6 +23,7 @@ MIN_TILT_DEG = 10.0
 MAX_FOCAL_ERROR = 0.02              # relative; a chart's irradiance would be off by twice that
 FLAT = 1e-3                         # a spread of points below this share of the largest is none
 OVERLAY_SIDE = 1600                 # px
+MAX_LINE_PX = 30_000                # OpenCV draws to 16 bits
 GREEN, RED, BLACK = (60, 220, 60), (255, 40, 40), (0, 0, 0)
 
 
@@ -221,7 +222,7 @@ def rotation_matrix(vector: np.ndarray) -> np.ndarray:
 
 
 def points_overlay(rgb8: np.ndarray, given_px: np.ndarray, seen_px: np.ndarray,
-                   step: float) -> np.ndarray:
+                   step: float, lines_px: np.ndarray | None = None) -> np.ndarray:
     """Picture (H, W, 3) uint8 with points as detected (green rings) and reprojected (red crosses).
 
     Parameters
@@ -231,11 +232,18 @@ def points_overlay(rgb8: np.ndarray, given_px: np.ndarray, seen_px: np.ndarray,
         In pixels of the whole photo: detected, and reprojected.
     step : float
         Pixels of the photo per pixel of ``rgb8``.
+    lines_px : (m, 2, 2) array, optional
+        Both ends of lines to draw, such as a box's edges.
     """
     scale = min(1.0, OVERLAY_SIDE / max(rgb8.shape[:2]))
     picture = np.ascontiguousarray(cv2.resize(rgb8, None, fx=scale, fy=scale,
                                               interpolation=cv2.INTER_AREA))
     size = max(4, max(picture.shape[:2]) // 160)
+    for ends in () if lines_px is None else lines_px:
+        (x0, y0), (x1, y1) = np.rint(np.clip((ends + 0.5) / step * scale - 0.5, -MAX_LINE_PX,
+                                             MAX_LINE_PX)).astype(int).tolist()
+        for ink, thickness in ((BLACK, 3), (RED, 1)):
+            cv2.line(picture, (x0, y0), (x1, y1), ink, thickness, cv2.LINE_AA)
     for points, colour, cross in ((given_px, GREEN, False), (seen_px, RED, True)):
         for x, y in np.rint((points + 0.5) / step * scale - 0.5).astype(int).tolist():
             for ink, thickness in ((BLACK, 3), (colour, 1)):

@@ -78,6 +78,25 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
     return _linear_image(path, pixels, spec, clip=clip, quantum=step * float(np.abs(pixels).max()))
 
 
+def picture_size(path: str | os.PathLike[str]) -> tuple[int, int]:
+    """Width and height of the photo behind a picture, from its header alone.
+
+    Of a developed one, whose pixels are tiles of colour filters, in pixels of the sensor.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+        If it is no picture.
+    """
+    spec = _opened(Path(path)).spec()
+    step = spec.get_float_attribute("spectrabox:sensor_step", 1.0)
+    return round(spec.width * step), round(spec.height * step)
+
+
 def full_scale(path: Path, spec: oiio.ImageSpec, file_format: str) -> int:
     """What white of the format reads in a file of linear values: 1 for floats.
 
@@ -309,8 +328,8 @@ def _read(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
     return pixels, spec, file_format
 
 
-def _stored(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
-    """All channels (H, W, C) in the type and order of the file."""
+def _opened(path: Path) -> oiio.ImageInput:
+    """The file, of which nothing but its header has been read."""
     if not path.is_file():
         raise InputError(f"photo {path} does not exist; check its name in session.toml")
     as_stored = oiio.ImageSpec()
@@ -320,6 +339,12 @@ def _stored(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
     if file is None:
         raise InputError(f"photo {path.name} is no readable image ({reason_of(oiio)}); "
                          "give a camera raw, or a linear EXR or TIFF")
+    return file
+
+
+def _stored(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
+    """All channels (H, W, C) in the type and order of the file."""
+    file = _opened(path)
     spec = file.spec()
     if spec.image_bytes(True) > MAX_PICTURE_BYTES:
         raise InputError(f"photo {path.name} states {spec.width} x {spec.height} pixels of "

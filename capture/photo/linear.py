@@ -14,9 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from spectrabox.capture.photo.clip_point import clip_points, piles_up
-from spectrabox.capture.photo.image_files import is_image_file, read_linear_file
+from spectrabox.capture.photo.image_files import (
+    is_image_file,
+    picture_size,
+    read_linear_file,
+)
 from spectrabox.capture.photo.noise import PhotonTransfer, photon_transfer
-from spectrabox.capture.photo.raw import FullColourFrame, decode
+from spectrabox.capture.photo.raw import FullColourFrame, decode, visible_size
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LinearImage, PhotoKind, RawFrame
 
@@ -43,6 +47,24 @@ def open_photo(path: str | os.PathLike[str]) -> LinearImage:
         return read_linear_file(path)
     frame = decode(path)
     return full_colour_image(frame) if isinstance(frame, FullColourFrame) else linear_image(frame)
+
+
+def photo_size(path: str | os.PathLike[str]) -> tuple[int, int]:
+    """Width and height of a photo in pixels, as the sensor gives it, without decoding it.
+
+    Parameters
+    ----------
+    path : path
+        As of ``open_photo``.
+
+    Raises
+    ------
+    InputError
+        If it is missing or no photo.
+    """
+    if not Path(path).is_file():
+        raise InputError(f"photo {path} does not exist; check its name in session.toml")
+    return picture_size(path) if is_image_file(Path(path)) else visible_size(path)
 
 
 def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,

@@ -107,13 +107,30 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
                     **exposure)
 
 
+def visible_size(path: str | os.PathLike[str]) -> tuple[int, int]:
+    """Width and height in pixels of what ``decode`` gives of a raw file, from its header alone.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+        If it is no camera raw.
+    """
+    with _open(Path(path), unpack=False) as raw:
+        return raw.sizes.width, raw.sizes.height
+
+
 @contextmanager
-def _open(path: Path) -> Iterator[rawpy.RawPy]:
-    """The unpacked file, every complaint of LibRaw turned into an InputError."""
+def _open(path: Path, unpack: bool = True) -> Iterator[rawpy.RawPy]:
+    """The file, unpacked, every complaint of LibRaw turned into an InputError."""
     try:
         with _captured_stderr() as complaints:
             raw = rawpy.imread(os.fspath(path))
-            raw.unpack()
+            if unpack:
+                raw.unpack()
     except rawpy.LibRawFileUnsupportedError as error:
         raise InputError(f"photo {path.name} is no camera raw that LibRaw {_libraw_version()} "
                          "knows; give a raw file, a DNG, or a linear EXR or TIFF") from error

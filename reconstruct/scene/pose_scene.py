@@ -50,7 +50,7 @@ def scene_with_camera(path: Path, camera: Mapping[str, Any], size: tuple[int, in
         film = ET.SubElement(sensor, "film", type="hdrfilm")
     for child in [child for child in sensor if child.get("name") in REPLACED]:
         sensor.remove(child)
-    for index, node in enumerate(_camera_nodes(camera)):
+    for index, node in enumerate(camera_nodes(camera)):
         sensor.insert(index, node)
     _shape_film(root, film, size)
     ET.indent(sensor, space="    ", level=1)
@@ -101,7 +101,14 @@ def _parsed(path: Path, folder: Path) -> ET.Element:
     return root
 
 
-def _camera_nodes(camera: Mapping[str, Any]) -> list[ET.Element]:
+def camera_nodes(camera: Mapping[str, Any]) -> list[ET.Element]:
+    """Parameters of a ``perspective`` sensor as XML.
+
+    Parameters
+    ----------
+    camera : mapping
+        As of ``scene_with_camera``.
+    """
     nodes = [ET.Element("string", name="fov_axis", value=str(camera["fov_axis"]))]
     nodes += [ET.Element("float", name=name, value=f"{camera[name]:.10g}")
               for name in ("fov", "principal_point_offset_x", "principal_point_offset_y")]

@@ -63,7 +63,22 @@ def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
         If the file is missing, is no Mitsuba scene, has no sensor or emitter, or names files
         outside ``folder``.
     """
-    root = _parse(path)
+    return scene_of_text(_text(path), path, folder)
+
+
+def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFile:
+    """As ``read_scene``, of XML that is not in a file yet.
+
+    Parameters
+    ----------
+    text : str
+        Mitsuba XML.
+    path : Path
+        Where it would lie: files that it names are seen from there.
+    folder : Path, optional
+        As of ``read_scene``.
+    """
+    root = _parse(text, path)
     defaults = {node.get("name", ""): node.get("value", "") for node in root.iter("default")}
     sensor = root.find("sensor")
     if sensor is None:
@@ -129,14 +144,21 @@ def not_plain_products(scene: SceneFile) -> tuple[str, ...]:
                  if node.get("id") in used and plain_bsdf(node).get("type") in SPECTRAL_FACTOR)
 
 
-def _parse(path: Path) -> ET.Element:
+def _text(path: Path) -> str:
     try:
-        root = ET.fromstring(path.read_text(encoding="utf-8-sig"))
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{path} is missing: give the scene file or correct its name in "
                          "session.toml") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); give the scene file") from None
+    except ValueError as error:         # no UTF-8
+        raise InputError(f"{path.name} is not well-formed XML: {error}") from None
+
+
+def _parse(text: str, path: Path) -> ET.Element:
+    try:
+        root = ET.fromstring(text)
     except (ET.ParseError, ValueError, RecursionError) as error:
         raise InputError(f"{path.name} is not well-formed XML: {error}") from None
     if root.tag != "scene":

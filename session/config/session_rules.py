@@ -148,19 +148,23 @@ def _scene(config: SessionConfig) -> list[str]:
         problems.append(f"{FILE_NAME}: photos.chart is missing, but sensitivities or scale are to "
                         "come from it; add the photo, or give [sensitivity] from = \"curves.csv\" "
                         "and [scale] from = \"material\"")
-    if config.scale.source == "chart" and config.chart.scene is None:
-        problems.append(f"{FILE_NAME}: chart.scene is missing: a scale from the chart photo needs "
+    if config.scale.source == "chart" and not config.chart_in_place:
+        missing = "chart.scene" if config.box is None else "the table [scene.box.chart]"
+        problems.append(f"{FILE_NAME}: {missing} is missing: a scale from the chart photo needs "
                         "light and chart in their places; add it, or use [scale] from = "
                         "\"material\"")
+    if config.chart.scene is not None and config.box is not None and config.box.chart is not None:
+        problems.append(f"{FILE_NAME}: chart.scene and [scene.box.chart] both say where the chart "
+                        "stood; leave one out")
     if config.scale.source == "material" and not any(m.known for m in config.materials.values()):
         problems.append(f"{FILE_NAME}: scale.from is \"material\", but no material has a known "
                         "spectrum; add known = \"spectra/NAME.csv\" to one")
     owners: dict[str, str] = {}
-    for name, material in config.materials.items():
-        if material.bsdf in owners:
-            problems.append(f"{FILE_NAME}: materials {owners[material.bsdf]!r} and {name!r} name "
-                            f"the same BSDF {material.bsdf!r}")
-        owners[material.bsdf] = name
+    for name, bsdf in config.bsdfs.items():
+        if bsdf in owners:
+            problems.append(f"{FILE_NAME}: materials {owners[bsdf]!r} and {name!r} name the same "
+                            f"BSDF {bsdf!r}")
+        owners[bsdf] = name
     return problems
 
 
@@ -208,7 +212,7 @@ def _empty(rect: Sequence[float]) -> bool:
 def _views(config: SessionConfig) -> list[str]:
     problems = []
     for name, view in config.views.items():
-        if view.chart is not None and config.chart.scene is None and not config.flat:
+        if view.chart is not None and not config.chart_in_place and not config.flat:
             problems.append(f"{FILE_NAME}: views.{name}.chart needs chart.scene: a scale from a "
                             "chart photo needs light and chart in their places")
     if config.views and config.reconstruct.engine not in ("auto", "transport"):

@@ -18,6 +18,7 @@ from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.spectra.stated_light import vague_light
+from spectrabox.reconstruct.scene.box_tables import BoxTable
 from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumPrior
 
 FILE_NAME = "session.toml"
@@ -247,9 +248,19 @@ class ScaleSection(Table):
 
 
 class SceneSection(Table):
-    """The scene of the object photo."""
+    """The scene of the object photo: a file, or a box measured with a tape."""
 
-    file: str = Field(description="Mitsuba XML: geometry, camera pose, light in their places")
+    file: str | None = Field(None, description="Mitsuba XML: geometry, camera pose, light in their "
+                             "places")
+    box: BoxTable | None = Field(None, description="a box with objects, lamp, camera and chart, in "
+                                 "place of file")
+
+    @model_validator(mode="after")
+    def _is_file_or_box(self) -> SceneSection:
+        if (self.file is None) == (self.box is None):
+            raise ValueError("a scene is either file = \"scene/scene.xml\" or the measures of a "
+                             "box in [scene.box]; give one of the two")
+        return self
 
 
 class SurfaceSection(Table):
@@ -272,7 +283,8 @@ class SurfaceSection(Table):
 class MaterialSection(SurfaceSection):
     """A material of the scene."""
 
-    bsdf: str = Field(description="id of the BSDF in the scene")
+    bsdf: str | None = Field(None, description="id of the BSDF in the scene; the material's name "
+                             "where left out")
 
 
 class RegionSection(SurfaceSection):
@@ -411,7 +423,7 @@ class ViewInputs:
     photo: dict[str, tuple[str, ...]]   # files by band
     chart: dict[str, tuple[str, ...]]   # under the same light; empty where no chart is needed
     light: LightTable
-    scene: str
+    scene: str | None                   # None: made from [scene.box]
     lights_by_id: dict[str, LightTable]
 
     @property
@@ -448,6 +460,22 @@ class SessionConfig(SessionTables):
         return self.regions if self.flat else self.materials
 
     @property
+    def bsdfs(self) -> dict[str, str]:
+        """Id of the BSDF of every material."""
+        return {name: material.bsdf or name for name, material in self.materials.items()}
+
+    @property
+    def box(self) -> BoxTable | None:
+        """The box that the scene is made from, where it is no file."""
+        return None if self.scene is None else self.scene.box
+
+    @property
+    def chart_in_place(self) -> bool:
+        """Whether the session says where light and chart stood for the chart photo."""
+        return self.chart.scene is not None or (self.box is not None
+                                                and self.box.chart is not None)
+
+    @property
     def needs_chart(self) -> bool:
         """Whether the first view's calibration is to come from its chart photo."""
         return self.flat or self.sensitivity.from_chart or self.scale.source == "chart"
@@ -461,7 +489,7 @@ class SessionConfig(SessionTables):
         shown = by_band(self.photos.object)
         chart = by_band(self.photos.chart if self.needs_chart else None)
         first = ViewInputs("", shown, chart or shown if self.flat else chart, self.light.spectrum,
-                           self.scene.file if self.scene else "", self.light.by_id or {})
+                           self.scene.file if self.scene else None, self.light.by_id or {})
         return (first, *(ViewInputs(name, by_band(view.photo), self._chart_of(view),
                                     view.light or first.light, view.scene or first.scene,
                                     {} if view.light else first.lights_by_id)

@@ -112,7 +112,8 @@ def input_files(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]
         for role, names in (("object photo", view.photo_files),
                             ("light spectrum", [name for light in view.all_lights
                                                 for name in light.files]),
-                            ("scene", [view.scene]), ("chart photo", view.chart_files)):
+                            ("scene", [view.scene] if view.scene else []),
+                            ("chart photo", view.chart_files)):
             for name in names:
                 roles.setdefault(name, f"{role}, {view.name}" if view.name else role)
     for role, others in (("dark frame", config.photos.dark_files),

@@ -61,7 +61,7 @@ def _find_and_sample_chart(task: StageTask, view: ViewInputs) -> dict[str, Any]:
     chart = session_chart(config)
     detection = find_chart(photo, reference, chart_corners(config, view), chart)
     verdict = judge_chart(photo, detection, reference, chart,
-                          light_explained=config.chart.scene is not None)
+                          light_explained=config.chart_in_place)
     samples = verdict.samples
     require_unclipped(samples, chart.names, name)
     notes = (*notes, *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))

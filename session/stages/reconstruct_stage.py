@@ -151,14 +151,14 @@ def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpe
     InputError
         If scene and session do not name the same materials.
     """
-    require_materials(scene, {name: material.bsdf for name, material in config.materials.items()})
+    require_materials(scene, config.bsdfs)
     specs = []
     for name, material in config.materials.items():
         known = None if material.known is None else \
             spectrum_on_grid(read_reflectance(config, material.known), GRID)
         learnt = _learnt_spectra(config.reconstruct.spectrum_prior, material.families) \
             if material.families else None
-        specs.append(MaterialSpec(name, material.bsdf, known, learnt))
+        specs.append(MaterialSpec(name, config.bsdfs[name], known, learnt))
     return tuple(specs)
 
 

@@ -1,9 +1,18 @@
 """The scenes of a session, read without any renderer."""
 from __future__ import annotations
 
+from pathlib import Path
+
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LinearImage
-from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials, read_scene
+from spectrabox.reconstruct.scene.box_scene import chart_xml
+from spectrabox.reconstruct.scene.scene_file import (
+    SceneFile,
+    check_materials,
+    read_scene,
+    scene_of_text,
+)
+from spectrabox.session.box.box_camera import BOX_SCENE_NAME, CHART_SCENE_NAME, box_text
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
 
 MAX_ASPECT_ERROR = 0.01  # photo against scene film: above, the two do not show the same view
@@ -20,16 +29,24 @@ def read_session_scene(config: SessionConfig, file: str | None = None) -> SceneF
     if config.scene is None:
         raise InputError(f"{FILE_NAME} describes regions of a flat sample and no scene; this needs "
                          "a session with [scene]")
-    return read_scene(config.path(file or config.scene.file), None if config.allow_outside
-                      else config.folder)
+    if (name := file or config.scene.file) is None:
+        return scene_of_text(box_text(config), config.folder / BOX_SCENE_NAME,
+                             _allowed_folder(config))
+    return read_scene(config.path(name), _allowed_folder(config))
 
 
 def read_chart_scene(config: SessionConfig) -> SceneFile | None:
     """The scene of the chart photo, where there is one."""
-    if config.chart.scene is None:
+    if config.chart.scene is not None:
+        return read_scene(config.path(config.chart.scene), _allowed_folder(config))
+    if config.box is None or config.box.chart is None:
         return None
-    return read_scene(config.path(config.chart.scene), None if config.allow_outside
-                      else config.folder)
+    return scene_of_text(chart_xml(config.box, config.box.chart),
+                         config.folder / CHART_SCENE_NAME, _allowed_folder(config))
+
+
+def _allowed_folder(config: SessionConfig) -> Path | None:
+    return None if config.allow_outside else config.folder
 
 
 def check_aspect(photo: LinearImage, scene: SceneFile, name: str) -> None:
