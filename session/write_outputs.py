@@ -4,6 +4,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from spectrabox.session.box.scene_files import write_scene_files
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.page import write_report
@@ -35,4 +36,5 @@ def write_outputs_of(config: SessionConfig, finished: FinishedRun, command_line:
     """
     results = assemble(config, finished, provenance(command_line, config.session.seed, device))
     report = write_report(results)
-    return run_facts(results, report), run_text(results), [report, *write_outputs(results)]
+    return run_facts(results, report), run_text(results), [report, *write_outputs(results),
+                                                                 *write_scene_files(config)]

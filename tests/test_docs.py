@@ -29,7 +29,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NOT_RUN = {"needs-setup": "sets up an environment", "needs-minutes": "takes too long for a test",
            "needs-meter": "needs a spectroradiometer", "needs-photos": "needs photos of one's own",
            "needs-data": "needs data that do not ship with the project"}
-HOW_MANY_ARE_NOT_RUN = {"needs-setup": 2, "needs-minutes": 4, "needs-meter": 2, "needs-photos": 8,
+HOW_MANY_ARE_NOT_RUN = {"needs-setup": 2, "needs-minutes": 4, "needs-meter": 2, "needs-photos": 10,
                         "needs-data": 5}
 FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.reconstruct.scene.box_tables import (
+    CORNERS,
     BoxTable,
     CameraTable,
     ChartPlaceTable,
@@ -77,10 +78,12 @@ def chart_xml(box: BoxTable, chart: ChartPlaceTable) -> str:
 
 
 def box_edges(box: BoxTable) -> list[tuple[str, str]]:
-    """Names of the corners at both ends of each of the twelve inner edges."""
-    corners = list(box.corner_positions())
-    return [(one, other) for number, one in enumerate(corners) for other in corners[number + 1:]
-            if sum(a != b for a, b in zip(one.split(), other.split(), strict=True)) == 1]
+    """Names of the corners at both ends of each edge of the box, and of boxes in it."""
+    of_one = [(one, other) for number, one in enumerate(CORNERS) for other in CORNERS[number + 1:]
+              if sum(a != b for a, b in zip(one.split(), other.split(), strict=True)) == 1]
+    boxes = [one.name for one in box.objects if one.size_mm is not None]
+    return of_one + [(f"{name} {one}", f"{name} {other}") for name in boxes
+                     for one, other in of_one]
 
 
 def _wall_steps(box: BoxTable, wall: str) -> list[ET.Element]:

@@ -20,6 +20,7 @@ Pixel = Annotated[ListOf[float], Field(min_length=2, max_length=2)]
 WALLS = ("back", "ceiling", "floor", "left", "right")
 CORNERS = tuple(f"{depth} {height} {side}" for depth in ("front", "back")
                 for height in ("bottom", "top") for side in ("left", "right"))
+MIN_CORNERS = 6
 CARD_MM = (290.0, 203.0)        # of the ColorChecker Classic
 
 
@@ -65,6 +66,7 @@ class ObjectTable(Table):
     height_mm: Length | None = Field(None, description="of a cylinder, which stands upright")
     turn_deg: float = Field(0.0, ge=-360, le=360, description="about the vertical, "
                             "counter-clockwise as seen from above")
+    on_turntable: bool = Field(False, description="turns with the turntable")
 
     @model_validator(mode="after")
     def _has_its_measures(self) -> ObjectTable:
@@ -116,8 +118,9 @@ class CameraTable(Table):
     fov_deg: float | None = Field(None, ge=1, le=150, description="field of view across the "
                                   "photo's width: 2 atan(sensor width / (2 focal length))")
     corners_px: dict[str, Pixel] | None = Field(
-        None, description="corners of the box in pixels of the photo by name, such as \"front "
-        "bottom left\": six or more, in place of at_mm and look_at_mm")
+        None, description="corners in pixels of the photo by name: \"front bottom left\" of the "
+        "box, \"NAME front top left\" of a box in it as before its turn; six or more, in place of "
+        "at_mm and look_at_mm")
 
     @model_validator(mode="after")
     def _is_measured_or_found(self) -> CameraTable:
@@ -133,12 +136,9 @@ class CameraTable(Table):
         if measured:
             raise ValueError(f"the camera has corners_px and {' and '.join(measured)}: its place "
                              "is either found from the corners or measured; leave one out")
-        if unknown := [name for name in self.corners_px if name not in CORNERS]:
-            raise ValueError(f"corners_px names {unknown[0]!r}; the corners of a box are "
-                             f"{', '.join(map(repr, CORNERS))}")
-        if len(self.corners_px) < 6:
-            raise ValueError(f"corners_px has {len(self.corners_px)} corners; six or more are "
-                             "needed, of the opening and of the back wall")
+        if len(self.corners_px) < MIN_CORNERS:
+            raise ValueError(f"corners_px has {len(self.corners_px)} corners; {MIN_CORNERS} or "
+                             "more are needed: of the opening, the back wall, objects")
         return self
 
 
@@ -167,6 +167,8 @@ class BoxTable(Table):
     depth_mm: Length = Field(description="inside, from the opening to the back wall")
     walls: WallsTable = Field(WallsTable(), description="material of each wall")
     objects: ListOf[ObjectTable] = Field((), description="what stands in it")
+    turntable_mm: Annotated[ListOf[float], Field(min_length=2, max_length=2)] | None = Field(
+        None, description="[x, z] of a turntable's axis; views then have turn_deg")
     lamp: LampTable = Field(description="the one lamp")
     camera: CameraTable = Field(description="of the box's photo")
     chart: ChartPlaceTable | None = Field(None, description="of the chart photo")
@@ -179,8 +181,19 @@ class BoxTable(Table):
                              "in [scene.box.walls]")
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise ValueError(f"two surfaces of the box are called {twice!r}; rename one")
+        if unknown := set(self.camera.corners_px or ()) - set(self.corner_positions()):
+            raise ValueError(f"corners_px names {sorted(unknown)[0]!r}; corners are "
+                             f"{', '.join(map(repr, self.corner_positions()))}")
         if reserved := {"lamp", "chart"}.intersection(names):
             raise ValueError(f"an object cannot be called {sorted(reserved)[0]!r}; rename it")
+        return self
+
+    @model_validator(mode="after")
+    def _has_a_turntable_for_what_turns(self) -> BoxTable:
+        turning = [one.name for one in self.objects if one.on_turntable]
+        if turning and self.turntable_mm is None:
+            raise ValueError(f"{turning[0]!r} is on_turntable, but turntable_mm does not say where "
+                             "its axis stands; add turntable_mm = [x, z] to [scene.box]")
         return self
 
     @property
@@ -189,9 +202,48 @@ class BoxTable(Table):
         named = [*self.walls.materials.values(), *(one.material for one in self.objects)]
         return tuple(dict.fromkeys(named))
 
+    def turned(self, angle_deg: float) -> BoxTable:
+        """The box after its turntable has turned, counter-clockwise as seen from above.
+
+        Parameters
+        ----------
+        angle_deg : float
+        """
+        if not angle_deg or self.turntable_mm is None:
+            return self
+        cosine, sine = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+        x0, z0 = self.turntable_mm
+
+        def moved(one: ObjectTable) -> ObjectTable:
+            across, ahead = one.at_mm[0] - x0, one.at_mm[2] - z0
+            place = (x0 + cosine * across + sine * ahead, one.at_mm[1],
+                     z0 - sine * across + cosine * ahead)
+            return one.model_copy(update={"at_mm": place, "turn_deg": one.turn_deg + angle_deg})
+
+        return self.model_copy(update={"objects": tuple(
+            moved(one) if one.on_turntable else one for one in self.objects)})
+
     def corner_positions(self) -> dict[str, tuple[float, float, float]]:
-        """The eight inner corners in millimetres, by name."""
-        return {name: ((-0.5 if side == "left" else 0.5) * self.width_mm,
-                       self.height_mm if height == "top" else 0.0,
-                       -self.depth_mm if depth == "back" else 0.0)
-                for name in CORNERS for depth, height, side in [name.split()]}
+        """Corners in millimetres by name: the eight inner ones, and those of boxes in it."""
+        inner = (self.width_mm, self.height_mm, self.depth_mm)
+        positions = _corners(inner, (0.0, 0.0, -self.depth_mm / 2), 0.0)
+        for one in self.objects:
+            if one.size_mm is not None:
+                positions |= {f"{one.name} {corner}": place for corner, place in
+                              _corners(one.size_mm, one.at_mm, one.turn_deg).items()}
+        return positions
+
+
+def _corners(size: Sequence[float], at: Sequence[float],
+             turn_deg: float) -> dict[str, tuple[float, float, float]]:
+    """Corners of a box by name, which stands on the middle of its base and is turned there."""
+    (width, height, depth), (x, y, z) = size, at
+    cosine, sine = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
+    places = {}
+    for name in CORNERS:
+        near, level, side = name.split()
+        across = width / 2 if side == "right" else -width / 2
+        ahead = depth / 2 if near == "front" else -depth / 2
+        places[name] = (x + cosine * across + sine * ahead, y + (height if level == "top" else 0.0),
+                        z - sine * across + cosine * ahead)
+    return places

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spectrabox.capture.photo.linear import photo_size
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.reconstruct.scene.box_scene import box_xml
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
@@ -31,8 +31,13 @@ class FoundCamera:
     direction_error_deg: float
 
 
-def box_text(config: SessionConfig) -> str:
+def box_text(config: SessionConfig, turn_deg: float = 0.0) -> str:
     """XML of the scene that [scene.box] describes.
+
+    Parameters
+    ----------
+    turn_deg : float
+        By which its turntable had turned.
 
     Raises
     ------
@@ -43,7 +48,8 @@ def box_text(config: SessionConfig) -> str:
     """
     assert config.box is not None
     camera = None if config.box.camera.corners_px is None else found_camera(config)
-    return box_xml(config.box, size_of_photo(config), None if camera is None else camera.sensor)
+    return box_xml(config.box.turned(turn_deg), size_of_photo(config),
+                   None if camera is None else camera.sensor)
 
 
 def found_camera(config: SessionConfig) -> FoundCamera:
@@ -69,7 +75,9 @@ def found_camera(config: SessionConfig) -> FoundCamera:
 
 
 def corners_in_photo(config: SessionConfig) -> dict[str, tuple[float, float]]:
-    """Where the camera sees the eight inner corners of the box, by name, in pixels of the photo."""
+    """Where the camera sees the corners of the box and of boxes in it: pixels of the photo by
+    name.
+    """
     from spectrabox.calibrate.geometry.projection import projected
     lens, pose = _lens_and_pose(config)
     corners = _box(config).corner_positions()
@@ -110,7 +118,7 @@ def _lens_and_pose(config: SessionConfig) -> tuple[Lens, Pose]:
             pose, lens = pose_and_focal_length(positions, points, width, height, names)
             return lens, pose
         return lens, pose_from_points(positions, points, lens, names)
-    except InputError as fault:
+    except SpectraboxError as fault:
         raise type(fault)(f"{FILE_NAME}: scene.box.camera.corners_px: {fault}") from None
 
 

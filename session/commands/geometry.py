@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command
+from spectrabox.session.command_line import (
+    CommandGroup,
+    Debug,
+    Folder,
+    Json,
+    Outside,
+    answer,
+    command,
+)
 from spectrabox.session.commands.light_position import light
 
 if TYPE_CHECKING:
@@ -29,7 +37,7 @@ def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
     group = typer.Typer(cls=CommandGroup, no_args_is_help=True,
                         help="Lens and pose of the camera, photos without distortion.")
-    for function in (board, lens, pose, undistort, light):
+    for function in (board, lens, pose, box, undistort, light):
         group.command()(function)
     app.add_typer(group, name="geometry")
 
@@ -149,6 +157,41 @@ def pose(photo: Photo,
                  "lens": lens_facts(used), "in_one_plane": bool(flat)}
         answer(as_json, facts,
                "\n".join(_pose_lines(camera_pose, used, names, lens_file, out, bool(flat))))
+
+
+def box(folder: Folder, allow_outside: Outside = False, as_json: Json = False,
+        debug: Debug = False) -> None:
+    """Draw a session's measured box over its photo, and write the scenes made of it."""
+    with command(as_json, debug):
+        from spectrabox.session.box.box_camera import found_camera
+        from spectrabox.session.box.scene_files import write_overlay, write_scene_files
+        from spectrabox.session.config.session_file import read_session
+        from spectrabox.session.store.session_lock import outputs_writer
+        config = read_session(folder, allow_outside)
+        if config.box is None:
+            raise InputError(f"{folder} has no [scene.box]: 'spectrabox new --template box' writes "
+                             "a session that has one")
+        camera = None if config.box.camera.corners_px is None else found_camera(config)
+        with outputs_writer(config.folder):
+            written = [*write_scene_files(config), write_overlay(config)]
+        facts: dict[str, Any] = {"files": [str(path) for path in written]}
+        lines = [f"wrote {path}" for path in written]
+        if camera is None:
+            lines.insert(0, "the camera stands as measured: the edges drawn over the photo show "
+                         "how well")
+        else:
+            worst = max(camera.residuals_px, key=lambda name: camera.residuals_px[name])
+            facts |= {"at_mm": camera.at_mm, "standard_error_mm": camera.standard_error_mm,
+                      "direction_standard_error_deg": camera.direction_error_deg,
+                      "fov_deg": camera.fov_deg, "residuals_px": camera.residuals_px}
+            place = ", ".join(f"{value:.1f} ({error:.1f})" for value, error in
+                              zip(camera.at_mm, camera.standard_error_mm, strict=True))
+            lines.insert(0, f"camera at {place} mm (standard errors in brackets), its direction "
+                         f"known to {camera.direction_error_deg:.2f} degrees, field of view "
+                         f"{camera.fov_deg:.1f} degrees across\n{len(camera.residuals_px)} "
+                         f"corners, largest residual {camera.residuals_px[worst]:.2f} pixels at "
+                         f"{worst}")
+        answer(as_json, facts, "\n".join(lines))
 
 
 def undistort(photo: Annotated[Path, typer.Argument(

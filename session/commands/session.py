@@ -43,19 +43,27 @@ def demo(folder: Annotated[Path | None, typer.Argument(
         execute(folder, only=None, force=False, device=device, allow_outside=False, as_json=as_json)
 
 
-def new(folder: Folder, as_json: Json = False, debug: Debug = False) -> None:
+def new(folder: Folder,
+        template: Annotated[str | None, typer.Option(
+            metavar="box|flat|turntable|views", help="A filled-in session: a box measured with a "
+            "tape, flat samples beside a chart, objects on a turntable, one box under several "
+            "lights.")] = None,
+        as_json: Json = False, debug: Debug = False) -> None:
     """Start a session folder with a commented session.toml."""
     with command(as_json, debug):
         from spectrabox.radiometry.files import writable
         from spectrabox.session.config.session_schema import FILE_NAME
-        from spectrabox.session.config.template import write_template
+        from spectrabox.session.config.template import template_names, write_template
+        if template is not None and template not in template_names():
+            raise InputError(f"there is no template {template!r}; take one of "
+                             f"{', '.join(template_names())}, or none for a session with every key")
         if (folder / FILE_NAME).exists():
             raise InputError(f"{folder / FILE_NAME} exists already; edit it, or choose another "
                              "folder")
         with writable(folder):
             for name in ("photos", "spectra", "scene"):
                 (folder / name).mkdir(parents=True, exist_ok=True)
-        written = write_template(folder)
+        written = write_template(folder, template)
         answer(as_json, {"session": str(written)},
                f"wrote {written}: fill it in, then run 'spectrabox check {folder}'")
 

@@ -215,6 +215,11 @@ def _views(config: SessionConfig) -> list[str]:
         if view.chart is not None and not config.chart_in_place and not config.flat:
             problems.append(f"{FILE_NAME}: views.{name}.chart needs chart.scene: a scale from a "
                             "chart photo needs light and chart in their places")
+        if view.turn_deg is not None and (config.box is None or config.box.turntable_mm is None
+                                          or view.scene is not None):
+            problems.append(f"{FILE_NAME}: views.{name}.turn_deg turns the turntable of "
+                            "[scene.box], which this view has none of; give turntable_mm there, or "
+                            "leave it out")
     if config.views and config.reconstruct.engine not in ("auto", "transport"):
         problems.append(f"{FILE_NAME}: several views are fitted by reconstruct.engine = "
                         f"\"transport\" alone; {config.reconstruct.engine!r} takes one photo")

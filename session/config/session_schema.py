@@ -315,7 +315,9 @@ class ViewSection(Table):
 
     photo: Photo = Field(description="files as of photos.object")
     light: LightRef | None = Field(None, description="its light; light.spectrum where left out")
-    scene: str | None = Field(None, description="its scene; scene.file where left out")
+    scene: str | None = Field(None, description="its scene; that of [scene] where left out")
+    turn_deg: float | None = Field(None, ge=-360, le=360, description="by which the turntable of "
+                                   "[scene.box] had turned, counter-clockwise as seen from above")
     chart: Photo | None = Field(None, description="the chart under its light; without it, "
                                 "materials in common with other photos tell its strength")
 
@@ -425,6 +427,7 @@ class ViewInputs:
     light: LightTable
     scene: str | None                   # None: made from [scene.box]
     lights_by_id: dict[str, LightTable]
+    turn_deg: float = 0.0               # of the turntable
 
     @property
     def photo_files(self) -> tuple[str, ...]:
@@ -492,7 +495,8 @@ class SessionConfig(SessionTables):
                            self.scene.file if self.scene else None, self.light.by_id or {})
         return (first, *(ViewInputs(name, by_band(view.photo), self._chart_of(view),
                                     view.light or first.light, view.scene or first.scene,
-                                    {} if view.light else first.lights_by_id)
+                                    {} if view.light else first.lights_by_id,
+                                    view.turn_deg or 0.0)
                          for name, view in self.views.items()))
 
     def _chart_of(self, view: ViewSection) -> dict[str, tuple[str, ...]]:

@@ -20,6 +20,7 @@ from spectrabox.session.config.session_schema import (
 )
 
 SCHEMA_NAME = "session.schema.json"
+TEMPLATES = Path(__file__).parent / "templates"
 SESSION, CHART = SessionSection(), ChartSection()
 REPEATABILITY, STRAY_LIGHT = RepeatabilitySection(), StrayLightSection()
 RECONSTRUCT, SAMPLING = ReconstructSection(), SamplingSection()
@@ -126,14 +127,27 @@ def write_schema(folder: Path) -> None:
     write_text_whole(folder / SCHEMA_NAME, session_schema())
 
 
-def write_template(folder: Path) -> Path:
+def template_names() -> tuple[str, ...]:
+    """Names of the filled-in sessions that ``write_template`` knows."""
+    return tuple(sorted(path.stem for path in TEMPLATES.glob("*.toml")))
+
+
+def write_template(folder: Path, template: str | None = None) -> Path:
     """Write session.toml and its schema.
+
+    Parameters
+    ----------
+    template : str, optional
+        One of ``template_names``; by default every key is there, commented.
 
     Returns
     -------
     Path
         Of session.toml.
     """
-    write_text_whole(folder / FILE_NAME, SESSION_TEMPLATE)
+    text = SESSION_TEMPLATE
+    if template is not None:
+        text = (TEMPLATES / f"{template}.toml").read_text(encoding="utf-8")
+    write_text_whole(folder / FILE_NAME, text)
     write_schema(folder)
     return folder / FILE_NAME

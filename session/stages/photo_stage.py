@@ -43,7 +43,7 @@ def bin_object_photos(task: StageTask) -> dict[str, Any]:
             records["references"] = region_signals(photo, np.array(config.drift.object_px))
         if config.camera.lens is not None:
             photo = undistorted(photo, read_lens(config.path(config.camera.lens)))
-        check_aspect(photo, read_session_scene(config, view.scene), name)
+        check_aspect(photo, read_session_scene(config, view.scene, view.turn_deg), name)
         write_png(task.folder / f"{view.record('preview')}.png", preview_rgb8(photo))
         height, width = photo.signal.shape[:2]
         size = render_size(width, height, config.reconstruct.width)

@@ -18,8 +18,16 @@ from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
 MAX_ASPECT_ERROR = 0.01  # photo against scene film: above, the two do not show the same view
 
 
-def read_session_scene(config: SessionConfig, file: str | None = None) -> SceneFile:
+def read_session_scene(config: SessionConfig, file: str | None = None,
+                       turn_deg: float = 0.0) -> SceneFile:
     """The scene of the object photo, or another one; its files lie within the session folder.
+
+    Parameters
+    ----------
+    file : str, optional
+        Of a view; that of [scene] by default.
+    turn_deg : float
+        By which the turntable of [scene.box] had turned.
 
     Raises
     ------
@@ -30,7 +38,7 @@ def read_session_scene(config: SessionConfig, file: str | None = None) -> SceneF
         raise InputError(f"{FILE_NAME} describes regions of a flat sample and no scene; this needs "
                          "a session with [scene]")
     if (name := file or config.scene.file) is None:
-        return scene_of_text(box_text(config), config.folder / BOX_SCENE_NAME,
+        return scene_of_text(box_text(config, turn_deg), config.folder / BOX_SCENE_NAME,
                              _allowed_folder(config))
     return read_scene(config.path(name), _allowed_folder(config))
 
