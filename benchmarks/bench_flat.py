@@ -16,7 +16,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -44,7 +45,7 @@ from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.sampling.prior.draws import sample_prior
 from spectrabox.sampling.summary import summarise
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import run_stages
+from spectrabox.session.pipeline import FinishedRun, run_stages
 from spectrabox.session.stages.stored_records import samples_of, signals_of
 
 from benchmarks.bench_unknown_makers import makers_of, prior_without
@@ -94,10 +95,8 @@ def regions_toml(width: int) -> str:
                    for number, rect in enumerate(inner))
 
 
-def judged(folder: Path, surfaces: np.ndarray) -> dict[str, float]:
-    """RMSE, coverage and light error of one session that was run."""
-    finished = run_stages(read_session(folder), device="cpu", only=None, force=False,
-                          progress=lambda *_: None)
+def judged(finished: FinishedRun, surfaces: np.ndarray) -> dict[str, float]:
+    """RMSE, coverage and width of the bands of one session that was run."""
     return _figures((samples_of(finished.stored, name)[1], surfaces[int(name[1:])])
                     for name in signals_of(finished.stored).names)
 
@@ -127,8 +126,27 @@ def _figures(found: Iterable[tuple[SpectrumSummary, np.ndarray]]) -> dict[str, f
             "width": float(np.mean(width))}
 
 
-def measure(data: Path, cases: int, seed: int) -> dict[str, Any]:
-    """Figures of some cases with nothing known and everything known."""
+@dataclass(frozen=True)
+class FlatCase:
+    """One photo, and the sessions on it by what is known."""
+
+    camera: str
+    products: np.ndarray                # (K, P) sensitivity x light at NM
+    surfaces: np.ndarray                # (n, P) at NM
+    uneven: float                       # largest over least light of the picture
+    runs: dict[str, FinishedRun]        # of KINDS, those that were not refused
+    refused: tuple[str, ...]
+
+
+def flat_cases(data: Path, cases: int, seed: int) -> Iterator[FlatCase]:
+    """Photos by cameras and lamps of a folder, each run as sessions of every kind.
+
+    Parameters
+    ----------
+    data : Path
+        With cameras/ and lights/.
+    cases, seed : int
+    """
     rng = np.random.default_rng(seed)
     database = read_camera_database(data / "cameras")
     makers = makers_of(database)
@@ -137,15 +155,13 @@ def measure(data: Path, cases: int, seed: int) -> dict[str, Any]:
     sets = test_reflectances(grid_from_nm(NM[20:-30]))
     colours = np.vstack([rows for name, rows in sets.items() if name not in REFERENCES])
     padded = np.pad(colours, ((0, 0), (20, 30)), mode="edge")
-    found: dict[str, list[dict[str, float]]] = {kind: [] for kind in (*KINDS, "perfect")}
-    refused, uneven = [], []
     for case in range(cases):
         camera, lamp = int(rng.integers(len(database.names))), int(rng.integers(len(lamps)))
         surfaces = padded[rng.choice(len(padded), REGIONS, replace=False)]
         curves = np.array([np.interp(NM, database.nm, row) for row in database.curves[camera]])
         light = np.interp(NM, lamp_nm, lamps[lamp])
+        runs, refused, fall_off = {}, [], 1.0
         with tempfile.TemporaryDirectory() as written:
-            results = {}
             for kind in KINDS:
                 folder = Path(written) / kind
                 for part in ("photos", "spectra"):
@@ -156,19 +172,37 @@ def measure(data: Path, cases: int, seed: int) -> dict[str, Any]:
                     HEAD + _known(folder, kind, curves, light, database, makers, camera)
                     + regions_toml(SIZE[1]), encoding="utf-8")
                 try:
-                    results[kind] = judged(folder, surfaces)
+                    runs[kind] = run_stages(read_session(folder), device="cpu", only=None,
+                                            force=False, progress=lambda *_: None)
                 except CheckError as error:
                     refused.append(f"{kind}: {error}")
+            yield FlatCase(database.names[camera], curves * light, surfaces, fall_off, runs,
+                           tuple(refused))
+
+
+def measure(data: Path, cases: int, seed: int) -> dict[str, Any]:
+    """Figures of some cases with nothing known and everything known."""
+    found: dict[str, list[dict[str, float]]] = {kind: [] for kind in (*KINDS, "perfect")}
+    refused, uneven = [], []
+    for number, case in enumerate(flat_cases(data, cases, seed), start=1):
+        results = {kind: judged(run, case.surfaces) for kind, run in case.runs.items()}
+        refused += case.refused
         if len(results) == len(KINDS):
-            results["perfect"] = judged_perfect(curves * light, surfaces)
-            uneven.append(fall_off)
+            results["perfect"] = judged_perfect(case.products, case.surfaces)
+            uneven.append(case.uneven)
             for kind, result in results.items():
                 found[kind].append(result)
-        print(f"{case + 1}/{cases} {database.names[camera]}: {results}", file=sys.stderr)
+        print(f"{number}/{cases} {case.camera}: {results}", file=sys.stderr, flush=True)
     means = {kind: {figure: float(np.mean([row[figure] for row in rows]))
                     for figure in rows[0]} for kind, rows in found.items() if rows}
+    errors = {kind: np.array([row["rmse"] for row in rows]) for kind, rows in found.items()}
+    ratio = means["unknown"]["rmse"] / means["known"]["rmse"]
+    # of a ratio of means over the same cases [Cochran 1977, Eq. 6.13]
+    off = errors["unknown"] - ratio * errors["known"]
     return {"cases": len(uneven), "refused": refused, "uneven": float(np.mean(uneven)), **means,
-            "ratio": means["unknown"]["rmse"] / means["known"]["rmse"]}
+            "ratio": ratio,
+            "ratio_error": float(np.std(off, ddof=1) / np.sqrt(off.size)
+                                 / means["known"]["rmse"]) if off.size > 1 else None}
 
 
 def _known(folder: Path, kind: str, curves: np.ndarray, light: np.ndarray, database: Any,

@@ -81,10 +81,29 @@ def adapted_tristimulus(nm: np.ndarray, light: str) -> np.ndarray:
     InputError
         If no light of that name is published.
     """
+    cones, wanted = (BRADFORD @ _weights_under(name)[1].sum(axis=1) for name in (light, "D65"))
+    return np.asarray(np.linalg.solve(
+        BRADFORD, (wanted / cones)[:, None] * (BRADFORD @ tristimulus_weights(nm, light))))
+
+
+def tristimulus_weights(nm: np.ndarray, light: str) -> np.ndarray:
+    """Weights (3, P) that give X, Y, Z under a light, with Y = 1 for a reflectance of 1.
+
+    Parameters
+    ----------
+    nm : (P,) array
+        Ascending.
+    light : str
+        CIE name.
+
+    Raises
+    ------
+    InputError
+        If no light of that name is published.
+    """
     table_nm, weights = _weights_under(light)
-    found = weights @ np.array([np.interp(table_nm, nm, unit) for unit in np.eye(len(nm))]).T
-    cones, wanted = BRADFORD @ weights.sum(axis=1), BRADFORD @ _d65_weights()[1].sum(axis=1)
-    return np.asarray(np.linalg.solve(BRADFORD, (wanted / cones)[:, None] * (BRADFORD @ found)))
+    return np.asarray(weights @ np.array([np.interp(table_nm, nm, unit)
+                                          for unit in np.eye(len(nm))]).T)
 
 
 def _d65_weights() -> tuple[np.ndarray, np.ndarray]:
