@@ -4,19 +4,19 @@ The photos are those of bench_flat.py, and every method is given the same: the 2
 chart with their published average, and the mean signal of each region.
 
     least squares       reflectance = M signal, M from the patches, with a ridge that is chosen by
-                        leaving each patch out [Heikkinen et al. 2007]; of the three signals, or of
-                        their six root-polynomial terms of degree 2
-    Wiener              linear estimate of least mean square error from the patches' statistics about
-                        their mean, noise by leaving each patch out; with camera and light known,
-                        the reflectances' covariance and the noise that the patches show [Shimano
-                        2006]
-    root-polynomial     camera signals to X, Y, Z under D65 [Finlayson, Mackiewicz & Hurlbert 2015],
-    regression          then one spectrum of that colour [Otsu et al. 2018; Jakob & Hanika 2019], both
-                        by colour-science
+                        leaving each patch out [Heikkinen et al. 2007]; of the three signals, or
+                        of their six root-polynomial terms of degree 2
+    Wiener              linear estimate of least mean square error from the patches' statistics
+                        about their mean, noise by leaving each patch out; with camera and light
+                        known, the reflectances' covariance and the noise that the patches show
+                        [Shimano 2006]
+    root-polynomial     camera signals to X, Y, Z under D65 by terms of degree 2 [Finlayson,
+    regression          Mackiewicz & Hurlbert 2015], then one spectrum of that colour [Otsu et al.
+                        2018; Jakob & Hanika 2019], all by colour-science
 
 None of them knows how the light falls off from the chart to a region. So each is tried twice: with
 the signals as photographed, and with those divided by the light that ``spectrabox flat`` found,
-which is more than a user has. The root-polynomial regression is of degree 2.
+which is more than a user has.
 """
 from __future__ import annotations
 

@@ -9,8 +9,10 @@ and the field may be switched off.
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from itertools import product
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -20,6 +22,44 @@ from spectrabox.radiometry.shaped import Record
 FIELD_SD = 0.15              # of each quadratic term of the log irradiance; a term spans the chart
 GLARE_SD = 0.01              # of the brightest patch of the band
 DARK_SHARE = 0.03            # of the brightest patch: below it an error is no longer relative
+# relative errors that the bands of a patch may have in common: light that is no smooth field, and
+# patches that are lighter than their reference
+COMMON_ERRORS = (0.0, 0.004, 0.01, 0.025)
+
+
+class PatchError(NamedTuple):
+    """Disagreement of patches and model, relative standard deviations: of each band of a patch by
+    itself, and of all bands of a patch in common.
+    """
+
+    own: float
+    common: float = 0.0
+
+    @property
+    def whole(self) -> float:
+        """Of one band, all in all."""
+        return float(np.hypot(*self))
+
+    def among_bands(self, bands: int) -> np.ndarray:
+        """Relative covariance (K, K) of one patch."""
+        return self.own**2 * np.eye(bands) + self.common**2
+
+
+def patch_errors(own: Sequence[float]) -> tuple[PatchError, ...]:
+    """What is held possible of the disagreement: every own error with every one in common."""
+    return tuple(PatchError(*pair) for pair in product(own, COMMON_ERRORS))
+
+
+def mean_error(weights: np.ndarray, errors: Sequence[PatchError]) -> PatchError:
+    """Means of both parts.
+
+    Parameters
+    ----------
+    weights : (n,) array
+        Of any sum.
+    errors : sequence of n PatchError
+    """
+    return PatchError(*(float(part) for part in weights @ np.array(errors) / weights.sum()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,19 +201,20 @@ def predicted_signal(photo: ChartEquations, design: np.ndarray, coefficients: np
     return (bare + glare).ravel(), np.hstack([by_curve, by_exposure, by_field, by_glare])
 
 
-def noise_covariance(photo: ChartEquations, relative_error: float) -> np.ndarray:
-    """Covariance (I K, I K) of the signals: that of the pixels, and a relative error.
+def noise_covariance(photo: ChartEquations, error: PatchError) -> np.ndarray:
+    """Covariance (I K, I K) of the signals: that of the pixels, and the model's; patches err
+    independently.
 
     Parameters
     ----------
     photo : ChartEquations
-    relative_error : float
-        Of every patch and band, independent; of 3 % of the brightest patch where one is darker.
+    error : PatchError
+        Of every patch; of 3 % of the brightest patch where one is darker.
     """
     patches, bands = photo.signal.shape
+    level = np.maximum(photo.signal, DARK_SHARE * photo.signal.max(axis=0))
     total = np.zeros((patches, bands, patches, bands))
     index = np.arange(patches)
-    total[index, :, index, :] = photo.covariance
-    covariance = total.reshape(patches * bands, -1)
-    level = np.maximum(photo.signal, DARK_SHARE * photo.signal.max(axis=0))
-    return covariance + np.diag((relative_error * level.ravel()) ** 2)
+    total[index, :, index, :] = photo.covariance + error.among_bands(bands) * (
+        level[:, :, None] * level[:, None, :])
+    return total.reshape(patches * bands, -1)

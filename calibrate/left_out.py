@@ -16,7 +16,11 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.calibrate.chart_equations import ChartEquations, noise_covariance
+from spectrabox.calibrate.chart_equations import (
+    ChartEquations,
+    PatchError,
+    noise_covariance,
+)
 from spectrabox.radiometry.shaped import Record
 
 
@@ -123,7 +127,7 @@ def patch_moments(photo: ChartEquations, patch: int, state: np.ndarray, covarian
     return lit * state[:size].reshape(bands, -1), offset, change @ covariance @ change.T
 
 
-def gathered(photos: list[ChartEquations], basis: np.ndarray, error: float,
+def gathered(photos: list[ChartEquations], basis: np.ndarray, error: PatchError,
              patches: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> PatchesWithout:
     """The record of patches from ``patch_moments`` of each.
 
@@ -132,8 +136,8 @@ def gathered(photos: list[ChartEquations], basis: np.ndarray, error: float,
     photos : list of ChartEquations
         That hold the patches in their order.
     basis : (P, N) array
-    error : float
-        Relative disagreement of patches and model.
+    error : PatchError
+        Disagreement of patches and model.
     patches : list of tuples
     """
     signal = np.concatenate([photo.signal for photo in photos])

@@ -58,8 +58,7 @@ class LightElsewhere(Record):
 
 
 def light_elsewhere(white: ChartWhite, patches: PicturePoints, places: list[PicturePoints],
-                    flat_field: bool, seed: int = 0, *,
-                    patch_error: float = 0.0) -> LightElsewhere:
+                    flat_field: bool, seed: int = 0) -> LightElsewhere:
     """The light at other places of a photo, from what its chart says.
 
     Parameters
@@ -74,16 +73,10 @@ def light_elsewhere(white: ChartWhite, patches: PicturePoints, places: list[Pict
         Whether the photo was divided by that of a white card.
     seed : int
         Of the arrangements of lamps.
-    patch_error : float
-        Relative disagreement of patches and model, which the chart fit took as one of every band by
-        itself. A patch that is lighter than its reference is so in all bands, as if more light
-        fell on it, and K bands then say no more of the field than one.
     """
     terms = field_terms(patches.plane)
     project = np.linalg.pinv(terms)
     centre, information = _likelihood(white)
-    alike = patch_error**2 * (1 - 1 / len(white.level)) * project @ project.T
-    information = np.linalg.inv(np.linalg.inv(information) + alike)
     kinds = [_of_distance(distance, patches, places, flat_field, np.random.default_rng([seed, i]))
              for i, distance in enumerate(LAMP_DISTANCES)]
     shares = np.full(len(kinds), (1 - FLAT_SHARE * flat_field) / len(kinds))

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.calibrate.chart_equations import ChartEquations
+from spectrabox.calibrate.chart_equations import ChartEquations, PatchError
 from spectrabox.calibrate.left_out import PatchesWithout
 from spectrabox.calibrate.photo_checks import (
     WORST_CHI_SQUARE,
@@ -66,9 +66,14 @@ class PriorFit(Record):
     held_out: tuple[np.ndarray, ...]                # (I, K) signals predicted from other patches
     prior_share: Annotated[np.ndarray, "K P"]       # of the prior's standard deviation, left; 0-1
     families: tuple[tuple[str, float], ...]         # members and probability, likeliest first
-    model_error: float                              # relative disagreement of patches and model
+    patch_error: PatchError                         # disagreement of patches and model
     chi_square: float                               # per datum, about 1 where everything agrees
     without: PatchesWithout                         # of the first photo, then those kept apart
+
+    @property
+    def model_error(self) -> float:
+        """Relative disagreement of patches and model in one band."""
+        return self.patch_error.whole
 
     @property
     def disagrees(self) -> bool:

@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from spectrabox.calibrate.chart_equations import (
     ChartEquations,
+    PatchError,
     chart_equations,
     noise_covariance,
     some_patches,
@@ -19,6 +20,7 @@ from spectrabox.calibrate.products.product_fit import fit_products, in_curves
 from spectrabox.calibrate.products.product_posterior import (
     hypothesis_moments,
     posterior_of_products,
+    weights_of_components,
 )
 from spectrabox.calibrate.products.product_prior import paired, product_prior
 from spectrabox.radiometry.chart import patch_centres_uv
@@ -26,6 +28,7 @@ from spectrabox.radiometry.records import LIGHT_KINDS, PatchSamples, UnknownLigh
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 
 SURFACES = reflectances()
+PHOTOS = 30
 
 
 def simulated_lamps(count, seed):
@@ -123,6 +126,50 @@ def test_the_evidence_is_the_sum_over_all_that_was_tried(found):
     np.testing.assert_allclose(by_hand - by_hand[0], ratios, atol=1e-6)
     # What was left out holds less than a thousandth each of 48 hypotheses.
     assert np.logaddexp.reduce(by_hand) == pytest.approx(posterior.log_evidence, abs=0.05)
+
+
+def test_components_that_no_photo_allows_stay_so_without_a_patch():
+    # of a component of the prior: every other is many times the noise away
+    photo = shot(np.maximum(cameras(24, 3), 1e-3)[0], simulated_lamps(12, 3).spectra[0], 1, 0.002)
+    known = small_prior()
+    posterior = posterior_of_products([photo], replace(known, covariance=1e-4 * known.covariance))
+    hypothesis = max(posterior.hypotheses, key=lambda one: one.share)
+    assert hypothesis.log_weights.min() < -745     # below it exp() tells nothing from 0
+    for patch in range(24):
+        rows = np.delete(np.arange(72), range(3 * patch, 3 * patch + 3))
+        logs = np.array(dense(photo, posterior, hypothesis, rows)[2])
+        without = weights_of_components(hypothesis, slice(3 * patch, 3 * patch + 3))
+        # Round-off of chi-squares of thousands, of systems of condition 1e6.
+        np.testing.assert_allclose(without, np.exp(logs - np.logaddexp.reduce(logs)), atol=1e-4)
+
+
+def test_an_error_in_common_is_one_of_each_patch_and_no_other():
+    photo = shot(cameras(1, 8)[0], simulated_lamps(4, 9).spectra[3], 1)
+    covariance = noise_covariance(photo, PatchError(0.0, 0.01))
+    bright = photo.signal.ravel() / 0.01 / photo.signal.ravel()**2
+    relative = covariance * np.outer(bright, bright)
+    patch = np.repeat(np.arange(24), 3)
+    dark = (photo.signal < 0.03 * photo.signal.max(axis=0)).ravel()
+    expected = (patch[:, None] == patch).astype(float)
+    np.testing.assert_allclose(relative[~dark][:, ~dark], expected[~dark][:, ~dark], atol=1e-12)
+
+
+def test_patches_off_in_all_bands_alike_leave_the_light_as_uncertain_as_it_then_is():
+    known, rng, chi_squares = small_prior(), np.random.default_rng(5), []
+    curves, lamps = np.maximum(cameras(24, 3), 1e-3), simulated_lamps(12, 3).spectra
+    for index in range(PHOTOS):
+        seed = shot(curves[index % 24], lamps[index % 12], index, noise=0.001)
+        off = 1 + 0.015 * rng.standard_normal((24, 1))
+        photo = replace(seed, signal=(seed.signal - 0.003) * off + 0.003)
+        mean, covariance = posterior_of_products([photo], known).moments()
+        own = slice(known.components.shape[1] + 1, known.components.shape[1] + 6)
+        log_light = np.log(1 + 0.1 * patch_centres_uv()[:, 0])
+        terms = np.linalg.pinv(photo.field_terms) @ (log_light - log_light.mean())
+        away = mean[own] - terms
+        chi_squares.append(away @ np.linalg.solve(covariance[own, own], away) / 5)
+    # The mean of PHOTOS chi-squares of 5 degrees of freedom each, over 5: four standard errors.
+    # Taken as errors of each band by itself they would give 3.
+    assert np.mean(chi_squares) < 1 + 4 * np.sqrt(2 / (5 * PHOTOS))
 
 
 def test_a_left_out_patch_weighs_nothing():

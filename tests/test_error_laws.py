@@ -18,7 +18,7 @@ from calibrate_cameras import (
 )
 from scipy import stats
 
-from spectrabox.calibrate.chart_equations import noise_covariance
+from spectrabox.calibrate.chart_equations import PatchError, noise_covariance
 from spectrabox.calibrate.prior.prior_fit import held_out_signals, posterior_of_curves
 from spectrabox.calibrate.spline_fit import fit_bands
 from spectrabox.capture.chart.patches import sample_patches
@@ -167,7 +167,7 @@ def test_errors_of_a_chart_photo_are_correlated_as_its_bands_are():
     chart = dataclasses.replace(photo(signal, light, surfaces),
                                 covariance=scales[:, None, None] * truth)
     errors = np.sqrt(scales)[:, None] * rng.multivariate_normal(np.zeros(3), truth, (2000, 24))
-    whitened = np.linalg.solve(np.linalg.cholesky(noise_covariance(chart, 0.0)),
+    whitened = np.linalg.solve(np.linalg.cholesky(noise_covariance(chart, PatchError(0.0))),
                                errors.reshape(2000, -1).T)
     # 2000 draws know a correlation to 2.2 %; 4.9 sigma for the largest of 2600
     np.testing.assert_allclose(whitened @ whitened.T / 2000, np.eye(72), atol=0.16)

@@ -17,8 +17,11 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import (
     ChartEquations,
+    PatchError,
+    mean_error,
     noise_covariance,
     nuisance_sd,
+    patch_errors,
     predicted_signal,
     unlit_design,
 )
@@ -63,11 +66,11 @@ class CurvePosterior(Record):
     means: Annotated[np.ndarray, "C Z"]             # Z = D + U
     covariances: Annotated[np.ndarray, "C Z Z"]
     families: Annotated[np.ndarray, "F"]            # posterior probability of each of the prior's
-    model_error: float                              # relative, posterior mean
+    model_error: PatchError                         # posterior mean
     log_evidence: float
     best_family: int                                # of the component that weighs most
     best_gain_sd: float
-    best_error: float
+    best_error: PatchError
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +83,7 @@ class Candidate(Record):
     log_weight: float
     family: int
     gain_sd: float
-    error: float
+    error: PatchError
     start: Annotated[np.ndarray, "Z"]
     prior_covariance: Annotated[np.ndarray, "Z Z"]
     jacobian: Annotated[np.ndarray, "Y Z"]
@@ -99,8 +102,8 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     model_errors : tuple of float
-        Relative errors of patches against the model that are held possible, equally likely
-        beforehand.
+        Relative errors of each band of a patch against the model that are held possible, equally
+        likely beforehand; beside each, ``COMMON_ERRORS`` of all bands.
 
     Raises
     ------
@@ -109,7 +112,7 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
     """
     basis = interpolation_matrix(prior.nm, grid.nm)
     designs = [unlit_design(photo, basis) for photo in photos]
-    noises = {error: _noise(photos, error) for error in model_errors}
+    noises = {error: _noise(photos, error) for error in patch_errors(model_errors)}
     spreads = prior.covariances()
     # a prior without cameras knows nothing of gains either
     gains = GAINS if prior.between.size else ((0.0, 1.0),)
@@ -211,9 +214,10 @@ def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family
     designs = [unlit_design(photo, interpolation_matrix(prior.nm, grid.nm)) for photo in photos]
     covariance, start = _joint_prior(prior, spread, family, GAINS[0][0], photos, designs)
     _, jacobian = _equations(photos, designs, start, prior)
-    candidate = Candidate(0.0, family, GAINS[0][0], relative_error, start, covariance, jacobian,
+    error = PatchError(relative_error)
+    candidate = Candidate(0.0, family, GAINS[0][0], error, start, covariance, jacobian,
                           jacobian @ start)
-    _, posterior = _in_curves(prior, *_condition(candidate, _noise(photos, relative_error)),
+    _, posterior = _in_curves(prior, *_condition(candidate, _noise(photos, error)),
                               _whole(designs, prior), photos)
     size = prior.means.shape[1]
     return posterior[:size, :size] * prior.widening[prior.level[family]] ** 2
@@ -279,7 +283,7 @@ def _equations(photos: list[ChartEquations], designs: list[np.ndarray], state: n
     return np.concatenate(signals), np.vstack(rows)
 
 
-def _noise(photos: list[ChartEquations], error: float) -> np.ndarray:
+def _noise(photos: list[ChartEquations], error: PatchError) -> np.ndarray:
     return block_diagonal(*(noise_covariance(photo, error) for photo in photos))
 
 
@@ -290,7 +294,7 @@ def _linearise(photos: list[ChartEquations], designs: list[np.ndarray], start: n
     solution (Z,); ``guess`` (Z,) is where to begin.
     """
     measured = np.concatenate([photo.signal.ravel() for photo in photos])
-    noise = _noise(photos, LINEARISED_AT)
+    noise = _noise(photos, PatchError(LINEARISED_AT))
     sigma = np.sqrt(np.diag(noise))
     state, size = start if guess is None else guess, prior.means.shape[1]
     for _ in range(MAX_ITERATIONS):
@@ -355,7 +359,7 @@ def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray, who
     return moved, change @ covariance @ change.T
 
 
-def _mixture(candidates: list[Candidate], noises: dict[float, np.ndarray], basis: np.ndarray,
+def _mixture(candidates: list[Candidate], noises: dict[PatchError, np.ndarray], basis: np.ndarray,
              prior: CameraPrior, whole: np.ndarray, photos: list[ChartEquations]) -> CurvePosterior:
     logs = np.array([candidate.log_weight for candidate in candidates])
     if not np.isfinite(logs.max()):
@@ -367,7 +371,7 @@ def _mixture(candidates: list[Candidate], noises: dict[float, np.ndarray], basis
     weights /= weights.sum()
     by_family = np.bincount([candidate.family for candidate in candidates], weights,
                             minlength=len(prior.weights))
-    error = float(weights @ [candidate.error for candidate in candidates])
+    error = mean_error(weights, [candidate.error for candidate in candidates])
     kept = np.flatnonzero(weights > NEGLIGIBLE)
     solved = [_in_curves(prior, *_condition(candidates[i], noises[candidates[i].error]), whole,
                          photos) for i in kept]

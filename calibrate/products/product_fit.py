@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.calibrate.chart_equations import ChartEquations, nuisance_sd
+from spectrabox.calibrate.chart_equations import ChartEquations, mean_error, nuisance_sd
 from spectrabox.calibrate.left_out import PatchesWithout, gathered, patch_moments
 from spectrabox.calibrate.photo_checks import require_apart, require_patches
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
@@ -123,7 +123,7 @@ def _as_curves(found: ProductPosterior, photos: list[ChartEquations],
     shares = np.array([hypothesis.share for hypothesis in found.hypotheses])
     shares /= shares.sum()
     best = found.hypotheses[int(np.argmax(shares))]
-    error = float(shares @ [hypothesis.error for hypothesis in found.hypotheses])
+    error = mean_error(shares, [hypothesis.error for hypothesis in found.hypotheses])
     return CurvePosterior(basis, shares, np.array(means), np.array(covariances), shares, error,
                           found.log_evidence, 0, best.gain_sd, best.error)
 
@@ -178,7 +178,7 @@ def _without_each(found: ProductPosterior, photo: ChartEquations, grid: Waveleng
         state, spread = in_curves(prior, *mixed(list(shares), [
             hypothesis_moments(found, h, rows, MAX_COMPONENTS) for h in likely]), mass)
         patches.append(patch_moments(source, patch, state[:own], spread[:own, :own], size))
-    error = float(np.average([h.error for h in likely], weights=[h.share for h in likely]))
+    error = mean_error(np.array([h.share for h in likely]), [h.error for h in likely])
     return gathered([photo, *([] if apart is None else [apart])], basis, error, patches)
 
 

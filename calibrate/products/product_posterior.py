@@ -20,7 +20,9 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import (
+    COMMON_ERRORS,
     ChartEquations,
+    PatchError,
     noise_covariance,
     nuisance_sd,
 )
@@ -57,15 +59,22 @@ class Hypothesis(Record):
 
     width: float
     gain_sd: float
-    error: float
+    error: PatchError
     share: float                                    # posterior probability
-    weights: Annotated[np.ndarray, "C"]             # of the components, summing to 1
+    # of the components, their exponentials summing to 1: what is negligible with a patch may be
+    # all there is without it, so that logarithms are kept below what exp() can tell from 0
+    log_weights: Annotated[np.ndarray, "C"]
     seen: Annotated[np.ndarray, "C Y"]              # their innovations times the inverse
     inverse: Annotated[np.ndarray, "Y Y"]           # of the innovations' covariance
     projected: Annotated[np.ndarray, "Z Y"]         # covariance beforehand of state and innovation
     gain: Annotated[np.ndarray, "Z Y"]              # Z = X + U + K: component, nuisances, gains
     covariance: Annotated[np.ndarray, "Z Z"]
     chi_square: float                               # per signal, of the components by weight
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Of the components (C,), summing to 1."""
+        return np.exp(self.log_weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +115,8 @@ def posterior_of_products(photos: list[ChartEquations], prior: ProductPrior) -> 
         weights = hypothesis.weights[chosen] / hypothesis.weights[chosen].sum()
         mean = weights @ states_of_components(found, hypothesis, chosen)
         best = (mean[:ends[0]], mean[ends[0]:ends[1]], mean[ends[1]:])
-    return _solved(photos, prior, linearised(photos, prior, *best, start), WIDTHS, GAINS, ERRORS)
+    return _solved(photos, prior, linearised(photos, prior, *best, start), WIDTHS, GAINS, ERRORS,
+                   COMMON_ERRORS)
 
 
 def mixed(shares: Sequence[float], moments: Sequence[tuple[np.ndarray, np.ndarray]]
@@ -183,21 +193,26 @@ def node_reflectances(photo: ChartEquations, nm: np.ndarray) -> np.ndarray:
 
 def _solved(photos: list[ChartEquations], prior: ProductPrior, chart: LinearChart,
             widths: tuple[tuple[float, float], ...], gains: tuple[tuple[float, float], ...],
-            errors: tuple[float, ...]) -> ProductPosterior:
-    """The mixture over every hypothesis, for one linearisation."""
+            errors: tuple[float, ...], in_common: tuple[float, ...] = (0.0,)) -> ProductPosterior:
+    """The mixture over every hypothesis, for one linearisation; ``errors`` of each band by itself,
+    ``in_common`` of all bands of a patch.
+    """
     innovation = (chart.measured - chart.by_nuisance @ chart.nuisance_mean
                   - prior.components @ chart.by_component.T)
     spread = chart.by_component @ prior.covariance @ chart.by_component.T
     known = (chart.by_nuisance * chart.nuisance_variance) @ chart.by_nuisance.T
     of_gains = chart.by_gain @ chart.by_gain.T
-    pixels = block_diagonal(*(noise_covariance(photo, 0.0) for photo in photos))
-    level = np.sqrt(np.concatenate([np.diag(noise_covariance(photo, 1.0) - noise_covariance(
-        photo, 0.0)) for photo in photos]))
+    exact = block_diagonal(*(noise_covariance(photo, PatchError(0.0)) for photo in photos))
+    level = np.sqrt(np.diag(block_diagonal(*(noise_covariance(photo, PatchError(1.0))
+                                             for photo in photos)) - exact))
+    pixels = [block_diagonal(*(noise_covariance(photo, PatchError(0.0, common))
+                               for photo in photos)) for common in in_common]
     log_prior = np.log(prior.weights)
     tried = []
-    for (width, width_share), (gain, gain_share) in product(widths, gains):
+    for (width, width_share), (gain, gain_share), (common, noise) in product(
+            widths, gains, zip(in_common, pixels, strict=True)):
         # Q = M + error^2 L^2 for every error at once, by the eigenvectors of L^-1 M L^-1
-        rest = width * spread + known + gain**2 * of_gains + pixels
+        rest = width * spread + known + gain**2 * of_gains + noise
         values, vectors = np.linalg.eigh(rest / np.outer(level, level))
         rotated = ((innovation / level) @ vectors) ** 2
         for error in errors:
@@ -205,24 +220,23 @@ def _solved(photos: list[ChartEquations], prior: ProductPrior, chart: LinearChar
             square = rotated @ (1 / variances)
             logs = (log_prior - 0.5 * square - 0.5 * np.log(variances).sum()
                     - np.log(level).sum() + np.log(width_share * gain_share))
-            tried.append((width, gain, error, logs, square, rest))
+            tried.append((width, gain, PatchError(error, common), logs, square, rest))
     top = max(float(logs.max()) for *_, logs, _, _ in tried)
     evidence = np.array([np.exp(logs - top).sum() for *_, logs, _, _ in tried])
     shares = evidence / evidence.sum()
     found = tuple(
         _hypothesis(prior, chart, innovation, (width, gain, error), float(share), logs, square,
-                    rest + np.diag((error * level) ** 2))
+                    rest + np.diag((error.own * level) ** 2))
         for (width, gain, error, logs, square, rest), share in zip(tried, shares, strict=True)
         if share >= NEGLIGIBLE)
     return ProductPosterior(prior, chart, innovation, found, float(top + np.log(evidence.sum())))
 
 
 def _hypothesis(prior: ProductPrior, chart: LinearChart, innovation: np.ndarray,
-                setting: tuple[float, float, float], share: float, logs: np.ndarray,
+                setting: tuple[float, float, PatchError], share: float, logs: np.ndarray,
                 square: np.ndarray, total: np.ndarray) -> Hypothesis:
     width, gain, error = setting
-    weights = np.exp(logs - logs.max())
-    weights /= weights.sum()
+    log_weights = logs - np.logaddexp.reduce(logs)
     inverse = np.linalg.inv(total)
     projected = np.vstack([width * prior.covariance @ chart.by_component.T,
                            chart.nuisance_variance[:, None] * chart.by_nuisance.T,
@@ -230,9 +244,9 @@ def _hypothesis(prior: ProductPrior, chart: LinearChart, innovation: np.ndarray,
     before = block_diagonal(width * prior.covariance, np.diag(chart.nuisance_variance),
                             gain**2 * np.eye(prior.bands))
     kalman = projected @ inverse
-    return Hypothesis(width, gain, error, share, weights, innovation @ inverse, inverse,
+    return Hypothesis(width, gain, error, share, log_weights, innovation @ inverse, inverse,
                       projected, kalman, before - kalman @ projected.T,
-                      float(weights @ square / len(total)))
+                      float(np.exp(log_weights) @ square / len(total)))
 
 
 def hypothesis_moments(found: ProductPosterior, hypothesis: Hypothesis, rows: slice | None = None,
@@ -284,8 +298,7 @@ def states_of_components(found: ProductPosterior, hypothesis: Hypothesis, chosen
 
 def weights_of_components(hypothesis: Hypothesis, rows: slice) -> np.ndarray:
     """Weights (C,) of the components when some rows are left out: over what they said of those."""
-    logs = np.log(np.maximum(hypothesis.weights, np.finfo(float).tiny))
-    logs = logs + 0.5 * _surprise(hypothesis, rows)
+    logs = hypothesis.log_weights + 0.5 * _surprise(hypothesis, rows)
     weights = np.exp(logs - logs.max())
     return np.asarray(weights / weights.sum())
 
@@ -301,8 +314,7 @@ def shares_without(hypotheses: Sequence[Hypothesis], rows: slice) -> np.ndarray:
     logs = []
     for hypothesis in hypotheses:
         # the density of the rows given all others is N(error; 0, block^-1), for every component
-        told = np.log(np.maximum(hypothesis.weights, np.finfo(float).tiny)) \
-            + 0.5 * _surprise(hypothesis, rows)
+        told = hypothesis.log_weights + 0.5 * _surprise(hypothesis, rows)
         size = np.linalg.slogdet(hypothesis.inverse[rows, rows])[1]
         logs.append(np.log(hypothesis.share) + np.logaddexp.reduce(told) - 0.5 * size)
     shares = np.exp(np.array(logs) - np.max(logs))

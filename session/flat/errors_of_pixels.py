@@ -58,7 +58,7 @@ class PixelErrors:
     glare_covariance: np.ndarray    # (K, K)
     veil: np.ndarray            # (K,) signal: standard error of one veil over the whole photo
     shared: np.ndarray          # (K, K) relative covariance that all pixels share
-    model: float                # relative error of every band for itself
+    model: np.ndarray           # (K, K) relative covariance that every pixel has for itself
     calibration: Calibration
     response: np.ndarray        # (K, P) on GRID, rows summing to 1
     prior: LogitMixture
@@ -106,10 +106,10 @@ class PixelErrors:
         inverse = 1 / white.signal
         between = signals[:, :, None] * white.log_and_glare * inverse[:, None, :]
         veil = self.veil * inverse
-        covariance = _outer(signals) * (white.log + self.shared) \
+        covariance = _outer(signals) * (white.log + self.shared + self.model) \
             + between + between.transpose(0, 2, 1) \
             + _outer(inverse) * self.glare_covariance + _outer(veil)
-        own = variance * inverse**2 + (self.model * signals)**2
+        own = variance * inverse**2
         covariance += own[:, :, None] * np.eye(signals.shape[1])
         return np.asarray((covariance + covariance.transpose(0, 2, 1)) / 2)
 
@@ -176,7 +176,8 @@ def errors_of_pixels(task: StageTask, view: ViewInputs, calibration: Calibration
     shared = np.zeros((bands, bands)) if drift is None or view.name else drift_covariance(drift)
     veil = task.config.stray_light.glare * photo_of(task.stored, view).signal.mean(axis=(0, 1))
     return PixelErrors(x_px, y_px, white, found.glare + found.mean[glare], total[glare, glare],
-                       veil, shared, model_error(task), calibration, response, prior)
+                       veil, shared, model_error(task).among_bands(bands),
+                       calibration, response, prior)
 
 
 def _outer(values: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.light_drift import LightDrift, drift_between, drift_covariance
 from spectrabox.radiometry.records import Calibration, SignalError, SurfaceSignals
@@ -110,9 +111,10 @@ def _known_spectra(config: SessionConfig) -> dict[str, np.ndarray]:
             for name, section in config.regions.items() if section.known is not None}
 
 
-def model_error(task: StageTask) -> float:
-    """By what the patches of the chart and the model of the photo disagree, relative."""
-    return float(task.stored["calibrate"].record(np.ndarray, "model error")[0])
+def model_error(task: StageTask) -> PatchError:
+    """By what the patches of the chart and the model of the photo disagree."""
+    own, common = task.stored["calibrate"].record(np.ndarray, "model error")
+    return PatchError(float(own), float(common))
 
 
 def drift_of(task: StageTask) -> LightDrift | None:
@@ -139,7 +141,7 @@ def response_of(calibration: Calibration) -> np.ndarray:
 
 
 def _stacked(task: StageTask, calibrations: Sequence[Calibration], responses: list[np.ndarray],
-             found: list[PhotoWhite | None], known: dict[str, np.ndarray], model: float,
+             found: list[PhotoWhite | None], known: dict[str, np.ndarray], model: PatchError,
              drift: LightDrift | None) -> SurfaceSignals:
     """Signals of all regions in the bands of all photos; photos of one response are averaged."""
     config, views = task.config, task.config.all_views
@@ -179,7 +181,7 @@ def _stacked(task: StageTask, calibrations: Sequence[Calibration], responses: li
 
 
 def _errors(task: StageTask, config: SessionConfig,
-            shown: list[tuple[PhotoWhite, int, ViewInputs]], model: float,
+            shown: list[tuple[PhotoWhite, int, ViewInputs]], model: PatchError,
             drift: LightDrift | None) -> dict[str, np.ndarray]:
     """Covariance (K, K) by cause of a region's mean signal over photos of one response.
 
@@ -201,9 +203,9 @@ def _errors(task: StageTask, config: SessionConfig,
                              for cause in causes}}
 
 
-def _model_covariance(signal: np.ndarray, model: float) -> np.ndarray:
-    """Covariance (K, K) by what patches and model disagree, each band for itself."""
-    return np.diag((model * signal) ** 2)
+def _model_covariance(signal: np.ndarray, model: PatchError) -> np.ndarray:
+    """Covariance (K, K) by what patches and model disagree."""
+    return np.outer(signal, signal) * model.among_bands(signal.size)
 
 
 def _guess(config: SessionConfig, prior: LogitMixture, name: str, response: np.ndarray,

@@ -240,9 +240,8 @@ def _light_at(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
     to_plane = plane_from_picture(centres_px, layout)
     places = [PicturePoints(projected(to_plane, points), _in_picture(points, photo))
               for points in points_px]
-    model_error = float(stored["calibrate"].record(np.ndarray, "model error")[0])
     return light_elsewhere(white, patches, places, bool(task.config.photos.flats),
-                           task.config.session.seed, patch_error=model_error)
+                           task.config.session.seed)
 
 
 def _exposure(config: SessionConfig, chart_photo: LinearImage, photo: LinearImage,
