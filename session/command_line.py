@@ -7,7 +7,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any, NoReturn
@@ -199,6 +199,23 @@ def tell(text: str) -> None:
 
 def _text(name: Any) -> str:
     return os.fsdecode(name) if isinstance(name, bytes | str) else str(name)
+
+
+def check_ending(path: Path | None, endings: Mapping[str, str], option: str = "--out") -> None:
+    """Refuse, as a usage error, to write a file whose name ends as nothing does that is written.
+
+    Parameters
+    ----------
+    path : Path or None
+        None where none is to be written.
+    endings : mapping of ending to what it writes
+    option : str
+        That gave the path.
+    """
+    if path is not None and path.suffix.lower() not in endings:
+        known = ", ".join(f"{ending} ({what})" for ending, what in endings.items())
+        raise typer.BadParameter(f"{path.name} does not end in what is written here: {known}",
+                                 param_hint=option)
 
 
 def check_device(device: str) -> None:

@@ -24,6 +24,7 @@ from spectrabox.session.command_line import (
     Debug,
     Json,
     answer,
+    check_ending,
     command,
     fail,
 )
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
 
 METHODS = ("prior", "smooth", "nonnegative", "paper", "file")
 SECOND_LIGHTS = ("A", "D65", "FL2", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-RGB1", "LED-V1")
+CURVES = {".csv": "the curves and their standard errors"}
+DRAWS = {".npz": "draws of the curves"}
+PRIORS = {".npz": "a prior on curves"}
 Light = Annotated[str, typer.Option(metavar="FILE|NAME", show_default=False, help="CSV of the "
                                     "light's spectrum, or a CIE name: D65, A, LED-B3.")]
 Reference = Annotated[str | None, typer.Option(metavar="NAME|FILE", help="Chart reflectances: a "
@@ -107,6 +111,8 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
                         [*photos, *map(Path, light), *map(Path, reference or []),
                          *(path for path in (curves, prior_file)
                            if path is not None)])
+        check_ending(out, CURVES)
+        check_ending(samples, DRAWS, "--samples")
         from spectrabox.calibrate.calibration import CalibrationOptions, calibrate_chart
         from spectrabox.calibrate.curve_band import curve_band
         from spectrabox.radiometry.grid import visible_grid
@@ -143,8 +149,7 @@ def prior(folder: Annotated[Path, typer.Argument(metavar="FOLDER", show_default=
           as_json: Json = False, debug: Debug = False) -> None:
     """A prior on sensitivities from a folder of measured cameras."""
     with command(as_json, debug):
-        if out.suffix.lower() != ".npz":
-            fail(as_json, f"{out} is no NPZ name; give --out NAME.npz", 2)
+        check_ending(out, PRIORS)
         from spectrabox.calibrate.prior.camera_database import read_camera_database
         from spectrabox.calibrate.prior.camera_prior import save_prior
         from spectrabox.calibrate.prior.learnt_prior import build_prior

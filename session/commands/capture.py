@@ -10,7 +10,14 @@ import typer
 
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.session.camera.inputs import chart_signals, read_layout
-from spectrabox.session.command_line import ChartLayout, Debug, Json, answer, command, fail
+from spectrabox.session.command_line import (
+    ChartLayout,
+    Debug,
+    Json,
+    answer,
+    check_ending,
+    command,
+)
 
 if TYPE_CHECKING:
     from spectrabox.capture.chart.quality import ChartVerdict
@@ -98,8 +105,7 @@ def develop(photos: Photos,
     """
     with command(as_json, debug):
         from spectrabox.capture.develop.developed import develop_photos, write_developed
-        if out.suffix.lower() != ".exr":
-            fail(as_json, f"{out} is no EXR name; give -o NAME.exr, signal needs floating point", 2)
+        check_ending(out, {".exr": "the signal in floating point"})
         image, notes = develop_photos(photos, dark or [], flat, not_linear)
         write_developed(out, image)
         facts = {**_photo_facts(image), "out": str(out), "notes": list(notes),

@@ -14,6 +14,7 @@ from spectrabox.session.command_line import (
     Json,
     Outside,
     answer,
+    check_ending,
     command,
 )
 from spectrabox.session.commands.light_position import light
@@ -54,6 +55,7 @@ def board(board_file: Annotated[Path, typer.Option("--board", metavar="board.tom
         from spectrabox.calibrate.geometry.projection import board_picture
         from spectrabox.capture.photo.image_files import write_png
         from spectrabox.radiometry.files import writable
+        check_ending(out, {".png": "a picture of the board"})
         _require_new(out, force, board_file)
         picture = board_picture(read_board(board_file), square_px)
         with writable(out.parent):
@@ -80,6 +82,7 @@ def lens(photos: Annotated[list[Path], typer.Argument(
         from spectrabox.calibrate.geometry.lens_files import lens_facts, write_lens
         from spectrabox.calibrate.geometry.projection import find_board, lens_from_views
         from spectrabox.radiometry.errors import CheckError
+        check_ending(out, {".json": "the lens"})
         _require_new(out, force, *photos, board_file)
         printed = read_board(board_file)
         views, names, skipped, sizes = [], [], [], {}
@@ -137,6 +140,7 @@ def pose(photo: Photo,
         from spectrabox.calibrate.geometry.projection import spread
         from spectrabox.radiometry.files import write_text_whole
         from spectrabox.reconstruct.scene.pose_scene import scene_with_camera
+        check_ending(out, {".xml": "the scene with this camera"})
         _require_new(out, force, photo, points_file, board_file, lens_file)
         image = _open(photo)
         names, positions, points = _known_points(image, points_file, board_file)
@@ -209,8 +213,7 @@ def undistort(photo: Annotated[Path, typer.Argument(
         from spectrabox.capture.photo.image_files import write_linear_exr
         from spectrabox.capture.photo.linear import open_photo
         from spectrabox.radiometry.files import writable
-        if out.suffix.lower() != ".exr":
-            raise InputError(f"{out} is no EXR name; give -o NAME.exr, signal needs floating point")
+        check_ending(out, {".exr": "the signal in floating point"})
         _require_new(out, force, photo)
         image = open_photo(photo)
         straight = undistorted(image, read_lens(lens_file))

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.session.command_line import Debug, Device, Json, answer, check_device, command
+from spectrabox.session.command_line import (
+    Debug,
+    Device,
+    Json,
+    answer,
+    check_device,
+    check_ending,
+    command,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -66,6 +74,7 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
         from spectrabox.reconstruct.scene.scene_file import read_scene
         from spectrabox.session.progress_display import progress_display
         from spectrabox.session.stages.scenes import check_aspect
+        check_ending(out, {".xml": "the scene with the light moved"})
         if out.resolve() in {photo.resolve(), reflectances.resolve()}:
             raise InputError(f"{out} is an input of this command; give another name for the output")
         if out.exists() and not force:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 import typer
 
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command
+from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, check_ending, command
 
 if TYPE_CHECKING:
     from spectrabox.capture.meter.calibration import Calibration, Maker
@@ -108,6 +108,7 @@ def measure(
     where it stopped.
     """
     with command(as_json, debug):
+        check_ending(png, {".png": "a picture of the spectrum"}, "--png")
         from spectrabox.capture.meter.calibration import read_calibration
         from spectrabox.capture.meter.instruments.interface import MeterSettings
         from spectrabox.capture.meter.measurement_targets import claim
@@ -141,6 +142,7 @@ def replay(transcript: Annotated[Path, typer.Argument(
            png: Png = None, as_json: Json = False, debug: Debug = False) -> None:
     """Play a recorded transcript to the driver's own code and show what it reads."""
     with command(as_json, debug):
+        check_ending(png, {".png": "a picture of the spectrum"}, "--png")
         from spectrabox.capture.meter.measurement_files import reading_facts
         from spectrabox.capture.transcripts.replay import replay_transcript
         from spectrabox.capture.transcripts.transcript import read_transcript

@@ -10,7 +10,15 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from spectrabox.session.command_line import CommandGroup, Debug, Json, Outside, answer, command
+from spectrabox.session.command_line import (
+    CommandGroup,
+    Debug,
+    Json,
+    Outside,
+    answer,
+    check_ending,
+    command,
+)
 
 Sensitivity = Annotated[str, typer.Option(
     help="CSV of sensitivities, or a camera or observer by its name.")]
@@ -164,6 +172,7 @@ def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signal
            delta_light: DeltaLight = None, as_json: Json = False, debug: Debug = False) -> None:
     """Every spectrum behind one signal: mean, band, exact bounds and draws."""
     with command(as_json, debug):
+        check_ending(out, {".npz": "the draws"})
         from spectrabox.session.signals.answers import SampleRequest, sample_answer, sample_text
         from spectrabox.session.signals.request_draws import DrawOptions
         options = DrawOptions(coefficients, method, samples, seed, start, keep, refine)
@@ -188,6 +197,9 @@ def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
            as_json: Json = False, debug: Debug = False) -> None:
     """Mean and spread of the spectrum behind every pixel, as spectral EXR or ENVI images."""
     with command(as_json, debug):
+        if out.suffix.lower() in (".exr", ".hdr", ".img"):
+            raise typer.BadParameter(f"{out.name} is the name of a file; a folder is needed, into "
+                                     "which mean and standard deviation go", param_hint="--out")
         from spectrabox.session.progress_display import progress_display, with_time_left
         from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
         request = UpliftRequest(image, out, sensitivity, light, white, noise, side, step, full,
@@ -237,6 +249,7 @@ def certify(folders: Folders, sensitivity: Sensitivity = OBSERVER, light: Light 
             debug: Debug = False) -> None:
     """Do the bands hold the truth on your own spectra? A certificate page."""
     with command(as_json, debug):
+        check_ending(out, {".md": "the certificate as a page"})
         from spectrabox.radiometry.files import write_text_whole
         from spectrabox.session.signals.judgement_answers import certify_answer
         facts, page = certify_answer(folders, sensitivity, light, noise, prior,
@@ -260,6 +273,7 @@ def judge(cube: Cube, truth: Truths = None, column: TruthColumn = None, regions:
     our methods.
     """
     with command(as_json, debug):
+        check_ending(out, {".csv": "the regions' spectra"})
         from spectrabox.capture.photo.image_files import read_plane
         from spectrabox.radiometry.errors import InputError
         from spectrabox.radiometry.files import write_text_whole
@@ -312,6 +326,7 @@ def prior_train(folders: LabelledFolders, out: Trained, sensitivity: Sensitivity
     turn.
     """
     with command(as_json, debug):
+        check_ending(out, {".npz": "the prior"})
         from spectrabox.sampling.prior.mixture import save_prior
         from spectrabox.session.signals.judgement_answers import train_answer
         facts, text, prior = train_answer(folders, sensitivity, light, seed, models)

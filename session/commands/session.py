@@ -16,6 +16,7 @@ from spectrabox.session.command_line import (
     Outside,
     answer,
     check_device,
+    check_ending,
     command,
 )
 
@@ -146,6 +147,7 @@ def relight(folder: Folder,
     """
     with command(as_json, debug):
         check_device(device)
+        check_ending(out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
         from spectrabox.capture.photo.image_files import write_exr, write_png
         from spectrabox.session.config.session_file import read_session
         from spectrabox.session.pipeline import load_finished

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, command
+from spectrabox.session.command_line import (
+    CommandGroup,
+    Debug,
+    Json,
+    answer,
+    check_ending,
+    command,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,7 +27,8 @@ Files = Annotated[list[Path],
                   typer.Argument(metavar="FILE...", help="Files of spectra, of any format.",
                                  show_default=False)]
 Column = Annotated[str | None, typer.Option(help="Name or number of one column.")]
-WRITTEN = (".csv", ".sp", ".spdx", ".sli", ".exr")
+WRITTEN = {".csv": "CSV", ".sp": "Argyll's CGATS", ".spdx": "IES TM-27", ".sli": "ENVI library",
+           ".exr": "spectral EXR"}
 MAX_LISTED = 12
 OUT_HELP = f"A file ({', '.join(WRITTEN)}), or a folder for several files."
 QUANTITY_HELP = "reflectance, radiance, irradiance or relative, where the file does not state it."
@@ -61,9 +69,8 @@ def convert(files: Files,
     """
     with command(as_json, debug):
         suffix = to if len(files) > 1 else out.suffix.lower()
-        if suffix not in WRITTEN:
-            raise typer.BadParameter(f"{suffix!r} is not one of {', '.join(WRITTEN)}",
-                                     param_hint="--out")
+        check_ending(Path(f"spectra{suffix}") if len(files) > 1 else out, WRITTEN,
+                     "--to" if len(files) > 1 else "--out")
         written = []
         for path in files:
             target = out / f"{path.stem}{suffix}" if len(files) > 1 else out
