@@ -70,6 +70,11 @@ def area_weights(source: int, target: int) -> np.ndarray:
 
 def _weigh(down: np.ndarray, pixels: np.ndarray, across: np.ndarray) -> np.ndarray:
     """down (h, H) and across (w, W) applied to (H, W, K), in single precision."""
-    rows = np.tensordot(down.astype(np.float32), pixels.astype(np.float32, copy=False), axes=1)
+    rows = np.empty((len(down), *pixels.shape[1:]), np.float32)
+    for row, weights in zip(rows, down.astype(np.float32), strict=True):
+        # The rest of the weights is 0: of large pictures, each row is read once or twice.
+        within = slice(*np.flatnonzero(weights)[[0, -1]] + [0, 1])
+        some = pixels[within].astype(np.float32, copy=False)
+        np.dot(weights[within], some.reshape(len(some), -1), out=row.reshape(-1))
     return np.ascontiguousarray(np.einsum("wx,hxk->hwk", across.astype(np.float32), rows,
                                           optimize=True))
