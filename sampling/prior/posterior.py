@@ -68,7 +68,8 @@ class _Seen:
 
 
 def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-              covariance: np.ndarray) -> MixturePosterior:
+              covariance: np.ndarray, start: MixturePosterior | None = None, *,
+              still: float = STILL) -> MixturePosterior:
     """Posterior of T signals, all at once.
 
     Parameters
@@ -80,22 +81,28 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
         Relative to white.
     covariance : (T, K, K) or (K, K) array
         Of the signals' noise; 0.1 % of white is added.
+    start : MixturePosterior, optional
+        Of the same signals under other noise, whose modes are near: a third of the work.
+    still : float
+        Change of a logit that ends the way to a mode.
     """
     noise = np.broadcast_to(with_floor(covariance), (len(signals), *covariance.shape[-2:]))
     seen = _Seen(relative_response, signals, noise)
     components = list(zip(prior.means, prior.covariances, strict=True))
     shape = (len(components), len(signals))
-    logits = np.repeat(prior.means[:, None], len(signals), axis=1)
+    logits = np.repeat(prior.means[:, None], len(signals), axis=1) if start is None \
+        else start.logits.copy()
+    tried = TRIED if start is None else 1
     variances = np.repeat(np.diagonal(prior.covariances, axis1=1, axis2=2)[:, None], len(signals),
                           axis=1)
     log_weights = np.log(prior.weights)
-    rough = np.array([log_weights[index] + rough_evidence(seen, *component, logits[index])
+    rough = np.array([log_weights[index] + rough_evidence(seen, *component, logits[index], tried)
                       for index, component in enumerate(components)])
     score, misfit, surprise = np.full(shape, -np.inf), np.zeros(shape), np.full(shape, np.inf)
     plain = score.copy()
     for index, component in enumerate(components):
         near = np.flatnonzero(rough[index] > rough.max(axis=0) - BEHIND)
-        climb(seen, near, *component, logits[index], STEPS)
+        climb(seen, near, *component, logits[index], STEPS, still)
         variances[index, near], evidence, misfit[index, near], surprise[index, near] = laplace(
             seen, near, *component, logits[index, near])
         plain[index, near] = log_weights[index] + evidence
@@ -122,32 +129,32 @@ def with_floor(covariance: np.ndarray) -> np.ndarray:
 
 
 def climb(seen: _Seen, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray, x: np.ndarray,
-          steps: int) -> None:
+          steps: int, still: float = STILL) -> None:
     """Move logits x (T, P) of some rows towards one component's mode, in place."""
     active = rows
     for _ in range(steps):
         gain_base, Q, residual = _linearised(seen, active, mean, covariance, x[active])
-        active = _step(x, active, mean, gain_base, np.linalg.solve(Q, residual[..., None]))
+        active = _step(x, active, mean, gain_base, np.linalg.solve(Q, residual[..., None]), still)
         if not active.size:
             break
 
 
 def _step(x: np.ndarray, active: np.ndarray, mean: np.ndarray, gain_base: np.ndarray,
-          solved: np.ndarray) -> np.ndarray:
+          solved: np.ndarray, still: float = STILL) -> np.ndarray:
     """Move logits x (T, P) of the active rows one step; those (n,) that did not stand still."""
     step = mean + (solved.transpose(0, 2, 1) @ gain_base)[:, 0] - x[active]
     length = np.abs(step).max(axis=1)
     x[active] += step * np.minimum(1, MAX_STEP / np.maximum(length, STILL))[:, None]
-    return active[length > STILL]
+    return active[length > still]
 
 
 def rough_evidence(seen: _Seen, mean: np.ndarray, covariance: np.ndarray,
-                   x: np.ndarray) -> np.ndarray:
+                   x: np.ndarray, tried: int = TRIED) -> np.ndarray:
     """Move logits x (T, P) of all rows a few steps towards one component's mode, in place; log
     evidence (T,) where the last step began.
     """
     everyone = np.arange(len(x))
-    climb(seen, everyone, mean, covariance, x, TRIED - 1)
+    climb(seen, everyone, mean, covariance, x, tried - 1)
     gain_base, Q, residual = _linearised(seen, everyone, mean, covariance, x)
     solved = np.linalg.solve(Q, residual[..., None])
     _step(x, everyone, mean, gain_base, solved)

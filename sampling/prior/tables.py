@@ -9,7 +9,7 @@ interpolation costs. More than three bands are computed pixel by pixel.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
@@ -32,6 +32,7 @@ MIN_ROOT = 0.12  # cube root of the darkest middle band; darker signals are take
 BEND, MAX_LOG_RATIO = 0.3, 2.6   # log ratio at which the lattice widens, and the largest one
 BATCH = 200
 MAX_SIGNAL = 1.0
+STILL = 1e-4                # logits: what a mean is then off by is lost in half floats
 CORNERS = np.array(list(product((0, 1), repeat=3)))
 
 Progress = Callable[[float], None]      # share that is done
@@ -86,18 +87,32 @@ def build_table(prior: LogitMixture, relative_response: np.ndarray,
     InputError
         For other than three bands.
     """
+    points = np.ones((side,) * 3, dtype=bool) if wanted is None else wanted
+    return build_tables(prior, relative_response, lambda signals: [
+        noise(signals) if callable(noise) else relative_errors(signals, noise)], points,
+        progress)[0]
+
+
+def build_tables(prior: LogitMixture, relative_response: np.ndarray,
+                 errors: Callable[[np.ndarray], list[np.ndarray]], wanted: np.ndarray,
+                 progress: Progress = lambda share: None) -> list[UpliftTable]:
+    """The same for several noises; each table after the first takes half the time.
+
+    Parameters
+    ----------
+    errors : function from signals (n, 3) to a list of their covariances (n, 3, 3)
+        One for each table.
+    """
     if len(relative_response) != 3:
         raise InputError("a table is made for three bands; there are "
                          f"{len(relative_response)}: use `uplift_directly`")
-    wanted = np.ones((side,) * 3, dtype=bool) if wanted is None else wanted
     # Where a band is brighter than white, neighbours have the same signal.
-    signals, same = np.unique(lattice(side)[wanted], axis=0, return_inverse=True)
-    covariance = noise(signals) if callable(noise) else relative_errors(signals, noise)
-    made = uplift_signals(prior, relative_response, signals, covariance, progress)
+    signals, same = np.unique(lattice(len(wanted))[wanted], axis=0, return_inverse=True)
     row = np.full(wanted.shape, -1, dtype=np.int32)
     row[wanted] = same.ravel()
-    return UpliftTable(made.mean.astype(np.float32), made.standard_deviation.astype(np.float32),
-                       made.unlikeness.astype(np.float32), row, relative_response)
+    return [UpliftTable(made.mean.astype(np.float32), made.standard_deviation.astype(np.float32),
+                        made.unlikeness.astype(np.float32), row, relative_response)
+            for made in _uplifted(prior, relative_response, signals, errors(signals), progress)]
 
 
 def lattice(side: int) -> np.ndarray:
@@ -152,24 +167,36 @@ def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: 
     covariance : (n, K, K) array
     progress : function of the share that is done
     """
+    return _uplifted(prior, relative_response, signals, [covariance], progress)[0]
+
+
+def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
+              covariances: Sequence[np.ndarray], progress: Progress) -> list[Uplifted]:
+    """What signals say under each of several errors (n, K, K)."""
     starts = range(0, len(signals), BATCH)
 
-    def part(start: int) -> tuple[np.ndarray, ...]:
-        some, errors = signals[start:start + BATCH], covariance[start:start + BATCH]
-        mixture = posterior(prior, relative_response, some, errors)
-        drawn, _ = as_drawn(prior, relative_response, some, errors, mixture)
-        return *mean_and_spread(drawn), unlikeness(prior, mixture, errors)
+    def part(start: int) -> list[tuple[np.ndarray, ...]]:
+        rows = slice(start, start + BATCH)
+        made, mixture = [], None
+        for errors in (covariance[rows] for covariance in covariances):
+            mixture = posterior(prior, relative_response, signals[rows], errors, mixture,
+                                still=STILL)
+            drawn, _ = as_drawn(prior, relative_response, signals[rows], errors, mixture)
+            made.append((*mean_and_spread(drawn), unlikeness(prior, mixture, errors)))
+        return made
 
     shape = len(signals), GRID.nm.size
-    made = Uplifted(np.empty(shape), np.empty(shape), np.empty(len(signals)))
+    every = [Uplifted(np.empty(shape), np.empty(shape), np.empty(len(signals)))
+             for _ in covariances]
     # Every core has a part of its own: threads within its small products would only wait.
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
-        for start, (mean, spread, unlike) in zip(starts, pool.map(part, starts), strict=True):
+        for start, parts in zip(starts, pool.map(part, starts), strict=True):
             rows = slice(start, start + BATCH)
-            made.mean[rows], made.standard_deviation[rows] = mean, spread
-            made.unlikeness[rows] = unlike
+            for made, (mean, spread, unlike) in zip(every, parts, strict=True):
+                made.mean[rows], made.standard_deviation[rows] = mean, spread
+                made.unlikeness[rows] = unlike
             progress(min(start + BATCH, len(signals)) / len(signals))
-    return made
+    return every
 
 
 def points_around(signals: np.ndarray, side: int) -> np.ndarray:

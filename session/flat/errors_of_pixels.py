@@ -31,6 +31,7 @@ from spectrabox.session.stages.stored_records import photo_of
 
 COLUMNS = 24                # of the grid
 GUESSED_AT_ONCE = 500
+GUESSED_STILL = 1e-3        # logits: a guess need not be nearer to its mode
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ class PixelErrors:
         for start in range(0, len(signals), GUESSED_AT_ONCE):
             some = signals[start:start + GUESSED_AT_ONCE]
             mixture = posterior(self.prior, self.relative_response, some,
-                                GUESSED**2 * np.eye(signals.shape[1]))
+                                GUESSED**2 * np.eye(signals.shape[1]), still=GUESSED_STILL)
             guesses[start:start + len(some)] = mean_and_spread(mixture)[0] @ to_fine.T
         return guesses
 

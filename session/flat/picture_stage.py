@@ -14,7 +14,7 @@ from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior, of
 from spectrabox.sampling.prior.tables import (
     MAX_SIGNAL,
     UpliftTable,
-    build_table,
+    build_tables,
     interpolation,
     points_around,
     uplift_signals,
@@ -38,7 +38,7 @@ SIDE = 17                   # of the tables: noise leaves no finer detail
 NOISE_SAMPLES = 20_000      # pixels that tell how noise depends on the signal
 DARKEST = 1e-4              # of white: signals are taken for at least as bright
 SIGMAS = 4.0                # beyond white: what no reflectance gives
-TABLE_SHARE = 0.4           # of the stage's time, for its progress
+PIXELS_A_POINT = 500        # that take as long as a point of a table, for the progress
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,11 @@ class _Rows:
     def within(self) -> np.ndarray:
         """Signals (n, K) that a reflectance can give."""
         return np.clip(self.signals, DARKEST, MAX_SIGNAL)
+
+    @property
+    def in_table(self) -> np.ndarray:
+        """The same, a mid grey where a pixel is not seen."""
+        return np.where(self.seen[:, None], self.within, GREY)
 
 
 @dataclass(frozen=True)
@@ -125,7 +130,7 @@ def picture_of_spectra(task: StageTask) -> dict[str, Any]:
     height, width = job.photo.signal.shape[:2]
     maps = maps_of(job.kept.nm[0], section.bands_nm, section.light)
     reduced = Reduced(height, width, maps)
-    tables = _tables(job, task)
+    tables, before = _tables(job, task)
     singly = tables is None
     canvas = Canvas(height, width, lambda first, last: job.rows(first, last, singly=singly),
                     lambda rows: _one_by_one(job, rows) if tables is None
@@ -140,8 +145,8 @@ def picture_of_spectra(task: StageTask) -> dict[str, Any]:
             counts[:] += [(~seen).sum(), (beyond & seen).sum(), (unlike[seen] > 1).sum(),
                           each[seen].sum()]
 
-        write_spectra(canvas, task.folder, job.kept, lambda share: task.progress(
-            share if singly else TABLE_SHARE + (1 - TABLE_SHARE) * share, ""), also)
+        write_spectra(canvas, task.folder, job.kept,
+                      lambda share: task.progress(before + (1 - before) * share, ""), also)
     pixels = height * width
     shares = counts / pixels
     shares[3] = counts[3] / max(pixels - counts[0], 1)
@@ -215,41 +220,48 @@ class _Part:
         return np.maximum(np.array(lines).T, 0)
 
 
-def _tables(job: _Job, task: StageTask) -> tuple[UpliftTable, UpliftTable] | None:
-    """Tables of what signals say where errors are least and where largest; None where pixels are
+@dataclass(frozen=True)
+class _Tables:
+    """What signals say where errors are least, and how that changes to where they are largest."""
+
+    least: UpliftTable
+    kept: np.ndarray            # (L, P + Q + 1) mean, standard deviation and unlikeness where least
+    change: np.ndarray          # (L, P + Q + 1)
+
+
+def _tables(job: _Job, task: StageTask) -> tuple[_Tables | None, float]:
+    """Tables of what signals say, and their share of the stage's time; None where pixels are
     computed one by one.
     """
     height, width, bands = job.photo.signal.shape
     if bands != 3:
-        return None
+        return None, 0.0
     wanted = np.zeros((SIDE,) * 3, dtype=bool)
     for first, last in row_blocks(height, width):
-        rows = job.rows(first, last, singly=False)
-        wanted |= points_around(rows.within[rows.seen], SIDE)
+        wanted |= points_around(job.rows(first, last, singly=False).in_table, SIDE)
     if height * width < 2 * wanted.sum():
-        return None
-    made: list[UpliftTable] = []
-    by_curves: list[np.ndarray] = []
-    for number, percentile in enumerate((BEST_KNOWN, LEAST_KNOWN)):
-        def errors(signals: np.ndarray, percentile: float = percentile) -> np.ndarray:
-            if not by_curves:       # of the same signals in both tables
-                by_curves.append(job.errors.by_curves(signals))
-            return job.errors_near(percentile, signals) + by_curves[0]
+        return None, 0.0
+    in_pixels = PIXELS_A_POINT * wanted.sum()
+    share = float(in_pixels / (in_pixels + height * width))
 
-        def say(share: float, number: int = number) -> None:
-            task.progress(TABLE_SHARE * (number + share) / 2, "")
-        made.append(build_table(job.prior, job.errors.relative_response, errors, SIDE, wanted, say))
-    return made[0], made[1]
+    def errors(signals: np.ndarray) -> list[np.ndarray]:
+        by_curves = job.errors.by_curves(signals)
+        return [job.errors_near(percentile, signals) + by_curves
+                for percentile in (BEST_KNOWN, LEAST_KNOWN)]
 
-
-def _looked_up(job: _Job, tables: tuple[UpliftTable, UpliftTable], rows: _Rows) -> Spectra:
-    mean_bands = GRID.nm[job.kept.mean].size
+    tables = build_tables(job.prior, job.errors.relative_response, errors, wanted,
+                          lambda done: task.progress(share * done, ""))
     low, high = (np.column_stack([table.mean[:, job.kept.mean],
                                   table.standard_deviation[:, job.kept.spread],
                                   table.unlikeness]) for table in tables)
-    weights = interpolation(tables[0], np.where(rows.seen[:, None], rows.within, GREY))
-    made = weights @ low
-    made += rows.place.astype(np.float32)[:, None] * (weights @ (high - low))
+    return _Tables(tables[0], low, high - low), share
+
+
+def _looked_up(job: _Job, tables: _Tables, rows: _Rows) -> Spectra:
+    mean_bands = GRID.nm[job.kept.mean].size
+    weights = interpolation(tables.least, rows.in_table)
+    made = weights @ tables.kept
+    made += rows.place.astype(np.float32)[:, None] * (weights @ tables.change)
     return _masked(rows, made[:, :mean_bands], made[:, mean_bands:-1], made[:, -1])
 
 
