@@ -35,7 +35,8 @@ def with_time_left(show: StageProgress) -> StageProgress:
     def say(stage: str, fraction: float, message: str) -> None:
         if stage not in started:
             started[stage] = time.monotonic()
-            show(stage, 0.0, "")
+            if fraction > 0:
+                show(stage, 0.0, "")
         taken = time.monotonic() - started[stage]
         left = f"{taken * (1 - fraction) / fraction:.0f} s left" if 0 < fraction < 1 else ""
         show(stage, fraction, message or left)

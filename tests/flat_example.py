@@ -45,9 +45,10 @@ def light_over(size=SIZE, corner=0.9):
     return light / light.max()
 
 
-def picture(size=SIZE, *, chart=CHART, paints=PAINTS, light=None, seed=1):
-    """Light (H, W, 3) that reaches the sensor from chart and paints."""
-    responses = camera_sensitivities() * lamp.radiance(NM)
+def picture(size=SIZE, *, chart=CHART, paints=PAINTS, light=None, seed=1, power=None):
+    """Light (H, W, 3) that reaches the sensor from chart and paints, under a lamp of a power (P,).
+    """
+    responses = camera_sensitivities() * (lamp.radiance(NM) if power is None else power)
     areas = [(box(left, top, left + SIDE, top + SIDE), paint(name)[1])
              for name, (left, top) in paints.items()]
     corners = None if chart is None else chart_corners(*chart)

@@ -15,8 +15,10 @@ from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.flat import picture_stage
 from spectrabox.session.flat.outputs import write_flat_outputs
 from spectrabox.session.pipeline import run_stages
+from spectrabox.session.progress_display import with_time_left
 from spectrabox.session.signals import spectra_rows
 from spectrabox.session.stages.stored_records import samples_of
 
@@ -26,6 +28,7 @@ END = CELL * CELLS
 GROUND = "[regions.ground]\nrect = [300, 250, 340, 290]\n"
 WHOLE = f"rect = [{LEFT - 0.5}, {TOP - 0.5}, {LEFT + END - 0.5}, {TOP + END - 0.5}]\n"
 SMALL = f"rect = [{LEFT - 0.5}, {TOP - 0.5}, {LEFT + 15.5}, {TOP + 7.5}]\n"
+QUARTER = f"rect = [{LEFT - 0.5}, {TOP - 0.5}, {LEFT + END / 2 - 0.5}, {TOP + END / 2 - 0.5}]\n"
 SIGMAS_95 = 1.96
 
 
@@ -54,9 +57,9 @@ def write_toml(folder, part, more=""):
                                          encoding="utf-8")
 
 
-def run(folder):
+def run(folder, progress=lambda *_: None):
     return run_stages(read_session(folder), device="cpu", only=None, force=False,
-                      progress=lambda *_: None)
+                      progress=progress)
 
 
 def stored(folder, name):
@@ -134,6 +137,32 @@ def test_a_pixel_is_what_a_region_of_one_pixel_gives_however_many_rows_are_read(
     run(session)
     for name, values in once.items():
         np.testing.assert_allclose(stored(session, name)[0], values, rtol=1e-3, atol=1e-6)
+
+
+def test_a_table_gives_what_pixels_give_one_by_one_and_says_how_long_it_takes(session, monkeypatch):
+    made, shares = [], []
+    show = with_time_left(lambda stage, share, said: shares.append((share, said))
+                          if stage == "picture" else None)
+    for points, progress in ((0, show), (1e9, lambda *_: None)):
+        monkeypatch.setattr(picture_stage, "POINTS_IN_PIXELS", points)
+        write_toml(session, QUARTER)
+        shutil.rmtree(session / "results" / "picture")
+        run(session, progress)
+        made.append([stored(session, name)[0] for name in (
+            "mean.exr", "standard_deviation.exr", "unfamiliarity.png")])
+    (mean, spread, unlike), (alone, width, strange) = made
+    seen = np.isfinite(width).all(axis=2)
+    assert seen.mean() > 0.9
+    off = ((mean - alone)[..., ::2] / width)[seen]
+    # the noise of one pixel moves its mean by more than this
+    assert np.sqrt(np.mean(off**2)) < 0.25
+    assert np.median(np.abs(spread / width - 1)[seen]) < 0.05
+    # red beyond what the prior explains
+    told, said = ((values[..., 0] > values[..., 2])[seen] for values in (unlike, strange))
+    assert (told != said).mean() < 0.02
+    assert [share for share, _ in shares] == sorted(share for share, _ in shares)
+    assert shares[0][0] == 0 and shares[-1][0] == 1
+    assert any(said.endswith(" s left") for _, said in shares)
 
 
 def test_another_region_keeps_the_picture_and_the_report_shows_it(session):

@@ -22,6 +22,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.drawn import as_drawn
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture
 from spectrabox.sampling.prior.posterior import (
+    STILL,
     mean_and_spread,
     posterior,
     unlikeness,
@@ -32,7 +33,7 @@ MIN_ROOT = 0.12  # cube root of the darkest middle band; darker signals are take
 BEND, MAX_LOG_RATIO = 0.3, 2.6   # log ratio at which the lattice widens, and the largest one
 BATCH = 200
 MAX_SIGNAL = 1.0
-STILL = 1e-4                # logits: what a mean is then off by is lost in half floats
+TABLE_STILL = 1e-4          # logits: what a mean is then off by is lost in half floats
 CORNERS = np.array(list(product((0, 1), repeat=3)))
 
 Progress = Callable[[float], None]      # share that is done
@@ -112,7 +113,8 @@ def build_tables(prior: LogitMixture, relative_response: np.ndarray,
     row[wanted] = same.ravel()
     return [UpliftTable(made.mean.astype(np.float32), made.standard_deviation.astype(np.float32),
                         made.unlikeness.astype(np.float32), row, relative_response)
-            for made in _uplifted(prior, relative_response, signals, errors(signals), progress)]
+            for made in _uplifted(prior, relative_response, signals, errors(signals), progress,
+                                  TABLE_STILL)]
 
 
 def lattice(side: int) -> np.ndarray:
@@ -171,16 +173,18 @@ def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: 
 
 
 def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-              covariances: Sequence[np.ndarray], progress: Progress) -> list[Uplifted]:
+              covariances: Sequence[np.ndarray], progress: Progress,
+              still: float = STILL) -> list[Uplifted]:
     """What signals say under each of several errors (n, K, K)."""
     starts = range(0, len(signals), BATCH)
 
     def part(start: int) -> list[tuple[np.ndarray, ...]]:
         rows = slice(start, start + BATCH)
-        made, mixture = [], None
+        made: list[tuple[np.ndarray, ...]] = []
+        mixture = None
         for errors in (covariance[rows] for covariance in covariances):
             mixture = posterior(prior, relative_response, signals[rows], errors, mixture,
-                                still=STILL)
+                                still=still)
             drawn, _ = as_drawn(prior, relative_response, signals[rows], errors, mixture)
             made.append((*mean_and_spread(drawn), unlikeness(prior, mixture, errors)))
         return made

@@ -91,10 +91,13 @@ def flat(photo: Photo, region: Regions = None, light: Light = "unknown", chart: 
 def _run(folder: Path) -> tuple[dict[str, Any], str]:
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import run_stages
-    from spectrabox.session.progress_display import progress_display
+    from spectrabox.session.progress_display import progress_display, with_time_left
     from spectrabox.session.run_outputs import kept_outputs, rewritten_outputs
+    from spectrabox.session.stages.order import all_stages
+    from spectrabox.session.store.session_lock import only_writer
     config = read_session(folder)
-    with progress_display() as progress:
+    with only_writer(config.folder, all_stages(), "spectrabox flat"), progress_display() as show:
+        progress = with_time_left(show)
         finished = run_stages(config, device="cpu", only=None, force=False, progress=progress)
         words = ["spectrabox", "flat", config.session.name]
         outputs = kept_outputs(config, finished) or rewritten_outputs(config, finished, words,

@@ -199,14 +199,15 @@ def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_o
     """Run a session and tell the operator what came of it."""
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import load_finished, run_stages
-    from spectrabox.session.progress_display import progress_display
+    from spectrabox.session.progress_display import progress_display, with_time_left
     from spectrabox.session.run_outputs import kept_outputs, rewritten_outputs
     from spectrabox.session.stages.order import all_stages
     from spectrabox.session.store.session_lock import only_writer
 
     config = read_session(folder, allow_outside)
     with only_writer(config.folder, all_stages(), "spectrabox run"), \
-            progress_display() as progress:
+            progress_display() as show:
+        progress = with_time_left(show)
         finished = run_stages(config, device=device, only=only, force=force, progress=progress)
         if only is not None and only != "sample":
             answer(as_json,

@@ -38,7 +38,8 @@ SIDE = 17                   # of the tables: noise leaves no finer detail
 NOISE_SAMPLES = 20_000      # pixels that tell how noise depends on the signal
 DARKEST = 1e-4              # of white: signals are taken for at least as bright
 SIGMAS = 4.0                # beyond white: what no reflectance gives
-PIXELS_A_POINT = 500        # that take as long as a point of a table, for the progress
+POINTS_IN_PIXELS = 2        # how many pixels a point of the table takes as long as, one by one
+PIXELS_A_POINT = 500        # and looked up, for the progress
 
 
 @dataclass(frozen=True)
@@ -239,7 +240,7 @@ def _tables(job: _Job, task: StageTask) -> tuple[_Tables | None, float]:
     wanted = np.zeros((SIDE,) * 3, dtype=bool)
     for first, last in row_blocks(height, width):
         wanted |= points_around(job.rows(first, last, singly=False).in_table, SIDE)
-    if height * width < 2 * wanted.sum():
+    if height * width < POINTS_IN_PIXELS * wanted.sum():
         return None, 0.0
     in_pixels = PIXELS_A_POINT * wanted.sum()
     share = float(in_pixels / (in_pixels + height * width))

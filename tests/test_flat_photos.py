@@ -1,0 +1,166 @@
+"""Flat samples in several photos: other lights and filters, other exposures, one after another."""
+from fractions import Fraction
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from flat_example import CHART, HEAD, PAINTS, picture, rect_of, regions_toml, write_flat
+from typer.testing import CliRunner
+
+from spectrabox.capture.photo.image_files import write_exr
+from spectrabox.capture.photo.preview import encode_srgb8
+from spectrabox.fixtures import lamp
+from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.fixtures.paints import NM, paint
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.light_scale import ROUNDED_EXPOSURES
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.session.cli import app
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import run_stages
+from spectrabox.session.stages.stored_records import samples_of, signals_of
+
+C2_NM_K = 1.438777e7        # second radiation constant
+FILTER = 1 / (1 + np.exp((NM - 570) / 12))      # transmission of a glass that keeps red away
+SECOND = {"warm": NM**-5.0 / np.expm1(C2_NM_K / NM / 2856),
+          "glass": lamp.radiance(NM) * FILTER}
+
+
+def run(folder):
+    return run_stages(read_session(folder), device="cpu", only=None, force=False,
+                      progress=lambda *_: None)
+
+
+def errors_of(signals):
+    """Standard errors (R, J)."""
+    return np.sqrt(np.sum([np.diagonal(error.covariance, axis1=1, axis2=2)
+                           for error in signals.errors], axis=0))
+
+
+def true_signals(signals):
+    return np.array([signals.response @ np.interp(signals.grid.nm, NM, paint(name)[1])
+                     for name in signals.names])
+
+
+def second_photo(folder, name, light):
+    """Write a second photo under another light, and what session.toml says of it."""
+    write_photo(folder / "photos" / f"{name}.dng", picture(power=SECOND[name]), Fraction(1, 30),
+                np.random.default_rng(11))
+    (folder / "spectra" / f"{name}.csv").write_text(table_text(
+        NM, {"value": SECOND[name]}, quantity=Quantity.RELATIVE, source=name), encoding="utf-8")
+    return f'[views.{name}]\nphoto = "photos/{name}.dng"\nlight = "{light}"\n'
+
+
+@pytest.fixture(scope="module")
+def one_photo(tmp_path_factory):
+    return run(write_flat(tmp_path_factory.mktemp("one") / "session"))
+
+
+def errors_and_cover(finished):
+    """RMSE and the share inside the band, of every paint."""
+    found = []
+    for name in PAINTS:
+        _, summary = samples_of(finished.stored, name)
+        truth = np.interp(summary.grid.nm, NM, paint(name)[1])
+        found.append([np.sqrt(np.mean((summary.mean - truth)**2)),
+                      np.mean((summary.lower <= truth) & (truth <= summary.upper)),
+                      np.mean(summary.upper - summary.lower)])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name, light", [("warm", "spectra/warm.csv"), ("warm", "unknown"),
+                                         ("glass", "spectra/glass.csv")])
+def test_a_second_light_or_filter_adds_bands_and_narrows_the_spectra(tmp_path, one_photo, name,
+                                                                     light):
+    folder = write_flat(tmp_path / "session")
+    text = (folder / "session.toml").read_text(encoding="utf-8")
+    (folder / "session.toml").write_text(text + second_photo(folder, name, light),
+                                         encoding="utf-8")
+    finished = run(folder)
+    signals = signals_of(finished.stored)
+    assert signals.signal.shape == (len(PAINTS), 6)
+    assert signals.bands[:1] == ("photo: R",) and signals.bands[3:4] == (f"{name}: R",)
+    off = (signals.signal - true_signals(signals)) / errors_of(signals)
+    # 24 signals of which those of one region and photo are nearly one: 4 sigma
+    assert np.abs(off).max() < 4
+    one, both = errors_and_cover(one_photo), errors_and_cover(finished)
+    assert both[:, 0].mean() < one[:, 0].mean()         # RMSE over the four paints
+    assert (both[:, 2] < one[:, 2]).all()               # width of every band
+    assert both[:, 1].mean() > 0.85
+
+
+def test_regions_are_measured_in_the_photos_that_show_them(tmp_path):
+    folder = write_flat(tmp_path / "session")
+    text = HEAD + second_photo(folder, "warm", "spectra/warm.csv") + "".join(
+        f"[regions.{name}]\nrect = {rect_of(name)}\nphoto = {shown}\n" for name, shown
+        in (("cube", '"photo"'), ("red_wall", '"warm"'), ("green_wall", '["photo", "warm"]')))
+    (folder / "session.toml").write_text(text, encoding="utf-8")
+    signals = signals_of(run(folder).stored)
+    assert np.isfinite(signals.signal).tolist() == [[True] * 3 + [False] * 3,
+                                                    [False] * 3 + [True] * 3, [True] * 6]
+
+
+def two_photos(folder, *, stated=(Fraction(1, 60), Fraction(1, 125)),
+               true=(Fraction(1, 64), Fraction(1, 128)), write=write_photo):
+    """A chart photo and a photo of the samples whose stated times are rounded."""
+    write_flat(folder)
+    shutter = float(true[1] / true[0]) / float(stated[1] / stated[0])
+    gain = write(folder / "photos" / "chart.dng", picture(paints={}), stated[0],
+                 np.random.default_rng(4))
+    write(folder / "photos" / "sample.dng", picture(chart=None), stated[1],
+          np.random.default_rng(5), brightest=None, gain=gain * shutter)
+    (folder / "session.toml").write_text(HEAD.replace(
+        "[light]", 'chart = "photos/chart.dng"\n[light]') + regions_toml(), encoding="utf-8")
+    return folder
+
+
+def test_rounded_exposure_times_are_brought_together_with_their_error(tmp_path):
+    signals = signals_of(run(two_photos(tmp_path / "session")).stored)
+    off = (signals.signal - true_signals(signals)) / errors_of(signals)
+    assert np.abs(off).max() < 4
+    # the stated ratio is off by 64/60 x 125/128: as much as the error that is said of it
+    rounded = {error.cause: error.covariance for error in signals.errors}[ROUNDED_EXPOSURES]
+    share = np.sqrt(np.diagonal(rounded, axis1=1, axis2=2)) / signals.signal
+    np.testing.assert_allclose(share, 1 - 60 * 128 / (64 * 125), rtol=0.1)
+    assert np.abs(signals.signal / true_signals(signals) - 1).max() > 0.03
+
+
+def test_photos_that_state_no_exposure_are_refused_in_one_sentence(tmp_path):
+    folder = two_photos(tmp_path / "session")
+    samples = picture(chart=None) / picture().max()
+    write_exr(folder / "photos" / "sample.exr", samples, "RGB")
+    text = (folder / "session.toml").read_text(encoding="utf-8")
+    (folder / "session.toml").write_text(text.replace("sample.dng", "sample.exr"),
+                                         encoding="utf-8")
+    with pytest.raises(InputError, match="do not both state how long they were exposed") as raised:
+        run(folder)
+    assert "\n" not in str(raised.value) and "sample.exr" in str(raised.value)
+
+
+def write_jpeg(path):
+    shown = encode_srgb8(picture() / picture().max())
+    file = oiio.ImageOutput.create(str(path))
+    file.open(str(path), oiio.ImageSpec(shown.shape[1], shown.shape[0], 3, oiio.UINT8))
+    file.write_image(shown)
+    file.close()
+
+
+def write_raw(**changed):
+    return lambda path: write_photo(path, picture(**changed), Fraction(1, 60),
+                                    np.random.default_rng(7))
+
+
+@pytest.mark.parametrize("name, write, sentence", [
+    ("a.jpg", write_jpeg, "a.jpg is a JPEG"),
+    ("a.dng", write_raw(chart=None), "no ColorChecker was found in photo a.dng"),
+    ("a.dng", write_raw(chart=(-0.1, *CHART[1:])), "no ColorChecker was found in photo a.dng"),
+    ("a.dng", lambda path: path.write_bytes(b"II*\0 cut short"), "a.dng")])
+def test_a_photo_that_will_not_do_is_one_sentence_and_leaves_nothing(tmp_path, name, write,
+                                                                     sentence):
+    write(tmp_path / name)
+    outcome = CliRunner().invoke(app, ["flat", str(tmp_path / name), "--region", "a=300,50,340,90"])
+    assert outcome.exit_code in (3, 4), outcome.output
+    said = outcome.stderr.strip().splitlines()[-1]
+    assert sentence in said and "Traceback" not in outcome.stderr
+    assert [path.name for path in tmp_path.iterdir()] == [name]
