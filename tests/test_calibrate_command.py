@@ -66,10 +66,18 @@ def test_the_command_gives_what_python_gives(chart, method, tmp_path):
 def test_draws_can_be_kept(chart, tmp_path):
     result = run("camera", "fit", "--patches", chart / "patches.csv", "--light",
                  chart / "light.csv",
-                 "--samples", tmp_path / "draws.npz")
+                 "--samples", tmp_path / "draws.npz", "--json")
     assert result.exit_code == 0, result.output
+    facts = json.loads(result.stdout)
     with np.load(tmp_path / "draws.npz") as stored:
-        assert stored["curves"].shape == (1000, 3, 301)
+        curves = stored["curves"]
+    assert curves.shape == (1000, 3, 301) and facts["level"] == 0.9
+    lower, upper = np.array(facts["lower"]), np.array(facts["upper"])
+    above, below = (curves > upper).mean(axis=0), (curves < lower).mean(axis=0)
+    # Of 1000 draws 50 lie beyond each end, but where more are 0, or are the largest value, 1.
+    np.testing.assert_allclose(above[(upper > 0) & (upper < 1)], 0.05, atol=0.0011)
+    np.testing.assert_allclose(below[(lower > 0) & (lower < 1)], 0.05, atol=0.0011)
+    assert np.count_nonzero((lower > 0) & (upper < 1)) > 500
 
 
 def test_measured_curves_are_checked_against_the_chart(chart, tmp_path):

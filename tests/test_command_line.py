@@ -13,7 +13,10 @@ import typer
 from typer.testing import CliRunner
 
 import spectrabox
+from spectrabox.fixtures.demo_session import PAINTS
 from spectrabox.fixtures.dng import write_dng
+from spectrabox.fixtures.paints import paint
+from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.session.cli import app
 from spectrabox.session.command_line import SUBJECTS, command
 
@@ -173,9 +176,18 @@ def test_a_finished_run_answers_with_its_numbers(finished):
                                                             "reconstruct", "sample"}
     assert {material["name"] for material in facts["materials"]} == {"white", "green", "red",
                                                                      "cube"}
+    table = read_table(Path(facts["spectra"]))
+    column = dict(zip(table.names, np.transpose(table.values) if len(table.values) == len(table.nm)
+                      else table.values, strict=True))
     for material in facts["materials"]:
-        assert 0 <= material["rmse_mean"] < 0.3 and 0 <= material["rmse_inverse_rendering"] < 0.3
-        assert 0 <= material["coverage_95"] <= 1
+        name = material["name"]
+        truth = np.interp(table.nm, *paint(PAINTS[name]))
+        held = (truth >= column[f"{name} lower 0.95"]) & (truth <= column[f"{name} upper 0.95"])
+        # the score's quantiles are those of the draws, the file's between wavelengths of 5 nm
+        assert material["coverage_95"] == pytest.approx(held.mean(), abs=0.02)
+        rms = np.sqrt(np.mean((column[f"{name} mean"] - truth) ** 2))
+        assert material["rmse_mean"] == pytest.approx(rms, abs=2e-3) and rms < 0.1
+        assert material["rmse_inverse_rendering"] < 0.3
     # Forty pixels wide and thirty steps: within 5 %, where the full demo is within 1 %.
     assert facts["median_surface_error"] < 0.05
 

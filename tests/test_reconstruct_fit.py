@@ -72,14 +72,19 @@ def test_without_noise_the_spectra_come_back():
     np.testing.assert_allclose(rows @ fit.views[0].signals, measured, rtol=5e-3)
 
 
-def test_compressing_the_equations_changes_nothing():
+@pytest.mark.parametrize("even", [True, False])
+def test_compressing_the_equations_changes_nothing(even):
     rows, measured, weight, _ = case(noise=0.01)
-    whole = compress(rows, measured, np.ones_like(weight), GROUP)
+    # weights of pixels times weights of the bands of their surface
+    rng = np.random.default_rng(8)
+    weight = np.ones_like(weight) if even else (
+        rng.uniform(0.2, 5, (REGIONS, 1)) * rng.uniform(0.5, 2, (2, 3))[GROUP])
+    whole = compress(rows, measured, weight, GROUP)
     assert len(whole.rows) < REGIONS
     few = compress(rows[:8], measured[:8], np.ones((8, 3)), np.arange(8))
     assert len(few.rows) == 8
     signals = model().signals(np.full((2, COUNT), 0.4))
-    direct = np.sum((rows @ signals - measured) ** 2)
+    direct = np.sum(weight * (rows @ signals - measured) ** 2)
     # The QR factor keeps lengths: round-off of 240 rows.
     assert np.sum((whole.root * (whole.rows @ signals - whole.target))
                   ** 2) == pytest.approx(direct, rel=1e-9)

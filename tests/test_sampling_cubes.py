@@ -105,11 +105,61 @@ def test_matlab_files_are_read(values, tmp_path):
     np.testing.assert_array_equal(whole(open_cube(tmp_path / "cube.mat")), values)
 
 
-def test_matlab_7_3_is_read_where_h5py_is_there(values, tmp_path):
-    h5py = pytest.importorskip("h5py", reason="h5py is not installed")
-    with h5py.File(tmp_path / "cube.mat", "w") as file:
-        file["cube"] = values.transpose(2, 1, 0)    # as MATLAB stores (H, W, C)
-    np.testing.assert_array_equal(whole(open_cube(tmp_path / "cube.mat", NM)), values)
+def write_matlab_7_3(path, **arrays):
+    """HDF5 behind a block of text, arrays with their first dimension fastest, as MATLAB writes."""
+    import h5py
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, array in arrays.items():
+            file.create_dataset(name, data=np.transpose(array), chunks=True)
+    with path.open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan  1 2024"
+                     .ljust(116) + b"\0" * 8 + b"\0\2IM")
+
+
+@pytest.mark.parametrize("kind", ["<f8", "<f4", ">f8", "<u2"])
+def test_matlab_7_3_is_read(values, tmp_path, kind):
+    stored = (np.round(values * 10000) if kind == "<u2" else values).astype(kind)
+    write_matlab_7_3(tmp_path / "cube.mat", cube=stored, bands=NM[None], note=np.zeros((1, 3)))
+    cube = open_cube(tmp_path / "cube.mat")
+    np.testing.assert_array_equal(cube.nm, NM)
+    np.testing.assert_array_equal(whole(cube), stored)
+    np.testing.assert_array_equal(cube.rows(2, 4), stored[2:4])
+    # stated wavelengths come before those in the file
+    np.testing.assert_array_equal(open_cube(tmp_path / "cube.mat", NM + 5).nm, NM + 5)
+
+
+def test_the_array_of_a_matlab_7_3_file_is_chosen_by_its_name(values, tmp_path):
+    write_matlab_7_3(tmp_path / "two.mat", cube=values, dark=0.1 * values)
+    with pytest.raises(InputError, match=r"two\.mat holds .*--variable"):
+        open_cube(tmp_path / "two.mat", NM)
+    np.testing.assert_array_equal(whole(open_cube(tmp_path / "two.mat", NM, "dark")), 0.1 * values)
+    with pytest.raises(InputError, match=r"cube is .* and 3 wavelengths are stated"):
+        open_cube(tmp_path / "two.mat", NM[:3], "cube")
+
+
+def test_links_of_an_hdf5_file_into_others_are_not_followed(values, tmp_path):
+    import h5py
+    write_matlab_7_3(tmp_path / "other.mat", cube=values)
+    with h5py.File(tmp_path / "link.mat", "w") as file:
+        file["cube"] = h5py.ExternalLink(str(tmp_path / "other.mat"), "cube")
+        file.create_dataset("outside", values.T.shape, "<f8",
+                            external=[(str(tmp_path / "raw.bin"), 0, h5py.h5f.UNLIMITED)])
+        layout = h5py.VirtualLayout(values.T.shape, "<f8")
+        layout[...] = h5py.VirtualSource(tmp_path / "other.mat", "cube", values.T.shape)
+        file.create_virtual_dataset("virtual", layout)
+    with pytest.raises(InputError, match=r"link\.mat"):
+        open_cube(tmp_path / "link.mat", NM)
+    with pytest.raises(InputError, match=r"link\.mat"):
+        open_cube(tmp_path / "link.mat", NM, "cube")
+
+
+def test_a_matlab_7_3_file_that_was_cut_gets_a_sentence(values, tmp_path):
+    write_matlab_7_3(tmp_path / "cube.mat", cube=values)
+    content = (tmp_path / "cube.mat").read_bytes()
+    for size in (600, len(content) // 2):
+        (tmp_path / "cut.mat").write_bytes(content[:size])
+        with pytest.raises(InputError, match=r"cut\.mat is a damaged MATLAB 7\.3 file"):
+            open_cube(tmp_path / "cut.mat", NM)
 
 
 def test_without_h5py_a_matlab_7_3_file_is_answered_with_what_to_do(tmp_path, monkeypatch):
@@ -425,3 +475,44 @@ def test_a_real_picture_from_matlab_is_read_and_judged(tmp_path):
     angles = {one["name"]: one["judged"]["imported picture"]["spectral_angle"]
               for one in facts["regions"]}
     assert max(angles[name] for name in ("orange", "red", "yellow")) < 0.35
+
+
+def test_a_picture_from_matlab_is_judged_against_measured_spectra_by_the_mask_of_its_patches(
+        tmp_path):
+    """As published captures come: seven filters, a mask of patches, a table of their spectra, light
+    that falls off by a factor of two.
+    """
+    import cv2
+    from scipy.io import savemat
+    names, nm = ("white", "orange", "blue", "green"), np.arange(400, 701, 50.0)
+    fine = np.arange(380, 731, 5.0)
+    truth = np.array([np.full(fine.size, 0.9), *(surface(fine, seed) for seed in (3, 5, 9))])
+    labels = np.zeros((24, 32), np.uint8)
+    picture = np.full((24, 32, 7), 0.05)
+    for index, spectrum in enumerate(truth):
+        at = np.s_[4:20, 2 + 7 * index:7 + 7 * index]
+        labels[at] = index + 1
+        picture[at] = np.interp(nm, fine, spectrum)
+    light = np.linspace(1.0, 0.5, 32)
+    savemat(tmp_path / "chart.mat", {"dHyper": picture * light[:, None]})
+    cv2.imwrite(str(tmp_path / "mask.png"), labels)
+    (tmp_path / "regions.toml").write_text("".join(
+        f'[regions.{name}]\nmask = "mask.png"\nlabel = {index}\n'
+        for index, name in enumerate(names, 1)))
+    rows = "\n".join(",".join(f"{value:.6f}" for value in (wavelength, *values))
+                     for wavelength, values in zip(fine, truth.T, strict=True))
+    (tmp_path / "truth.csv").write_text(f"wavelength_nm,{','.join(names)}\n{rows}\n")
+    facts = judge(tmp_path / "chart.mat", "--wavelengths", "400:700:50", "--regions",
+                  tmp_path / "regions.toml", "--truth", tmp_path / "truth.csv", "--white-region",
+                  "white", "--samples", 200)
+    judged = {one["name"]: one["judged"]["imported picture"] for one in facts["regions"]}
+    for index, name in enumerate(names[1:], 1):
+        # the white patch stands in 0.93 of the light, the others in what their columns have of it
+        share = light[2 + 7 * index:7 + 7 * index].mean() / light[2:7].mean()
+        off = (share - 1) * np.interp(nm, fine, truth[index])
+        mine = judged[name]
+        # between seven bands a curve is drawn straight, its truth is not
+        assert mine["rmse"] == pytest.approx(np.sqrt(np.mean(off**2)), abs=0.02), name
+        assert mine["rmse_best_scale"] < 0.025 and mine["spectral_angle"] < 0.09
+    # the last stands in a little more than half of the light
+    assert mine["rmse_best_scale"] < 0.3 * mine["rmse"]

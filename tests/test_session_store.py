@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.files import sha256_of, sweep_unfinished, write_text_whole
+from spectrabox.radiometry.files import (
+    sha256_of,
+    sweep_unfinished,
+    whole_file,
+    write_text_whole,
+)
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import (
     Calibration,
@@ -203,3 +208,18 @@ def test_a_folder_that_cannot_be_written_gets_a_sentence(tmp_path):
                                                                                     / "results",
                                                                                     "photo"):
         pass
+
+
+def test_what_was_read_before_a_replacement_stays_whole(tmp_path):
+    """A rename: whoever has the old file open, or linked, keeps all of it."""
+    path, kept = tmp_path / "a.txt", tmp_path / "kept.txt"
+    write_text_whole(path, "first " * 1000)
+    kept.hardlink_to(path)
+    with path.open() as reader:
+        begun = reader.read(6)
+        with whole_file(path) as unfinished:
+            unfinished.write_text("second")
+            assert path.read_text() == "first " * 1000
+        assert begun + reader.read() == "first " * 1000
+    assert path.read_text() == "second" and kept.read_text() == "first " * 1000
+    assert {file.name for file in tmp_path.iterdir()} == {"a.txt", "kept.txt"}

@@ -1,0 +1,50 @@
+"""Which test files concern a module: those nearest to it by imports, cheap ones first."""
+from __future__ import annotations
+
+import ast
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+ROOMS = ("radiometry", "capture", "calibrate", "reconstruct", "sampling", "session", "fixtures")
+
+
+@cache
+def sources() -> dict[str, Path]:
+    """Every module of the project and of its tests by the name that it is imported by."""
+    found = {"spectrabox." + ".".join(path.relative_to(ROOT).with_suffix("").parts): path
+             for room in ROOMS for path in (ROOT / room).rglob("*.py")}
+    return found | {path.stem: path for path in (ROOT / "tests").glob("*.py")}
+
+
+@cache
+def imports(module: str) -> frozenset[str]:
+    """Modules of the project that a module imports anywhere in its text."""
+    names = set()
+    for node in ast.walk(ast.parse(sources()[module].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    if module.startswith("test_"):
+        names.add("conftest")
+    return frozenset(names & sources().keys())
+
+
+@cache
+def distances(test: str) -> dict[str, int]:
+    """Imports that lie between a test file and each module that it reaches."""
+    reached, edge, steps = {test: 0}, {test}, 0
+    while edge:
+        steps += 1
+        edge = {other for module in edge for other in imports(module)} - reached.keys()
+        reached |= dict.fromkeys(edge, steps)
+    return reached
+
+
+def nearest_tests(file: str) -> list[tuple[int, str]]:
+    """Distance and path of every test file that reaches a source file, nearest first."""
+    module = "spectrabox." + ".".join(Path(file).with_suffix("").parts)
+    tests = [name for name in sources() if name.startswith("test_")]
+    return sorted((distances(test)[module], f"tests/{test}.py") for test in tests
+                  if module in distances(test))

@@ -1,0 +1,157 @@
+"""Plants realistic mistakes, one at a time, and says which of them the tests notice.
+
+    python -m benchmarks.planted_mistakes [--only TEXT] [--budget 60] [--out FOLDER] [--most 50]
+
+Each mistake is one text of one file replaced by another (``benchmarks/planted/*.toml``). It is
+planted in a copy of the working tree, and the test files nearest to the module run until one fails:
+those that import it, then those that import what imports it, as many as the budget of processor
+time holds, cheap ones before dear ones. What the tests of a budget do not notice may be noticed by
+the rest of the suite: the share printed is a lower bound. Mistakes come in an order drawn once, so
+that a part of them is a fair sample. A later call goes on where the last one ended, and tries those
+that survived again if the budget is larger now or ``--again`` is given.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import tempfile
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+from benchmarks.planted.chosen_tests import ROOMS, ROOT, nearest_tests
+from benchmarks.planted.mistake import Mistake, listed_mistakes
+from benchmarks.planted.scratch_tree import (
+    copied_tree,
+    import_libraries,
+    planted,
+    run_tests,
+)
+
+MAX_S = 400.0       # of processor time, of one test file
+SECONDS_A_LINE = 0.04   # of a test file, before its time is known
+SECONDS_A_SESSION = 4.0  # of each use of a session's results
+ORDER = 20260122    # seed of the order
+
+
+def all_mistakes() -> list[Mistake]:
+    """Every mistake that is listed, in an order drawn once."""
+    return sorted(listed_mistakes(),
+                  key=lambda each: random.Random(f"{ORDER} {each.name}").random())
+
+
+class Costs:
+    """Processor time of each test file where nothing is wrong, measured when it is first asked for;
+    a file whose tests fail then notices nothing.
+    """
+
+    def __init__(self, tree: Path, folder: Path) -> None:
+        self.tree, self.folder, self.path = tree, folder, folder / "costs.json"
+        self.known: dict[str, float | None] = (
+            json.loads(self.path.read_text(encoding="utf-8")) if self.path.exists() else {})
+
+    def expected(self, test: str) -> float:
+        """Seconds, guessed from the length of a file that was not run yet."""
+        known = self.known.get(test)
+        if known is not None:
+            return known
+        text = (self.tree / test).read_text(encoding="utf-8")
+        return SECONDS_A_LINE * text.count("\n") + SECONDS_A_SESSION * text.count("finished")
+
+    def of(self, test: str) -> float | None:
+        """Seconds, or None for a file that fails by itself."""
+        if test not in self.known:
+            run = run_tests(self.tree, [test], MAX_S,
+                            self.folder / f"clean-{Path(test).stem}.log")
+            if run.status:
+                print(f"{test} fails with no mistake planted: {run.said}", flush=True)
+            self.known[test] = None if run.status else run.processor_s
+            self.path.write_text(json.dumps(self.known, indent=1), encoding="utf-8")
+        return self.known[test]
+
+
+def chosen(file: str, costs: Costs, budget_s: float) -> tuple[list[str], float]:
+    """Test files for a mistake in a source file, and the processor time that they take."""
+    tests, total = [], 0.0
+    levels = defaultdict(list)
+    for distance, test in nearest_tests(file):
+        levels[distance].append(test)
+    for _, level in sorted(levels.items()):
+        for test in sorted(level, key=costs.expected):
+            if total + costs.expected(test) > budget_s and tests:
+                return tests, total
+            if (cost := costs.of(test)) is None:
+                continue
+            if tests and total + cost > budget_s:
+                return tests, total
+            tests.append(test)
+            total += cost
+        if total > budget_s / 2:
+            break
+    return tests, total
+
+
+def tried(mistake: Mistake, tree: Path, costs: Costs, budget_s: float, log: Path) -> dict[str, Any]:
+    """What came of one mistake."""
+    tests, cost = chosen(mistake.file, costs, budget_s)
+    with planted(tree, mistake):
+        run = run_tests(tree, tests, 3 * cost + 30, log)
+    return {"mistake": mistake.name, "file": mistake.file, "what": mistake.what,
+            "blind": mistake.blind, "noticed": run.status != 0, "by": run.said if run.status
+            else ", ".join(tests), "budget_s": budget_s, "processor_s": run.processor_s}
+
+
+def print_shares(results: list[dict[str, Any]]) -> None:
+    """One row for each folder, and what survives."""
+    print(f"\n{'folder':12} {'noticed':>12} {'of these blind':>16}")
+    for room in (*ROOMS, ""):
+        own = [each for each in results if each["file"].startswith(room)]
+        blind = [each for each in own if each["blind"]]
+        if own:
+            print(f"{room or 'all':12} " + " ".join(
+                f"{sum(each['noticed'] for each in part)} of {len(part)}".rjust(width)
+                for part, width in ((own, 12), (blind, 16))))
+    for each in results:
+        if not each["noticed"]:
+            print(f"survives: {each['file']}: {each['what']}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", default="", help="mistakes whose file or words hold this")
+    parser.add_argument("--budget", type=float, default=60.0, help="processor seconds of tests")
+    parser.add_argument("--most", type=int, default=None, help="of mistakes tried by this call")
+    parser.add_argument("--again", action="store_true", help="try what survived again")
+    parser.add_argument("--out", type=Path, default=ROOT / "build" / "planted")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    path = given.out / "results.json"
+    results: dict[str, dict[str, Any]] = (
+        json.loads(path.read_text(encoding="utf-8")) if path.exists() else {})
+    mistakes = [each for each in all_mistakes() if given.only in f"{each.file} {each.what}"]
+    waiting = [each for each in mistakes if _still_to_try(
+        results.get(each.name), given.budget, given.again)][:given.most]
+    if waiting:
+        import_libraries()
+        with tempfile.TemporaryDirectory() as folder:
+            tree = copied_tree(Path(folder) / "tree")
+            costs = Costs(tree, given.out)
+            for number, mistake in enumerate(waiting, 1):
+                found = tried(mistake, tree, costs, given.budget, given.out / "tests.log")
+                results[mistake.name] = found
+                path.write_text(json.dumps(results, indent=1), encoding="utf-8")
+                print(f"{number}/{len(waiting)} {'noticed' if found['noticed'] else 'SURVIVES'} "
+                      f"{mistake.file}: {mistake.what} [{found['processor_s']:.0f} s] "
+                      f"{found['by'] if found['noticed'] else ''}", flush=True)
+    print_shares([results[each.name] for each in mistakes if each.name in results])
+
+
+def _still_to_try(result: dict[str, Any] | None, budget_s: float, again: bool) -> bool:
+    if result is None:
+        return True
+    return not result["noticed"] and (again or budget_s > result["budget_s"])
+
+
+if __name__ == "__main__":
+    main()

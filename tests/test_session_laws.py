@@ -1,0 +1,101 @@
+"""Sessions of several photos: whose chart, whose drift, and what a drift of colour adds."""
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from test_error_budget import calibration, curves_and_covariance, joint
+
+from spectrabox.radiometry.light_drift import LightDrift, drift_covariance
+from spectrabox.radiometry.records import LightScale
+from spectrabox.session.stages import calibrate_stage, reconstruct_stage
+
+COEFFICIENTS, COVARIANCE = curves_and_covariance()
+COLOUR = np.array([0.02, 0.0, -0.03])
+
+
+def drift(changed):
+    return LightDrift(1.1 * (1 + COLOUR), np.full(3, 1e-3), 1.1, 1e-3, COLOUR, changed, "warmer")
+
+
+def views(*names):
+    return [SimpleNamespace(name=name, light="lamp", scene="box.xml", lights_by_id={},
+                            record=lambda kind, name=name: f"{kind} {name}".strip())
+            for name in names]
+
+
+@pytest.mark.parametrize("with_chart", [(0, 1, 2), (0, 2), (0, 1, 3), (0, 2, 3)])
+def test_every_photo_has_the_light_scale_of_its_own_chart(monkeypatch, with_chart):
+    camera = calibration(np.ones(61), COEFFICIENTS, COVARIANCE)
+    every = views("", "second", "third", "fourth")
+    scales = {number: 10.0 + number for number in with_chart}
+    charts = {name: (None, f"samples {number}", None) if number in with_chart else None
+              for number, name in enumerate(view.name for view in every)}
+
+    def calibrated(photos, *_):
+        # charts in the order of the photos that were given, each by what it shows
+        states = [SimpleNamespace(scale=scales[int(photo.samples.split()[1])], scale_error=0.1)
+                  for photo in photos]
+        return SimpleNamespace(calibration=dataclasses.replace(
+            camera, light_scale=LightScale(states[0].scale, 0.1, None, "chart photo")),
+            prior_fit=SimpleNamespace(photos=states, sensitivity=camera.sensitivity),
+            predicted=np.ones((24, 3)), white=None)
+
+    for name, replacement in (
+            ("read_light", lambda *_: camera.light), ("calibrate_chart", calibrated),
+            ("chart_of", lambda stored, view: charts[view.name]),
+            ("_irradiance", lambda *_: np.ones(24)), ("_certain_glare", lambda *_: np.zeros(3)),
+            ("left_out_patches", lambda *_: None), ("read_chart_reference", lambda *_: None),
+            ("kept_out_patches", lambda *_: None), ("session_chart", lambda *_: None),
+            ("_widen_by_lamp_position", lambda *_: None), ("_uneven_notes", lambda *_: ()),
+            ("ChartPhoto", lambda samples, *_, **__: SimpleNamespace(samples=samples))):
+        monkeypatch.setattr(calibrate_stage, name, replacement)
+    config = SimpleNamespace(all_views=every, sensitivity=SimpleNamespace(
+        from_chart=True, method=None, prior=None, coefficients=None))
+    records = calibrate_stage.calibrate_views(SimpleNamespace(
+        config=config, stored=None, device="cpu", progress=lambda *_: None))
+    for number, view in enumerate(every):
+        found = records[view.record("calibration")].light_scale.value
+        # without a chart of its own, under the first photo's light: that of the first
+        assert found == scales.get(number, scales[0]), view.name
+
+
+def test_the_drift_between_the_first_chart_and_photo_is_that_of_no_other_photo(monkeypatch):
+    drifts = {}
+    camera = calibration(np.ones(61), COEFFICIENTS, COVARIANCE)
+
+    def scale(config, view, photo, calibrated, stored, drift):
+        drifts[view.name] = drift
+    photo = SimpleNamespace(signal=np.ones((4, 5, 3)))
+    for name, replacement in (
+            ("scale_of_view", scale), ("photo_of", lambda *_: photo), ("View", lambda *_: None),
+            ("calibrations_of", lambda *_: [camera] * 3), ("read_materials", lambda *_: ()),
+            ("band_names", lambda *_: ("R", "G", "B")), ("read_session_scene", lambda *_: None)):
+        monkeypatch.setattr(reconstruct_stage, name, replacement)
+    measured = drift(True)
+    reconstruct_stage.views_of(SimpleNamespace(all_views=views("", "second", "third")), {},
+                               measured)
+    assert drifts == {"": measured, "second": None, "third": None}
+
+
+@pytest.mark.parametrize("changed", [True, False])
+def test_a_drift_of_colour_is_an_error_of_the_first_photo_alone(monkeypatch, changed):
+    """The light was 2 % redder: what the first photo's bands differ by is no property of paint."""
+    monkeypatch.setattr(reconstruct_stage, "glare_error", lambda *_: None)
+    monkeypatch.setattr(reconstruct_stage, "with_stray_light", lambda found, *_: found)
+    before = 1e-4 * (np.eye(6) + 0.5)[None]
+    two = joint(COEFFICIENTS, model=before)
+    said = [dataclasses.make_dataclass("Noted", ["light_scale", ("notes", tuple, ())], frozen=True)(
+        view.light_scale) for view in two.views]
+    two = dataclasses.replace(two, views=tuple(said))
+    measured = drift(changed)
+    after = reconstruct_stage.with_errors(SimpleNamespace(stray_light=SimpleNamespace(
+        ambient=None)), {}, measured, two)
+    expected = before.copy()
+    if changed:
+        expected[0, :3, :3] += np.outer(COLOUR, COLOUR)
+    # a sum of two numbers
+    np.testing.assert_allclose(after.model_covariance, expected, rtol=1e-12)
+    np.testing.assert_array_equal(two.model_covariance, before)
+    assert [view.notes for view in after.views] == [("warmer",), ()]
+    assert drift_covariance(measured).any() == changed
