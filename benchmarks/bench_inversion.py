@@ -56,7 +56,7 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.regions import block_regions
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.settings import InversionSettings
-from spectrabox.reconstruct.tracer.transport import TracedTransport, shaded_image, trace_transport
+from spectrabox.reconstruct.tracer.transport import TracedTransport, shaded_images, trace_transport
 from spectrabox.reconstruct.view import MaterialSpec, View
 
 COEFFICIENTS, STEPS, GRADIENT_SPP, TRACE_SPP, PHOTO_SPP = 7, 200, 16, 64, 4096
@@ -214,8 +214,8 @@ def large() -> dict[str, Any]:
     blank = box_view(256, 8, True)
     truth = true_spectra(blank)
     exponents = exponents_up_to(len(truth), 8)
-    photo = shaded_image(unit_scene(blank, 8), exponents,
-                         band_products(exponents, truth, blank.response), spp=64, seed=77)
+    photo, = shaded_images(unit_scene(blank, 8), exponents,
+                           band_products(exponents, truth, blank.response), spp=64, seed=77)
     view = box_view(256, 8, True, photo)
     coefficients, trace_s, fit_s = by_transport(view)
     rmse = np.sqrt(np.mean((view.spectra(coefficients) - truth) ** 2, axis=1))

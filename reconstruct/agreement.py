@@ -42,15 +42,19 @@ def usable_pixels(photo: LinearImage, surface: np.ndarray) -> np.ndarray:
 
 
 def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measured: np.ndarray,
-                      rendered: np.ndarray, surface: np.ndarray,
+                      renderings: np.ndarray, surface: np.ndarray,
                       used: np.ndarray) -> SurfaceAgreement:
     """Ratio of photo to rendering of each surface and the scatter of that ratio within it.
+
+    The noise of the rendering is no part of the scatter where there are several renderings.
 
     Parameters
     ----------
     names, materials : tuple of str
         Shape ids and their materials.
-    measured, rendered : (H, W, K) signal
+    measured : (H, W, K) signal
+    renderings : (A, H, W, K) signal
+        Of paths that are independent; their mean is compared.
     surface : (H, W) index into ``names``
     used : (H, W) bool
 
@@ -60,14 +64,14 @@ def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measur
         Of the surfaces that have usable pixels, in the given order; one that the rendering leaves
         dark has no ratio.
     """
-    rows = []
+    rows, rendered = [], renderings.mean(axis=0)
     for index, (name, material) in enumerate(zip(names, materials, strict=True)):
         mask = used & (surface == index)
         photo, model = measured[mask].sum(axis=0), rendered[mask].sum(axis=0)
         if mask.any() and np.all(model > MIN_SIGNAL * photo):
             ratio = photo / model
             rows.append((f"{material} / {name}", material, int(mask.sum()), ratio,
-                         _block_spread(measured, rendered, mask)))
+                         _block_spread(measured, renderings, mask)))
     columns = zip(*rows, strict=True) if rows else ((),) * 5
     kept, kept_materials, pixels, ratios, spreads = columns
     bands = measured.shape[2]
@@ -245,9 +249,10 @@ def _local_contrast(grey: np.ndarray) -> np.ndarray:
                                                                   1e-12)
 
 
-def _block_spread(measured: np.ndarray, rendered: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Standard deviation (K,) of log(photo / rendering) over blocks; 0 where there are fewer than
-    two blocks.
+def _block_spread(measured: np.ndarray, renderings: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Standard deviation (K,) of log(photo / rendering) over blocks, without the noise of several
+    renderings: the root of the ratios' covariance between any two of them, which their noise does
+    not enter. 0 where it is negative, or where there are fewer than two blocks.
     """
     row, column = np.nonzero(mask)
     block = (row // BLOCK) * (mask.shape[1] // BLOCK + 1) + column // BLOCK
@@ -257,9 +262,14 @@ def _block_spread(measured: np.ndarray, rendered: np.ndarray, mask: np.ndarray) 
         return np.zeros(measured.shape[2])
     blocks = np.full(mask.shape, -1)
     blocks[mask] = member
-    sums = [_sums(image, blocks)[full] for image in (measured, rendered)]
-    ratio = np.log(np.maximum(sums[0], 1e-12) / np.maximum(sums[1], 1e-12))
-    return ratio.std(axis=0, ddof=1)
+    photo, *models = (np.log(np.maximum(_sums(image, blocks)[full], 1e-12))
+                      for image in (measured, *renderings))
+    deviation = photo - np.array(models)                    # (A, B, K)
+    deviation -= deviation.mean(axis=1, keepdims=True)
+    passes = len(models)
+    own, whole = (deviation**2).sum(axis=0), deviation.sum(axis=0) ** 2
+    product = own if passes == 1 else (whole - own) / (passes * (passes - 1))
+    return np.sqrt(np.maximum(product.sum(axis=0), 0.0) / (full.sum() - 1))
 
 
 def edge_shift(measured: np.ndarray,

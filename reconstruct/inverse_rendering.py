@@ -134,13 +134,14 @@ def reconstruction_of(views: Sequence[View], fit: TransportFit | None,
 def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Reconstruction:
     """The answer with all that a later stage or a reader needs."""
     scale = _light_scale(view, answer)
-    rendered = answer.rendered * scale.value
-    shown = (view.measured, rendered, view.surface, view.used)
+    renderings = answer.renderings * scale.value
+    rendered = renderings.mean(axis=0)
     names, materials = tuple(view.scene_file.surfaces), view.surface_materials
-    agreement = surface_agreement(names, materials, *shown)
+    agreement = surface_agreement(names, materials, view.measured, renderings, view.surface,
+                                  view.used)
     stated_error = float(np.hypot(settings.surface_error, settings.brightness_error))
     labels = [f"{material} / {name}" for name, material in zip(names, materials, strict=True)]
-    tests = surface_tests(labels, *shown, stated_error)
+    tests = surface_tests(labels, view.measured, rendered, view.surface, view.used, stated_error)
     misfits = surface_misfits(tests, view.bands)
     shift = shift_sentence(view.measured, rendered)
     spectra, basis = view.spectra(answer.coefficients), view.basis(settings.coefficients)
@@ -180,7 +181,7 @@ def _light_scale(view: View, answer: EngineAnswer) -> LightScale:
         return view.light_scale
     known_surface = view.known_surface
     if (known_surface >= 0).any():
-        return scale_from_surfaces(view.measured, answer.rendered, known_surface,
+        return scale_from_surfaces(view.measured, answer.renderings.mean(axis=0), known_surface,
                                    f"known material {', '.join(view.known)}")
     return LightScale(answer.scale[0], answer.scale[1], None,
                       "materials in common with the other photos")

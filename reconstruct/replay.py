@@ -85,9 +85,10 @@ def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconst
 
 
 def region_picture(traced: TracedView, solution: ViewFit) -> np.ndarray:
-    """The mean (K,) of each region of the solution in its pixels (H, W), for a light scale of 1."""
+    """The mean (K,) of each region of the solution in its pixels (1, H, W), for a light scale of 1.
+    """
     return _picture(traced.traced.coefficients @ solution.signals, traced.region,
-                    traced.view.measured)
+                    traced.view.measured)[None]
 
 
 def _photographed(traced: TracedView, truth: Truth, number: int,

@@ -74,11 +74,25 @@ def test_a_surface_that_is_brighter_in_the_photo_is_named_with_its_ratio():
     measured = rendered.copy()
     surface = np.repeat([[0] * 4 + [1] * 4], 8, axis=0)
     measured[surface == 1] *= np.array([1.2, 1.0, 0.9])
-    found = surface_agreement(("left", "right"), ("white", "red"), measured, rendered, surface,
-                              np.ones((8, 8), bool))
+    found = surface_agreement(("left", "right"), ("white", "red"), measured, rendered[None],
+                              surface, np.ones((8, 8), bool))
     assert found.names == ("white / left", "red / right")
     # exact but for round-off
     np.testing.assert_allclose(found.ratio, [[1, 1, 1], [1.2, 1.0, 0.9]], rtol=1e-12)
+
+
+def test_the_noise_of_renderings_is_no_scatter_of_the_surface():
+    """Each rendering with twice the error of the surface in every block, and none elsewhere."""
+    block_error, noise, size = 0.02, 0.04, 128
+    blocks = RNG.normal(0, block_error, (size // 4, size // 4, 3)).repeat(4, 0).repeat(4, 1)
+    rendered = np.exp(RNG.normal(0, noise, (2, size // 4, size // 4, 3)).repeat(4, 1).repeat(4, 2))
+    single, both = (surface_agreement(("wall",), ("white",), np.exp(blocks), renderings,
+                                      np.zeros((size, size), int), np.ones((size, size), bool))
+                    for renderings in (rendered[:1], rendered))
+    # 1024 blocks: the variance of one rendering to 2 sqrt(2 / 1024) = 9 %, the covariance of two,
+    # each of a ninth of a correlation, to 3 times (error^2 + noise^2) / sqrt(1024) = 1.9e-4.
+    np.testing.assert_allclose(single.spread**2, block_error**2 + noise**2, rtol=0.14)
+    np.testing.assert_allclose(both.spread**2, block_error**2, atol=1.9e-4)
 
 
 def test_the_scale_comes_from_sums_so_that_rendering_noise_does_not_bias_it():

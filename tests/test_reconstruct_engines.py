@@ -20,7 +20,7 @@ from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
 from spectrabox.reconstruct.scene.regions import block_regions
 from spectrabox.reconstruct.settings import ENGINES
-from spectrabox.reconstruct.tracer.transport import shaded_image
+from spectrabox.reconstruct.tracer.transport import shaded_images
 from spectrabox.reconstruct.view_checks import check_views
 
 from tests.cornell_problem import (
@@ -58,7 +58,8 @@ def photo(box):
     view = view_of(box)
     exponents = exponents_up_to(3, BOUNCES)
     signals = band_products(exponents, SPECTRA, view.response)
-    return photo_of(shaded_image(unit_scene(view, BOUNCES), exponents, signals, spp=1024, seed=71))
+    image, = shaded_images(unit_scene(view, BOUNCES), exponents, signals, spp=1024, seed=71)
+    return photo_of(image)
 
 
 @pytest.fixture

@@ -22,10 +22,10 @@ from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.tracer import transport
 from spectrabox.reconstruct.tracer.transport import (
-    image_of_signals,
+    images_of_signals,
     joined,
     require_memory,
-    shaded_image,
+    shaded_images,
     trace_transport,
 )
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
@@ -119,7 +119,7 @@ def test_one_bounce_is_linear_and_more_bounces_only_add_light(view):
 def test_the_shaded_image_is_the_transport_with_signals_put_in(view):
     exponents = exponents_up_to(3, 4)
     signals = band_products(exponents, SPECTRA, view.response)
-    image = shaded_image(unit_scene(view, 4), exponents, signals, spp=256, seed=5)
+    image, = shaded_images(unit_scene(view, 4), exponents, signals, spp=256, seed=5)
     found = traced(view, spp=256, seed=6)
     other = signal(found.coefficients, found.exponents, SPECTRA,
                    view.response).reshape(image.shape)
@@ -128,17 +128,18 @@ def test_the_shaded_image_is_the_transport_with_signals_put_in(view):
     np.testing.assert_allclose(image.mean(axis=(0, 1)), other.mean(axis=(0, 1)), rtol=0.03)
 
 
-def test_one_trace_gives_the_image_of_any_signals(view, monkeypatch):
+def test_one_trace_gives_the_images_of_any_signals(view, monkeypatch):
     exponents = exponents_up_to(3, 4)
     box = unit_scene(view, 4)
-    image = image_of_signals(box, exponents, spp=16, seed=5)
+    images = images_of_signals(box, exponents, spp=16, seed=5, passes=2)
     for reflectance in (SPECTRA, 0.5 * SPECTRA):
         signals = band_products(exponents, reflectance, view.response)
-        shaded = shaded_image(box, exponents, signals, spp=16, seed=5)
+        shaded = shaded_images(box, exponents, signals, spp=16, seed=5, passes=2)
         # The same paths, their contributions rounded before or after the signals: float32.
-        np.testing.assert_allclose(image(signals), shaded, rtol=1e-5, atol=1e-6 * shaded.max())
+        np.testing.assert_allclose(images(signals), shaded, rtol=1e-5, atol=1e-6 * shaded.max())
     monkeypatch.setattr(transport, "MAX_IMAGE_COEFFICIENTS", 0)
-    np.testing.assert_array_equal(image_of_signals(box, exponents, spp=16, seed=5)(signals), shaded)
+    again = images_of_signals(box, exponents, spp=16, seed=5, passes=2)
+    np.testing.assert_array_equal(again(signals), shaded)
 
 
 def test_lights_traced_separately_add_up(tmp_path):

@@ -17,7 +17,7 @@ from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.tracer.transport import shaded_image
+from spectrabox.reconstruct.tracer.transport import shaded_images
 from spectrabox.reconstruct.view_checks import check_views
 from spectrabox.session.store.record_files import pack, unpack
 
@@ -69,8 +69,8 @@ def photographed(view, seed, brightness=1.0, lights=None):
     responses = view.responses if lights is not None else view.responses[:1]
     signals = np.vstack([gain * band_products(exponents, SPECTRA, response)
                          for gain, response in zip(lights or (1.0,), responses, strict=True)])
-    image = brightness * shaded_image(unit_scene(view, BOUNCES, lights is not None), exponents,
-                                      signals, spp=512, seed=seed)
+    image, = brightness * shaded_images(unit_scene(view, BOUNCES, lights is not None), exponents,
+                                        signals, spp=512, seed=seed)
     rng = np.random.default_rng(seed)
     variance = (NOISE * np.maximum(image, 0.01 * image.max())) ** 2
     return replace(view,
@@ -180,8 +180,8 @@ def photographed_without_green(folder, text):
     wide = view(folder, "aside", text=cornell_box_xml(WIDTH, BOUNCES + 1))
     narrow = replace(wide, scene_file=view(folder, "aside", text=text).scene_file)
     exponents = exponents_up_to(3, BOUNCES)
-    image = shaded_image(unit_scene(narrow, BOUNCES), exponents,
-                         band_products(exponents, SPECTRA, narrow.response), spp=256, seed=75)
+    image, = shaded_images(unit_scene(narrow, BOUNCES), exponents,
+                           band_products(exponents, SPECTRA, narrow.response), spp=256, seed=75)
     return replace(wide, scene_file=narrow.scene_file,
                    photo=photo_of(image, (0.01 * image + 1e-6) ** 2))
 

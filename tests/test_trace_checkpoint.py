@@ -89,7 +89,7 @@ def test_contributions_are_counted_in_units_that_suit_the_light(box, brightness)
     """
     exponents = transport.exponents_up_to(3, 3)
     signals = np.full((len(exponents), 1), 1.0)
-    images = [transport.shaded_image(box, exponents, signals * factor, spp=16, seed=2) / factor
+    images = [transport.shaded_images(box, exponents, signals * factor, spp=16, seed=2) / factor
               for factor in (1.0, brightness)]
     # float32 products, and multiples of a unit 2^-30 of the trial's largest sum.
     np.testing.assert_allclose(images[0], images[1], rtol=1e-5, atol=1e-7 * images[0].max())

@@ -15,7 +15,8 @@ class EngineAnswer:
     coefficients: np.ndarray        # (U, N)
     signals: np.ndarray             # (U, K) relative to white: what the photo says of them
     signal_covariance: np.ndarray   # (U, K, K)
-    rendered: np.ndarray            # (H, W, K) for a light scale of 1
+    # (A, H, W, K) for a light scale of 1: independent renderings, whose mean is the picture
+    renderings: np.ndarray
     loss_history: np.ndarray
     engine: str
     spp: int

@@ -79,5 +79,5 @@ def answer_of_descent(view: View, settings: InversionSettings, fit: GradientFit,
     operator = relative_operator(view.response, view.basis(settings.coefficients))
     tail = fit.tail @ operator.T
     covariance = np.array([np.cov(tail[:, index], rowvar=False) for index in range(tail.shape[1])])
-    return EngineAnswer(fit.coefficients, fit.coefficients @ operator.T, covariance, rendered,
-                        fit.loss_history, engine, settings.spp, fit.outcome)
+    return EngineAnswer(fit.coefficients, fit.coefficients @ operator.T, covariance,
+                        rendered[None], fit.loss_history, engine, settings.spp, fit.outcome)

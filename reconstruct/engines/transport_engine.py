@@ -24,7 +24,7 @@ from spectrabox.reconstruct.scene.scene_file import not_plain_products
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import (
     TracedTransport,
-    image_of_signals,
+    images_of_signals,
     joined,
     trace_transport,
 )
@@ -33,7 +33,7 @@ from spectrabox.reconstruct.view import View, unknown_materials
 
 FIRST_SPP = 64           # paths per pixel by which the noise is judged
 MAX_SPP = 1024           # per pixel: where tracing ends, whatever the photo's noise
-IMAGE_SPP = 512          # of the final rendering
+IMAGE_SPP, IMAGES = 128, 2  # paths per pixel of the final renderings together, and their number
 
 
 def solve_views(views: Sequence[View], settings: InversionSettings, progress: Progress,
@@ -62,7 +62,7 @@ def solve_views(views: Sequence[View], settings: InversionSettings, progress: Pr
     """
     traced = trace_views(views, settings, progress, checkpoint)
     progress(0.7, "fitting spectra")
-    images = {id(view.traced): _image_of_signals(view, settings) for view in traced}
+    images = {id(view.traced): _images_of_signals(view, settings) for view in traced}
     solution = solve_traced(traced, settings,
                             lambda view, fit: images[id(view.traced)](fit.signals))
     progress(1.0, "")
@@ -91,25 +91,25 @@ def trace_views(views: Sequence[View], settings: InversionSettings, progress: Pr
 
 
 def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
-                 image: Callable[[TracedView, ViewFit], np.ndarray]) -> TracedSolution:
+                 render: Callable[[TracedView, ViewFit], np.ndarray]) -> TracedSolution:
     """Spectra that explain the photos of traced views.
 
     Parameters
     ----------
     traced : V of TracedView
     settings : InversionSettings
-    image : function of a traced view and its part of the fit
-        The rendering (H, W, K) of the solution for a light scale of 1.
+    render : function of a traced view and its part of the fit
+        Independent renderings (A, H, W, K) of the solution for a light scale of 1.
     """
     priors = [spectrum_prior(settings, traced[0].view.grid, material.learnt)
               for material in unknown_materials([view.view for view in traced])]
     fit = fit_traced(traced, priors)
-    images = [image(view, part) for view, part in zip(traced, fit.views, strict=True)]
+    images = [render(view, part) for view, part in zip(traced, fit.views, strict=True)]
     informed = [replace(view, nuisances=_informed_by(shown, view, settings))
                 for view, shown in zip(traced, images, strict=True)]
     if [view.nuisances for view in informed] != [view.nuisances for view in traced]:
         traced, fit = informed, fit_traced(informed, priors, fit.coefficients)
-        images = [image(view, part) for view, part in zip(traced, fit.views, strict=True)]
+        images = [render(view, part) for view, part in zip(traced, fit.views, strict=True)]
     return TracedSolution(tuple(traced), fit, _answers(traced, fit, images, settings))
 
 
@@ -226,19 +226,19 @@ def _bounces(view: View, settings: InversionSettings) -> int:
     return 1 if settings.engine == "single-bounce" else view.scene_file.max_depth - 1
 
 
-def _informed_by(image: np.ndarray, traced: TracedView, settings: InversionSettings) -> Nuisances:
-    """What a first rendering adds to the nuisances: the light scale, from known surfaces alone as
-    in every engine, and the errors that the scene shows.
+def _informed_by(images: np.ndarray, traced: TracedView, settings: InversionSettings) -> Nuisances:
+    """What first renderings (A, H, W, K) add to the nuisances: the light scale, from known surfaces
+    alone as in every engine, and the errors that the scene shows.
     """
     view, given = traced.view, traced.nuisances
     known_surface = view.known_surface
     if given.scale is None and (known_surface >= 0).any():
-        given = replace(given, scale=scale_from_surfaces(view.measured, image, known_surface,
-                                                         "").value)
+        given = replace(given, scale=scale_from_surfaces(view.measured, images.mean(axis=0),
+                                                         known_surface, "").value)
     if not settings.errors_from_scene:
         return given
     agreement = surface_agreement(tuple(view.scene_file.surfaces), view.surface_materials,
-                                  view.measured, image * (given.scale or 1.0), view.surface,
+                                  view.measured, images * (given.scale or 1.0), view.surface,
                                   view.used)
     errors = scene_errors(agreement, frozenset(view.known), len(traced.group))
     if errors is None:
@@ -248,12 +248,13 @@ def _informed_by(image: np.ndarray, traced: TracedView, settings: InversionSetti
                    brightness_error=max(given.brightness_error, errors.brightness))
 
 
-def _image_of_signals(traced: TracedView, settings: InversionSettings
-                      ) -> Callable[[np.ndarray], np.ndarray]:
-    """The view's rendering for a light scale of 1 by the signals of its products."""
+def _images_of_signals(traced: TracedView, settings: InversionSettings
+                       ) -> Callable[[np.ndarray], np.ndarray]:
+    """The view's renderings for a light scale of 1 by the signals of its products."""
     view, transport = traced.view, traced.traced
     unit = unit_scene(view, _bounces(view, settings), transport.passes.shape[2] > 1)
-    return image_of_signals(unit, transport.exponents, spp=IMAGE_SPP, seed=settings.seed + 7919)
+    return images_of_signals(unit, transport.exponents, spp=IMAGE_SPP, seed=settings.seed + 7919,
+                             passes=IMAGES)
 
 
 def _answers(traced: Sequence[TracedView], fit: TransportFit, images: Sequence[np.ndarray],

@@ -31,7 +31,7 @@ PILOT_PATHS = 1 << 19        # of all regions together, by which products are ju
 BRIGHTEST = 0.9  # reflectance that no material is taken to exceed when products are judged
 DROPPED = 1e-4  # share of the pilot's signal, at that reflectance, whose products are dropped
 MAX_IMAGE_COEFFICIENTS = 1 << 23  # of all pixels of a picture, 28 bytes each while traced
-PRUNE_ABOVE = 256            # products: below, pruning saves less than its pilot costs
+PRUNE_ABOVE = 512            # products: below, pruning saves less than its pilots cost
 
 
 @dataclass(frozen=True)
@@ -143,30 +143,30 @@ def joined(first: TracedTransport, second: TracedTransport) -> TracedTransport:
     return TracedTransport(first.exponents, passes, spp, first.dropped)
 
 
-def image_of_signals(unit: UnitScene, exponents: np.ndarray, *, spp: int,
-                     seed: int) -> Callable[[np.ndarray], np.ndarray]:
-    """The image of the scene as a function of the signals of its products: that of
-    ``shaded_image``, to round-off.
+def images_of_signals(unit: UnitScene, exponents: np.ndarray, *, spp: int, seed: int,
+                      passes: int) -> Callable[[np.ndarray], np.ndarray]:
+    """The images (A, H, W, K) of the scene as a function of the signals of its products: those of
+    ``shaded_images``, to round-off.
 
     The paths are followed once, however many images are asked for, where the coefficients of all
-    pixels fit into ``MAX_IMAGE_COEFFICIENTS``; otherwise once an image. Parameters as of
-    ``shaded_image``.
+    pixels fit into ``MAX_IMAGE_COEFFICIENTS``; otherwise every time. Parameters as of
+    ``shaded_images``.
     """
     width, height = unit.size
-    if width * height * unit.groups * len(exponents) > MAX_IMAGE_COEFFICIENTS:
-        return partial(shaded_image, unit, exponents, spp=spp, seed=seed)
-    coefficients = _pixel_means(unit, exponents, spp, seed)
+    if passes * width * height * unit.groups * len(exponents) > MAX_IMAGE_COEFFICIENTS:
+        return partial(shaded_images, unit, exponents, spp=spp, seed=seed, passes=passes)
+    coefficients = _pixel_means(unit, exponents, spp, seed, passes)
 
-    def image(signals: np.ndarray) -> np.ndarray:
+    def images(signals: np.ndarray) -> np.ndarray:
         # Not @: BLAS splits its sums by the number of cores.
-        bands = np.einsum("re,ek->rk", coefficients, signals)
-        return bands.reshape(height, width, signals.shape[1])
-    return image
+        bands = np.einsum("are,ek->ark", coefficients, signals)
+        return bands.reshape(passes, height, width, signals.shape[1])
+    return images
 
 
-def shaded_image(unit: UnitScene, exponents: np.ndarray, signals: np.ndarray, *, spp: int,
-                 seed: int) -> np.ndarray:
-    """Image (H, W, K) of the scene once the signals of its products are known.
+def shaded_images(unit: UnitScene, exponents: np.ndarray, signals: np.ndarray, *, spp: int,
+                  seed: int, passes: int = 1) -> np.ndarray:
+    """Independent images (A, H, W, K) of the scene once the signals of its products are known.
 
     Paths are drawn as in ``trace_transport``; every band of every path is exact, so there is no
     noise of colour.
@@ -179,24 +179,28 @@ def shaded_image(unit: UnitScene, exponents: np.ndarray, signals: np.ndarray, *,
     signals : (L E, K) array
         Of the products, light group after light group.
     spp : int
-        Paths per pixel, at the least.
+        Paths per pixel of all images together, at the least.
     seed : int
+    passes : int
+        Images A; their scatter is the Monte Carlo noise.
     """
     width, height = unit.size
-    image = _pixel_means(unit, exponents, spp, seed, signals)
-    return image.reshape(height, width, signals.shape[1])
+    images = _pixel_means(unit, exponents, spp, seed, passes, signals)
+    return images.reshape(passes, height, width, signals.shape[1])
 
 
-def _pixel_means(unit: UnitScene, exponents: np.ndarray, spp: int, seed: int,
+def _pixel_means(unit: UnitScene, exponents: np.ndarray, spp: int, seed: int, passes: int,
                  signals: np.ndarray | None = None) -> np.ndarray:
-    """Mean contribution (H W, L E) of each pixel's paths, or their mean signal (H W, K)."""
+    """Mean contribution (A, H W, L E) of each pixel's paths, or their mean signal (A, H W, K)."""
     width, height = unit.size
     region = np.arange(width * height).reshape(height, width)
     tracer = Tracer(unit, region, exponents)
-    count, paths = _schedule(spp, 1, region.size)
+    count, paths = _schedule(spp, passes, region.size)
     with all_cores():
-        passes = [tracer.trace(paths, seed * 1013 + number, signals) for number in range(count)]
-    return np.mean(passes, axis=0).reshape(region.size, -1).astype(float)
+        traces = np.array([tracer.trace(paths, seed * 1013 + number, signals)
+                           for number in range(count)])
+    means = traces.reshape(count // passes, passes, region.size, -1).mean(axis=0)
+    return np.asarray(means, dtype=float)
 
 
 def require_memory(regions: int, products: int, passes: int, materials: int, bounces: int) -> None:
