@@ -3,9 +3,12 @@ budget.
 """
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.ticker import FuncFormatter
 
 from spectrabox.radiometry.chart import Chart
@@ -18,6 +21,7 @@ from spectrabox.radiometry.records import (
     SpectrumSamples,
 )
 from spectrabox.session.report.svg import (
+    GRID,
     INK,
     QUIET,
     Readout,
@@ -117,7 +121,8 @@ def _draw_uncertainty(axes: Axes, material: MaterialResult, nm: np.ndarray,
     assert summary is not None
     if material.samples is not None:
         draw_nm, draws = drawn_spectra(material.samples)
-        axes.plot(draw_nm, draws.T, color=QUIET, lw=0.5, alpha=0.3)
+        axes.add_collection(LineCollection([np.c_[draw_nm, draw] for draw in draws],
+                                           colors=QUIET, lw=0.5, alpha=0.3))
         axes.plot([], [], color=QUIET, lw=0.7, alpha=0.6, label=f"{len(draws)} draws")
     axes.fill_between(nm, summary.lower, summary.upper, color=MEAN, alpha=0.18, lw=0,
                       label=f"{percent(summary.level)} band")
@@ -256,21 +261,40 @@ def left_out_figure(name: str, patches: LeftOutPatches, chart: Chart) -> Markup:
     chart : Chart
         Its layout.
     """
+    # One pair of axes holds all: every further one takes as long as a figure of its own.
     drawing = figure(9.6, 1.6 * chart.rows)
+    axes = drawing.add_subplot()
     nm, top = patches.grid.nm, 1.05 * max(1.0, float(patches.upper.max()))
-    for number, axes in enumerate(drawing.subplots(
-            chart.rows, chart.columns, sharex=True, sharey=True, squeeze=False).flat):
-        axes.fill_between(nm, patches.lower[number], patches.upper[number], color=MEAN, alpha=0.2,
-                          lw=0)
-        axes.plot(nm, patches.mean[number], color=MEAN, lw=1.3)
-        axes.plot(nm, patches.reference[number], color=TRUTH, lw=1.0, ls=(0, (1, 1.2)))
+    row, column = np.divmod(np.arange(len(chart.names)), chart.columns)
+    place = np.stack([1.08 * (nm[-1] - nm[0]) * column, -1.45 * top * row], axis=1)[:, None]
+
+    def lines(colour: str, width: float, x: Any, y: Any, style: Any = "-") -> None:
+        each = place + np.stack(np.broadcast_arrays(x, y), axis=-1)     # (I, Q, 2)
+        axes.add_collection(LineCollection(list(each), colors=colour, lw=width, ls=style))
+
+    few = chart.columns <= MANY_COLUMNS
+    ticks_nm, values = (450, 550, 650) if few else (550,), (0.0, 0.5, 1.0)
+    for at in ticks_nm:
+        lines(GRID, 0.6, [at, at], [0, top])
+    for value in values:
+        lines(GRID if value else QUIET, 0.6, nm[[0, -1]], [value, value])
+    around = np.stack(np.broadcast_arrays(np.r_[nm, nm[::-1]], np.c_[
+        patches.lower, patches.upper[:, ::-1]]), axis=-1)
+    axes.add_collection(PolyCollection(list(place + around), color=MEAN, alpha=0.2, lw=0))
+    lines(MEAN, 1.3, nm, patches.mean)
+    lines(TRUTH, 1.0, nm, patches.reference, (0, (1, 1.2)))
+    for number, (x, y) in enumerate(place[:, 0] + (nm[0], 1.02 * top)):
         kept = ", kept out" if patches.kept_out[number] else ""
-        axes.set_title(f"{number + 1} {plain_line(chart.names[number], LETTERS // chart.columns)}"
-                       f"{kept}\n"
-                       f"{patches.rmse[number]:.3f}, {percent(patches.inside[number])} inside",
-                       fontsize=7 if chart.columns <= MANY_COLUMNS else 4)
-        axes.set(xlim=(float(nm[0]), float(nm[-1])), ylim=(0, top), xticks=(450, 550, 650))
-        axes.grid()
+        axes.text(x, y, f"{number + 1} {plain_line(chart.names[number], LETTERS // chart.columns)}"
+                  f"{kept}\n{patches.rmse[number]:.3f}, {percent(patches.inside[number])} inside",
+                  fontsize=7 if few else 4, va="bottom")
+    axes.set(xlim=(nm[0], place[-1, 0, 0] + nm[-1]), ylim=(place[-1, 0, 1], 1.4 * top))
+    axes.set_xticks([x + at for x in place[:chart.columns, 0, 0] for at in ticks_nm],
+                    [f"{at}" for at in ticks_nm] * chart.columns)
+    axes.set_yticks([y + value for y in place[::chart.columns, 0, 1] for value in values],
+                    [f"{value:g}" for value in values] * chart.rows)
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
     return inline_svg(drawing, name, "Patches left out", "Reflectance of each patch by a "
                       "calibration without it, its band, and the chart's reference.")
 
