@@ -8,7 +8,7 @@ those that import it, then those that import what imports it, as many as the bud
 time holds, cheap ones before dear ones. What the tests of a budget do not notice may be noticed by
 the rest of the suite: the share printed is a lower bound. Mistakes come in an order drawn once, so
 that a part of them is a fair sample. A later call goes on where the last one ended, and tries those
-that survived again if the budget is larger now or ``--again`` is given.
+that survived again if the budget is larger now, or ``--again`` is given.
 """
 from __future__ import annotations
 
@@ -92,9 +92,13 @@ def chosen(file: str, costs: Costs, budget_s: float) -> tuple[list[str], float]:
     return tests, total
 
 
-def tried(mistake: Mistake, tree: Path, costs: Costs, budget_s: float, log: Path) -> dict[str, Any]:
-    """What came of one mistake."""
-    tests, cost = chosen(mistake.file, costs, budget_s)
+def tried(mistake: Mistake, tree: Path, costs: Costs, budget_s: float, log: Path,
+          tests: list[str] | None = None) -> dict[str, Any]:
+    """What came of one mistake; ``tests`` take the place of the nearest."""
+    if tests is None:
+        tests, cost = chosen(mistake.file, costs, budget_s)
+    else:
+        cost = sum(costs.of(test) or 0.0 for test in tests)
     with planted(tree, mistake):
         run = run_tests(tree, tests, 3 * cost + 30, log)
     return {"mistake": mistake.name, "file": mistake.file, "what": mistake.what,
@@ -123,6 +127,8 @@ def main() -> None:
     parser.add_argument("--budget", type=float, default=60.0, help="processor seconds of tests")
     parser.add_argument("--most", type=int, default=None, help="of mistakes tried by this call")
     parser.add_argument("--again", action="store_true", help="try what survived again")
+    parser.add_argument("--tests", nargs="+", default=None, metavar="FILE",
+                        help="these test files in place of the nearest")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "planted")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
@@ -131,14 +137,16 @@ def main() -> None:
         json.loads(path.read_text(encoding="utf-8")) if path.exists() else {})
     mistakes = [each for each in all_mistakes() if given.only in f"{each.file} {each.what}"]
     waiting = [each for each in mistakes if _still_to_try(
-        results.get(each.name), given.budget, given.again)][:given.most]
+        results.get(each.name), given.budget,
+        given.again or given.tests is not None)][:given.most]
     if waiting:
         import_libraries()
         with tempfile.TemporaryDirectory() as folder:
             tree = copied_tree(Path(folder) / "tree")
             costs = Costs(tree, given.out)
             for number, mistake in enumerate(waiting, 1):
-                found = tried(mistake, tree, costs, given.budget, given.out / "tests.log")
+                found = tried(mistake, tree, costs, given.budget,
+                              given.out / "tests.log", given.tests)
                 results[mistake.name] = found
                 path.write_text(json.dumps(results, indent=1), encoding="utf-8")
                 print(f"{number}/{len(waiting)} {'noticed' if found['noticed'] else 'SURVIVES'} "

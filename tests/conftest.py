@@ -32,6 +32,15 @@ def _finished(_captured, tmp_path_factory):
 
 
 @pytest.fixture
+def light_as_stated(monkeypatch):
+    """Calibrations that look for no other lamp which would explain the chart better: two thirds of
+    their time, for tests of something else.
+    """
+    from spectrabox.calibrate import calibration
+    monkeypatch.setattr(calibration, "_light_doubts", lambda *_: ((), ()))
+
+
+@pytest.fixture
 def captured(_captured, tmp_path):
     """A session with photos, spectra and scenes that nobody has run."""
     return shutil.copytree(_captured, tmp_path / "captured" / "box")

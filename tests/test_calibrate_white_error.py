@@ -26,6 +26,7 @@ def white_errors(method, relative_noise, camera, curves, known):
                      @ (POWER * GRID.weights_nm)) - 1, made.scale.standard_error / made.scale.value
 
 
+@pytest.mark.usefixtures("light_as_stated")
 @pytest.mark.parametrize("method", ["prior", "smooth"])
 def test_white_is_known_as_well_as_stated(method):
     # Thirty makers: with one, the prior would widen every error for knowing so few.

@@ -54,6 +54,7 @@ def test_patches_are_sampled_where_they_are_printed(shot):
     assert verdict.verdict == "good" and verdict.reasons == () and verdict.blur < 0.1
 
 
+@pytest.mark.usefixtures("light_as_stated")
 def test_a_camera_fitted_to_any_chart_predicts_other_paints(shot):
     chart, truth, photo, corners_px, reference = shot
     samples = sample_patches(photo, find_chart(photo, reference, corners_px, chart))

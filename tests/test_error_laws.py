@@ -194,3 +194,18 @@ def test_a_standard_error_has_the_unit_of_its_spectrum(tmp_path, role, unit, fac
     np.testing.assert_allclose(other.values, one.values, rtol=1e-12)
     np.testing.assert_allclose(other.standard_error, one.standard_error, rtol=1e-12)
     np.testing.assert_allclose(one.standard_error / one.values, 0.02, rtol=1e-12)
+
+
+# mu as of Latin-1 and as of Greek
+@pytest.mark.parametrize("power, area, factor", [
+    ("W", "m-2", 1.0), ("mW", "m-2", 1e-3), ("uW", "cm-2", 1e-6 / 1e-4),
+    ("\u00b5W", "cm-2", 1e-6 / 1e-4), ("\u03bcW", "cm-2", 1e-6 / 1e-4)])
+@pytest.mark.parametrize("solid_angle", [True, False])
+def test_a_unit_of_light_is_watts_over_square_metres(tmp_path, power, area, factor, solid_angle):
+    unit = f"{power} {area} {'sr-1 ' if solid_angle else ''}nm-1"
+    role = Quantity.RADIANCE if solid_angle else Quantity.IRRADIANCE
+    (tmp_path / "light.csv").write_text(
+        f"# quantity: {role.name.lower()}\n# unit: {unit}\nwavelength_nm,value\n400,2\n500,3\n"
+        "600,4\n", encoding="utf-8")
+    found = read_spectrum(tmp_path / "light.csv", role=role)
+    np.testing.assert_allclose(found.values, np.array([2, 3, 4]) * factor, rtol=1e-12)

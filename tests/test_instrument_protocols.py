@@ -2,6 +2,7 @@
 the result alike, so that no second reading covers up for the first.
 """
 import dataclasses
+from types import SimpleNamespace
 
 import pytest
 
@@ -221,3 +222,29 @@ def test_a_quantity_that_is_neither_radiance_nor_irradiance_is_refused(name, com
         return start + unit + said[len(start) + 1:]
     with pytest.raises(LineFaultError):
         measured(CLEAN[name], {command: other})
+
+
+@pytest.mark.parametrize("averages", [1, 4])
+@pytest.mark.parametrize("name, longest_s", [
+    ("cr250", 75.0),                # slow speed
+    ("pr655", 3 * 30.0),            # a trial for the exposure, the light, the dark
+    ("specbos1211", 2 * 60.0), ("specbos2501", 2 * 60.0)])      # the light, the dark
+def test_the_slowest_measurement_of_the_manual_is_waited_for(monkeypatch, name, longest_s,
+                                                             averages):
+    limits = []
+
+    def measured_within(*arguments):
+        limits.append(arguments[-1])
+        raise RefusedError("not sent")
+    monkeypatch.setattr(jeti, "set_to", lambda *_: None)
+    monkeypatch.setattr(jeti, "measure", measured_within)
+    monkeypatch.setattr(DRIVERS[name], "_set", lambda *_: None, raising=False)
+    monkeypatch.setattr(DRIVERS[name], "_ask", lambda *_: ",".join(["metric"] * 9 + ["1"]),
+                        raising=False)
+    monkeypatch.setattr(DRIVERS[name], "measuring", measured_within)
+    instrument = DRIVERS[name](SimpleNamespace(pace=SimpleNamespace(sleep=lambda *_: None),
+                                               name="port"))
+    instrument.settings(MeterSettings(averages=averages))
+    with pytest.raises(RefusedError):
+        instrument.measure()
+    assert limits[0] >= averages * longest_s

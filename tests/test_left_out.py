@@ -56,6 +56,7 @@ def test_every_calibration_predicts_each_patch_from_the_others(method):
     assert facts["patches"][4]["name"] == "blue flower"
 
 
+@pytest.mark.usefixtures("light_as_stated")
 @pytest.mark.parametrize("stated", [UnknownLight(kind="led"), spectrum("LED-B3")])
 def test_a_patch_kept_out_changes_nothing_but_itself(stated):
     kept_out = np.arange(24) == 4

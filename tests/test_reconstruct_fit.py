@@ -214,6 +214,19 @@ def test_the_smoothness_prior_lets_straight_lines_pass(count):
     assert np.linalg.eigvalsh(smoothness_precision(count, 0.0)).min() == pytest.approx(1.0)
 
 
+def test_smoothness_is_that_of_the_curve_however_many_coefficients_draw_it():
+    nm = np.linspace(400, 700, 301)
+    curve = 0.2 + 0.5 * np.exp(-0.5 * ((nm - 550) / 45) ** 2)
+    roughness = []
+    for count in (16, 24, 40, 80):
+        coefficients = np.linalg.lstsq(basis_matrix(nm, count), curve, rcond=None)[0]
+        precision = smoothness_precision(count, 1.0) - smoothness_precision(count, 0.0)
+        roughness.append(coefficients @ precision @ coefficients)
+    # An integral of the squared second derivative by sums of differences: on 13 intervals of 23 nm
+    # a bump of that width loses some of its bend.
+    np.testing.assert_allclose(roughness / roughness[-1], 1, atol=0.2)
+
+
 def test_a_pixel_far_off_pulls_no_harder_than_one_at_three_sigma():
     residual = np.array([[0.5, 0.1, 0.0], [6.0, 1.0, 0.0]])
     np.testing.assert_allclose(huber_weight(residual, np.ones((2, 3)))[:, 0], [1.0, 0.5])

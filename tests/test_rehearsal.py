@@ -17,7 +17,7 @@ from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
 from spectrabox.session.stages.stored_records import joint_of
 from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal, too_narrow
 
-TIMES = 20
+TIMES, FEW = 20, 6
 
 
 def quiet(*_):
@@ -77,7 +77,8 @@ def test_a_rehearsal_hears_an_error_that_the_session_does_not_state(finished, ho
     def under_another_light(*given):
         return response(*given) * np.array([1.3, 1.0, 0.75])[:, None]
     monkeypatch.setattr(rehearsal, "_response", under_another_light)    # of truths alone
-    mistaken = rehearse(read_session(finished), TIMES, 4, "cpu", quiet)
+    monkeypatch.setattr(rehearsal, "MIN_TIMES", FEW)
+    mistaken = rehearse(read_session(finished), FEW, 4, "cpu", quiet)
     held = [np.mean([each.coverage for each in some]) for some in (honest, mistaken)]
     # bands of about 0.15 in reflectance hold few bright truths that are off by a quarter
     assert held[1] < held[0] - 0.1

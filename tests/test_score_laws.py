@@ -7,7 +7,12 @@ import pytest
 
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Outcome, SpectrumSamples, SurfaceAgreement
-from spectrabox.session.report.verdict import median_surface_error, worst_entry
+from spectrabox.sampling.judge.scores import coverage_error
+from spectrabox.session.report.verdict import (
+    median_surface_error,
+    root_mean_square,
+    worst_entry,
+)
 from spectrabox.session.scores import score
 
 
@@ -31,3 +36,23 @@ def test_a_surface_is_judged_by_its_worst_band():
                             np.zeros((3, 3)))
     assert median_surface_error(seen) == pytest.approx(0.1)
     assert worst_entry(seen) == (0, 2)
+
+
+@pytest.mark.parametrize("wavelengths", [1, 61])
+def test_a_coverage_is_known_as_well_as_its_curves_are_many(wavelengths):
+    """Curves that lie inside or outside as a whole: a binomial number of them, not of values."""
+    rng = np.random.default_rng(41)
+    errors, found = [], []
+    for _ in range(400):
+        inside = np.repeat(rng.uniform(size=(50, 1)) < 0.8, wavelengths, axis=1)
+        errors.append(coverage_error(inside))
+        found.append(inside.mean())
+    # 400 numbers know a deviation to 3.5 %
+    assert np.mean(errors) == pytest.approx(np.std(found, ddof=1), rel=0.14)
+    assert np.mean(errors) == pytest.approx(np.sqrt(0.16 / 50), rel=0.03)
+
+
+def test_a_residual_is_the_root_of_the_mean_square_of_what_was_measured():
+    assert root_mean_square(np.array([[3.0, -4.0], [np.nan, 0.0]])) == pytest.approx(
+        np.sqrt(25 / 3))
+    assert root_mean_square(np.array([np.nan])) is None and root_mean_square(None) is None

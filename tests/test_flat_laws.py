@@ -1,0 +1,150 @@
+"""White over a photo of flat samples: its errors against draws of everything that is unknown.
+
+Statistical tests have a significance of 1e-4 each (3.9 sigma), at fixed seeds.
+"""
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from spectrabox.calibrate.light_field import LightElsewhere
+from spectrabox.radiometry.light_drift import LightDrift
+from spectrabox.radiometry.light_scale import DRIFT, REPEATABILITY, ROUNDED_EXPOSURES
+from spectrabox.radiometry.records import LinearImage, PhotoKind, RegionSamples
+from spectrabox.session.flat import white_at_regions as module
+from spectrabox.session.flat.errors_of_pixels import PixelErrors, White
+from spectrabox.session.flat.white_at_regions import KNOWN_ERROR, white_at_regions, with_known
+
+SIGMAS, DRAWS = 3.9, 40_000
+LEVEL, GLARE = np.array([0.6, 0.8, 0.5]), np.array([0.004, 0.006, 0.003])
+SURFACES = np.array([[0.3, 0.5, 0.2], [0.9, 0.88, 0.86]])
+FIELD = np.array([-0.1, 0.05])
+REPEATS, DRIFT_ERROR = 0.015, 0.004
+
+
+def photo(signal, exposure_s, name):
+    """A photo of one signal, at an exposure that is on no camera's dial."""
+    signal = np.broadcast_to(np.float32(signal), (4, 5, 3))
+    return LinearImage(signal, np.full(signal.shape, 1e-6, np.float32),
+                       np.zeros(signal.shape, bool), 1.0, exposure_s, 100.0, 8.0, PhotoKind.RAW,
+                       "camera", name, "")
+
+
+CHART, OBJECT = photo(0.2, 0.0100, "chart.dng"), photo(0.05, 0.0213, "box.dng")
+EXPOSURE = 2.13
+
+
+def unknowns():
+    """Covariance (8, 8) of log level, glare and field, all of them correlated."""
+    mixed = np.random.default_rng(61).standard_normal((8, 30)) / np.sqrt(30)
+    size = np.r_[np.full(3, 0.01), 0.1 * GLARE, np.full(2, 0.02)]
+    return size[:, None] * (mixed @ mixed.T) * size
+
+
+def samples():
+    mean = EXPOSURE * LEVEL * np.exp(FIELD)[:, None] * SURFACES + GLARE / 4
+    noise = np.array([np.diag((0.001 * one) ** 2) for one in mean])
+    return RegionSamples(("cloth", "card"), mean, noise, np.full(2, 100), np.zeros((2, 3)),
+                         np.zeros((2, 25, 2)))
+
+
+@pytest.fixture
+def seen(monkeypatch):
+    """White at the regions of a photo; ``drift`` of the light is measured or not."""
+    chart = SimpleNamespace(name="", chart_files=("chart.dng",), photo_files=("box.dng",))
+    elsewhere = LightElsewhere(LEVEL, GLARE, FIELD, unknowns(), np.ones(1))
+    monkeypatch.setattr(module, "chart_of", lambda *_: (None, None, CHART))
+    monkeypatch.setattr(module, "photo_of", lambda *_: OBJECT)
+    monkeypatch.setattr(module, "_light_at", lambda *_: elsewhere)
+    task = SimpleNamespace(
+        config=SimpleNamespace(repeatability=SimpleNamespace(relative_error=REPEATS)),
+        stored={"photo": SimpleNamespace(record=lambda *_: samples())})
+    chart.record = lambda kind: kind
+    return lambda drift=None: white_at_regions(task, chart, chart, drift)
+
+
+def drift():
+    return LightDrift(np.full(3, 0.9), np.full(3, 0.9 * DRIFT_ERROR), 0.9, 0.9 * DRIFT_ERROR,
+                      np.zeros(3), False, "dimmer")
+
+
+def signals_of(white, correction):
+    """Signals (T, R, K) where the unknowns are off by (T, Z), by the formula of the photo."""
+    level, glare, field, causes = np.split(correction, [3, 6, 8], axis=1)
+    brightness = np.exp(level[:, None] + field[..., None] + causes.sum(axis=1)[:, None, None])
+    lit = white.exposure * LEVEL * np.exp(FIELD)[:, None] * brightness
+    return (white.samples.mean - white.glare - glare[:, None]) / lit
+
+
+@pytest.mark.parametrize("measured", [False, True], ids=["repeats as stated", "drift measured"])
+def test_signals_and_their_errors_are_those_of_draws_of_all_that_is_unknown(seen, measured):
+    white = seen(drift() if measured else None)
+    # glare goes with the light in the whole picture: a quarter of that in the chart photo
+    np.testing.assert_allclose(white.glare, GLARE / 4, rtol=1e-6)   # pixels of float32
+    assert white.exposure == pytest.approx(EXPOSURE * (0.9 if measured else 1))
+    np.testing.assert_allclose(white.signal, SURFACES / (0.9 if measured else 1), rtol=1e-6)
+    causes = {DRIFT: DRIFT_ERROR} if measured else {REPEATABILITY: REPEATS, ROUNDED_EXPOSURES: 0.0}
+    assert white.causes == tuple(causes)
+    rng = np.random.default_rng(62)
+    draws = np.hstack([rng.multivariate_normal(np.zeros(8), unknowns(), DRAWS),
+                       rng.standard_normal((DRAWS, len(causes))) * list(causes.values())])
+    found = signals_of(white, draws)
+    for region in (0, 1):
+        total = np.sum(list(white.errors(region).values()), axis=0)
+        size = np.sqrt(np.diag(total))
+        # 40 000 draws know a variance to 0.7 %; 2 % of curvature
+        np.testing.assert_allclose(np.cov(found[:, region], rowvar=False) / np.outer(size, size),
+                                   total / np.outer(size, size), atol=0.04)
+        both = np.outer(white.signal[region], white.signal[region])
+        for cause, relative in causes.items():
+            np.testing.assert_allclose(white.errors(region)[cause], relative**2 * both,
+                                       rtol=0.02, atol=1e-12)
+
+
+def test_a_card_of_known_spectrum_tells_of_white_what_conditioning_on_it_tells(seen):
+    """Draws of the unknowns, their regression on what the card would read: the exact answer of a
+    Gaussian, to second order.
+    """
+    white, target = seen(), 1.012 * SURFACES[1]
+    model = np.diag((0.003 * target) ** 2)
+    found = with_known(white, {"card": target}, {"card": model})
+    rng = np.random.default_rng(63)
+    draws = np.hstack([rng.multivariate_normal(np.zeros(8), unknowns(), DRAWS),
+                       REPEATS * rng.standard_normal((DRAWS, 1)), np.zeros((DRAWS, 1))])
+    noise = white.noise(1) + model + KNOWN_ERROR**2 * np.outer(target, target)
+    read = signals_of(white, draws)
+    off = read[:, 1] + rng.multivariate_normal(np.zeros(3), noise, DRAWS)
+    centred = off - off.mean(axis=0)
+    slope = np.linalg.lstsq(centred, draws - draws.mean(axis=0), rcond=None)[0]
+    mean = (target - SURFACES[1]) @ slope
+    rest = draws - draws.mean(axis=0) - centred @ slope
+    size = np.sqrt(np.diag(white.covariance)) + 1e-12
+    # 1.2 % off is about a standard error; the regression knows its slopes to 0.5 % of that
+    np.testing.assert_allclose(found.mean / size, mean / size, atol=0.04)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)) / size,
+                               rest.std(axis=0) / size, atol=0.03)
+    assert np.sqrt(found.covariance[8, 8]) < 0.9 * REPEATS
+
+
+@pytest.mark.parametrize("model", [0.0, 0.02])
+def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
+    rng = np.random.default_rng(64)
+    covariance = unknowns()[:6, :6]
+    white = White(LEVEL[None], covariance[None, :3, :3], covariance[None, :3, 3:])
+    veil, noise = np.array([0.002, 0.001, 0.003]), np.array([[1e-5, 2e-5, 3e-5]])
+    shared = 0.01**2 * np.eye(3)
+    errors = PixelErrors(np.zeros(1), np.zeros(1), white, GLARE, covariance[3:, 3:], veil, shared,
+                         model**2 * np.eye(3), None, None, None)
+    signal = np.array([[0.15, 0.4, 0.25]])
+    draws = rng.multivariate_normal(np.zeros(6), covariance, DRAWS)
+    photo_signal = signal * LEVEL + GLARE
+    read = (photo_signal + np.sqrt(noise) * rng.standard_normal((DRAWS, 3))
+            + rng.standard_normal((DRAWS, 1)) * veil - GLARE - draws[:, 3:]) \
+        / (LEVEL * np.exp(draws[:, :3]))
+    read = read * (1 + 0.01 * rng.standard_normal((DRAWS, 3))) \
+        * (1 + model * rng.standard_normal((DRAWS, 3)))
+    found = errors.at_white(signal, white, noise)[0]
+    size = np.sqrt(np.diag(found))
+    # as above
+    np.testing.assert_allclose(np.cov(read, rowvar=False) / np.outer(size, size),
+                               found / np.outer(size, size), atol=0.04)
