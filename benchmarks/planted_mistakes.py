@@ -145,8 +145,12 @@ def main() -> None:
             tree = copied_tree(Path(folder) / "tree")
             costs = Costs(tree, given.out)
             for number, mistake in enumerate(waiting, 1):
-                found = tried(mistake, tree, costs, given.budget,
-                              given.out / "tests.log", given.tests)
+                try:
+                    found = tried(mistake, tree, costs, given.budget, given.out / "tests.log",
+                                  given.tests)
+                except ValueError as error:
+                    print(f"{number}/{len(waiting)} refused: {error}", flush=True)
+                    continue
                 results[mistake.name] = found
                 path.write_text(json.dumps(results, indent=1), encoding="utf-8")
                 print(f"{number}/{len(waiting)} {'noticed' if found['noticed'] else 'SURVIVES'} "

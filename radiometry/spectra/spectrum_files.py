@@ -41,8 +41,8 @@ HOLE_STEPS, MAX_STEP_NM = 3.0, 20.0
 MAX_FILE_BYTES = 1_000_000_000
 MAX_NAMED = 24              # columns in one error sentence: as many as a chart has patches
 SI_FACTORS = {"uw cm-2 sr-1 nm-1": 0.01, "µw cm-2 sr-1 nm-1": 0.01, "μw cm-2 sr-1 nm-1": 0.01,
-              "uw cm-2 nm-1": 0.01, "µw cm-2 nm-1": 0.01, "μw cm-2 nm-1": 0.01, "mw m-2 nm-1": 1e-3, "mw m-2 sr-1 nm-1": 1e-3, "percent": 0.01,
-              "%": 0.01}
+              "uw cm-2 nm-1": 0.01, "µw cm-2 nm-1": 0.01, "μw cm-2 nm-1": 0.01,
+              "mw m-2 nm-1": 1e-3, "mw m-2 sr-1 nm-1": 1e-3, "percent": 0.01, "%": 0.01}
 READERS: dict[str, Callable[[bytes, Path], SpectralTable]] = {
     "ASD": read_asd, "CGATS": read_cgats, "CxF": read_cxf, "TM-27": read_tm27, "ENVI": read_envi,
     "SVC": read_svc, "Spectral Evolution": read_sed, "rawtoaces": read_rawtoaces,
