@@ -21,6 +21,7 @@ from spectrabox.session.command_line import (
 from spectrabox.session.commands import (
     camera,
     capture,
+    draws,
     flat,
     geometry,
     match,
@@ -35,7 +36,7 @@ from spectrabox.session.commands import (
 app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
                   pretty_exceptions_enable=False, rich_markup_mode=None,
                   context_settings={"help_option_names": ["-h", "--help"]})
-for subject in (session, flat, rehearse, capture, geometry, camera, sampling, match, meter,
+for subject in (session, flat, rehearse, draws, capture, geometry, camera, sampling, match, meter,
                 spectrum):
     subject.register(app)
 

@@ -7,7 +7,8 @@ from spectrabox.radiometry.files import sha256_of
 
 from tests.test_command_line import call, edit
 
-FILES = ("report.html", "spectra.csv", "materials.xml", "comparison.exr", "comparison.png")
+FILES = ("report.html", "spectra.csv", "spectra.csv-metadata.json", "materials.xml",
+         "comparison.exr", "comparison.png")
 
 
 @pytest.fixture

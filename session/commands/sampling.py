@@ -278,6 +278,12 @@ def judge(cube: Cube, truth: Truths = None, column: TruthColumn = None, regions:
         from spectrabox.radiometry.errors import InputError
         from spectrabox.radiometry.files import write_text_whole
         from spectrabox.radiometry.grid import visible_grid
+        from spectrabox.radiometry.records import Quantity
+        from spectrabox.radiometry.spectra.formats.csvw import (
+            metadata_beside,
+            metadata_text,
+            plain_text,
+        )
         from spectrabox.radiometry.spectra.named_spectra import sensitivities
         from spectrabox.radiometry.spectra.spectrum_files import read_table
         from spectrabox.sampling.judge.cube_regions import point_region, read_regions
@@ -299,9 +305,11 @@ def judge(cube: Cube, truth: Truths = None, column: TruthColumn = None, regions:
                                tuple(delta_light or DELTA_LIGHTS), samples, seed, coefficients,
                                baseline, prior, tuple(family or ()), seen, white, noise)
         truths = None if truth is None else read_table(truth)
-        facts, text, table = judge_answer(picture, chosen, truths, request)
+        facts, text, columns = judge_answer(picture, chosen, truths, request)
         if out is not None:
-            write_text_whole(out, table)
+            write_text_whole(out, plain_text(picture.nm, columns))
+            write_text_whole(metadata_beside(out), metadata_text(
+                out.name, columns, quantity=Quantity.REFLECTANCE, source=f"regions of {cube.name}"))
             facts["file"] = str(out)
         answer(as_json, facts, text)
 

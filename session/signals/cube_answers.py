@@ -19,7 +19,6 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     column_index,
     on_grid,
     spectrum_of,
-    table_text,
 )
 from spectrabox.sampling.judge.cube_regions import Region, RegionSpectra, region_spectra
 from spectrabox.sampling.judge.cubes import Cube
@@ -56,8 +55,9 @@ class JudgeRequest:
 
 
 def judge_answer(cube: Cube, regions: list[Region], truths: SpectralTable | None,
-                 request: JudgeRequest) -> tuple[dict[str, Any], str, str]:
-    """JSON object, text and a CSV of the regions' spectra.
+                 request: JudgeRequest
+                 ) -> tuple[dict[str, Any], str, dict[str, np.ndarray]]:
+    """JSON object, text and the regions' spectra by their titles.
 
     With truths, our methods are judged beside the picture: on the signals of the regions where
     these are given, else on those that the truths give the stated camera under the stated light,
@@ -84,7 +84,7 @@ def judge_answer(cube: Cube, regions: list[Region], truths: SpectralTable | None
              "lights": list(request.lights),
              "means": {row["method"]: _measures(row) for row in overall}}
     shown = rows + (overall if len(regions_read) > 1 else [])
-    return facts, _text(cube, regions_read, shown, request), spectra_csv(cube, regions_read)
+    return facts, _text(cube, regions_read, shown, request), spectra_columns(regions_read)
 
 
 def judge_regions(cube: Cube, regions: list[RegionSpectra], truths: SpectralTable,
@@ -187,14 +187,13 @@ def held(nm: np.ndarray, values: np.ndarray, wanted_nm: np.ndarray) -> np.ndarra
     return np.interp(wanted_nm, nm, values)
 
 
-def spectra_csv(cube: Cube, regions: list[RegionSpectra]) -> str:
-    """Mean and standard deviation of every region as a table of spectra."""
+def spectra_columns(regions: list[RegionSpectra]) -> dict[str, np.ndarray]:
+    """Mean and standard deviation (P,) of every region, by the titles they get."""
     columns: dict[str, np.ndarray] = {}
     for region in regions:
         name = region.region.name
         columns |= {name: region.mean, f"{name} standard deviation": region.standard_deviation}
-    return table_text(cube.nm, columns, quantity=Quantity.REFLECTANCE,
-                      source=f"regions of {cube.file}")
+    return columns
 
 
 def _measures(row: dict[str, Any]) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import FileState, file_state
+from spectrabox.radiometry.spectra.formats.csvw import metadata_beside
 from spectrabox.radiometry.spectra.formats.envi import envi_partner
 from spectrabox.session.config.session_schema import SessionConfig
 
@@ -23,7 +24,8 @@ class InputFiles:
         self._states: dict[str, FileState] = {}
 
     def digests(self, *names: str | None) -> dict[str, str]:
-        """SHA-256 of files by name, and of the other half of a spectral library of two files.
+        """SHA-256 of files by name, and of what lies beside them: the other half
+        of a spectral library, the metadata of a table.
 
         Parameters
         ----------
@@ -64,8 +66,10 @@ class InputFiles:
         for name in names:
             if name is not None:
                 yield name
-                if (partner := envi_partner(self._path(name))) is not None:
-                    yield str(Path(name).with_name(partner.name))
+                path = self._path(name)
+                for partner in (envi_partner(path), metadata_beside(path)):
+                    if partner is not None and partner.is_file():
+                        yield str(Path(name).with_name(partner.name))
 
     def _path(self, name: str) -> Path:
         return self._config.path(name)

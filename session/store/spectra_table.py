@@ -7,20 +7,28 @@ import numpy as np
 
 from spectrabox.radiometry.outside.names import file_stem
 from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.formats.csvw import (
+    metadata_beside,
+    metadata_text,
+    plain_text,
+)
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
-from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.store.results import CommonResults, MaterialResult
 
 
 def spectra_files(results: CommonResults, grid_nm: np.ndarray) -> dict[Path, str]:
-    """Texts of spectra.csv and of each surface's spdx/NAME.spdx, by path.
+    """Texts of spectra.csv, of its metadata, and of each surface's spdx/NAME.spdx, by path.
 
     Parameters
     ----------
     grid_nm : (P,) array
         Of the spectra.
     """
-    files = {results.folder / "spectra.csv": spectra_text(results, grid_nm)}
+    columns = spectra_columns(results)
+    table = results.folder / "spectra.csv"
+    stated = metadata_text(table.name, columns, quantity=Quantity.REFLECTANCE,
+                           source=f"spectrabox, {results.name}")
+    files = {table: plain_text(grid_nm, columns), metadata_beside(table): stated}
     return files | {results.folder / "spdx" / f"{file_stem(material.name)}.spdx": spdx_text(
         grid_nm, {material.name: best_spectrum(material)}, quantity=Quantity.REFLECTANCE,
         source=f"{material.name}, {results.name}") for material in results.materials}
@@ -34,14 +42,8 @@ def best_spectrum(material: MaterialResult) -> np.ndarray:
     return material.spectrum
 
 
-def spectra_text(results: CommonResults, grid_nm: np.ndarray) -> str:
-    """All recovered spectra as canonical CSV, every 1 nm.
-
-    Parameters
-    ----------
-    grid_nm : (P,) array
-        Of the spectra.
-    """
+def spectra_columns(results: CommonResults) -> dict[str, np.ndarray]:
+    """Mean, deviation, band and bounds (P,) of all recovered spectra, by the titles they get."""
     columns: dict[str, np.ndarray] = {}
     for material in results.materials:
         if material.spectrum is not None:
@@ -53,5 +55,4 @@ def spectra_text(results: CommonResults, grid_nm: np.ndarray) -> str:
                         f"{material.name} upper {material.summary.level:g}": material.summary.upper,
                         f"{material.name} bound lower": material.summary.bound_lower,
                         f"{material.name} bound upper": material.summary.bound_upper}
-    return table_text(grid_nm, columns, quantity=Quantity.REFLECTANCE,
-                      source=f"spectrabox, {results.name}".replace("\n", " "))
+    return columns

@@ -6,6 +6,8 @@ The canonical file states what it holds, in comment lines before the header row:
     # unit: 1
     # source: ASD FieldSpec 4, sphere, 2026-01-02
     wavelength_nm,value,standard_error
+
+or, of a table for other programs, in a file beside it (csvw.py).
 """
 from __future__ import annotations
 
@@ -17,6 +19,7 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.outside.words import cell, from_cell, plain
 from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.formats.csvw import facts_beside
 from spectrabox.radiometry.spectra.formats.table import SpectralTable, number, text_of
 
 MAX_COLUMNS = 20_000        # spectra in one file
@@ -38,6 +41,7 @@ def read_delimited(content: bytes, path: Path, wavelength_column: int = 1) -> Sp
     InputError
     """
     facts, rows = _split_rows(text_of(content, path.name), path.name)
+    facts = facts or facts_beside(path)
     header, numbers = _header_and_numbers(rows, wavelength_column - 1, path.name)
     nm = np.array([row[wavelength_column - 1] for row in numbers])
     others = [index for index in range(len(header)) if index != wavelength_column - 1]
