@@ -26,6 +26,7 @@ from spectrabox.session.commands import (
     geometry,
     match,
     meter,
+    page,
     rehearse,
     sampling,
     session,
@@ -37,7 +38,7 @@ app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
                   pretty_exceptions_enable=False, rich_markup_mode=None,
                   context_settings={"help_option_names": ["-h", "--help"]})
 for subject in (session, flat, rehearse, draws, capture, geometry, camera, sampling, match, meter,
-                spectrum):
+                page, spectrum):
     subject.register(app)
 
 
@@ -63,7 +64,8 @@ def with_only(name: str) -> typer.Typer:
     """
     chosen = copy.copy(app)
     chosen.registered_commands = [each for each in app.registered_commands
-                                  if each.callback is not None and each.callback.__name__ == name]
+                                  if each.callback is not None
+                                  and (each.name or each.callback.__name__) == name]
     chosen.registered_groups = [each for each in app.registered_groups if each.typer_instance
                                 and name in (each.name, each.typer_instance.info.name)]
     return chosen if chosen.registered_commands or chosen.registered_groups else app

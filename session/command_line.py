@@ -30,7 +30,7 @@ ChartLayout = Annotated[str, typer.Option("--chart-layout", metavar="NAME|FILE",
 Outside = Annotated[bool, typer.Option("--allow-outside",
                                        help="Let the session name files outside its folder.")]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda: where Mitsuba renders.")]
-SUBJECTS = {"A session": ("flat", "new", "check", "run", "status", "report", "relight",
+SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
                           "rehearse", "draws"),
             "Photos and cameras": ("develop", "chart", "camera", "geometry"),
             "Instruments and spectral files": ("meter", "spectrum"),

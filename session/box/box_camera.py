@@ -16,8 +16,6 @@ from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
 if TYPE_CHECKING:
     from spectrabox.calibrate.geometry.lens import Lens, Pose
 
-BOX_SCENE_NAME, CHART_SCENE_NAME = "scene.xml", "chart-scene.xml"
-
 
 @dataclass(frozen=True)
 class FoundCamera:

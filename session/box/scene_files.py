@@ -7,13 +7,9 @@ import numpy as np
 
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.reconstruct.scene.box_scene import box_edges, chart_xml
-from spectrabox.session.box.box_camera import (
-    BOX_SCENE_NAME,
-    CHART_SCENE_NAME,
-    box_text,
-    corners_in_photo,
-)
+from spectrabox.session.box.box_camera import box_text, corners_in_photo
 from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.stages.scenes import BOX_SCENE_NAME, CHART_SCENE_NAME
 
 OVERLAY_NAME = "box.png"
 

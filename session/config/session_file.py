@@ -34,15 +34,33 @@ def try_read_session(folder: Path,
     if not path.is_file():
         return None, [f"{path} is missing: write one with 'spectrabox new {folder}'"]
     try:
-        written = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
+    except ValueError as error:
+        return None, [f"{FILE_NAME} is not valid TOML: {error}"]
+    except OSError as error:
+        return None, [f"{path} cannot be read ({error.strerror}): change its permissions"]
+    return session_of_text(text, folder, allow_outside)
+
+
+def session_of_text(text: str, folder: Path,
+                    allow_outside: bool = False) -> tuple[SessionConfig | None, list[str]]:
+    """As ``try_read_session``, of a text that may not have been written yet.
+
+    Parameters
+    ----------
+    text : str
+        Of a session.toml.
+    folder : Path
+        Where it belongs.
+    """
+    try:
+        written = tomllib.loads(text)
         SessionTables.model_validate(written)
     except ValidationError as error:
         return None, [f"{FILE_NAME}: {sentence}"
                       for sentence in fault_sentences(error, SessionTables)]
     except (ValueError, RecursionError) as error:    # also numbers of 5000 digits, deep nesting
         return None, [f"{FILE_NAME} is not valid TOML: {error}"]
-    except OSError as error:
-        return None, [f"{path} cannot be read ({error.strerror}): change its permissions"]
     config = SessionConfig(folder=folder, allow_outside=allow_outside, **written)
     problems = inconsistencies(config)
     return (None, problems) if problems else (config, [])

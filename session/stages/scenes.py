@@ -12,8 +12,9 @@ from spectrabox.reconstruct.scene.scene_file import (
     read_scene,
     scene_of_text,
 )
-from spectrabox.session.box.box_camera import BOX_SCENE_NAME, CHART_SCENE_NAME, box_text
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
+
+BOX_SCENE_NAME, CHART_SCENE_NAME = "scene.xml", "chart-scene.xml"   # made of [scene.box]
 
 MAX_ASPECT_ERROR = 0.01  # photo against scene film: above, the two do not show the same view
 
@@ -38,6 +39,8 @@ def read_session_scene(config: SessionConfig, file: str | None = None,
         raise InputError(f"{FILE_NAME} describes regions of a flat sample and no scene; this needs "
                          "a session with [scene]")
     if (name := file or config.scene.file) is None:
+        # what reads photos is not needed where the scene is a file
+        from spectrabox.session.box.box_camera import box_text
         return scene_of_text(box_text(config, turn_deg), config.folder / BOX_SCENE_NAME,
                              _allowed_folder(config))
     return read_scene(config.path(name), _allowed_folder(config))

@@ -1,0 +1,262 @@
+"""What an operator marks on a photo, written into session.toml without losing a comment."""
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tomlkit
+from pydantic import Field
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import Array
+
+from spectrabox.radiometry.checked_tables import ListOf, Table, checked
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import write_text_whole
+from spectrabox.session.config.session_file import session_of_text
+from spectrabox.session.config.session_schema import FILE_NAME, FIRST_PHOTO, by_band
+
+MAX_UNDO = 200
+DECIMALS = 1            # of a pixel: no hand marks finer
+Pixel = Annotated[ListOf[float], Field(min_length=2, max_length=2)]
+
+
+class Mark(Table):
+    """One mark, or its removal where it has no points.
+
+    A region has two corners of a rectangle, or three or more of a polygon; the chart four corners
+    in the order of its layout; a box six corners or more by name; a reference four corners.
+    """
+
+    kind: Literal["region", "chart corners", "box corners", "reference"]
+    name: str = Field("", description="of a region; \"chart\" or \"object\" photo of a reference")
+    photo: str = Field("", description="view that a region lies in; empty for every one")
+    points: ListOf[Pixel] = Field((), description="in pixels of the whole photo")
+    names: ListOf[str] = Field((), description="of the points of a box")
+
+
+class MarkedSession:
+    """The session.toml of a folder, changed one mark at a time; every change can be undone.
+
+    Parameters
+    ----------
+    folder : Path
+        With a session.toml.
+    allow_outside : bool
+        Whether it may name files elsewhere.
+    """
+
+    def __init__(self, folder: Path, allow_outside: bool = False) -> None:
+        self.folder, self.allow_outside = folder, allow_outside
+        self._lock = threading.Lock()
+        self._undo: list[tuple[str, str]] = []      # text before and after each mark
+
+    def read(self) -> tuple[str, str]:
+        """The text as it is now, and its digest, by which a page says what it has seen.
+
+        Raises
+        ------
+        InputError
+            If it cannot be read.
+        """
+        try:
+            text = (self.folder / FILE_NAME).read_text(encoding="utf-8")
+        except (OSError, ValueError) as error:
+            raise InputError(f"{FILE_NAME} cannot be read ({error}); mend it in an "
+                             "editor") from None
+        return text, hashlib.sha256(text.encode()).hexdigest()
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether the last mark is still what the file ends in."""
+        return bool(self._undo) and self.read()[0] == self._undo[-1][1]
+
+    def apply(self, written: Any, seen: str) -> None:
+        """Write a mark into the file.
+
+        Parameters
+        ----------
+        written : dict
+            A ``Mark``.
+        seen : str
+            Digest of the text that the page shows.
+
+        Raises
+        ------
+        InputError
+            If it is no mark, the file has changed since, or the session would have a fault that it
+            does not have now.
+        """
+        mark = checked(Mark, written, "mark")
+        with self._lock:
+            before = self._require_seen(seen)
+            after = marked(before, mark)
+            had = session_of_text(before, self.folder, self.allow_outside)[1]
+            has = session_of_text(after, self.folder, self.allow_outside)[1]
+            if new := [problem for problem in has if problem not in had]:
+                raise InputError("\n".join(new))
+            if after != before:
+                write_text_whole(self.folder / FILE_NAME, after)
+                self._undo = [*self._undo, (before, after)][-MAX_UNDO:]
+
+    def undo(self, seen: str) -> None:
+        """Take the last mark back.
+
+        Raises
+        ------
+        InputError
+            If there is none, or the file has changed since.
+        """
+        with self._lock:
+            text = self._require_seen(seen)
+            if not self._undo or text != self._undo[-1][1]:
+                raise InputError(f"nothing to undo: {FILE_NAME} was changed elsewhere since the "
+                                 "last mark")
+            write_text_whole(self.folder / FILE_NAME, self._undo.pop()[0])
+
+    def _require_seen(self, seen: str) -> str:
+        text, digest = self.read()
+        if digest != seen:
+            raise InputError(f"{FILE_NAME} has changed since this page read it; look at it as it "
+                             "is now, and mark again")
+        return text
+
+
+def marked(text: str, mark: Mark) -> str:
+    """The text of a session.toml with a mark in it; comments and order stay.
+
+    Raises
+    ------
+    InputError
+        If the text is no TOML, or the mark has the wrong number of points.
+    """
+    try:
+        document = tomlkit.parse(text)
+    except (TOMLKitError, ValueError) as error:
+        raise InputError(f"{FILE_NAME} is not valid TOML: {error}; mend it first") from None
+    points = [_rounded(point) for point in mark.points]
+    if mark.kind == "region":
+        _mark_region(document, mark, points)
+    elif mark.kind == "chart corners":
+        _require_count(points, 4, "a chart")
+        _put(_table(document, "chart"), "corners_px", points)
+    elif mark.kind == "box corners":
+        _mark_box(document, mark, points)
+    else:
+        _mark_reference(document, mark, points)
+    return tomlkit.dumps(document)
+
+
+def photos_of(written: dict[str, Any]) -> dict[str, str]:
+    """The first file of every photo that session.toml names, by what it is: "photo", "chart",
+    "NAME", "NAME chart".
+
+    Parameters
+    ----------
+    written : dict
+        As ``tomllib`` gives it; may have faults.
+    """
+    named: dict[str, Any] = {}
+    photos = written.get("photos")
+    if isinstance(photos, dict):
+        named |= {FIRST_PHOTO: photos.get("object"), "chart": photos.get("chart")}
+    views = written.get("views")
+    for name, view in views.items() if isinstance(views, dict) else ():
+        if isinstance(view, dict):
+            named |= {name: view.get("photo"), f"{name} chart": view.get("chart")}
+    found = {}
+    for role, photo in named.items():
+        try:
+            files = [file for of_band in by_band(photo).values() for file in of_band]
+        except (AttributeError, TypeError):     # no file names
+            continue
+        if files and isinstance(files[0], str):
+            found[role] = files[0]
+    return found
+
+
+def _mark_region(document: Any, mark: Mark, points: list[list[float]]) -> None:
+    if not mark.name:
+        raise InputError("a region needs a name")
+    if not points:
+        regions = document.get("regions", {})
+        regions.pop(mark.name, None)
+        if not regions:
+            document.pop("regions", None)
+        return
+    if len(points) < 2:
+        raise InputError("a region needs two corners of a rectangle, or three and more of a "
+                         "polygon")
+    if "regions" not in document:
+        document["regions"] = tomlkit.table(is_super_table=True)
+    table = _table(document["regions"], mark.name)
+    for key in ("rect", "polygon", "photo"):
+        table.pop(key, None)
+    if len(points) == 2:
+        (x0, y0), (x1, y1) = points
+        _put(table, "rect", [min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)])
+    else:
+        _put(table, "polygon", points)
+    if mark.photo:
+        table["photo"] = mark.photo
+
+
+def _mark_box(document: Any, mark: Mark, points: list[list[float]]) -> None:
+    if len(mark.names) != len(points):
+        raise InputError(f"{len(points)} corners of a box have {len(mark.names)} names")
+    scene = document.get("scene", {})
+    if "box" not in scene:
+        raise InputError(f"{FILE_NAME} has no [scene.box] whose corners could be marked")
+    camera = _table(scene["box"], "camera")
+    for key in ("at_mm", "look_at_mm"):         # a camera is measured or found
+        camera.pop(key, None)
+    corners = tomlkit.inline_table()
+    for name, point in zip(mark.names, points, strict=True):
+        corners[name] = _array(point)
+    camera["corners_px"] = corners
+
+
+def _mark_reference(document: Any, mark: Mark, points: list[list[float]]) -> None:
+    if mark.name not in ("chart", "object"):
+        raise InputError("a reference lies in the chart photo or in the object photo")
+    drift, key = _table(document, "drift"), f"{mark.name}_px"
+    if not points:
+        drift.pop(key, None)
+        if not drift:
+            document.pop("drift")
+        return
+    _require_count(points, 4, "a reference")
+    _put(drift, key, [*(drift.get(key) or []), points])
+
+
+def _require_count(points: list[list[float]], wanted: int, what: str) -> None:
+    if len(points) not in (0, wanted):
+        raise InputError(f"{what} has {wanted} corners; {len(points)} are marked")
+
+
+def _table(parent: Any, name: str) -> Any:
+    if name not in parent:
+        parent[name] = tomlkit.table()
+    return parent[name]
+
+
+def _put(table: Any, key: str, values: list[Any]) -> None:
+    """A list in place of what stood there, or nothing where it is empty."""
+    if values:
+        table[key] = _array(values)
+    else:
+        table.pop(key, None)
+
+
+def _array(values: Sequence[Any]) -> Array:
+    array = tomlkit.array()
+    for value in values:
+        array.append(_array(value) if isinstance(value, list | tuple) else value)
+    return array
+
+
+def _rounded(point: tuple[float, ...]) -> list[float]:
+    return [int(value) if value == int(value) else value
+            for value in (round(one, DECIMALS) for one in point)]

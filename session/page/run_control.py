@@ -1,0 +1,114 @@
+"""A run of the session as a child process: what it says, and stopping it."""
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from spectrabox.radiometry.errors import CheckError
+
+MAX_LINES = 200
+PATIENCE_S = 20.0       # after which a run that was asked to stop is ended
+
+
+class RunControl:
+    """At most one run at a time of one session.
+
+    Parameters
+    ----------
+    folder : Path
+    options : tuple of str
+        Further words of the command line.
+    """
+
+    def __init__(self, folder: Path, options: tuple[str, ...] = ()) -> None:
+        self._command = [sys.executable, "-m", "spectrabox", "run", str(folder), "--json",
+                         *options]
+        self._process: subprocess.Popen[str] | None = None
+        self._lines: deque[str] = deque(maxlen=MAX_LINES)
+        self._answer: dict[str, Any] | None = None
+        self._code: int | None = None
+        self._started = self._ended = 0.0
+        self._stopped = False           # asked to end
+        self._lock = threading.Lock()
+
+    @property
+    def running(self) -> bool:
+        """Whether a run is going on."""
+        return self._process is not None and self._code is None
+
+    def start(self) -> None:
+        """Begin a run.
+
+        Raises
+        ------
+        CheckError
+            If one is going on.
+        """
+        with self._lock:
+            if self.running:
+                raise CheckError("a run is going on; stop it first, or wait for its end")
+            self._lines.clear()
+            self._answer, self._code, self._started = None, None, time.monotonic()
+            self._stopped = False
+            # a group of its own: Ctrl-C at the page's terminal stops it through ``stop``
+            self._process = subprocess.Popen(self._command, stdout=subprocess.PIPE,
+                                             stderr=subprocess.PIPE, text=True,
+                                             start_new_session=True)
+            for follow in (self._follow, self._wait):
+                threading.Thread(target=follow, args=(self._process,), daemon=True).start()
+
+    def stop(self) -> None:
+        """Interrupt the run as Ctrl-C does; stages that are finished are kept."""
+        process = self._process
+        if process is None or not self.running:
+            return
+        self._stopped = True
+        os.kill(process.pid, signal.SIGINT)
+
+    def end(self) -> None:
+        """Stop the run and wait for its end, for when the page closes."""
+        self.stop()
+        process = self._process
+        if process is None:
+            return
+        try:
+            process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+
+    def state(self) -> dict[str, Any]:
+        """What the page shows: ``running``, ``seconds``, ``lines``, ``exit_code``, ``stopped``,
+        ``verdict``, ``error``.
+        """
+        answer = self._answer or {}
+        until = time.monotonic() if self.running else self._ended
+        return {"running": self.running, "lines": list(self._lines), "exit_code": self._code,
+                "seconds": max(until - self._started, 0.0) if self._process else 0.0,
+                "stopped": self._stopped and self._code != 0, "verdict": answer.get("verdict"),
+                 "error": answer.get("error")}
+
+    def _follow(self, process: subprocess.Popen[str]) -> None:
+        assert process.stderr is not None
+        with process.stderr:
+            for line in process.stderr:
+                self._lines.append(line.rstrip())
+
+    def _wait(self, process: subprocess.Popen[str]) -> None:
+        assert process.stdout is not None
+        with process.stdout:
+            said = process.stdout.read()
+        code = process.wait()
+        try:
+            self._answer = json.loads(said)
+        except ValueError:          # a run that was killed says nothing
+            self._answer = None
+        self._ended = time.monotonic()
+        self._code = code

@@ -1,0 +1,148 @@
+"""Marks become session.toml: comments stay, faults are refused, every mark can be undone."""
+import tomllib
+
+import pytest
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.session.page.marks import Mark, MarkedSession, marked, photos_of
+
+FLAT = """# what we photographed on Tuesday
+[photos]
+object = "photos/sample.dng"   # the only photo
+
+[light]
+spectrum = "unknown"
+
+[regions.old]    # a card
+rect = [1, 2, 30, 40]
+known = "spectra/card.csv"     # measured
+"""
+
+
+def a_mark(kind="region", **rest):
+    return Mark.model_validate({"kind": kind, **rest})
+
+
+def test_a_rectangle_is_written_from_any_two_of_its_corners():
+    text = marked(FLAT, a_mark(name="red", points=[[90, 10.04], [20.26, 60]]))
+    assert tomllib.loads(text)["regions"]["red"] == {"rect": [20.3, 10, 90, 60]}
+    assert text.startswith("# what we photographed on Tuesday\n")
+    assert "# the only photo" in text and "# a card" in text and "# measured" in text
+
+
+def test_a_region_that_is_marked_again_keeps_what_is_known_of_it():
+    text = marked(FLAT, a_mark(name="old", points=[[0, 0], [9, 0], [0, 9]], photo="warm"))
+    assert tomllib.loads(text)["regions"]["old"] == {
+        "polygon": [[0, 0], [9, 0], [0, 9]], "known": "spectra/card.csv", "photo": "warm"}
+
+
+def test_a_region_can_be_taken_away_and_with_the_last_one_its_table():
+    text = marked(FLAT, a_mark(name="old"))
+    assert "regions" not in tomllib.loads(text) and "# the only photo" in text
+
+
+def test_corners_of_the_chart_and_references():
+    square = [[1, 1], [9, 1], [9, 9], [1, 9]]
+    text = marked(FLAT, a_mark("chart corners", points=square))
+    assert tomllib.loads(text)["chart"]["corners_px"] == square
+    text = marked(text, a_mark("chart corners"))
+    assert "corners_px" not in tomllib.loads(text)["chart"]
+    for _ in range(2):
+        text = marked(text, a_mark("reference", name="chart", points=square))
+    assert tomllib.loads(text)["drift"] == {"chart_px": [square, square]}
+    assert "drift" not in tomllib.loads(marked(text, a_mark("reference", name="chart")))
+
+
+def test_corners_of_a_box_take_the_place_of_the_measured_camera():
+    from spectrabox.session.config.template import TEMPLATES
+    text = (TEMPLATES / "box.toml").read_text(encoding="utf-8")
+    names = [f"{depth} {height} {side}" for depth in ("front", "back")
+             for height in ("bottom", "top") for side in ("left", "right")]
+    points = [[10.0 * number, 5.5] for number in range(8)]
+    done = marked(text, a_mark("box corners", points=points, names=names))
+    camera = tomllib.loads(done)["scene"]["box"]["camera"]
+    assert camera == {"fov_deg": 37.3, "corners_px": dict(zip(names, points, strict=True))}
+    comments = [line.split("#", 1)[1] for line in text.splitlines() if "#" in line]
+    kept = [line.split("#", 1)[1] for line in done.splitlines() if "#" in line]
+    assert set(comments) - set(kept) <= {" of the lens", " what is in the middle of the photo"}
+
+
+@pytest.mark.parametrize(("mark", "said"), [
+    ({"kind": "region", "points": [[1, 1], [2, 2]]}, "needs a name"),
+    ({"kind": "region", "name": "a", "points": [[1, 1]]}, "two corners"),
+    ({"kind": "chart corners", "points": [[1, 1]]}, "4 corners"),
+    ({"kind": "reference", "name": "sky", "points": [[1, 1]] * 4}, "chart photo or in the"),
+    ({"kind": "box corners", "points": [[1, 1]], "names": ["a"]}, r"no \[scene.box\]"),
+    ({"kind": "box corners", "points": [[1, 1]]}, "0 names"),
+])
+def test_marks_that_mean_nothing_are_refused(mark, said):
+    with pytest.raises(InputError, match=said):
+        marked(FLAT, Mark.model_validate(mark))
+
+
+@pytest.fixture
+def session(tmp_path):
+    (tmp_path / "session.toml").write_text(FLAT, encoding="utf-8")
+    return MarkedSession(tmp_path)
+
+
+def test_marks_are_undone_one_by_one_to_the_first_byte(session):
+    texts = [session.read()[0]]
+    for name in ("a", "b"):
+        session.apply({"kind": "region", "name": name, "points": [[1, 1], [5, 5]]},
+                      session.read()[1])
+        texts.append(session.read()[0])
+    assert session.can_undo and len(set(texts)) == 3
+    for text in texts[1::-1]:
+        session.undo(session.read()[1])
+        assert session.read()[0] == text
+    assert not session.can_undo
+    with pytest.raises(InputError, match="nothing to undo"):
+        session.undo(session.read()[1])
+
+
+def test_a_mark_never_writes_over_what_somebody_else_wrote(session):
+    seen = session.read()[1]
+    path = session.folder / "session.toml"
+    path.write_text(FLAT + "# by hand\n", encoding="utf-8")
+    with pytest.raises(InputError, match="has changed since"):
+        session.apply({"kind": "region", "name": "a", "points": [[1, 1], [5, 5]]}, seen)
+    assert path.read_text(encoding="utf-8") == FLAT + "# by hand\n"
+
+
+def test_an_undo_never_takes_back_what_somebody_else_wrote(session):
+    session.apply({"kind": "region", "name": "a", "points": [[1, 1], [5, 5]]}, session.read()[1])
+    path = session.folder / "session.toml"
+    path.write_text(path.read_text(encoding="utf-8") + "# by hand\n", encoding="utf-8")
+    assert not session.can_undo
+    with pytest.raises(InputError, match="changed elsewhere"):
+        session.undo(session.read()[1])
+    assert path.read_text(encoding="utf-8").endswith("# by hand\n")
+
+
+@pytest.mark.parametrize(("written", "said"), [
+    ({"kind": "region", "name": " ", "points": [[1, 1], [5, 5]]}, "regions."),
+    ({"kind": "region", "name": "a", "points": [[1, 1], [1, 5]]}, "enclose|corners"),
+    ({"kind": "region", "name": "a", "points": [["x", 1], [1, 5]]}, "number"),
+    ({"kind": "wall", "name": "a"}, "region, chart corners, box corners, reference"),
+    ({"kind": "region", "name": "a", "pints": []}, "unknown key 'pints'"),
+])
+def test_a_mark_that_makes_a_faulty_session_changes_nothing(session, written, said):
+    with pytest.raises(InputError, match=said):
+        session.apply(written, session.read()[1])
+    assert session.read()[0] == FLAT
+
+
+def test_a_session_that_has_a_fault_already_can_still_be_marked(tmp_path):
+    faulty = FLAT.replace('spectrum = "unknown"', 'spectrum = "unknown"\ncolour = 3')
+    (tmp_path / "session.toml").write_text(faulty, encoding="utf-8")
+    session = MarkedSession(tmp_path)
+    session.apply({"kind": "region", "name": "a", "points": [[1, 1], [5, 5]]}, session.read()[1])
+    assert "a" in tomllib.loads(session.read()[0])["regions"]
+
+
+def test_photos_are_named_by_what_they_are_whatever_else_is_wrong():
+    written = {"photos": {"object": ["a.dng", "b.dng"], "chart": {"450": "c.dng"}},
+               "views": {"warm": {"photo": "d.dng", "chart": 5}, "bad": 3}}
+    assert photos_of(written) == {"photo": "a.dng", "chart": "c.dng", "warm": "d.dng"}
+    assert photos_of({"photos": 3}) == {}
