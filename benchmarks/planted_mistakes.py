@@ -1,6 +1,6 @@
 """Plants realistic mistakes, one at a time, and says which of them the tests notice.
 
-    python -m benchmarks.planted_mistakes [--only TEXT] [--budget 60] [--out FOLDER] [--most 50]
+    python -m benchmarks.planted_mistakes [--only TEXT] [--budget 60] [--most 50] [--out FOLDER]
 
 Each mistake is one text of one file replaced by another (``benchmarks/planted/*.toml``). It is
 planted in a copy of the working tree, and the test files nearest to the module run until one fails:
@@ -35,9 +35,9 @@ SECONDS_A_SESSION = 4.0  # of each use of a session's results
 ORDER = 20260122    # seed of the order
 
 
-def all_mistakes() -> list[Mistake]:
-    """Every mistake that is listed, in an order drawn once."""
-    return sorted(listed_mistakes(),
+def all_mistakes(lists: str = "*") -> list[Mistake]:
+    """Every mistake of some lists, in an order drawn once."""
+    return sorted(listed_mistakes(lists),
                   key=lambda each: random.Random(f"{ORDER} {each.name}").random())
 
 
@@ -124,6 +124,7 @@ def print_shares(results: list[dict[str, Any]]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", default="", help="mistakes whose file or words hold this")
+    parser.add_argument("--lists", default="*", help="pattern of the lists' names")
     parser.add_argument("--budget", type=float, default=60.0, help="processor seconds of tests")
     parser.add_argument("--most", type=int, default=None, help="of mistakes tried by this call")
     parser.add_argument("--again", action="store_true", help="try what survived again")
@@ -135,7 +136,8 @@ def main() -> None:
     path = given.out / "results.json"
     results: dict[str, dict[str, Any]] = (
         json.loads(path.read_text(encoding="utf-8")) if path.exists() else {})
-    mistakes = [each for each in all_mistakes() if given.only in f"{each.file} {each.what}"]
+    mistakes = [each for each in all_mistakes(given.lists)
+                if given.only in f"{each.file} {each.what}"]
     waiting = [each for each in mistakes if _still_to_try(
         results.get(each.name), given.budget,
         given.again or given.tests is not None)][:given.most]

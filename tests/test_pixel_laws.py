@@ -8,6 +8,7 @@ from spectrabox.calibrate.geometry.lens import Lens
 from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.capture.chart.patches import image_from_sensor, pixels_inside, sample_patches
 from spectrabox.capture.photo.binning import bin_image
+from spectrabox.capture.photo.black_level import masked_black
 from spectrabox.radiometry.records import ChartDetection
 
 QUAD = np.array([[12.2, 10.7], [71.3, 14.1], [66.9, 59.6], [15.4, 55.2]])
@@ -80,3 +81,14 @@ def test_a_half_size_photo_is_straightened_as_the_binned_whole_one_is():
     # places in pixels of the sensor: maps in steps of 1/32 of a pixel of two, and its bend
     np.testing.assert_allclose(last.signal[shown], first.signal[shown], atol=0.1)
     assert shown.mean() > 0.9
+
+
+@pytest.mark.parametrize("origin", [(0, 0), (5, 0), (0, 7), (9, 11)])
+@pytest.mark.parametrize("area", [(0, 0, 96, 9), (1, 0, 90, 11), (0, 3, 8, 120), (3, 5, 10, 119)])
+def test_masked_pixels_tell_the_black_level_of_their_own_place_in_the_tile(origin, area):
+    """Whatever parity the active area and the masked area begin with."""
+    levels = np.array([[510.0, 512.5, 514.0], [509.0, 520.0, 501.0]])
+    y, x = np.mgrid[:100, :121]
+    whole = levels[(y - origin[0]) % 2, (x - origin[1]) % 3]
+    np.testing.assert_array_equal(masked_black(whole, (area, (40, 50, 80, 90)), origin, (2, 3)),
+                                  levels)

@@ -7,8 +7,9 @@ import pytest
 from test_error_budget import calibration, curves_and_covariance, joint
 
 from spectrabox.radiometry.light_drift import LightDrift, drift_covariance
-from spectrabox.radiometry.records import LightScale
+from spectrabox.radiometry.records import LightScale, StrayLight
 from spectrabox.session.stages import calibrate_stage, reconstruct_stage
+from spectrabox.session.stages.error_budget import signal_covariances
 
 COEFFICIENTS, COVARIANCE = curves_and_covariance()
 COLOUR = np.array([0.02, 0.0, -0.03])
@@ -19,7 +20,7 @@ def drift(changed):
 
 
 def views(*names):
-    return [SimpleNamespace(name=name, light="lamp", scene="box.xml", lights_by_id={},
+    return [SimpleNamespace(name=name, light="lamp", scene="box.xml", lights_by_id={}, turn_deg=0.0,
                             record=lambda kind, name=name: f"{kind} {name}".strip())
             for name in names]
 
@@ -99,3 +100,16 @@ def test_a_drift_of_colour_is_an_error_of_the_first_photo_alone(monkeypatch, cha
     np.testing.assert_array_equal(two.model_covariance, before)
     assert [view.notes for view in after.views] == [("warmer",), ()]
     assert drift_covariance(measured).any() == changed
+
+
+def test_stray_light_of_one_photo_is_that_of_no_other():
+    """What glare adds in a photo all its bands share; another photo has a glare of its own."""
+    pattern = np.array([[0.01, 0.02, 0.03, 0.04, 0.05, 0.06]])
+    two = dataclasses.replace(joint(COEFFICIENTS), stray_light=(StrayLight("glare", pattern),))
+    both = [calibration(np.ones(61), COEFFICIENTS, COVARIANCE)] * 2
+    found = signal_covariances(both, two, 0)["glare"]
+    error = pattern[0] * two.signal[0]
+    one = np.outer(error, error)
+    np.testing.assert_allclose(found[:3, :3], one[:3, :3])
+    np.testing.assert_allclose(found[3:, 3:], one[3:, 3:])
+    assert not found[:3, 3:].any() and not found[3:, :3].any()

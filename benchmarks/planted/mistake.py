@@ -22,7 +22,7 @@ class Mistake(NamedTuple):
         return hashlib.sha256(repr(self[:3]).encode()).hexdigest()[:12]
 
 
-def listed_mistakes() -> list[Mistake]:
-    """Every mistake of every list."""
-    return [Mistake(**each) for path in sorted(Path(__file__).parent.glob("*.toml"))
+def listed_mistakes(lists: str = "*") -> list[Mistake]:
+    """Every mistake of the lists whose name fits a pattern."""
+    return [Mistake(**each) for path in sorted(Path(__file__).parent.glob(f"{lists}.toml"))
             for each in tomllib.loads(path.read_text(encoding="utf-8"))["mistake"]]
