@@ -58,11 +58,12 @@ def judged(prior: LogitMixture, response: np.ndarray, truth: np.ndarray) -> dict
             "bright": float(held[0.95][bright].mean()) if bright.any() else None}
 
 
-def rows_of(prior: LogitMixture, response: np.ndarray, count: int) -> list[dict[str, Any]]:
+def rows_of(prior: LogitMixture, response: np.ndarray, count: int,
+            seed: int) -> list[dict[str, Any]]:
     """Figures of every set of surfaces, with no family stated and with its own."""
     rows = []
     for number, (make, family) in enumerate(OTHERS.items()):
-        truth = np.clip(make(np.random.default_rng(1000 + number), count), EDGE, 1 - EDGE)
+        truth = np.clip(make(np.random.default_rng(seed + number), count), EDGE, 1 - EDGE)
         stated = judged(of_families(prior, [family]), response, truth) \
             if family in prior.families else None
         rows.append({"name": f"simulated {make.__name__}", "stated": stated}
@@ -94,6 +95,7 @@ def main() -> None:
     parser.add_argument("--sensitivity", default="CIE 1931 2 Degree Standard Observer")
     parser.add_argument("--light", default="D65")
     parser.add_argument("--count", type=int, default=300, help="of each simulated set")
+    parser.add_argument("--seed", type=int, default=1000, help="of the first simulated set")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of tables")
     arguments = parser.parse_args()
     fine = visible_grid(1)
@@ -101,7 +103,8 @@ def main() -> None:
         @ interpolation_matrix(GRID.nm, fine.nm)
     priors = {"before": earlier_prior(arguments.before)} if arguments.before else {}
     priors["after"] = load_prior()
-    tables = {name: rows_of(prior, response, arguments.count) for name, prior in priors.items()}
+    tables = {name: rows_of(prior, response, arguments.count, arguments.seed)
+              for name, prior in priors.items()}
     if arguments.json:
         print(json.dumps(tables))
         return

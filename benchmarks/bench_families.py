@@ -53,8 +53,8 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     sets, made, seconds = measured_sets(arguments.data), {}, {}
-    models = {f"{name}: {model.__name__}": model
-              for name, family in FAMILIES.items() for model in family.models}
+    models = {f"{name}: {model.__name__}": model for name, family in FAMILIES.items()
+              for model in family.models | family.stated_models}
     if "kremer_pigments" in sets:
         models["paint: mixtures"] = lambda rng, count: pigment_mixtures(rng, count,
                                                                         sets["kremer_pigments"])

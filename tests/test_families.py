@@ -10,6 +10,7 @@ from spectrabox.sampling.prior.families import (
     earth,
     leaves,
     paint,
+    plant_tissue,
     printing,
     skin,
     whites,
@@ -23,8 +24,8 @@ from spectrabox.sampling.prior.families.truths import true_reflectances
 from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families
 
 FAMILIES = {made.__name__: made for made in (
-    skin.skin, skin.skin_in_two_fluxes, leaves.leaves, leaves.petals, dyes.textile,
-    dyes.plastic, printing.paper, whites.whites, whites.tiles, earth.soils, earth.woods,
+    skin.skin, skin.skin_in_two_fluxes, skin.skin_by_absorbance, leaves.leaves, leaves.petals,
+    plant_tissue.green_tissue, plant_tissue.petal_tissue, dyes.textile, dyes.plastic, printing.paper, whites.whites, whites.tiles, earth.soils, earth.woods,
     animals.animals)}
 
 
@@ -74,8 +75,42 @@ def test_a_leaf_is_that_of_prospect_d():
     assert np.all(r + t < 1)
 
 
-def test_skin_shows_the_two_bands_of_oxygenated_blood():
-    made = np.log(skin.skin(np.random.default_rng(1), 2000))
+def test_a_thick_layer_hides_its_ground_and_a_thin_one_is_its_ground():
+    absorption = np.array([[0.001, 0.1, 1.0, 30.0]])
+    # coth of 1000 times b = 0.045 or more differs from 1 by exp(-89)
+    thick = plant_tissue.layer(absorption, np.array([[1000.0]]), np.array([[0.7]]))
+    np.testing.assert_allclose(thick, reflectance_of(absorption), rtol=1e-12)
+    # to first order a layer of S X = 1e-6 absorbs and scatters a few 1e-6 of what passes, times
+    # K / S of 30
+    thin = plant_tissue.layer(absorption, np.array([[1e-6]]), np.array([[0.7]]))
+    np.testing.assert_allclose(thin, 0.7, atol=1e-4)
+
+
+def test_a_layer_that_does_not_absorb_reflects_or_transmits_all_light():
+    # Kubelka 1948: R = S X / (1 + S X) on black, in the limit of no absorption; sqrt(2e-12) times
+    # S X = 10 enters squared, as 1e-10
+    thickness = np.array([[0.1], [1.0], [10.0]])
+    made = plant_tissue.layer(np.full((3, 2), 1e-12), thickness, np.zeros((3, 1)))
+    np.testing.assert_allclose(made, thickness / (1 + thickness) * np.ones(2), rtol=1e-8)
+
+
+def test_pigments_of_plants_absorb_where_they_are_known_to():
+    rng = np.random.default_rng(3)
+    peak = {name: GRID.nm[make(rng, 500).argmax(axis=1)] for name, make in (
+        ("chlorophyll", plant_tissue.chlorophyll), ("carotenoids", plant_tissue.carotenoids),
+        ("anthocyanins", plant_tissue.anthocyanins))}
+    # the red band of a is up to 0.95 of the blue one; with that of b it may be the highest
+    blue = (peak["chlorophyll"] >= 425) & (peak["chlorophyll"] <= 475)
+    assert blue.mean() > 0.9 and np.all(peak["chlorophyll"][~blue] >= 640)
+    assert np.all((peak["carotenoids"] >= 415) & (peak["carotenoids"] <= 515))
+    # complexes have their second band 0.12 to 0.17 eV, some 40 nm, to the blue of the first
+    assert np.ptp(peak["anthocyanins"]) > 100
+    assert peak["anthocyanins"].min() >= 425 and peak["anthocyanins"].max() <= 605
+
+
+@pytest.mark.parametrize("make", [skin.skin, skin.skin_in_two_fluxes, skin.skin_by_absorbance])
+def test_skin_shows_the_two_bands_of_oxygenated_blood(make):
+    made = np.log(make(np.random.default_rng(1), 2000))
     at = {nm: made[:, np.flatnonzero(GRID.nm == nm)[0]]
           for nm in (510, 540, 560, 575, 590, 600, 650)}
     oxygenated = at[560] - (at[540] + at[575]) / 2      # the hump between the bands

@@ -16,6 +16,8 @@ none of them may be missed 1.2 times as often as stated, and the factors are bou
 not certify itself, and leaving out all petals asks more than petals will. A library of mixed
 surfaces judges bands with none stated only.
 
+Models that are fitted only where their family is stated are judged there alone.
+
 With no family stated a signal takes each family's factor by the share that its posterior gives it,
 and all of them are widened once more by COMMON, for what no family at hand was left out of.
 """
@@ -41,8 +43,8 @@ from spectrabox.sampling.prior.posterior import (
 )
 from spectrabox.sampling.prior.training import (
     LEVELS,
+    Fitted,
     Part,
-    fit_family,
     fitted_families,
     joined,
     parts_of,
@@ -81,7 +83,7 @@ class LeftOut:
     mixed: bool                 # of surfaces of several families
     curves: int
     stated: Judgement
-    unstated: Judgement
+    unstated: Judgement | None  # None of a model that counts only where its family is stated
 
 
 def train(libraries: dict[str, list[ReflectanceLibrary]], relative_response: np.ndarray,
@@ -111,18 +113,17 @@ def train(libraries: dict[str, list[ReflectanceLibrary]], relative_response: np.
     left_out = []
     for part in parts:
         without = prior_without(part, parts, fitted, families, seed)
+        stated = judge(of_families(without, [part.family]), relative_response, part.judged)
         left_out.append(LeftOut(
-            part.name, part.family, part.measured, part.mixed, len(part.judged),
-            judge(of_families(without, [part.family]), relative_response, part.judged),
-            judge(without, relative_response, part.judged)))
-    models = [f"{family}: {part.name}" for family in fitted for part in parts
+            part.name, part.family, part.measured, part.mixed, len(part.judged), stated,
+            None if part.stated else judge(without, relative_response, part.judged)))
+    models = [f"{family}: {part.name}" for family in fitted.plain for part in parts
               if part.family == family and not part.measured]
-    prior = joined(fitted, families, "; ".join(names + models))
-    prior = calibrated(prior, left_out)
+    prior = calibrated(joined(fitted, families, "; ".join(names + models)), left_out)
     return replace(prior, certificates=certificates(prior, left_out)), left_out
 
 
-def prior_without(part: Part, parts: Sequence[Part], fitted: dict[str, LogitMixture],
+def prior_without(part: Part, parts: Sequence[Part], fitted: Fitted,
                   families: dict[str, Family], seed: int) -> LogitMixture:
     """The prior, not calibrated, that has not seen a part; families were fitted with all of them.
 
@@ -137,8 +138,8 @@ def prior_without(part: Part, parts: Sequence[Part], fitted: dict[str, LogitMixt
     if part.measured and not others:
         raise InputError(f"{part.name} is all there is of {part.family}, and one library cannot be "
                          "left out of itself; give at least two folders of its family")
-    again = fit_family(others, families[part.family], seed) if others else fitted[part.family]
-    return joined(fitted | {part.family: again}, families)
+    again = fitted_families(others, {part.family: families[part.family]}, seed)
+    return joined(Fitted(fitted.plain | again.plain, fitted.stated | again.stated), families)
 
 
 def judge(prior: LogitMixture, relative_response: np.ndarray,
@@ -164,9 +165,10 @@ def calibrated(prior: LogitMixture, left_out: Sequence[LeftOut]) -> LogitMixture
                                   for judges in _by_family(prior, left_out, kind)])
                         for kind in ("stated", "unstated"))
     unstated *= COMMON
-    widest = [(one.unstated.scores[AT_95] / (one.unstated.shares @ unstated[:, AT_95])).max(axis=1)
-              for one in left_out if one.measured]
-    surprise = np.concatenate([one.unstated.surprise for one in left_out])
+    free = [(one.measured, one.unstated) for one in left_out if one.unstated is not None]
+    widest = [(one.scores[AT_95] / (one.shares @ unstated[:, AT_95])).max(axis=1)
+              for measured, one in free if measured]
+    surprise = np.concatenate([one.surprise for _, one in free])
     return replace(prior, band_factors=unstated, stated_factors=stated,
                    curve_factor=float(np.quantile(np.concatenate(widest), 0.95)),
                    familiar_surprise=float(np.quantile(surprise, FAMILIAR)))
@@ -182,8 +184,8 @@ def certificates(prior: LogitMixture,
         mine = [part for part in left_out if part.family == name and not part.mixed]
         mine = [part for part in mine if part.measured] or mine
         if mine:
-            bands = {kind: [band_figures(prior, part, kind) for part in mine]
-                     for kind in ("stated", "unstated")}
+            bands = {kind: [band_figures(prior, part, kind) for part in mine
+                            if getattr(part, kind) is not None] for kind in ("stated", "unstated")}
             found[name] = FamilyCertificate(
                 mine[0].measured, len(mine) if len(mine) > 1 else 0,
                 sum(part.curves for part in mine),
@@ -228,8 +230,9 @@ def _factor(judges: _Judges, place: int) -> np.ndarray:
 def _by_family(prior: LogitMixture, left_out: Sequence[LeftOut], kind: str) -> list[_Judges]:
     found = []
     for name in prior.families:
-        scores = [(one.measured, getattr(one, kind).scores) for one in left_out
-                  if one.family == name and not (one.mixed and kind == "stated")]
+        scores = [(one.measured, judgement.scores) for one in left_out
+                  if one.family == name and not (one.mixed and kind == "stated")
+                  and (judgement := getattr(one, kind)) is not None]
         measured = [values for is_measured, values in scores if is_measured]
         models = [values for is_measured, values in scores if not is_measured]
         found.append(_Judges(measured, [], MEASURED_LIMITS) if measured else

@@ -32,11 +32,23 @@ SHIPPED = Path(__file__).parent / "models" / "surface_families.npz"
 EDGE = 0.004            # training reflectances are clipped to 0.004-0.996 before the logit
 MOMENT_DRAWS = 20000
 SINGLE = 1e-6           # round-off of covariances kept in single precision, with room for products
-FORMAT = "spectrabox prior 3"
+STATED = "stated_"              # before the names of their arrays
+FORMAT = "spectrabox prior 4"
+BEFORE = "spectrabox prior 3"   # without mixtures of stated families; otherwise the same
 SCALARS = ("curve_factor", "familiar_surprise", "width_power")
-ARRAYS = ("nm", "weights", "means", "covariances", "family", "levels", "band_factors",
-          "stated_factors", *SCALARS)
+COMPONENTS = ("weights", "means", "covariances", "family")
+ARRAYS = ("nm", *COMPONENTS, "levels", "band_factors", "stated_factors", *SCALARS)
 SINGLE_PRECISION = ("means", "covariances", "band_factors", "stated_factors")
+
+
+@dataclass(frozen=True, eq=False)
+class Components(Record):
+    """Normal distributions of logits, D of them; the weights of each family sum to 1."""
+
+    weights: Annotated[np.ndarray, "D"]
+    means: Annotated[np.ndarray, "D P"]
+    covariances: Annotated[np.ndarray, "D P P"]
+    family: Annotated[np.ndarray, "D"]          # index of each one's
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +73,8 @@ class LogitMixture(Record):
     source: str                                 # what it was trained on, with licences
     stated: tuple[str, ...] = ()                # families that somebody said it is one of
     certificates: Mapping[str, FamilyCertificate] = field(default_factory=dict)     # by family
+    # of the families that have other ones where they are stated
+    where_stated: Components | None = None
 
     def band_factor(self, level: float, weights: np.ndarray) -> np.ndarray:
         """Factors (T, P) by which central bands of ``level`` are widened, for weights (T, C)."""
@@ -97,15 +111,29 @@ def of_families(prior: LogitMixture, stated: Sequence[str]) -> LogitMixture:
             raise InputError(f"the prior knows no surfaces of the family {word!r}, only of "
                              f"{', '.join(prior.families)}")
     kept = [index for index, name in enumerate(prior.families) if name in names]
-    mine = np.isin(prior.family, kept)
-    weights = prior.weights[mine]
-    return replace(prior, weights=weights / weights.sum(), means=prior.means[mine],
-                   covariances=prior.covariances[mine],
+    mine = components_where_stated(prior, kept)
+    return replace(prior, weights=mine.weights, means=mine.means, covariances=mine.covariances,
                    families=tuple(prior.families[index] for index in kept),
-                   family=np.searchsorted(kept, prior.family[mine]),
+                   family=np.searchsorted(kept, mine.family),
                    band_factors=prior.stated_factors[kept],
                    stated_factors=prior.stated_factors[kept],
-                   stated=tuple(prior.families[index] for index in kept))
+                   stated=tuple(prior.families[index] for index in kept), where_stated=None)
+
+
+def components_where_stated(prior: LogitMixture, kept: Sequence[int]) -> Components:
+    """The components of stated families, given by their indices, with weights that sum to 1."""
+    shares = prior.shares(prior.weights[None])[0]
+    other = prior.where_stated
+    replaced = set() if other is None else set(other.family.tolist())
+    own = np.isin(prior.family, [index for index in kept if index not in replaced])
+    found = [(prior.weights[own], prior.means[own], prior.covariances[own], prior.family[own])]
+    if other is not None:
+        new = np.isin(other.family, kept)
+        weights = other.weights[new] * shares[other.family[new].astype(int)]
+        found.append((weights, other.means[new], other.covariances[new], other.family[new]))
+    weights, means, covariances, family = (np.concatenate(each)
+                                           for each in zip(*found, strict=True))
+    return Components(weights / weights.sum(), means, covariances, family)
 
 
 def condition_on_families(prior: LogitMixture) -> str:
@@ -143,6 +171,10 @@ def save_prior(path: Path, prior: LogitMixture) -> None:
     arrays = {name: np.asarray(getattr(prior, name),
                                np.float32 if name in SINGLE_PRECISION else np.float64)
               for name in ARRAYS}
+    if prior.where_stated is not None:
+        arrays |= {STATED + name: np.asarray(getattr(prior.where_stated, name),
+                                             np.float32 if name in SINGLE_PRECISION else np.float64)
+                   for name in COMPONENTS}
     # opened here: NumPy would add .npz to a name without it
     with whole_file(path) as unfinished, unfinished.open("wb") as file:
         np.savez_compressed(file, format=np.array(FORMAT), source=np.array(prior.source),
@@ -171,10 +203,12 @@ def _shipped() -> LogitMixture:
 def _loaded(path: Path) -> LogitMixture:
     try:
         with opened_npz(path) as stored:
-            if "format" not in stored or str(stored["format"]) != FORMAT:
+            if "format" not in stored or str(stored["format"]) not in (FORMAT, BEFORE):
                 raise InputError(f"{path.name} is not a prior of this program; train one with "
                                  "'spectrabox prior train'")
             numbers = {name: np.asarray(stored[name], dtype=float) for name in ARRAYS}
+            other = {name: np.asarray(stored[STATED + name], dtype=float) for name in COMPONENTS
+                     if STATED + name in stored}
             source, families = str(stored["source"]), tuple(stored["families"].tolist())
             certificates = _certificates_of(str(stored["certificates"]))
     except FileNotFoundError:
@@ -185,6 +219,7 @@ def _loaded(path: Path) -> LogitMixture:
     scalars = {name: float(numbers.pop(name)) for name in SCALARS}
     try:
         prior = LogitMixture(source=source, families=families, certificates=certificates,
+                             where_stated=Components(**other) if other else None,
                              **numbers, **scalars)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
         raise InputError(f"the prior {path.name} is damaged ({error}); train it again") from None
@@ -214,8 +249,11 @@ def check_prior(prior: LogitMixture, name: str) -> None:
         raise InputError(f"the prior {name} is for {prior.nm.size} wavelengths from "
                          f"{prior.nm[0]:g} to {prior.nm[-1]:g} nm; 61 from 400 to 700 nm are "
                          "needed: train it again on this grid")
-    numbers = (prior.weights, prior.means, prior.covariances, prior.levels, prior.band_factors,
-               prior.stated_factors)
+    whole = Components(prior.weights, prior.means, prior.covariances, prior.family)
+    other = prior.where_stated
+    parts = [whole] if other is None else [whole, other]
+    numbers = [prior.levels, prior.band_factors, prior.stated_factors]
+    numbers += [values for part in parts for values in (part.weights, part.means, part.covariances)]
     if not all(np.all(np.isfinite(values)) for values in numbers):
         raise InputError(f"the prior {name} holds numbers that are not finite; train it again")
     if np.any(prior.weights <= 0) or abs(prior.weights.sum() - 1) > 1e-6:
@@ -224,7 +262,14 @@ def check_prior(prior: LogitMixture, name: str) -> None:
     if sorted(set(prior.family.tolist())) != list(range(len(prior.families))):
         raise InputError(f"the components of the prior {name} do not belong to its families "
                          f"({', '.join(prior.families)}); train it again")
-    for covariance in prior.covariances:
+    if other is not None:
+        sums = [other.weights[other.family == index].sum() for index in set(other.family.tolist())]
+        if (not np.isin(other.family, prior.family).all() or np.any(other.weights <= 0)
+                or np.abs(np.array(sums) - 1).max() > 1e-6):
+            raise InputError(f"the components of the stated families in the prior {name} are of "
+                             "no family, or their weights are not positive with sum 1; train it "
+                             "again")
+    for covariance in np.concatenate([part.covariances for part in parts]):
         if not is_covariance(covariance, SINGLE) or np.linalg.eigvalsh(covariance)[0] <= 0:
             raise InputError(f"a covariance of the prior {name} is not symmetric and positive; "
                              "train it again")

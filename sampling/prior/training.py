@@ -19,7 +19,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.families.catalogue import FAMILIES, MIXTURES, Family
 from spectrabox.sampling.prior.families.paint import pigment_mixtures
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary, without_near_duplicates
-from spectrabox.sampling.prior.mixture import EDGE, GRID, LogitMixture, logit
+from spectrabox.sampling.prior.mixture import EDGE, GRID, Components, LogitMixture, logit
 from spectrabox.sampling.prior.smoothness import smooth_covariance
 
 DIRECTIONS = 10
@@ -43,25 +43,40 @@ class Part:
     family: str
     measured: bool
     mixed: bool                 # of surfaces of several families; fitted with the paints
+    stated: bool                # fitted and judged only where the family is stated
     curves: np.ndarray          # (n, 61) that are fitted
     judged: np.ndarray          # (m, 61) that bands are judged on where the part is left out
 
 
-def fitted_families(parts: Sequence[Part], families: dict[str, Family],
-                    seed: int) -> dict[str, LogitMixture]:
-    """The mixture of each family that has parts, by name.
+@dataclass(frozen=True)
+class Fitted:
+    """Mixtures of families by name: as parts of the whole, and of some where they are stated."""
+
+    plain: dict[str, LogitMixture]
+    stated: dict[str, LogitMixture]
+
+
+def fitted_families(parts: Sequence[Part], families: dict[str, Family], seed: int) -> Fitted:
+    """The mixtures of each family that has parts.
 
     Raises
     ------
     InputError
         For too few curves.
     """
-    return {name: fit_family(mine, family, seed) for name, family in families.items()
-            if (mine := [part for part in parts if part.family == name])}
+    fitted = Fitted({}, {})
+    for name, family in families.items():
+        mine = [part for part in parts if part.family == name]
+        if plain := [part for part in mine if not part.stated]:
+            fitted.plain[name] = fit_family(plain, family, seed)
+        if mine and family.stated_components:
+            fitted.stated[name] = fit_family(mine, family, seed, family.stated_components)
+    return fitted
 
 
-def fit_family(parts: Iterable[Part], family: Family, seed: int) -> LogitMixture:
-    """The mixture of one family.
+def fit_family(parts: Iterable[Part], family: Family, seed: int,
+               components: int | None = None) -> LogitMixture:
+    """The mixture of one family, of as many components as it has where none are given.
 
     Raises
     ------
@@ -75,22 +90,31 @@ def fit_family(parts: Iterable[Part], family: Family, seed: int) -> LogitMixture
     if pigments:
         curves.append(pigment_mixtures(np.random.default_rng(seed), MIXTURES,
                                        np.concatenate(pigments)))
-    return fit_mixture(np.concatenate(curves), family.components, seed, family.smooth)
+    return fit_mixture(np.concatenate(curves), components or family.components, seed,
+                       family.smooth)
 
 
-def joined(fitted: dict[str, LogitMixture], families: dict[str, Family],
-           source: str = "") -> LogitMixture:
-    """One mixture of those of several families, by their shares."""
-    names = tuple(fitted)
+def joined(fitted: Fitted, families: dict[str, Family], source: str = "") -> LogitMixture:
+    """One mixture of those of several families, by their shares, and what takes the place of some
+    where they are stated.
+    """
+    names = tuple(fitted.plain)
     shares = np.array([families[name].share for name in names])
-    counts = [one.weights.size for one in fitted.values()]
-    weights = np.concatenate([share * one.weights for share, one
-                              in zip(shares / shares.sum(), fitted.values(), strict=True)])
+    plain = _components(fitted.plain, names)
     ones = np.ones((len(names), LEVELS.size, GRID.nm.size))
-    return LogitMixture(GRID.nm, weights, np.concatenate([one.means for one in fitted.values()]),
-                        np.concatenate([one.covariances for one in fitted.values()]), names,
-                        np.repeat(np.arange(len(names)), counts), LEVELS, ones, ones, 1.0, np.inf,
-                        WIDTH_POWER, source)
+    return LogitMixture(GRID.nm, plain.weights * (shares / shares.sum())[plain.family],
+                        plain.means, plain.covariances, names, plain.family, LEVELS, ones, ones,
+                        1.0, np.inf, WIDTH_POWER, source,
+                        where_stated=_components(fitted.stated, names) if fitted.stated else None)
+
+
+def _components(fitted: dict[str, LogitMixture], names: tuple[str, ...]) -> Components:
+    each = list(fitted.values())
+    return Components(np.concatenate([one.weights for one in each]),
+                      np.concatenate([one.means for one in each]),
+                      np.concatenate([one.covariances for one in each]),
+                      np.repeat([names.index(name) for name in fitted],
+                                [one.weights.size for one in each]))
 
 
 def parts_of(libraries: dict[str, list[ReflectanceLibrary]], families: dict[str, Family],
@@ -119,12 +143,14 @@ def parts_of(libraries: dict[str, list[ReflectanceLibrary]], families: dict[str,
         for library in found:
             curves = library.reflectances
             parts.append(Part(library.name, "paint" if family == MIXED else family, True,
-                              family == MIXED, without_near_duplicates(curves),
+                              family == MIXED, False, without_near_duplicates(curves),
                               curves[rng.permutation(len(curves))[:judged]]))
-    for name, one in families.items():
-        for model, count in one.models.items():
-            made = np.clip(model(rng, count + judged), EDGE, 1 - EDGE)
-            parts.append(Part(model.__name__, name, False, False, made[:count], made[count:]))
+    for stated in (False, True):
+        for name, one in families.items():
+            for model, count in (one.stated_models if stated else one.models).items():
+                made = np.clip(model(rng, count + judged), EDGE, 1 - EDGE)
+                parts.append(Part(model.__name__, name, False, False, stated, made[:count],
+                                  made[count:]))
     return parts
 
 

@@ -154,15 +154,14 @@ def train_answer(folders: list[str], sensitivity: str, light: str, seed: int,
     for text in folders:
         family, folder = family_and_folder(text)
         libraries.setdefault(family, []).append(read_library(folder))
-    families = {name: family if models else replace(family, models={})
+    families = {name: family if models else replace(family, models={}, stated_components=0,
+                                                    stated_models={})
                 for name, family in FAMILIES.items()}
     prior, left_out = train(libraries, response_of_names(sensitivity, light), seed, families)
     rows = [left_out_facts(prior, part) for part in left_out]
     lines = [f"{'left out':<20} {'family':<8} {'curves':>6} {'RMSE':>7} {'95 % holds':>10} "
              f"{'width':>6} | {'stated: RMSE':>12} {'95 % holds':>10} {'width':>6}"]
-    lines += [f"{row['name']:<20} {row['family']:<8} {row['curves']:6d} {row['rmse']:7.4f} "
-              f"{row['coverage']:10.3f} {row['width']:6.3f} | {row['stated']['rmse']:12.4f} "
-              f"{row['stated']['coverage']:10.3f} {row['stated']['width']:6.3f}" for row in rows]
+    lines += [_left_out_line(row) for row in rows]
     lines += [f"{library.name}: left out {count} curves, {reason}"
               for read in libraries.values() for library in read
               for reason, count in library.left_out.items()]
@@ -185,9 +184,19 @@ def family_and_folder(text: str) -> tuple[str, Path]:
 
 
 def left_out_facts(prior: LogitMixture, part: LeftOut) -> dict[str, Any]:
-    """What the calibrated 95 % bands did on a library or model left out."""
-    unstated, stated = ({"rmse": getattr(part, kind).rmse}
-                        | asdict(band_figures(prior, part, kind))
-                        for kind in ("unstated", "stated"))
+    """What the calibrated 95 % bands did on a library or model left out; without its figures with
+    none stated where it counts only for a stated family.
+    """
+    figures = {kind: {"rmse": judgement.rmse} | asdict(band_figures(prior, part, kind))
+               for kind in ("unstated", "stated")
+               if (judgement := getattr(part, kind)) is not None}
     return {"name": part.name, "family": part.family, "curves": part.curves,
-            "measured": part.measured, **unstated, "stated": stated}
+            "measured": part.measured, **figures.get("unstated", {}), "stated": figures["stated"]}
+
+
+def _left_out_line(row: dict[str, Any]) -> str:
+    free = (f"{row['rmse']:7.4f} {row['coverage']:10.3f} {row['width']:6.3f}" if "rmse" in row else
+            f"{'only where stated':>25}")
+    said = row["stated"]
+    return (f"{row['name']:<20} {row['family']:<8} {row['curves']:6d} {free} | {said['rmse']:12.4f}"
+            f" {said['coverage']:10.3f} {said['width']:6.3f}")

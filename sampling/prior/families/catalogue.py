@@ -9,7 +9,7 @@ in turn (models/surface_families.md).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,8 +17,9 @@ from spectrabox.sampling.prior.families.animals import animals
 from spectrabox.sampling.prior.families.dyes import plastic, textile
 from spectrabox.sampling.prior.families.earth import soils, woods
 from spectrabox.sampling.prior.families.leaves import leaves, petals
+from spectrabox.sampling.prior.families.plant_tissue import green_tissue, petal_tissue
 from spectrabox.sampling.prior.families.printing import paper
-from spectrabox.sampling.prior.families.skin import skin, skin_in_two_fluxes
+from spectrabox.sampling.prior.families.skin import skin, skin_by_absorbance, skin_in_two_fluxes
 from spectrabox.sampling.prior.families.whites import tiles, whites
 
 Model = Callable[[np.random.Generator, int], np.ndarray]
@@ -32,13 +33,19 @@ class Family:
     components: int
     smooth: float                   # share of the smoothness prior's covariance in each component
     models: dict[Model, int]        # and how many reflectances each makes for training
+    # Where the family is stated, a mixture of its own takes the place of the components above: of
+    # this many, fitted to these models too. 0 for none.
+    stated_components: int = 0
+    stated_models: dict[Model, int] = field(default_factory=dict)
 
 
 FAMILIES = {
     "paint": Family(0.50, 12, 0.02, {}),    # measured, and mixtures of those measured
     "textile": Family(0.12, 8, 0.02, {textile: 1500, paper: 1200, plastic: 1200}),
-    "leaves": Family(0.12, 4, 0.01, {leaves: 1500, petals: 1500}),
-    "skin": Family(0.10, 3, 0.01, {skin: 1500, skin_in_two_fluxes: 1500}),
+    "leaves": Family(0.12, 4, 0.01, {leaves: 1500, petals: 1500}, 20,
+                     {green_tissue: 1500, petal_tissue: 3000}),
+    "skin": Family(0.10, 5, 0.01, {skin: 1500, skin_in_two_fluxes: 1500,
+                                   skin_by_absorbance: 1000}),
     "white": Family(0.05, 2, 0.02, {whites: 1500, tiles: 1500}),
     "earth": Family(0.07, 2, 0.02, {soils: 1500, woods: 1500}),
     "animal": Family(0.04, 2, 0.02, {animals: 1500}),

@@ -2,14 +2,19 @@
 
 Light crosses the epidermis twice, then diffuses in a dermis that is semi-infinite:
 
-    R = gloss + (1 - gloss) g exp(-2 d mu_epi) exp(-A / sqrt(3 (1 + mu_s' / mu_a)))
+    R = gloss + (1 - gloss) g exp(-2 d mu_epi) (r + (1 - r)^2 D / (1 - r D)),
+    D = exp(-A / sqrt(3 (1 + mu_s' / mu_a)))
 
 with mu_epi = f_mel mu_mel + (1 - f_mel) mu_base and mu_a = f_blood C mu_blood + (1 - f_blood)
 mu_base + mu_yellow, all per cm.
 
 - mu_mel = 6.6e11 nm^-3.33, the melanosome (S. L. Jacques, Oregon Medical Laser Center News 1998 and
-  Phys. Med. Biol. 58 (2013) R37); its power falls between 3 and 3.8 with the mixture of eumelanin
-  and pheomelanin (Jacques 2013), here normalised at 550 nm.
+  Phys. Med. Biol. 58 (2013) R37); with pheomelanin the power is up to 4.75 (Donner and Jensen,
+  Rendering Techniques 2006, 409), here 3 to 4.75 and normalised at 550 nm.
+- r: what scatters between the melanin and the blood, the capillaries' loops beginning about 0.1 mm
+  below the surface (Meglinski and Matcher, Physiol. Meas. 23 (2002) 741: no blood in the epidermis,
+  0.04 in the papillary dermis): 0 to 0.15 at 500 nm, as mu_s' falls. Light that returns from there
+  has not met blood, so that the strong bands at 400 to 440 nm never go all dark.
 - mu_base = 0.244 + 85.3 exp(-(nm - 154) / 66.2), skin without blood (Saidi, in Jacques 1998).
 - mu_blood from haemoglobin.csv, 150 g/l at 64 500 g/mol, ln 10 per decade of extinction; S is the
   oxygenation. Blood is packed in vessels of radius r, of which light sees the outside first:
@@ -36,14 +41,16 @@ from spectrabox.sampling.prior.families.kubelka_munk import (
 )
 from spectrabox.sampling.prior.mixture import GRID
 
+AT_500 = int(np.argmin(np.abs(GRID.nm - 500)))
 MOLAR_BLOOD = np.log(10) * 150 / 64500      # per cm for an extinction of 1 / (cm M)
+USUAL_BLOOD = 53_236            # 1 / (cm M) of oxygenated blood at 542 nm
 
 
 def skin(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of skin, by diffusion in the dermis."""
     epidermis, dermis, scattering = _layers(rng, count)
     A = uniform(rng, 5, 9, count)
-    return _seen(rng, epidermis, np.exp(-A / np.sqrt(3 * (1 + scattering / dermis))))
+    return _seen(rng, epidermis, np.exp(-A / np.sqrt(3 * (1 + scattering / dermis))), scattering)
 
 
 def skin_in_two_fluxes(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -55,27 +62,41 @@ def skin_in_two_fluxes(rng: np.random.Generator, count: int) -> np.ndarray:
     epidermis, dermis, scattering = _layers(rng, count)
     inside = reflectance_of(8 / 3 * dermis / scattering)
     leaving = uniform(rng, 0.35, 0.6, count)
-    return _seen(rng, epidermis, (1 - leaving) * inside / (1 - leaving * inside))
+    return _seen(rng, epidermis, (1 - leaving) * inside / (1 - leaving * inside), scattering)
+
+
+def skin_by_absorbance(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Reflectances (count, 61) of skin whose absorbances add, as light took the same path at all
+    wavelengths.
+
+    Dawson, Barker, Ellis, Grassam, Cotterill, Fisher and Feather, Phys. Med. Biol. 25 (1980) 695;
+    a third theory. What blood absorbs is limited, since some of the light never meets any: an
+    absorbance A becomes a (1 - exp(-A / a)), a 0.3 to 3.
+    """
+    nm = GRID.nm
+    melanin = log_uniform(rng, 0.05, 2, count) * (nm / 500)**-uniform(rng, 3.0, 4.75, count)
+    blood = log_uniform(rng, 0.03, 0.4, count) * _blood(rng, count) / USUAL_BLOOD
+    met = log_uniform(rng, 0.3, 3, count)
+    base = uniform(rng, 0, 0.5, count) * np.exp(-(nm - 400) / uniform(rng, 60, 120, count))
+    whole = (uniform(rng, 0.3, 1, count) + melanin + base + 0.3 * _yellow(rng, count)
+             - met * np.expm1(-blood / met))
+    gloss = uniform(rng, 0, 0.04, count)
+    return (1 - gloss) * np.exp(-whole) + gloss
 
 
 def _layers(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Optical density of the epidermis there and back; absorption and scattering of the dermis."""
     nm = GRID.nm
     base = 0.244 + 85.3 * np.exp(-(nm - 154) / 66.2)
-    melanosome = 6.6e11 * 550**-3.33 * (nm / 550)**-uniform(rng, 3.0, 3.8, count)
+    melanosome = 6.6e11 * 550**-3.33 * (nm / 550)**-uniform(rng, 3.0, 4.75, count)
     melanin = log_uniform(rng, 0.008, 0.35, count)
     depth = uniform(rng, 0.004, 0.009, count)
     epidermis = 2 * depth * (melanin * melanosome + (1 - melanin) * base)
-    _, oxygenated, deoxygenated = np.loadtxt(Path(__file__).with_name("haemoglobin.csv"),
-                                             delimiter=",", skiprows=4).T
-    saturation = uniform(rng, 0.4, 0.98, count)
-    blood = MOLAR_BLOOD * (saturation * oxygenated + (1 - saturation) * deoxygenated)
+    blood = MOLAR_BLOOD * _blood(rng, count)
     double_radius = 2 * blood * log_uniform(rng, 5e-4, 4e-3, count)
     packed = (1 - np.exp(-double_radius)) / double_radius
     share = log_uniform(rng, 0.003, 0.07, count)
-    yellow = (log_uniform(rng, 0.02, 0.6, count) * np.exp(-0.5 * ((nm - 460) / 32)**2)
-              + log_uniform(rng, 0.02, 0.8, count) * (np.exp(-0.5 * ((nm - 455) / 22)**2)
-                                                      + 0.8 * np.exp(-0.5 * ((nm - 485) / 14)**2)))
+    yellow = _yellow(rng, count)
     dermis = share * packed * blood + (1 - share) * uniform(rng, 0.4, 1.0, count) * base + yellow
     small = uniform(rng, 0.1, 0.6, count)
     scattering = uniform(rng, 25, 60, count) * (
@@ -83,7 +104,27 @@ def _layers(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarra
     return epidermis, dermis, scattering
 
 
-def _seen(rng: np.random.Generator, epidermis: np.ndarray, dermis: np.ndarray) -> np.ndarray:
+def _blood(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Molar extinction (count, 61) of haemoglobin, 40 to 98 % of it with oxygen."""
+    _, oxygenated, deoxygenated = np.loadtxt(Path(__file__).with_name("haemoglobin.csv"),
+                                             delimiter=",", skiprows=4).T
+    saturation = uniform(rng, 0.4, 0.98, count)
+    return saturation * oxygenated + (1 - saturation) * deoxygenated
+
+
+def _yellow(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Absorption (count, 61), per cm, of bilirubin and beta-carotene."""
+    bilirubin = np.exp(-0.5 * ((GRID.nm - 460) / 32)**2)
+    carotene = np.exp(-0.5 * ((GRID.nm - 455) / 22)**2) + 0.8 * np.exp(
+        -0.5 * ((GRID.nm - 485) / 14)**2)
+    return log_uniform(rng, 0.02, 0.6, count) * bilirubin \
+        + log_uniform(rng, 0.02, 0.8, count) * carotene
+
+
+def _seen(rng: np.random.Generator, epidermis: np.ndarray, dermis: np.ndarray,
+          scattering: np.ndarray) -> np.ndarray:
     count = len(dermis)
     gloss = uniform(rng, 0, 0.04, count)
-    return (1 - gloss) * uniform(rng, 0.85, 1.1, count) * np.exp(-epidermis) * dermis + gloss
+    bloodless = uniform(rng, 0, 0.15, count) * scattering / scattering[:, AT_500, None]
+    below = bloodless + (1 - bloodless)**2 * dermis / (1 - bloodless * dermis)
+    return (1 - gloss) * uniform(rng, 0.85, 1.1, count) * np.exp(-epidermis) * below + gloss

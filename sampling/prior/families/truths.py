@@ -31,7 +31,8 @@ def true_reflectances(prior: LogitMixture, count: int, rng: np.random.Generator)
     truths = np.empty((count, prior.means.shape[1]))
     for number in np.unique(chosen):
         mine = np.flatnonzero(chosen == number)
-        models = FAMILIES[prior.families[number]].models
+        family = FAMILIES[prior.families[number]]
+        models = family.models | (family.stated_models if prior.stated else {})
         if not models:
             truths[mine] = _paints(prior, int(number), mine.size, rng)
             continue
