@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.spectra.named_spectra import light, relative_response, sensitivities
+from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.session.cli import app
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -245,12 +246,41 @@ def test_a_certificate_says_when_the_prior_was_trained_on_the_library(tmp_path):
 def test_a_stated_family_narrows_the_band_and_is_said():
     skin = ("--signal", "0.46,0.31,0.22", "--samples", 1000)
     free, said = sample(*skin), sample(*skin, "--family", "skin")
-    assert free["families"]["skin"] > 0.5 and said["families"] == {"skin": 1.0}
+    assert max(free["families"], key=free["families"].get) == "skin"
+    assert said["families"] == {"skin": 1.0}
     widths = [np.mean(np.array(facts["upper"]) - facts["lower"]) for facts in (free, said)]
     assert widths[1] < widths[0]
     assert "the signal allows skin" in free["conditional_on"]
     assert "the surface being skin, as stated" in said["conditional_on"]
     assert "'jam' is no family of surfaces" in sample(*skin, "--family", "jam", code=3)["error"]
+
+
+def test_a_signal_says_what_bands_of_its_families_held():
+    certificates = load_prior().certificates
+    skin = ("--signal", "0.46,0.31,0.22", "--samples", 1000)
+    free, (said,) = sample(*skin), sample(*skin, "--family", "skin")["certified"]
+    named = {one["name"]: one for one in free["certified"]}
+    assert set(named) == {name for name, share in free["families"].items() if share >= 0.05}
+    assert not any(one["stated"] for one in named.values())
+    assert named["skin"]["coverage"] == certificates["skin"].unstated.coverage
+    assert named["skin"]["share"] == free["families"]["skin"]
+    assert said == {"name": "skin", "share": 1.0, "stated": True, "measured": False,
+                    "coverage": certificates["skin"].stated.coverage,
+                    "width": certificates["skin"].stated.width}
+    held = f"skin {100 * said['coverage']:.1f} % at a mean width of {said['width']:.3f}"
+    assert held in call("sample", *CAMERA, *skin, "--family", "skin").stdout
+    assert "certified" not in sample(*skin, "--method", "uniform")
+
+
+def test_a_signal_like_no_measured_one_has_no_certificate(tmp_path):
+    wild = sample("--signal", "0.9,0.1,0.9", "--samples", 1000)
+    assert wild["method"] == "smoothness prior" and wild["certified"] == []
+    assert wild["certificate"].startswith("No certificate")
+    path = tmp_path / "signals.csv"
+    path.write_text("red,green,blue\n0.46,0.31,0.22\n0.9,0.1,0.9\n")
+    known, unknown = sample("--signals", path)["results"]
+    assert known["certificate"] == sample("--signal", "0.46,0.31,0.22")["certificate"]
+    assert unknown["certified"] == []
 
 
 def test_a_certificate_tells_families_and_wavelengths_apart(tmp_path):

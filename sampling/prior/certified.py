@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 CERTIFIED = 0.93        # of wavelengths within the 95 % band
 MENTIONED = 0.05        # share from which a family that nobody stated is named
@@ -86,6 +87,16 @@ def standings(shares: Mapping[str, float], stated: Sequence[str],
     named = stated or [name for name in shares if shares[name] >= MENTIONED]
     return tuple(FamilyStanding(name, shares.get(name, 0.0), bool(stated), certificates.get(name))
                  for name in sorted(named, key=lambda name: -shares.get(name, 0.0)))
+
+
+def standing_facts(families: Sequence[FamilyStanding]) -> list[dict[str, Any]]:
+    """Families and what 95 % bands of each held when it was judged, for JSON; None where it was
+    not.
+    """
+    return [{"name": one.name, "share": one.share, "stated": one.stated,
+             "measured": one.certificate is not None and one.certificate.measured,
+             "coverage": None if one.bands is None else one.bands.coverage,
+             "width": None if one.bands is None else one.bands.width} for one in families]
 
 
 def certified_sentence(families: Sequence[FamilyStanding]) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
+from spectrabox.sampling.prior.certified import standing_facts
 from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report.verdict import Criterion, Verdict, chart_residuals
@@ -98,11 +99,7 @@ def family_facts(material: MaterialResult) -> list[dict[str, Any]]:
     """The families that a material may be of, and what 95 % bands of each held when it was judged;
     None where it was not.
     """
-    return [{"name": one.name, "share": one.share, "stated": one.stated,
-             "measured": one.certificate is not None and one.certificate.measured,
-             "coverage": None if one.bands is None else one.bands.coverage,
-             "width": None if one.bands is None else one.bands.width}
-            for one in material.families]
+    return standing_facts(material.families)
 
 
 def _samples(samples: SpectrumSamples | None) -> dict[str, Any] | None:

@@ -36,6 +36,7 @@ from spectrabox.sampling.error_budget import (
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful
 from spectrabox.sampling.measurement import response_on, spline_operator
 from spectrabox.sampling.polytope.bounds import bounds_of_many
+from spectrabox.sampling.prior.certified import certified_sentence, standing_facts, standings
 from spectrabox.sampling.prior.draws import family_shares, sentence_of
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior, of_families
 from spectrabox.sampling.prior.summaries import summaries
@@ -193,7 +194,7 @@ def bulk_facts(request: SampleRequest, parsed: _Parsed,
             "bounds_from": "all measurements",
             "error_budget": dict(zip((METAMERISM, *causes, FLOOR), found.budget[row].tolist(),
                                      strict=True)),
-            "families": shares, "seconds": seconds})
+            "families": shares, **_certified(prior, shares, familiar), "seconds": seconds})
     return results
 
 
@@ -250,10 +251,20 @@ def _answer(request: SampleRequest, parsed: _Parsed,
         facts["error_budget"] = {name: float(share[0]) for name, share in shares.items()}
     if prior is not None and options.method == "prior":
         facts["families"] = family_shares(prior, measurement)
+        facts |= _certified(prior, facts["families"], draws.outcome is Outcome.FAMILIAR)
     if request.baseline or request.truth is not None:
         facts |= _compared(request, base, draws)
     facts["seconds"] = time.perf_counter() - started
     return facts, draws
+
+
+def _certified(prior: LogitMixture, shares: dict[str, float], familiar: bool) -> dict[str, Any]:
+    """What 95 % bands held of the families that a signal allows, as facts and as a sentence."""
+    if not familiar:
+        return {"certified": [], "certificate": "No certificate: bands of unfamiliar "
+                "signals were never judged."}
+    families = standings(shares, prior.stated, prior.certificates)
+    return {"certified": standing_facts(families), "certificate": certified_sentence(families)}
 
 
 def _compared(request: SampleRequest, base: SpectralMeasurement,
@@ -307,7 +318,8 @@ def _text(facts: dict[str, Any], request: SampleRequest) -> str:
                                                    if share > 0))
     lines += facts.get("doubtful", [])
     draws = f"{facts['samples']} draws" if facts["samples"] else "no draws needed"
-    lines += [facts["outcome"], f"{draws}, {facts['method']}; "
+    lines += [facts["outcome"]] + ([facts["certificate"]] if "certificate" in facts else [])
+    lines += [f"{draws}, {facts['method']}; "
               f"{facts['seconds']:.2f} s; the next reading helps most at "
               f"{facts['next_measurement_nm']:.0f} nm"]
     if "judged" in facts:
