@@ -15,6 +15,7 @@ from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
+from spectrabox.radiometry.outside.free_memory import free_memory
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_file import try_read_session
@@ -57,18 +58,36 @@ class Problem:
     exit_code: int
 
 
+@dataclass(frozen=True)
+class Foresight:
+    """What a run of a session would meet."""
+
+    problems: list[Problem]     # each sentence once, in the order of the inputs
+    # that tracing will take besides the program; None where nothing is left to trace, or unknown
+    tracing_bytes: int | None
+
+    @property
+    def sentence(self) -> str:
+        """What tracing will take of the memory that is free; empty where that is not known."""
+        if self.tracing_bytes is None:
+            return ""
+        free = free_memory()
+        of_all = "" if free is None else f" of the {free / 2**30:.1f} GiB that are free"
+        return f"tracing light will take about {self.tracing_bytes / 2**20:.0f} MiB{of_all}"
+
+
 def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
-    """Everything that would stop or spoil a run of this session; empty when it is ready.
+    """Everything that would stop or spoil a run of this session; empty when it is ready."""
+    return foresee(folder, allow_outside).problems
+
+
+def foresee(folder: Path, allow_outside: bool = False) -> Foresight:
+    """Everything that would stop or spoil a run of this session, and what it will take.
 
     Parameters
     ----------
     allow_outside : bool
         Whether the session may name files outside its folder.
-
-    Returns
-    -------
-    list of Problem
-        Each sentence once, in the order of the inputs.
     """
     problems: list[Problem] = []
     config, sentences = try_read_session(folder, allow_outside)
@@ -77,7 +96,7 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
         problems.append(Problem(f"{folder} cannot be written: change its permissions",
                                 EnvironmentProblem.exit_code))
     if config is None:
-        return problems
+        return Foresight(problems, None)
 
     def attempt(read: Callable[..., Any], *arguments: Any) -> Any:
         """The result, or None with the problem noted."""
@@ -90,13 +109,10 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
             return None
 
     _attempt_inputs(config, attempt)
-    if problems:
-        _attempt_photos(config, attempt)
-        return problems
-    attempt(_run_up_to_tracing, config)
+    tracing_bytes = None if problems else attempt(_run_up_to_tracing, config)
     if problems:        # a stage stops at its first fault: say those of the other photos too
         _attempt_photos(config, attempt)
-    return problems
+    return Foresight(problems, tracing_bytes)
 
 
 def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
@@ -147,18 +163,17 @@ def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
                     typical_camera_signals(chart_signals, GRID, power_of(light)))
 
 
-def _run_up_to_tracing(config: SessionConfig) -> None:
+def _run_up_to_tracing(config: SessionConfig) -> int | None:
     """Run the short stages as a run does, which then keeps them, and what the long ones ask before
-    they begin.
+    they begin; bytes that tracing will take, where something is left to trace.
     """
     states = {state.name: state.state for state in stage_states(config)}
     long = next(name for name in states if name in LONG_STAGES)
     if states[long] == "done":
-        return
+        return None
     stored = run_stages(config, device=DEVICE, only=None, force=False,
                         progress=lambda stage, done, what: None, before=long).stored
-    if not config.flat:
-        require_invertible(config, stored, DEVICE)
+    return None if config.flat else require_invertible(config, stored, DEVICE)
 
 
 def _reflectances(config: SessionConfig) -> list[SpectrumTable]:

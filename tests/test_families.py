@@ -25,8 +25,8 @@ from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families
 
 FAMILIES = {made.__name__: made for made in (
     skin.skin, skin.skin_in_two_fluxes, skin.skin_by_absorbance, leaves.leaves, leaves.petals,
-    plant_tissue.green_tissue, plant_tissue.petal_tissue, dyes.textile, dyes.plastic, printing.paper, whites.whites, whites.tiles, earth.soils, earth.woods,
-    animals.animals)}
+    plant_tissue.green_tissue, plant_tissue.petal_tissue, dyes.textile, dyes.plastic,
+    printing.paper, whites.whites, whites.tiles, earth.soils, earth.woods, animals.animals)}
 
 
 @pytest.mark.parametrize("name", FAMILIES)

@@ -332,6 +332,16 @@ def test_a_summary_says_what_it_is_conditional_on(prior):
     assert np.all(summary.lower <= summary.mean) and np.all(summary.mean <= summary.upper)
 
 
+def test_draws_reach_a_signal_whose_noise_reaches_beyond_what_a_reflectance_can_be(prior):
+    # of a dark red surface in a very noisy photo: most of what the noise allows is below zero
+    correlation = np.array([[1, -0.12, -0.63], [-0.12, 1, 0.58], [-0.63, 0.58, 1]])
+    error = np.array([0.078, 0.069, 0.323])
+    dark = replace(seen(surface(GRID.nm, 1)), signal=np.array([0.378, -0.131, -0.070]),
+                   noise_covariance=correlation * np.outer(error, error))
+    drawn = sample_prior(dark, 999, 0, prior=prior)
+    assert np.all((drawn.spectra > 0) & (drawn.spectra < 1))
+
+
 # ---- training ------------------------------------------------------------------------------------
 
 GREYS = {"paint": Family(0.7, 2, 0.03, {}),
@@ -369,9 +379,9 @@ def test_a_model_for_a_stated_family_changes_nothing_where_none_is_stated():
     families = {"paint": Family(0.6, 1, 0.03, {}),
                 "skin": Family(0.4, 1, 0.03, {skin: 250})}
     richer = families | {"skin": replace(families["skin"], stated_components=2,
-                                                     stated_models={petal_tissue: 250})}
+                                       stated_models={petal_tissue: 250})}
     relative_response = seen(np.ones(61)).relative_response
-    (plain, before), (prior, after) = (train(libraries, relative_response, families=given)
+    (plain, _), (prior, after) = (train(libraries, relative_response, families=given)
                                        for given in (families, richer))
     assert [part.name for part in after] == ["one", "two", "skin", "petal_tissue"]
     assert after[-1].unstated is None and after[-1].stated.scores.shape[1] == 300

@@ -1,14 +1,19 @@
 """What a run would refuse, check says beforehand: a table of faulty sessions through both."""
+import json
 from fractions import Fraction
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from spectrabox.capture.develop import developed
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.session.check import find_problems
+from spectrabox.radiometry.outside import free_memory as memory
+from spectrabox.reconstruct.tracer import transport
+from spectrabox.session.check import find_problems, foresee
+from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages, stage_states
 
@@ -74,9 +79,31 @@ def lights_without_a_name_to_tell_apart(folder):
     edit(folder, "session.toml", ("[reconstruct]\n", "[reconstruct]\nlight_error = 0.02\n"))
 
 
+def a_material_that_no_pixel_sees(folder):
+    edit(folder, "scene/box.xml", ('<translate x="-5" y="6" z="-20"/>',
+                                   '<translate x="-5" y="6" z="200"/>'))
+
+
+def a_material_that_no_light_reaches(folder):
+    edit(folder, "scene/box.xml", ('<rotate y="1" angle="-90"/>', '<rotate y="1" angle="90"/>'))
+
+
+def a_surface_without_a_usable_signal(folder):
+    path = folder / "photos" / "box.dng"
+    frame = read_raw(path)
+    mosaic = np.array(frame.mosaic)
+    mosaic[:, -mosaic.shape[1] // 4:] = int(frame.white_level)      # the red wall and more
+    path.unlink()
+    write_dng(path, mosaic, black=tuple(frame.black_level[[0, 0, 1, 1], [0, 1, 0, 1]]),
+              white=int(frame.white_level), f_number=frame.f_number, iso=int(frame.iso),
+              exposure_s=Fraction(1, 60))
+
+
 FAULTS = (black_stated_too_high, exposure_not_stated, glossy_with_the_transport_engine,
           draws_through_a_transport_that_is_not_traced, no_chart_in_the_chart_scene,
-          reference_outside_the_photo, lights_without_a_name_to_tell_apart)
+          reference_outside_the_photo, lights_without_a_name_to_tell_apart,
+          a_material_that_no_pixel_sees, a_material_that_no_light_reaches,
+          a_surface_without_a_usable_signal)
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -87,6 +114,53 @@ def test_check_says_what_run_would_refuse(captured, fault):
         run_stages(read_session(captured), device="cpu", only=None, force=False,
                    progress=lambda *_: None)
     assert set(str(refused.value).splitlines()) <= set(said)
+
+
+def test_a_trace_for_which_memory_is_missing_is_refused_by_both(captured, monkeypatch):
+    needed = foresee(captured).tracing_bytes
+    assert needed is not None and 0 < needed < 1 << 30
+    monkeypatch.setattr(transport, "free_memory", lambda: 1000)
+    (said,) = find_problems(captured)
+    assert "of memory that are free; close other programs, or lower [reconstruct] width" \
+        in said.sentence
+    with pytest.raises(SpectraboxError) as refused:
+        run_stages(read_session(captured), device="cpu", only=None, force=False,
+                   progress=lambda *_: None)
+    assert str(refused.value) == said.sentence
+
+
+def test_check_says_what_tracing_will_take(captured):
+    said = CliRunner().invoke(app, ["check", str(captured)])
+    assert said.exit_code == 0, said.output
+    assert "ready to run\ntracing light will take about" in said.output
+    facts = json.loads(CliRunner().invoke(app, ["check", str(captured), "--json"]).stdout)
+    assert facts["ready"] and facts["problems"] == []
+    assert 0 < facts["memory"]["tracing_bytes"] < facts["memory"]["free_bytes"]
+
+
+def test_nothing_is_left_to_trace_of_a_finished_session(finished):
+    assert foresee(finished).tracing_bytes is None and foresee(finished).sentence == ""
+
+
+@pytest.mark.parametrize("files, expected", [
+    ({"meminfo": "MemTotal:  900 kB\nMemAvailable:  500 kB\n"}, 500 * 1024),
+    ({"meminfo": "MemAvailable:  500 kB\n", "max": "300000\n", "current": "100000\n"}, 200_000),
+    ({"meminfo": "MemAvailable:  500 kB\n", "max": "max\n", "current": "100000\n"}, 500 * 1024),
+    ({"meminfo": "MemAvailable:  500 kB\n", "max": "100\n", "current": "200\n"}, 0)])
+def test_free_memory_is_that_of_the_machine_or_its_container(files, expected, tmp_path,
+                                                             monkeypatch):
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr(memory, "MEMINFO", tmp_path / "meminfo")
+    monkeypatch.setattr(memory, "GROUPS", ((tmp_path / "max", tmp_path / "current"),))
+    assert memory.free_memory() == expected
+
+
+def test_a_system_that_does_not_say_has_the_memory_that_is_built_in(tmp_path, monkeypatch):
+    monkeypatch.setattr(memory, "MEMINFO", tmp_path / "none")
+    monkeypatch.setattr(memory, "GROUPS", ())
+    found = memory.free_memory()
+    assert found is None or found > 1 << 28
 
 
 def test_a_run_keeps_what_a_check_of_a_sound_session_decoded(captured, monkeypatch):

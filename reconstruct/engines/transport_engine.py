@@ -26,6 +26,8 @@ from spectrabox.reconstruct.tracer.transport import (
     TracedTransport,
     images_of_signals,
     joined,
+    memory_of,
+    memory_of_image,
     trace_transport,
 )
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
@@ -179,7 +181,24 @@ def trace_view(view: View, unit: UnitScene, region: np.ndarray, seed: int, progr
     InputError
         As ``trace_transport``.
     """
-    first = trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
+    return _traced_enough(view, unit, region, seed, first_trace(unit, region, seed), progress,
+                          checkpoint)
+
+
+def first_trace(unit: UnitScene, region: np.ndarray, seed: int) -> TracedTransport:
+    """The trace of ``FIRST_SPP`` paths per pixel that tells how many more are needed.
+
+    Raises
+    ------
+    InputError
+        As ``trace_transport``.
+    """
+    return trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
+
+
+def _traced_enough(view: View, unit: UnitScene, region: np.ndarray, seed: int,
+                   first: TracedTransport, progress: Progress,
+                   checkpoint: Path | None) -> TracedTransport:
     photo = region_means(view.variance / np.maximum(view.measured, 1e-12) ** 2,
                          region).mean(axis=1)
     photo = photo / np.bincount(region[region >= 0])
@@ -211,15 +230,46 @@ def nuisances(view: View, settings: InversionSettings) -> Nuisances:
                      settings.mixing_error, settings.block_error)
 
 
+def require_lit(views: Sequence[View], settings: InversionSettings) -> int:
+    """Refuse views that show a material which no light reaches, by the first, short trace of each.
+
+    Returns
+    -------
+    int
+        Bytes that tracing, fit and rendering of all views will take, besides the program.
+
+    Raises
+    ------
+    InputError
+        Naming the material; or as ``trace_transport``.
+    """
+    kept = image = 0
+    for number, view in enumerate(views):
+        region, group = block_regions(view.surface, view.used)
+        unit = unit_scene(view, _bounces(view, settings), _tells_lights_apart(view, settings))
+        first = first_trace(unit, region, _seed(number, settings))
+        _require_lit(view, first, group)
+        passes, regions, groups, products = first.passes.shape
+        kept += memory_of(regions, groups * products, passes)
+        image = max(image, memory_of_image(region.size, groups * products))
+    return kept + image
+
+
 def _traced_view(view: View, number: int, settings: InversionSettings, progress: Progress,
                  checkpoint: Path | None) -> TracedView:
     region, group = block_regions(view.surface, view.used)
     progress(0.0, "tracing light")
-    separate = _tells_lights_apart(view, settings)
-    unit = unit_scene(view, _bounces(view, settings), separate)
-    traced = trace_view(view, unit, region, settings.seed + 613 * number, progress, checkpoint)
-    _require_lit(view, traced, group)
+    unit = unit_scene(view, _bounces(view, settings), _tells_lights_apart(view, settings))
+    first = first_trace(unit, region, _seed(number, settings))
+    _require_lit(view, first, group)
+    traced = _traced_enough(view, unit, region, _seed(number, settings), first, progress,
+                            checkpoint)
     return TracedView(view, traced, region, group, nuisances(view, settings))
+
+
+def _seed(number: int, settings: InversionSettings) -> int:
+    """Seed of the first trace of a view."""
+    return settings.seed + 613 * number
 
 
 def _bounces(view: View, settings: InversionSettings) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import exponents_up_to, product_count, prune
+from spectrabox.radiometry.outside.free_memory import free_memory
 from spectrabox.reconstruct.rendering.renderer import all_cores
 from spectrabox.reconstruct.tracer.path_samples import MAX_POINTS
 from spectrabox.reconstruct.tracer.path_tracer import Tracer
@@ -204,10 +205,7 @@ def _pixel_means(unit: UnitScene, exponents: np.ndarray, spp: int, seed: int, pa
 
 
 def require_memory(regions: int, products: int, passes: int, materials: int, bounces: int) -> None:
-    """Refuse a trace whose coefficients would not fit.
-
-    A coefficient takes 4 bytes in each pass and 8 in each deviation and in the mean, or 28 while a
-    pass is traced.
+    """Refuse a trace whose coefficients would not fit, or of which the machine has no memory.
 
     Parameters
     ----------
@@ -223,13 +221,31 @@ def require_memory(regions: int, products: int, passes: int, materials: int, bou
     InputError
         Saying how large it would be and what makes it smaller.
     """
-    needed = regions * products * max(12 * passes + 8, 4 * passes + 28)
-    if needed > MAX_BYTES:
+    needed, free = memory_of(regions, products, passes), free_memory()
+    most = MAX_BYTES if free is None else min(MAX_BYTES, free)
+    if needed > most:
+        whose = "set aside; lower" if most == MAX_BYTES else \
+            "of memory that are free; close other programs, or lower"
         raise InputError(
             f"the light transport of {regions} regions and {products} products of {materials} "
             f"reflectances ({product_count(materials, bounces)} before pruning) needs "
-            f"{needed / 2**30:.1f} GiB, more than the {MAX_BYTES / 2**30:.0f} GiB set aside; "
-            "lower [reconstruct] width or the scene's max_depth")
+            f"{needed / 2**30:.1f} GiB, more than the {most / 2**30:.{most < MAX_BYTES:d}f} GiB "
+            f"{whose} [reconstruct] width or the scene's max_depth")
+
+
+def memory_of(regions: int, products: int, passes: int) -> int:
+    """Bytes that a trace and its fit take: 4 a coefficient in each pass and 8 in each deviation and
+    in the mean, or 28 while a pass is traced.
+    """
+    return regions * products * max(12 * passes + 8, 4 * passes + 28)
+
+
+def memory_of_image(pixels: int, products: int) -> int:
+    """Bytes that the products of all pixels of a picture take while they are traced; 0 where they
+    are not kept.
+    """
+    coefficients = pixels * products
+    return 28 * coefficients if coefficients <= MAX_IMAGE_COEFFICIENTS else 0
 
 
 def _exponents(unit: UnitScene, region: np.ndarray, seed: int) -> tuple[np.ndarray, float]:

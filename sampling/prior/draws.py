@@ -42,7 +42,9 @@ NEWTON_STEPS = 12
 MAX_STEP = 3.0                  # logits
 BLOCK = 2048
 MENTIONED = 0.005               # share of a family that the outcome names
-ROUNDS = 20                     # of drawing again what could not be taken to its signal
+# of drawing again what could not be taken to its signal: where the noise reaches far beyond what a
+# reflectance can be, one draw in thirty gets there
+ROUNDS = 200
 
 
 @dataclass(frozen=True)

@@ -73,12 +73,17 @@ def check(folder: Folder, allow_outside: Outside = False, as_json: Json = False,
           debug: Debug = False) -> None:
     """Read every input, run nothing long, say everything that is wrong at once."""
     with command(as_json, debug):
-        from spectrabox.session.check import find_problems
-        problems = find_problems(folder, allow_outside)
+        from spectrabox.radiometry.outside.free_memory import free_memory
+        from spectrabox.session.check import foresee
+        found = foresee(folder, allow_outside)
+        problems = found.problems
         sentences = [problem.sentence for problem in problems]
         text = "\n".join(f"- {sentence}"
                          for sentence in sentences) or "nothing is wrong: ready to run"
-        answer(as_json, {"ready": not problems, "problems": sentences}, text)
+        text += f"\n{found.sentence}" if found.sentence else ""
+        memory = None if found.tracing_bytes is None else {"tracing_bytes": found.tracing_bytes,
+                                                           "free_bytes": free_memory()}
+        answer(as_json, {"ready": not problems, "problems": sentences, "memory": memory}, text)
         if problems:
             raise typer.Exit(min(problem.exit_code for problem in problems))
 

@@ -22,6 +22,7 @@ from spectrabox.radiometry.records import (
     LinearImage,
 )
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.reconstruct.engines.transport_engine import require_lit
 from spectrabox.reconstruct.inverse_rendering import SINGLE_VIEW, reconstruct_views, settings_for
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import SceneFile
@@ -86,13 +87,18 @@ def glare_error(config: SessionConfig, stored: Mapping[str, StoredStage]) -> np.
 
 
 def require_invertible(config: SessionConfig, stored: Mapping[str, StoredStage],
-                       device: str) -> None:
-    """Refuse a session that the stage would refuse, before anything is traced.
+                       device: str) -> int | None:
+    """Refuse a session that the stage would refuse, before more than a first, short trace.
 
     Parameters
     ----------
     stored : of the stages before
     device : {"auto", "cpu", "cuda"}
+
+    Returns
+    -------
+    int or None
+        Bytes that the stage will take besides the program; None where the engine does not trace.
 
     Raises
     ------
@@ -104,6 +110,7 @@ def require_invertible(config: SessionConfig, stored: Mapping[str, StoredStage],
     if config.sampling.through == "transport":
         alike = settings.engine not in SINGLE_VIEW and not any(view.own_lights for view in views)
         require_one_transport(len(views), alike)
+    return None if settings.engine in SINGLE_VIEW else require_lit(views, settings)
 
 
 def views_of(config: SessionConfig, stored: Mapping[str, StoredStage],
