@@ -50,3 +50,18 @@ def captured(_captured, tmp_path):
 def finished(_finished, tmp_path):
     """The same with the results of every stage."""
     return shutil.copytree(_finished, tmp_path / "finished" / "box")
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """The distribution's Chromium driven by Playwright, or a skip with the reason."""
+    playwright = pytest.importorskip("playwright.sync_api",
+                                     reason="Playwright drives pages: pip install playwright")
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser",
+                                                 "google-chrome"))), None)
+    if found is None:
+        pytest.skip("no Chromium on this machine to open pages in: apt install chromium")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield browser
+        browser.close()

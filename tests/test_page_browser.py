@@ -1,5 +1,4 @@
 """The page in a real browser: mark a region, undo, run, stop, read the report, shoot a series."""
-import shutil
 import tomllib
 from pathlib import Path
 
@@ -10,25 +9,10 @@ from served_page import TOKEN, served, wait_for
 MAX_WAIT_MS = 120_000
 
 
-@pytest.fixture(scope="module")
-def browser():
-    """The distribution's Chromium, or a skip with the reason."""
-    playwright = pytest.importorskip("playwright.sync_api",
-                                     reason="Playwright drives the page: pip install playwright")
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser",
-                                                 "google-chrome"))), None)
-    if found is None:
-        pytest.skip("no Chromium on this machine to open the page in: apt install chromium")
-    with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield chromium
-        chromium.close()
-
-
 @pytest.fixture
-def opened(browser):
+def opened(chromium):
     """A function that opens an address; at the end nothing may have complained."""
-    context = browser.new_context(viewport={"width": 1400, "height": 1000})
+    context = chromium.new_context(viewport={"width": 1400, "height": 1000})
     context.set_default_timeout(MAX_WAIT_MS)
     page, said, asked = context.new_page(), [], []
     page.on("console", lambda line: said.append(line.text)
