@@ -16,6 +16,7 @@ from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
 
 STEP_NM = 5.0
+GRID = grid_from_nm(np.arange(400.0, 700.0 + STEP_NM, STEP_NM))
 CAMSPEC_NM = np.arange(400.0, 721.0, 10.0)      # of three lines of 33 values below each name
 NEGATIVE = 0.05                                 # of the largest value: more is not a sensitivity
 SUFFIXES = (".json", ".txt", ".csv")
@@ -49,7 +50,7 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
     """
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give a folder of measured camera curves")
-    grid = grid_from_nm(np.arange(400.0, 700.0 + STEP_NM, STEP_NM))
+    grid = GRID
     cameras: dict[str, np.ndarray] = {}
     skipped = []
     for path in sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES):
@@ -77,11 +78,28 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
     return CameraDatabase(grid.nm, np.array(list(kept.values())), tuple(kept), tuple(skipped))
 
 
+def cameras_of_file(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Wavelengths (P,) and curves (K, P) of every camera of one file by name.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is of no known kind.
+    """
+    readers = {".json": _read_rawtoaces, ".txt": _read_camspec, ".csv": _read_csv}
+    if path.suffix.lower() not in readers:
+        raise InputError(f"{path.name} is no file of camera curves; .json (rawtoaces), .txt "
+                         "(camspec) or .csv is needed")
+    cameras = readers[path.suffix.lower()](path)
+    for name, (nm, curves) in cameras.items():
+        _checked(nm, curves, GRID, f"{path.name}, {name}")
+    return cameras
+
+
 def _read_file(path: Path, grid: WavelengthGrid) -> dict[str, np.ndarray]:
     """Cameras of one file by name, each (K, P)."""
-    readers = {".json": _read_rawtoaces, ".txt": _read_camspec, ".csv": _read_csv}
     return {name: _checked(nm, curves, grid, f"{path.name}, {name}")
-            for name, (nm, curves) in readers[path.suffix.lower()](path).items()}
+            for name, (nm, curves) in cameras_of_file(path).items()}
 
 
 def _checked(nm: np.ndarray, curves: np.ndarray, grid: WavelengthGrid, name: str) -> np.ndarray:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from spectrabox.radiometry.published.tables import (
     published_names,
 )
 from spectrabox.radiometry.records import Quantity, WavelengthGrid
+from spectrabox.radiometry.spectra.kept_cameras import own_cameras
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_curves,
@@ -33,7 +35,7 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
     Parameters
     ----------
     name : str
-        A file, or a name of ``published.tables``.
+        A file, or a name of ``published.tables`` or of ``kept_cameras``.
     grid : WavelengthGrid
         Working grid, of P wavelengths.
 
@@ -42,12 +44,14 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
     InputError
         If there is neither such a file nor such a name, or the curves do not cover the grid.
     """
-    if names_a_file(name):
-        nm, _, curves = read_curves(Path(name))
-        curves = on_grid(nm, curves, grid, Path(name).name)
+    kept = own_cameras()
+    if names_a_file(name) or name in kept:
+        path = kept.get(name, Path(name))
+        nm, _, curves = read_curves(path)
+        curves = on_grid(nm, curves, grid, path.name)
     else:
         nm, curves = _by_name(name, OBSERVERS, "camera or observer",
-                              "a CSV file with one column per band")
+                              "a file of curves, one column per band", tuple(kept))
         curves = on_grid(nm, curves, grid, name)
     if not np.all(np.isfinite(curves)) or np.any(curves.max(axis=1) <= 0):
         raise InputError(f"a band of {name} sees nothing of {grid.nm[0]:g}-{grid.nm[-1]:g} nm; "
@@ -131,11 +135,19 @@ def relative_response(sensitivity: str, light_name: str,
     return response / total
 
 
-def _by_name(name: str, kind: str, what: str, instead: str) -> tuple[np.ndarray, np.ndarray]:
+def nearest_names(name: str, names: Sequence[str]) -> list[str]:
+    """Up to three names that were perhaps meant, capitals or not."""
+    written = {known.casefold(): known for known in names}
+    return [written[near] for near in difflib.get_close_matches(name.casefold(), written, n=3,
+                                                                cutoff=0.4)]
+
+
+def _by_name(name: str, kind: str, what: str, instead: str,
+             own: tuple[str, ...] = ()) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (P,) and curves (K, P)."""
     names = published_names(kind)
     if name not in names:
-        near = difflib.get_close_matches(name, names, n=3, cutoff=0.4)
+        near = nearest_names(name, [*own, *names])
         nearest = f"; nearest are {', '.join(near)}" if near else ""
         raise InputError(f"{name!r} is no {what} that is known{nearest}; give one of these or "
                          f"{instead}")

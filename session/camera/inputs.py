@@ -242,14 +242,27 @@ def write_curves(path: Path, calibration: Calibration, names: tuple[str, ...], l
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.records import Quantity
     from spectrabox.radiometry.spectra.spectrum_files import table_text
+    columns, source = _columns(calibration, names, light)
+    write_text_whole(path, table_text(calibration.sensitivity.grid.nm, columns,
+                                      quantity=Quantity.RELATIVE, source=source))
+
+
+def keep_fit(name: str, calibration: Calibration, names: tuple[str, ...], light: str) -> Path:
+    """Keep fitted curves and their standard errors under a name; their file."""
+    from spectrabox.radiometry.spectra.kept_cameras import keep_camera
+    columns, source = _columns(calibration, names, light)
+    return keep_camera(name, calibration.sensitivity.grid.nm, columns, source)
+
+
+def _columns(calibration: Calibration, names: tuple[str, ...],
+             light: str) -> tuple[dict[str, Any], str]:
+    """Curves and standard errors by column, and where they are from."""
     fit = calibration.sensitivity
     columns: dict[str, Any] = dict(zip(names, fit.curves, strict=True))
     if fit.standard_error is not None:
         columns |= {f"standard_error {name}": values
                     for name, values in zip(names, fit.standard_error, strict=True)}
-    source = f"{fit.method}, light {light}".replace("\n", " ")
-    write_text_whole(path, table_text(fit.grid.nm, columns, quantity=Quantity.RELATIVE,
-                                      source=source))
+    return columns, f"{fit.method}, light {light}".replace("\n", " ")
 
 
 def write_draws(path: Path, band: CurveBand | None, grid: WavelengthGrid) -> None:

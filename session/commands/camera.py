@@ -1,4 +1,4 @@
-"""Commands on a camera without a session: camera fit, camera prior, camera preflight."""
+"""Commands on a camera without a session: camera fit, prior, preflight, add, names."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -8,6 +8,7 @@ import typer
 
 from spectrabox.session.camera.inputs import (
     facts_of,
+    keep_fit,
     known_light,
     light_words,
     numbers_of_patches,
@@ -70,7 +71,7 @@ camera = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="Sensitivities
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for function in (fit, prior, preflight):
+    for function in (fit, prior, preflight, add, names):
         camera.command()(function)
     app.add_typer(camera, name="camera")
 
@@ -86,7 +87,10 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
         reference: References = None, layout: ChartLayout = "", corners: Corners = None,
         leave_out: Annotated[str, typer.Option(metavar="N,N...", show_default=False, help="Patches "
                                                "that no fit uses, by number from 1.")] = "",
-        prior_file: PriorFile = None, as_json: Json = False, debug: Debug = False) -> None:
+        prior_file: PriorFile = None,
+        keep: Annotated[str | None, typer.Option(metavar="NAME", help="Keep the curves under this "
+                                                 "name, for --sensitivity NAME.")] = None,
+        as_json: Json = False, debug: Debug = False) -> None:
     """Sensitivities from chart photos and light spectra, with error bars.
 
     Under a light that is not known, the products of sensitivity and light.
@@ -113,6 +117,9 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
                            if path is not None)])
         check_ending(out, CURVES)
         check_ending(samples, DRAWS, "--samples")
+        if keep is not None:
+            from spectrabox.radiometry.spectra.kept_cameras import require_new_name
+            require_new_name(keep)
         from spectrabox.calibrate.calibration import CalibrationOptions, calibrate_chart
         from spectrabox.calibrate.curve_band import curve_band
         from spectrabox.radiometry.grid import visible_grid
@@ -131,6 +138,8 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
         if out is not None:
             write_curves(out, result.calibration, names, source)
             facts["file"] = str(out)
+        if keep is not None:
+            facts["kept"] = str(keep_fit(keep, result.calibration, names, source))
         if samples is not None:
             write_draws(samples, band, grid)
             facts["samples"] = str(samples)
@@ -205,6 +214,30 @@ def preflight(light: Light,
                  f"of a camera unlike those measured: {expected.unlike_error.mean():.1%}", *unseen,
                  f"a second photo under {best} would bring the mean to {error:.1%}"]
         answer(as_json, facts, "\n".join(lines))
+
+
+def add(files: Annotated[list[Path], typer.Argument(
+            metavar="FILE|FOLDER...", show_default=False, help="Measured curves: rawtoaces JSON, "
+            "camspec TXT, CSV; folders of them.")],
+        as_json: Json = False, debug: Debug = False) -> None:
+    """Keep measured cameras by their names, for --sensitivity \"Nikon D850\"."""
+    with command(as_json, debug):
+        from spectrabox.session.camera.kept import add_cameras
+        kept, skipped, folder = add_cameras(files)
+        answer(as_json, {"folder": str(folder), "cameras": kept, "skipped": skipped},
+               "\n".join([f"kept in {folder}: {', '.join(kept) or 'none'}",
+                          *(f"- skipped: {reason}" for reason in skipped)]))
+
+
+def names(as_json: Json = False, debug: Debug = False) -> None:
+    """Names of the cameras and observers that --sensitivity takes."""
+    with command(as_json, debug):
+        from spectrabox.radiometry.published.tables import OBSERVERS, published_names
+        from spectrabox.radiometry.spectra.kept_cameras import own_cameras
+        own, published = own_cameras(), published_names(OBSERVERS)
+        answer(as_json, {"own": {name: str(path) for name, path in own.items()},
+                         "published": published},
+               "\n".join([*(f"{name}  (your own)" for name in own), *published]))
 
 
 def _prior(path: Path) -> CameraPrior:

@@ -1,0 +1,120 @@
+"""Cameras by name: published ones, others' measurements, and one's own fits."""
+import json
+
+import colour
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from spectrabox.fixtures.spectral_files import NM
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.spectra import kept_cameras
+from spectrabox.radiometry.spectra.named_spectra import sensitivities
+from spectrabox.session.cli import app
+
+GRID = visible_grid(5)
+SIGNAL = ["--light", "D65", "--signal", "0.3,0.3,0.2", "--noise", "0.01,0.01,0.01"]
+
+
+@pytest.fixture(autouse=True)
+def own(tmp_path, monkeypatch):
+    """The folder of one's own cameras, empty."""
+    monkeypatch.setenv(kept_cameras.FOLDER, str(tmp_path / "cameras"))
+    return tmp_path / "cameras"
+
+
+def call(*words):
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def rawtoaces_file(folder, model, curves, nm=NM):
+    """A camera as rawtoaces-data stores it."""
+    rows = {f"{wavelength:g}": list(map(float, row))
+            for wavelength, row in zip(nm, np.transpose(curves), strict=True)}
+    path = folder / f"{model}.json"
+    path.write_text(json.dumps({
+        "header": {"manufacturer": "Nikon", "model": model},
+        "spectral_data": {"units": "relative", "index": {"main": ["R", "G", "B"]},
+                          "data": {"main": rows}}}), encoding="utf-8")
+    return path
+
+
+def three(seed):
+    """Curves (3, P) that peak in red, green and blue."""
+    peaks = np.array([600.0, 540.0, 450.0])[:, None] + seed
+    return np.exp(-((NM - peaks) / 40)**2) + 0.01
+
+
+def test_a_camera_of_colour_science_has_its_numbers():
+    name = "Nikon 5100 (NPL)"
+    curves = colour.MSDS_CAMERA_SENSITIVITIES[name]
+    shared = np.isin(GRID.nm, curves.wavelengths)
+    found = sensitivities(name, GRID)[:, shared]
+    # read at the wavelengths they are published at: nothing is interpolated
+    np.testing.assert_allclose(found, curves.values[np.isin(curves.wavelengths, GRID.nm)].T,
+                               rtol=1e-12)
+
+
+def test_a_camera_in_the_form_of_rawtoaces_is_known_by_its_name(tmp_path):
+    curves = three(1)
+    answer = call("camera", "add", rawtoaces_file(tmp_path, "D850", curves), "--json")
+    assert json.loads(answer.stdout)["cameras"] == ["Nikon D850"]
+    shared = np.isin(NM, GRID.nm)
+    np.testing.assert_allclose(sensitivities("Nikon D850", GRID)[:, np.isin(GRID.nm, NM)],
+                               curves[:, shared], rtol=1e-8)    # nine significant digits
+    assert call("sample", "--sensitivity", "Nikon D850", *SIGNAL).exit_code == 0
+    assert "Nikon D850" in json.loads(call("camera", "names", "--json").stdout)["own"]
+
+
+def test_a_typo_is_answered_with_the_nearest_names(tmp_path):
+    rawtoaces_file(tmp_path, "D850", three(1))
+    rawtoaces_file(tmp_path, "D810", three(2))
+    assert call("camera", "add", tmp_path).exit_code == 0
+    answer = call("sample", "--sensitivity", "nikon d85O", *SIGNAL)
+    assert answer.exit_code == 3
+    assert "nearest are Nikon D850, Nikon D810" in answer.stderr
+
+
+def test_what_is_no_camera_is_left_out_with_its_reason(tmp_path):
+    rawtoaces_file(tmp_path, "D850", three(1))
+    rawtoaces_file(tmp_path, "dark", np.zeros((3, NM.size)))
+    (tmp_path / "notes.txt").write_text("not a camera", encoding="utf-8")
+    facts = json.loads(call("camera", "add", tmp_path, "--json").stdout)
+    assert facts["cameras"] == ["Nikon D850"]
+    assert sorted(reason.split(" ")[0] for reason in facts["skipped"]) == ["dark.json,",
+                                                                          "notes.txt:"]
+
+
+def test_a_camera_that_was_not_measured_to_700_nm_says_so():
+    with pytest.raises(InputError, match="covers 400-680 nm; 400-700 nm is needed"):
+        sensitivities("Sigma SDMerill (NPL)", GRID)
+
+
+@pytest.mark.parametrize("source, said", [("missing", "is missing"),
+                                          ("a.xls", "is no file of camera curves")])
+def test_nothing_to_keep_is_an_error(tmp_path, own, source, said):
+    (tmp_path / "a.xls").write_bytes(b"x")
+    answer = call("camera", "add", tmp_path / source)
+    assert answer.exit_code == 3 and said in answer.stderr and not own.exists()
+
+
+@pytest.mark.parametrize("name, said", [
+    ("Nikon 5100 (NPL)", "is already the name of a published camera"),
+    ("../evil", "begins with a letter or a digit")])
+def test_a_name_that_would_mislead_is_refused(own, name, said):
+    with pytest.raises(InputError, match=said):
+        kept_cameras.keep_camera(name, NM, {"R": three(1)[0]}, "me")
+    assert not own.exists()
+
+
+def test_a_fit_is_kept_with_its_errors_and_used_by_its_name(captured, own):
+    answer = call("camera", "fit", "--chart", captured / "photos" / "chart.dng", "--light",
+                  captured / "spectra" / "light.csv", "--keep", "my camera", "--json")
+    assert answer.exit_code == 0, answer.output
+    facts = json.loads(answer.stdout)
+    assert facts["kept"] == str(own / "my camera.csv")
+    fitted = np.array(facts["sensitivities"])
+    np.testing.assert_allclose(sensitivities("my camera", visible_grid(1)), fitted,
+                               rtol=1e-8, atol=1e-12)       # nine significant digits
+    assert "standard_error R" in (own / "my camera.csv").read_text(encoding="utf-8")
