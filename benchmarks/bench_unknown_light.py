@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,15 +28,15 @@ from spectrabox.calibrate.products.stated_light import (
     CONTRADICTS,
     evidence_for_another_light,
 )
+from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
-from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import PatchSamples
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import load_prior
-from spectrabox.sampling.prior.summaries import summaries
+from spectrabox.sampling.prior.summaries import PriorSummaries, summaries
 
 from benchmarks.bench_unknown_makers import makers_of, prior_without
 
@@ -81,9 +81,7 @@ def judged(case: Case, cameras: CameraPrior, lamps: Lamps) -> dict[str, float]:
     start = time.process_time()
     found = fit_products([case.photo], cameras, lamps, GRID, "unknown light")
     seconds = time.process_time() - start
-    fit, white = found.fit.sensitivity, found.fit.photos[0].white
-    response = fit.curves * GRID.weights_nm
-    response /= response.sum(axis=1, keepdims=True)
+    fit = found.fit.sensitivity
     # by wavelengths of the fit: what a lamp's lines do within 5 nm no reflectance tells
     mass = GRID.weights_nm @ fit.basis
     weight = (fit.coefficients * mass).sum(axis=1)[:, None]
@@ -91,18 +89,8 @@ def judged(case: Case, cameras: CameraPrior, lamps: Lamps) -> dict[str, float]:
     error = np.array([np.sqrt(np.diag(blocks[band, :, band])) for band in range(3)]) * mass / weight
     nodes = fit.coefficients * mass / weight
     truth = case.products @ fit.basis
-    true = case.surfaces @ np.linalg.pinv(TO_PRIOR).T
-    noise = _diagonal(NOISE * case.signals / white.level)
-    relative = case.signals / white.level
-    estimate = np.full((len(relative), PRIOR_GRID.nm.size), 0.4)
-    for _ in range(2):
-        contrast = (estimate @ TO_PRIOR.T)[:, None, :] - relative[..., None]
-        rows = np.einsum("nkp,pq->nkq", contrast * GRID.weights_nm, fit.basis) / weight
-        of_curves = np.einsum("nkq,kqlr,nlr->nkl", rows, blocks, rows)
-        of_white = white.covariance[:3, :3] * relative[:, :, None] * relative[:, None, :]
-        unknown = summaries(load_prior(), response @ TO_PRIOR, relative,
-                            {"all": noise + of_curves + of_white}, LEVEL)
-        estimate = unknown.mean
+    true = _true(case)
+    unknown = _recovered(case, found.fit, np.ones_like(GRID.nm))
     known = summaries(load_prior(), case.products @ TO_PRIOR, case.signals / case.level,
                       {"all": _diagonal(NOISE * case.signals / case.level)}, LEVEL)
     row: dict[str, float] = {
@@ -116,12 +104,49 @@ def judged(case: Case, cameras: CameraPrior, lamps: Lamps) -> dict[str, float]:
     return row
 
 
+def _recovered(case: Case, found: PriorFit, power: np.ndarray) -> PriorSummaries:
+    """Spectra of the surfaces by a fit under a light (P,), with the errors that the fit states."""
+    fit, white = found.sensitivity, found.photos[0].white
+    response = fit.curves * power * GRID.weights_nm
+    response /= response.sum(axis=1, keepdims=True)
+    assert fit.basis is not None and fit.coefficients is not None and fit.covariance is not None
+    lit = (power * GRID.weights_nm) @ fit.basis
+    weight = (fit.coefficients * lit).sum(axis=1)[:, None]
+    nodes = lit.size
+    blocks = fit.covariance.reshape(3, nodes, 3, nodes)
+    noise = _diagonal(NOISE * case.signals / white.level)
+    relative = case.signals / white.level
+    estimate = np.full((len(relative), PRIOR_GRID.nm.size), 0.4)
+    for _ in range(2):
+        contrast = (estimate @ TO_PRIOR.T)[:, None, :] - relative[..., None]
+        rows = np.einsum("nkp,pq->nkq", contrast * power * GRID.weights_nm, fit.basis) / weight
+        of_curves = np.einsum("nkq,kqlr,nlr->nkl", rows, blocks, rows)
+        of_white = white.covariance[:3, :3] * relative[:, :, None] * relative[:, None, :]
+        answer = summaries(load_prior(), response @ TO_PRIOR, relative,
+                           {"all": noise + of_curves + of_white}, LEVEL)
+        estimate = answer.mean
+    return answer
+
+
+def harm(case: Case, cameras: CameraPrior, stated: np.ndarray) -> dict[str, float]:
+    """RMSE and coverage with a light (P,) stated, whether it is right or wrong."""
+    answer = _recovered(case, fit_with_prior([replace(
+        case.photo, power=stated * GRID.weights_nm)], cameras, GRID), stated)
+    true = _true(case)
+    return {"rmse": float(np.sqrt(np.mean((answer.mean - true) ** 2, axis=1)).mean()),
+            "holds": float(np.mean((answer.lower <= true) & (true <= answer.upper)))}
+
+
+def _true(case: Case) -> np.ndarray:
+    return case.surfaces @ np.linalg.pinv(TO_PRIOR).T
+
+
 def _diagonal(errors: np.ndarray) -> np.ndarray:
     return np.einsum("nk,kl->nkl", errors**2, np.eye(errors.shape[1]))
 
 
 def run(database: CameraDatabase, spectra: np.ndarray, kinds: np.ndarray | None, cases: int,
-        seed: int, spectrum_only: bool) -> list[dict[str, float]]:
+        seed: int, spectrum_only: bool, harms: bool = False) -> list[dict[str, float]]:
     """Every case as a row; ``kinds`` (L,) leaves lamps of the case's kind out of the prior."""
     rng = np.random.default_rng(seed)
     sets = test_reflectances(GRID)
@@ -141,14 +166,15 @@ def run(database: CameraDatabase, spectra: np.ndarray, kinds: np.ndarray | None,
         if not spectrum_only:
             lamps = known if kinds is None else _without(known, known.kind != kinds[lamp])
             row |= judged(case, priors[maker], lamps)
-        other = spectra[rng.integers(len(spectra))]
-        while np.array_equal(other, spectra[lamp]):
-            other = spectra[rng.integers(len(spectra))]
-        for name, stated in (("right", spectra[lamp]), ("wrong", other)):
-            try:
-                row[name] = evidence_for_another_light([case.photo], priors[maker], stated, GRID)
-            except CheckError:
-                row[name] = np.inf
+        other = rng.integers(len(spectra))
+        while np.array_equal(spectra[other], spectra[lamp]):
+            other = rng.integers(len(spectra))
+        row["other"] = float(other)
+        for name, stated in (("right", spectra[lamp]), ("wrong", spectra[other])):
+            row[name] = evidence_for_another_light([case.photo], priors[maker], stated, GRID)
+            if harms:
+                row |= {f"{figure}_{name}": value for figure, value in harm(
+                    case, priors[maker], stated).items()}
         rows.append(row)
         print(".", end="", flush=True)
     return rows
@@ -164,10 +190,17 @@ def summary(rows: list[dict[str, float]]) -> dict[str, Any]:
     """Means over all cases, and the rates of naming."""
     table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     found: dict[str, Any] = {name: float(np.mean(values)) for name, values in table.items()
-                             if name not in ("camera", "lamp", "right", "wrong")}
+                             if name not in ("camera", "lamp", "other", "right", "wrong")
+             and not name.endswith(("_right", "_wrong"))}
     if "rmse_known" in found:
         found["ratio"] = found["rmse_unknown"] / found["rmse_known"]
         found["products_error_median"] = float(np.median(table["products_error"]))
+    if "rmse_wrong" in table:
+        named = table["wrong"] > CONTRADICTS
+        for words, chosen in (("named", named), ("missed", ~named)):
+            if chosen.any():
+                found[words] = {name: float(np.mean(table[name][chosen])) for name in (
+                    "rmse_right", "rmse_wrong", "holds_right", "holds_wrong")}
     return found | {"cases": len(rows),
                     "wrong_named": float(np.mean(table["wrong"] > CONTRADICTS)),
                     "right_named": float(np.mean(table["right"] > CONTRADICTS)),
@@ -183,6 +216,8 @@ def main() -> None:
     parser.add_argument("--shipped", action="store_true", help="lamps of the prior, by kind left "
                         "out of it")
     parser.add_argument("--naming", action="store_true", help="wrong and right lights alone")
+    parser.add_argument("--harm", action="store_true", help="also what is lost by either light, "
+                        "where it is named and where it is missed")
     parser.add_argument("--json", action="store_true", help="rows too")
     arguments = parser.parse_args()
     database = read_camera_database(arguments.data / "cameras")
@@ -194,7 +229,8 @@ def main() -> None:
         spectra, kinds = np.array([np.interp(GRID.nm, stored["wavelengths_nm"], one)
                                    for one in stored["spectra"]]), None
     with threadpool_limits(1):
-        rows = run(database, spectra, kinds, arguments.cases, arguments.seed, arguments.naming)
+        rows = run(database, spectra, kinds, arguments.cases, arguments.seed, arguments.naming,
+                   arguments.harm)
     print()
     print(json.dumps({"summary": summary(rows)} | ({"rows": rows} if arguments.json else {}),
                      indent=None if arguments.json else 1))
