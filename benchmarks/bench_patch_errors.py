@@ -26,6 +26,7 @@ from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
+from spectrabox.session.stages.left_out import patches_without
 
 from benchmarks.bench_unknown_light import FIELD_SD, MAX_GLARE
 from benchmarks.bench_unknown_makers import makers_of, prior_without
@@ -64,6 +65,7 @@ def judged(fit: PriorFit, photo: ChartEquations, white: np.ndarray, field: np.nd
     without = fit.without
     off = without.signal - without.predicted(photo.reflectances)
     covariances = without.error_covariance(photo.reflectances)
+    left_out = patches_without(without, GRID, photo.reflectances, np.zeros(24, bool))
     seen = fit.sensitivity
     nodes = seen.basis.shape[1]
     true = np.linalg.lstsq(seen.basis, truth.T, rcond=None)[0].T
@@ -76,6 +78,8 @@ def judged(fit: PriorFit, photo: ChartEquations, white: np.ndarray, field: np.nd
             "curves hold": float(np.mean(np.abs(scale * true - seen.coefficients)
                                          < NORMAL_90 * error)),
             "white off": float(np.sqrt(np.mean(np.log(white / found.level) ** 2))),
+            "left out, inside": float(left_out.inside.mean()),
+            "left out, expected": float(left_out.expected.mean()),
             "refused": float(fit.disagrees)}
 
 
@@ -102,8 +106,14 @@ def run(database: CameraDatabase, lamps: np.ndarray, error: tuple[float, float],
             of_kind.append(judged(fit, photo, white, field,
                                   curves if kind == "stated" else curves * lamp))
         print(".", end="", flush=True)
-    return {kind: {name: float(np.mean([row[name] for row in of_kind])) for name in of_kind[0]}
-            for kind, of_kind in rows.items()}
+    found = {}
+    for kind, of_kind in rows.items():
+        table = {name: np.array([row[name] for row in of_kind]) for name in of_kind[0]}
+        short = table["left out, expected"] - table["left out, inside"]
+        found[kind] = {name: float(values.mean()) for name, values in table.items()} | {
+            "left out, short by, 98 %": float(np.quantile(short, 0.98)),
+            "left out, short by, worst": float(short.max())}
+    return found
 
 
 def main() -> None:

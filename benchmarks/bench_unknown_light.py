@@ -23,7 +23,7 @@ from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps
-from spectrabox.calibrate.products.product_fit import fit_products
+from spectrabox.calibrate.products.product_fit import ProductFit, fit_products
 from spectrabox.calibrate.products.stated_light import (
     CONTRADICTS,
     evidence_for_another_light,
@@ -76,19 +76,13 @@ def simulated(curves: np.ndarray, lamp: np.ndarray, surfaces: np.ndarray,
                 surfaces)
 
 
-def judged(case: Case, cameras: CameraPrior, lamps: Lamps) -> dict[str, float]:
-    """Errors and bands of one case, nothing known and everything known."""
+def judged(case: Case, cameras: CameraPrior, lamps: Lamps,
+           fitted: ProductFit | None = None) -> dict[str, float]:
+    """Errors and bands of one case, nothing known and everything known; ``fitted`` if it is."""
     start = time.process_time()
-    found = fit_products([case.photo], cameras, lamps, GRID, "unknown light")
+    found = fitted or fit_products([case.photo], cameras, lamps, GRID, "unknown light")
     seconds = time.process_time() - start
-    fit = found.fit.sensitivity
-    # by wavelengths of the fit: what a lamp's lines do within 5 nm no reflectance tells
-    mass = GRID.weights_nm @ fit.basis
-    weight = (fit.coefficients * mass).sum(axis=1)[:, None]
-    blocks = fit.covariance.reshape(3, mass.size, 3, mass.size)
-    error = np.array([np.sqrt(np.diag(blocks[band, :, band])) for band in range(3)]) * mass / weight
-    nodes = fit.coefficients * mass / weight
-    truth = case.products @ fit.basis
+    nodes, truth, error = products_found(case, found)
     true = _true(case)
     unknown = _recovered(case, found.fit, np.ones_like(GRID.nm))
     known = summaries(load_prior(), case.products @ TO_PRIOR, case.signals / case.level,
@@ -102,6 +96,20 @@ def judged(case: Case, cameras: CameraPrior, lamps: Lamps) -> dict[str, float]:
         row[f"rmse_{name}"] = float(np.sqrt(np.mean((answer.mean - true) ** 2, axis=1)).mean())
         row[f"holds_{name}"] = float(np.mean((answer.lower <= true) & (true <= answer.upper)))
     return row
+
+
+def products_found(case: Case, found: ProductFit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Products (K, N) of a fit, the true ones, and their stated standard errors; bands sum to 1.
+
+    By wavelengths of the fit: what a lamp's lines do within 5 nm no reflectance tells.
+    """
+    fit = found.fit.sensitivity
+    assert fit.basis is not None and fit.coefficients is not None and fit.covariance is not None
+    mass = GRID.weights_nm @ fit.basis
+    weight = (fit.coefficients * mass).sum(axis=1)[:, None]
+    blocks = fit.covariance.reshape(3, mass.size, 3, mass.size)
+    error = np.array([np.sqrt(np.diag(blocks[band, :, band])) for band in range(3)]) * mass / weight
+    return fit.coefficients * mass / weight, case.products @ fit.basis, error
 
 
 def _recovered(case: Case, found: PriorFit, power: np.ndarray) -> PriorSummaries:
@@ -164,7 +172,7 @@ def run(database: CameraDatabase, spectra: np.ndarray, kinds: np.ndarray | None,
         case = simulated(curves, spectra[lamp], surfaces, rng)
         row: dict[str, float] = {"camera": float(camera), "lamp": float(lamp)}
         if not spectrum_only:
-            lamps = known if kinds is None else _without(known, known.kind != kinds[lamp])
+            lamps = known if kinds is None else lamps_without(known, known.kind != kinds[lamp])
             row |= judged(case, priors[maker], lamps)
         other = rng.integers(len(spectra))
         while np.array_equal(spectra[other], spectra[lamp]):
@@ -180,7 +188,8 @@ def run(database: CameraDatabase, spectra: np.ndarray, kinds: np.ndarray | None,
     return rows
 
 
-def _without(lamps: Lamps, kept: np.ndarray) -> Lamps:
+def lamps_without(lamps: Lamps, kept: np.ndarray) -> Lamps:
+    """Those lamps alone that are kept (L,)."""
     weights = lamps.weights[kept]
     return Lamps(lamps.spectra[kept], lamps.kind[kept], weights / weights.sum(),
                  tuple(name for name, one in zip(lamps.names, kept, strict=True) if one))

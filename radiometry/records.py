@@ -255,6 +255,11 @@ class ChartWhite(Record):
     covariance: Annotated[np.ndarray, "Z Z"]        # of log level, field, glare: Z = 2 K + E
 
 
+def share_inside(lower: np.ndarray, upper: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Share (I,) of wavelengths at which bands (I, P) hold the truth."""
+    return np.asarray(((lower <= truth) & (truth <= upper)).mean(axis=1))
+
+
 @dataclass(frozen=True, eq=False)
 class LeftOutPatches(Record):
     """Reflectance of each patch of a chart from its own signal and a calibration without it."""
@@ -265,6 +270,7 @@ class LeftOutPatches(Record):
     upper: Annotated[np.ndarray, "I P"]
     reference: Annotated[np.ndarray, "I P"]         # of the chart, taken as the truth
     kept_out: Annotated[np.ndarray, "I"]            # bool: of no fit at all, by the operator's word
+    expected: Annotated[np.ndarray, "I"]            # as ``inside``, had nothing erred
     level: float
 
     @property
@@ -275,8 +281,7 @@ class LeftOutPatches(Record):
     @property
     def inside(self) -> np.ndarray:
         """Share (I,) of wavelengths at which the band holds the reference."""
-        within = (self.lower <= self.reference) & (self.reference <= self.upper)
-        return np.asarray(within.mean(axis=1))
+        return share_inside(self.lower, self.upper, self.reference)
 
 
 @dataclass(frozen=True, eq=False)

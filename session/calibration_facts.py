@@ -51,10 +51,12 @@ def left_out_facts(patches: LeftOutPatches, names: Sequence[str]) -> dict[str, A
         Of the patches.
     """
     rows = [{"patch": number + 1, "name": names[number], "rmse": float(patches.rmse[number]),
-             "inside": float(patches.inside[number]), "kept_out": bool(patches.kept_out[number])}
+             "inside": float(patches.inside[number]),
+             "expected": float(patches.expected[number]),
+             "kept_out": bool(patches.kept_out[number])}
             for number in range(len(patches.mean))]
     return {"rmse_mean": float(patches.rmse.mean()), "coverage_95": float(patches.inside.mean()),
-            "level": patches.level, "patches": rows}
+            "expected_95": float(patches.expected.mean()), "level": patches.level, "patches": rows}
 
 
 def left_out_sentence(patches: LeftOutPatches) -> str:
@@ -65,4 +67,5 @@ def left_out_sentence(patches: LeftOutPatches) -> str:
     patches : LeftOutPatches
     """
     return (f"each patch from the others: reflectance within {patches.rmse.mean():.3f} (rms), "
-            f"{patches.inside.mean():.0%} of it inside the {patches.level:.0%} band")
+            f"{patches.inside.mean():.0%} of it inside the {patches.level:.0%} band, of which "
+            f"{patches.expected.mean():.0%} is to be expected of this chart's familiar colours")

@@ -107,7 +107,8 @@ def test_a_prior_is_built_from_a_folder(tmp_path):
 
 
 def test_preflight_answers_before_shooting():
-    result = run("camera", "preflight", "--light", "LED-B3", "--json")
+    result = run("camera", "preflight", "--light", "LED-B3", "--surfaces", "0",
+                 "--json")
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     assert 0.01 < np.mean(facts["expected_error"]) < 0.15

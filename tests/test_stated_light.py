@@ -46,7 +46,8 @@ def test_a_left_out_patch_is_scored_over_wavelengths():
     flat = np.full((24, 301), 0.5)
     lower = flat - 0.1
     reference = np.where(GRID.nm < 475, 0.7, 0.5) * np.ones((24, 1))
-    found = LeftOutPatches(GRID, flat, lower, flat + 0.1, reference, np.zeros(24, bool), 0.95)
+    found = LeftOutPatches(GRID, flat, lower, flat + 0.1, reference, np.zeros(24, bool),
+                           np.ones(24), 0.95)
     # 75 of 301 wavelengths are 0.2 off and outside.
     np.testing.assert_allclose(found.inside, 226 / 301)
     np.testing.assert_allclose(found.rmse, 0.2 * np.sqrt(75 / 301))

@@ -9,7 +9,6 @@ import typer
 from spectrabox.session.camera.inputs import (
     facts_of,
     keep_fit,
-    known_light,
     light_words,
     numbers_of_patches,
     read_layout,
@@ -29,18 +28,22 @@ from spectrabox.session.command_line import (
     command,
     fail,
 )
+from spectrabox.session.commands.sampling import AtHand, Filters
 
 if TYPE_CHECKING:
     from spectrabox.calibrate.calibration import ChartCalibration
     from spectrabox.calibrate.prior.camera_prior import CameraPrior
 
 METHODS = ("prior", "smooth", "nonnegative", "paper", "file")
-SECOND_LIGHTS = ("A", "D65", "FL2", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-RGB1", "LED-V1")
 CURVES = {".csv": "the curves and their standard errors"}
 DRAWS = {".npz": "draws of the curves"}
 PRIORS = {".npz": "a prior on curves"}
-Light = Annotated[str, typer.Option(metavar="FILE|NAME", show_default=False, help="CSV of the "
-                                    "light's spectrum, or a CIE name: D65, A, LED-B3.")]
+LampToUse = Annotated[str, typer.Option(
+    "--light", metavar="FILE|NAME", show_default=False, help="CSV of the light's spectrum, a CIE "
+    "name (D65, A, LED-B3), unknown, 3200K, or a kind: daylight, halogen, led, fluorescent.")]
+KnownCurves = Annotated[Path | None, typer.Option(
+    metavar="CSV", help="Measured curves of the camera, a column per band; by default it is one "
+    "like those of the prior.")]
 Reference = Annotated[str | None, typer.Option(metavar="NAME|FILE", help="Chart reflectances: a "
                                                "published average, or a file you measured.")]
 Lights = Annotated[list[str], typer.Option(metavar="FILE|NAME", show_default=False,
@@ -176,44 +179,28 @@ def prior(folder: Annotated[Path, typer.Argument(metavar="FOLDER", show_default=
         answer(as_json, facts, "\n".join(lines))
 
 
-def preflight(light: Light,
+def preflight(light: LampToUse,
               noise: Annotated[float, typer.Option(help="Relative error of a patch, everything "
                                                    "included.")] = 0.01,
               reference: Reference = None, layout: ChartLayout = "", prior_file: PriorFile = None,
+              curves: KnownCurves = None, lamps: AtHand = None, filters: Filters = None,
+              surfaces: Annotated[int, typer.Option(help="Surfaces of each family that are "
+                                                    "tried; 0 leaves spectra out.")] = 20,
               as_json: Json = False, debug: Debug = False) -> None:
-    """Before shooting: expected error of the curves for this chart and light, and what second light
-    would help.
+    """Before shooting: expected error of the curves and of spectra, family by family, for this
+    camera, chart and light, and what a second light would bring.
     """
     with command(as_json, debug):
         if not 0 < noise < 1:
             fail(as_json, f"--noise {noise:g} is not between 0 and 1; 0.01 means 1 %", 2)
-        from spectrabox.calibrate.photo_checks import light_power
-        from spectrabox.calibrate.preflight import preflight as expected_of
-        from spectrabox.calibrate.prior.camera_prior import shipped_prior
-        from spectrabox.radiometry.charts.references import reference_reflectances
-        from spectrabox.radiometry.grid import visible_grid
-        from spectrabox.radiometry.spectra.named_spectra import light as named_light
-        grid, chart = visible_grid(), read_layout(layout)
-        power, unseen = light_power(known_light(light, grid), grid)
-        second = {name: named_light(name, grid) for name in SECOND_LIGHTS if name != light}
-        known = shipped_prior() if prior_file is None else _prior(prior_file)
-        expected = expected_of(known, reference_reflectances(reference, chart, grid), power, grid,
-                               relative_error=noise, positions=chart.centres_uv, second=second)
-        facts = {"wavelengths_nm": grid.nm.tolist(),
-                 "expected_error": expected.expected_error.tolist(),
-                 "expected_error_unlike": expected.unlike_error.tolist(),
-                 "half_width": expected.half_width.tolist(),
-                 "condition_number": expected.condition_number,
-                 "unlit_nm": [list(pair) for pair in expected.unlit_nm], "checks": list(unseen),
-                 "second_lights": [{"light": name, "expected_error": error}
-                                   for name, error in expected.second_lights]}
-        best, error = expected.second_lights[0]
-        lines = ["expected error of the "
-                 "curves: " + ", ".join(f"{value:.1%}" for value in expected.expected_error) + " "
-                 f"at {noise:.1%} a patch (condition number {expected.condition_number:.4g})",
-                 f"of a camera unlike those measured: {expected.unlike_error.mean():.1%}", *unseen,
-                 f"a second photo under {best} would bring the mean to {error:.1%}"]
-        answer(as_json, facts, "\n".join(lines))
+        if surfaces < 0:
+            fail(as_json, f"--surfaces {surfaces} is negative; 0 leaves spectra out", 2)
+        if curves is not None and prior_file is not None:
+            fail(as_json, "--curves and --prior both say what the camera is; give one", 2)
+        from spectrabox.session.camera.preflight_answer import Preparation, preflight_answer
+        prepared = Preparation(light, noise, reference, read_layout(layout), prior_file, curves,
+                               lamps, filters, surfaces)
+        answer(as_json, *preflight_answer(prepared))
 
 
 def add(files: Annotated[list[Path], typer.Argument(

@@ -6,10 +6,11 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.calibrate.calibration import ChartCalibration
+from spectrabox.calibrate.left_out import PatchesWithout
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import LeftOutPatches
+from spectrabox.radiometry.records import LeftOutPatches, WavelengthGrid, share_inside
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
-from spectrabox.sampling.prior.summaries import summaries
+from spectrabox.sampling.prior.summaries import PriorSummaries, summaries
 
 LEVEL = 0.95
 PASSES = 3              # errors of the calibration depend on the reflectance that is looked for
@@ -20,6 +21,10 @@ def left_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
                      prior: LogitMixture | None = None) -> LeftOutPatches:
     """Reflectance of each patch by the learnt prior, its calibration being that without it.
 
+    Beside it stands how much of each band would hold if photo and calibration had not erred at all:
+    the prior's bands are made to hold for surfaces of every kind, the colours of a chart are
+    familiar, and so nearly all of theirs holds.
+
     Parameters
     ----------
     calibrated : ChartCalibration
@@ -28,21 +33,43 @@ def left_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
     prior : LogitMixture or None
         The shipped one by default.
     """
+    return patches_without(calibrated.without, calibrated.calibration.sensitivity.grid,
+                           reflectances, calibrated.kept_out, prior)
+
+
+def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances: np.ndarray,
+                    kept_out: np.ndarray, prior: LogitMixture | None = None) -> LeftOutPatches:
+    """The same from what fits without each patch say.
+
+    Parameters
+    ----------
+    without : PatchesWithout
+    grid : WavelengthGrid
+        Of the fits, of P wavelengths.
+    reflectances : (I, P) array
+    kept_out : (I,) bool array
+        Patches that were in no fit.
+    prior : LogitMixture or None
+    """
     known = load_prior() if prior is None else prior
-    without, nm = calibrated.without, calibrated.calibration.sensitivity.grid.nm
     fine = without.response
     white = fine.sum(axis=2)
-    basis = interpolation_matrix(GRID.nm, nm)
+    basis = interpolation_matrix(GRID.nm, grid.nm)
     responses = fine @ basis / white[..., None]
     relative = (without.signal - without.offset) / white
     common = responses.mean(axis=0)         # signals are moved to what they would be under it
-    estimate = np.full((len(white), GRID.nm.size), START)
-    for _ in range(PASSES):
-        covariance = without.error_covariance(estimate @ basis.T)
-        moved = relative - np.einsum("ikp,ip->ik", responses - common, estimate)
-        found = summaries(known, common, moved, {
+    truth = np.array([np.interp(GRID.nm, grid.nm, row) for row in reflectances])
+
+    def found(signals: np.ndarray, spectra: np.ndarray) -> PriorSummaries:
+        """Of signals (I, K) under the common response, their errors by spectra (I, 61)."""
+        covariance = without.error_covariance(spectra @ basis.T)
+        return summaries(known, common, signals, {
             "calibration and photo": covariance / (white[:, :, None] * white[:, None, :])}, LEVEL)
-        estimate = found.mean
-    truth = np.array([np.interp(GRID.nm, nm, row) for row in reflectances])
-    return LeftOutPatches(GRID, found.mean, found.lower, found.upper, truth, calibrated.kept_out,
-                          LEVEL)
+
+    estimate = np.full(truth.shape, START)
+    for _ in range(PASSES):
+        each = found(relative - np.einsum("ikp,ip->ik", responses - common, estimate), estimate)
+        estimate = each.mean
+    exact = found(truth @ common.T, truth)
+    return LeftOutPatches(GRID, each.mean, each.lower, each.upper, truth, kept_out,
+                          share_inside(exact.lower, exact.upper, truth), LEVEL)

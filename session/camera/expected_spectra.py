@@ -1,0 +1,245 @@
+"""What spectra to expect of a photo with a chart in it, before it is taken: a rehearsal in numbers.
+
+Cameras are drawn from the prior, lamps from what is known of the light, surfaces of every family
+from the learnt prior. A chart photo is simulated, fitted as a photo would be, and the surfaces are
+recovered with the errors that the fit states; beside it stands what camera, lamp and white, known
+exactly, would leave. Light over chart and samples is taken as even, with its field unknown to the
+fit, as always.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.calibrate.chart_equations import chart_equations
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.products.lamps import lamps_like
+from spectrabox.calibrate.products.product_fit import fit_products
+from spectrabox.calibrate.products.product_prior import draw_cameras
+from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
+from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.records import (
+    Calibration,
+    PatchSamples,
+    Quantity,
+    Spectrum,
+    SurfaceSignals,
+    UnknownLight,
+)
+from spectrabox.radiometry.response import response_matrix, white_signal
+from spectrabox.radiometry.spectra.named_spectra import light as named_light
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.sampling.further.planner import PlannedStep, after, photo_candidate, ranked
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families, reflectance
+from spectrabox.sampling.prior.summaries import summaries
+from spectrabox.session.signals.lamps_at_hand import LampsAtHand, lamp_candidates
+from spectrabox.session.stages.error_budget import sensitivity_covariance
+
+GRID = visible_grid(1)
+TO_FINE = interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
+LEVEL, REFERENCE_LIGHT = 0.95, "D65"
+PHOTOS, SURFACES, SEED = 3, 20, 1
+COVARIANCE_DRAWS = 400          # of a family, for what a second photo brings
+# of the RMSE that camera and lamp, known exactly, would leave; of that under a full daylight
+MUCH_BY_CHART, MUCH_BY_LAMP = 1.10, 1.15
+
+
+@dataclass(frozen=True)
+class Shoot:
+    """A photo that is planned."""
+
+    light: Spectrum | UnknownLight
+    cameras: CameraPrior
+    reflectances: np.ndarray    # (I, P) of the chart at 400, 401 ... 700 nm
+    positions: np.ndarray       # (I, 2) of its patches
+    noise: float                # relative error of a patch or region in each band
+
+
+@dataclass(frozen=True)
+class FamilyExpectation:
+    """Means over surfaces of one family and over photos."""
+
+    family: str
+    rmse: float
+    width: float                # of the 95 % band
+    inside: float               # share of wavelengths at which it holds
+    rmse_known: float           # camera, lamp and white being known exactly
+    width_known: float
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What to expect of a photo, by family and over all, and what a second photo would bring."""
+
+    families: tuple[FamilyExpectation, ...]
+    rmse_daylight: float        # mean over families by the same cameras, known exactly, under D65
+    second: tuple[PlannedStep, ...]     # best first
+
+    @property
+    def mean(self) -> FamilyExpectation:
+        """Over the families, each counting alike."""
+        return FamilyExpectation("all", *(float(np.mean([getattr(one, name)
+                                                         for one in self.families]))
+                                          for name in ("rmse", "width", "inside", "rmse_known",
+                                                       "width_known")))
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What speaks against this photo, in sentences; none where chart and lamp will do."""
+        mean, said = self.mean, []
+        if mean.rmse > MUCH_BY_CHART * mean.rmse_known:
+            said.append(f"chart and light leave camera and lamp open: the error is "
+                        f"{mean.rmse / mean.rmse_known - 1:.0%} above what both, known exactly, "
+                        "would leave; measure the light, take less noise, or a chart of more "
+                        "colours")
+        if mean.rmse_known > MUCH_BY_LAMP * self.rmse_daylight:
+            said.append(f"this lamp shows less of a spectrum than others: even with everything "
+                        f"known the error is {mean.rmse_known / self.rmse_daylight - 1:.0%} above "
+                        f"that under {REFERENCE_LIGHT}; take another lamp, or add a photo under "
+                        "one")
+        return tuple(said)
+
+
+def expected_spectra(shoot: Shoot, hand: LampsAtHand, *, photos: int = PHOTOS,
+                     surfaces: int = SURFACES, seed: int = SEED) -> Expectation:
+    """Errors and widths of bands to expect of surfaces of every family.
+
+    Parameters
+    ----------
+    shoot : Shoot
+    hand : LampsAtHand
+        For a second photo.
+    photos, surfaces : int
+        Photos that are simulated, and surfaces of each family in each.
+    seed : int
+    """
+    rng, known = np.random.default_rng(seed), load_prior()
+    cameras = draw_cameras(shoot.cameras, photos, rng) @ interpolation_matrix(shoot.cameras.nm,
+                                                                             GRID.nm).T
+    lamps = _lamps(shoot.light, photos, rng)
+    rows, steps = [], []
+    for curves, lamp in zip(cameras, lamps, strict=True):
+        truth = np.vstack([_surfaces(known, family, surfaces, rng) for family in known.families])
+        off = 1 + shoot.noise * rng.standard_normal((len(truth), len(curves)))
+        found = _recovered(shoot, _fit(shoot, curves, lamp, rng), curves * lamp, truth, off, known)
+        exact, daylight = (_exact(shoot, curves * light, truth, off, known)
+                           for light in (lamp, named_light(REFERENCE_LIGHT, GRID)))
+        rows.append(np.array([*found, *exact[:2], daylight[0]]).reshape(
+            6, len(known.families), surfaces).mean(axis=2))
+        steps.append(_second(shoot, curves, lamp, hand, known, rng))
+    means = np.mean(rows, axis=0)
+    return Expectation(tuple(FamilyExpectation(family, *(float(value) for value in column[:5]))
+                             for family, column in zip(known.families, means.T, strict=True)),
+                       float(means[5].mean()), _mean_steps(steps))
+
+
+def _lamps(light: Spectrum | UnknownLight, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Spectra (n, P) that the light may have."""
+    if isinstance(light, UnknownLight):
+        likely = lamps_like(light)
+        return likely.spectra[rng.choice(len(likely.names), count, p=likely.weights)]
+    return np.tile(spectrum_on_grid(light, GRID), (count, 1))
+
+
+def _surfaces(prior: LogitMixture, family: str, count: int,
+              rng: np.random.Generator) -> np.ndarray:
+    """Reflectances (n, 61) of a family, as the prior knows it."""
+    mine = of_families(prior, (family,))
+    component = rng.choice(mine.weights.size, count, p=mine.weights / mine.weights.sum())
+    return reflectance(np.array([rng.multivariate_normal(
+        mine.means[one], mine.covariances[one].astype(float), method="cholesky")
+        for one in component]))
+
+
+def _fit(shoot: Shoot, curves: np.ndarray, lamp: np.ndarray,
+         rng: np.random.Generator) -> PriorFit:
+    """The fit to a simulated photo by curves (K, P) under a lamp (P,)."""
+    signal = shoot.reflectances @ response_matrix(GRID, curves, lamp).T
+    signal = signal / signal.max() * (1 + shoot.noise * rng.standard_normal(signal.shape))
+    patches, bands = signal.shape
+    samples = PatchSamples(signal, np.zeros((patches, bands, bands)), np.ones(patches),
+                           0 * signal, 0 * signal)
+    stated = not isinstance(shoot.light, UnknownLight)
+    photo = chart_equations(samples, shoot.reflectances, lamp if stated else np.ones_like(lamp),
+                            np.full(patches, np.pi), GRID, positions=shoot.positions)
+    if isinstance(shoot.light, UnknownLight):
+        return fit_products([photo], shoot.cameras, lamps_like(shoot.light), GRID,
+                            shoot.light.words).fit
+    return fit_with_prior([photo], shoot.cameras, GRID)
+
+
+def _recovered(shoot: Shoot, fit: PriorFit, products: np.ndarray, truth: np.ndarray,
+               off: np.ndarray, prior: LogitMixture) -> list[np.ndarray]:
+    """RMSE, width and share inside (n,) of surfaces (n, 61) seen by true products (K, P).
+
+    Their signals are off by factors (n, K).
+    """
+    white = fit.photos[0].white
+    exact = response_matrix(GRID, products, np.ones(GRID.nm.size))
+    # the photo's scale, from its brightest patch
+    scale = 1 / (shoot.reflectances @ exact.T).max()
+    signals = scale * truth @ TO_FINE.T @ exact.T * off / white.level
+    light = (Spectrum(GRID, np.ones(GRID.nm.size), Quantity.RELATIVE, "products")
+             if isinstance(shoot.light, UnknownLight) else shoot.light)
+    response = response_matrix(GRID, fit.sensitivity.curves, spectrum_on_grid(light, GRID))
+    response = response / white_signal(response)[:, None]
+    bands = len(response)
+    calibration = Calibration(fit.sensitivity, light, None, np.zeros((bands, bands)), ())
+    relative = white.covariance[:bands, :bands] + fit.patch_error.among_bands(bands)
+    estimate = truth.mean(axis=0) * np.ones_like(truth)
+    for _ in range(2):
+        seen = SurfaceSignals(tuple(map(str, range(len(signals)))), (False,) * len(signals), GRID,
+                              estimate @ TO_FINE.T, tuple(map(str, range(bands))),
+                              np.zeros(bands, int), response, signals, ())
+        covariance = np.array([sensitivity_covariance([calibration], seen, index)
+                               for index in range(len(signals))])
+        found = _judged(prior, response, signals,
+                        covariance + relative * signals[:, :, None] * signals[:, None, :], truth)
+        estimate = found[0]
+    return list(found[1:])
+
+
+def _exact(shoot: Shoot, products: np.ndarray, truth: np.ndarray, off: np.ndarray,
+           prior: LogitMixture) -> list[np.ndarray]:
+    """The same with products and white known."""
+    response = response_matrix(GRID, products, np.ones(GRID.nm.size))
+    response = response / white_signal(response)[:, None]
+    signals = truth @ TO_FINE.T @ response.T * off
+    noise = (shoot.noise * signals)[:, :, None] ** 2 * np.eye(len(response))
+    return list(_judged(prior, response, signals, noise, truth)[1:])
+
+
+def _judged(prior: LogitMixture, response: np.ndarray, signals: np.ndarray,
+            covariance: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Mean (n, 61) of each surface, then RMSE, width and share inside (n,)."""
+    found = summaries(prior, response @ TO_FINE, signals, {"all": covariance}, LEVEL)
+    inside = (found.lower <= truth) & (truth <= found.upper)
+    return (found.mean, np.sqrt(np.mean((found.mean - truth) ** 2, axis=1)),
+            np.mean(found.upper - found.lower, axis=1), inside.mean(axis=1))
+
+
+def _second(shoot: Shoot, curves: np.ndarray, lamp: np.ndarray, hand: LampsAtHand,
+            prior: LogitMixture, rng: np.random.Generator) -> list[PlannedStep]:
+    """What a second photo with each lamp or filter brings, over the families; linear-Gaussian."""
+    response = response_matrix(GRID, curves, lamp)
+    first = photo_candidate("first", response / white_signal(response)[:, None] @ TO_FINE)
+    candidates = lamp_candidates(curves, lamp, PRIOR_GRID, hand)
+    each = []
+    for family in prior.families:
+        draws = _surfaces(prior, family, COVARIANCE_DRAWS, rng)
+        each.append(ranked(after(np.cov(draws, rowvar=False), first), candidates))
+    return list(_mean_steps(each))
+
+
+def _mean_steps(several: list[list[PlannedStep]]) -> tuple[PlannedStep, ...]:
+    """Means of steps by name, largest fall of the error first."""
+    names = [step.name for step in several[0]]
+    means = []
+    for name in names:
+        mine = [next(step for step in steps if step.name == name) for steps in several]
+        means.append(PlannedStep(name, *(float(np.mean([getattr(step, part) for step in mine]))
+                                         for part in ("width_before", "width_after", "rmse_before",
+                                                      "rmse_after", "minutes"))))
+    return tuple(sorted(means, key=lambda step: step.rmse_after))

@@ -1,0 +1,87 @@
+"""What camera preflight expects of spectra: nothing known costs, poor lamps are said."""
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from spectrabox.calibrate.prior.camera_prior import shipped_prior
+from spectrabox.calibrate.prior.measured_prior import prior_of_curves
+from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
+from spectrabox.radiometry.records import Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
+from spectrabox.session.camera.expected_spectra import GRID, Shoot, expected_spectra
+from spectrabox.session.cli import app
+from spectrabox.session.signals.lamps_at_hand import LampsAtHand
+
+CHART = chart_reflectances("BabelColor Average", GRID)
+HAND = LampsAtHand(("A", "LED-B3"), ())
+KNOWN_CAMERA = prior_of_curves(GRID, sensitivities("Nikon 5100 (NPL)", GRID), 1e-4)
+
+
+def spectrum(values):
+    return Spectrum(GRID, values, Quantity.RELATIVE, "lamp")
+
+
+def expected(stated, cameras, noise):
+    shoot = Shoot(stated, cameras, CHART, patch_centres_uv(), noise)
+    return expected_spectra(shoot, HAND, photos=2, surfaces=6)
+
+
+def run(*words):
+    return CliRunner().invoke(app, list(words))
+
+
+def test_a_known_camera_and_lamp_leave_what_metamerism_leaves():
+    found = expected(spectrum(light("LED-B3", GRID)), KNOWN_CAMERA, 1e-3)
+    assert found.mean.rmse == pytest.approx(found.mean.rmse_known, rel=0.03)
+    # 84 surfaces, whose bands hold or fail nearly as a whole: 95 % less four standard errors.
+    assert found.mean.inside > 0.95 - 4 * np.sqrt(0.95 * 0.05 / 84)
+
+
+def test_noise_and_an_unknown_light_cost():
+    little = expected(UnknownLight(), shipped_prior(), 0.005).mean
+    much = expected(UnknownLight(), shipped_prior(), 0.04).mean
+    assert much.rmse > little.rmse and much.width > little.width
+    assert little.width > little.width_known
+
+
+def test_a_lamp_that_shows_little_of_a_spectrum_is_said():
+    narrow = np.exp(-0.5 * ((GRID.nm - 560) / 25) ** 2) + 0.002
+    poor = expected(spectrum(narrow), KNOWN_CAMERA, 0.01)
+    assert any("shows less of a spectrum" in said for said in poor.doubts)
+    good = expected(spectrum(light("D65", GRID)), KNOWN_CAMERA, 0.01)
+    assert good.doubts == ()
+    assert good.mean.rmse_known == pytest.approx(good.rmse_daylight)
+
+
+def test_a_second_photo_never_harms_and_the_best_comes_first():
+    second = expected(spectrum(light("D65", GRID)), KNOWN_CAMERA, 0.01).second
+    assert {step.name for step in second} == {"A", "LED-B3"}
+    assert all(step.rmse_after < step.rmse_before for step in second)
+    assert [step.rmse_after for step in second] == sorted(step.rmse_after for step in second)
+
+
+def test_the_command_says_it_without_a_stated_light():
+    result = run("camera", "preflight", "--light", "led", "--surfaces", "3", "--json")
+    assert result.exit_code == 0, result.output
+    facts = json.loads(result.stdout)
+    assert facts["expected_error"] is None and facts["second_lights"] is None
+    spectra = SimpleNamespace(**facts["spectra"])
+    assert {"paint", "skin"} <= {one["family"] for one in spectra.families}
+    assert spectra.mean["rmse"] == pytest.approx(np.mean([one["rmse"] for one in spectra.families]))
+    assert spectra.will_do == (spectra.doubts == [])
+
+
+def test_the_command_names_every_family_in_words():
+    text = run("camera", "preflight", "--light", "D65", "--surfaces", "1").stdout
+    assert "expected error of the curves" in text and "paint " in text and "second photo" in text
+
+
+def test_what_cannot_be_asked_is_said():
+    for words, said in ((("--surfaces", "-1"), "is negative"),
+                        (("--noise", "0"), "between 0 and 1"),
+                        (("--curves", "a.csv", "--prior", "b.npz"), "give one")):
+        result = run("camera", "preflight", "--light", "D65", *words)
+        assert result.exit_code == 2 and said in result.output
