@@ -180,29 +180,48 @@ def flat_cases(data: Path, cases: int, seed: int) -> Iterator[FlatCase]:
                            tuple(refused))
 
 
+def figures_of_case(case: FlatCase) -> dict[str, dict[str, float]]:
+    """RMSE, coverage and width by what is known; empty where a session was refused."""
+    if set(case.runs) != set(KINDS):
+        return {}
+    return {kind: judged(run, case.surfaces) for kind, run in case.runs.items()} | {
+        "perfect": judged_perfect(case.products, case.surfaces)}
+
+
+def summary(rows: list[dict[str, dict[str, float]]]) -> dict[str, Any]:
+    """Means and standard errors over cases, and the ratio of errors, unknown over known.
+
+    Parameters
+    ----------
+    rows : list of dicts
+        From ``figures_of_case``.
+    """
+    table = {kind: {figure: np.array([row[kind][figure] for row in rows])
+                    for figure in rows[0][kind]} for kind in rows[0]}
+    means = {kind: {figure: [float(values.mean()), _error_of_mean(values)]
+                    for figure, values in of_kind.items()} for kind, of_kind in table.items()}
+    unknown, known = (table[kind]["rmse"] for kind in KINDS)
+    ratio = unknown.mean() / known.mean()
+    # of a ratio of means over the same cases [Cochran 1977, Eq. 6.13]
+    return {"cases": len(rows), **means,
+            "ratio": [float(ratio), _error_of_mean(unknown - ratio * known) / float(known.mean())]}
+
+
+def _error_of_mean(values: np.ndarray) -> float:
+    return float(np.std(values, ddof=1) / np.sqrt(values.size)) if values.size > 1 else float("nan")
+
+
 def measure(data: Path, cases: int, seed: int) -> dict[str, Any]:
     """Figures of some cases with nothing known and everything known."""
-    found: dict[str, list[dict[str, float]]] = {kind: [] for kind in (*KINDS, "perfect")}
-    refused, uneven = [], []
+    found, refused, uneven = [], [], []
     for number, case in enumerate(flat_cases(data, cases, seed), start=1):
-        results = {kind: judged(run, case.surfaces) for kind, run in case.runs.items()}
+        results = figures_of_case(case)
         refused += case.refused
-        if len(results) == len(KINDS):
-            results["perfect"] = judged_perfect(case.products, case.surfaces)
+        if results:
+            found.append(results)
             uneven.append(case.uneven)
-            for kind, result in results.items():
-                found[kind].append(result)
         print(f"{number}/{cases} {case.camera}: {results}", file=sys.stderr, flush=True)
-    means = {kind: {figure: float(np.mean([row[figure] for row in rows]))
-                    for figure in rows[0]} for kind, rows in found.items() if rows}
-    errors = {kind: np.array([row["rmse"] for row in rows]) for kind, rows in found.items()}
-    ratio = means["unknown"]["rmse"] / means["known"]["rmse"]
-    # of a ratio of means over the same cases [Cochran 1977, Eq. 6.13]
-    off = errors["unknown"] - ratio * errors["known"]
-    return {"cases": len(uneven), "refused": refused, "uneven": float(np.mean(uneven)), **means,
-            "ratio": ratio,
-            "ratio_error": float(np.std(off, ddof=1) / np.sqrt(off.size)
-                                 / means["known"]["rmse"]) if off.size > 1 else None}
+    return {"refused": refused, "uneven": float(np.mean(uneven)), **summary(found)}
 
 
 def _known(folder: Path, kind: str, curves: np.ndarray, light: np.ndarray, database: Any,

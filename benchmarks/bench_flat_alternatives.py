@@ -25,6 +25,7 @@ import json
 import sys
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,7 @@ from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.stages.stored_records import chart_fit_of, chart_of, samples_of
 
-from benchmarks.bench_flat import KINDS, FlatCase, flat_cases
+from benchmarks.bench_flat import KINDS, FlatCase, figures_of_case, flat_cases, summary
 
 GRID = grid_from_nm(np.arange(400.0, 701.0, 5.0))
 LIGHTS = ("D65", "A", "FL11")
@@ -183,12 +184,17 @@ def _mean(run: FinishedRun, name: str) -> tuple[np.ndarray, np.ndarray]:
     return summary.grid.nm, summary.mean
 
 
-def measure(data: Path, cases: int, seed: int) -> dict[str, dict[str, list[float]]]:
-    """Mean and standard error of every figure of every method; cases count once each."""
+def measure(data: Path, cases: int, seed: int) -> tuple[dict[str, dict[str, list[float]]],
+                                                          dict[str, Any]]:
+    """Mean and standard error of every figure of every method, cases counting once each; and the
+    summary of bench_flat.py on the same photos.
+    """
     rows: list[dict[str, dict[str, float]]] = []
+    of_bands = []
     for number, case in enumerate(flat_cases(data, cases, seed), start=1):
         if set(case.runs) == set(KINDS):
             rows.append(judged(case))
+            of_bands.append(figures_of_case(case))
         print(f"{number}/{cases} {case.camera} {' '.join(case.refused)}", file=sys.stderr,
               flush=True)
     table: dict[str, dict[str, list[float]]] = {}
@@ -197,7 +203,7 @@ def measure(data: Path, cases: int, seed: int) -> dict[str, dict[str, list[float
         table[method] = {name: [float(values.mean()),
                                 float(values.std(ddof=1) / np.sqrt(len(values)))]
                          for name, values in of_method.items()}
-    return table
+    return table, summary(of_bands)
 
 
 def main() -> None:
@@ -208,9 +214,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args()
-    table = measure(asked.data, asked.cases, asked.seed)
+    table, bands = measure(asked.data, asked.cases, asked.seed)
     if asked.json:
-        print(json.dumps(table))
+        print(json.dumps({"methods": table, "bands": bands}))
         return
     print("| method | RMSE | dE00, D65 | A | FL11 |\n|---|---|---|---|---|")
     for method, row in table.items():
@@ -218,6 +224,7 @@ def main() -> None:
         print(f"| {method} | " + " | ".join(
             f"{row[name][0]:.{digits[name]}f} ± {row[name][1]:.{digits[name]}f}"
             for name in FIGURES) + " |")
+    print(json.dumps(bands, indent=1))
 
 
 if __name__ == "__main__":

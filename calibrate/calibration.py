@@ -181,7 +181,8 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
                 else f", {delta_e_without.mean():.2f} for patches left out of the fit")
     checks = (f"chart colour difference {delta_e.mean():.2f} CIEDE2000{left_out}",
               *_checks(fit, covariance, scale), *unseen, *said)
-    if matrix_contradicts(first.samples.camera_from_xyz, fit.curves, grid):
+    # products with an unknown light are no curves that a matrix could be held against
+    if posterior is None and matrix_contradicts(first.samples.camera_from_xyz, fit.curves, grid):
         doubtful += (CalibrationDoubt.COLOUR_MATRIX,)
     checks += tuple(doubt.value for doubt in doubtful)
     calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,

@@ -67,5 +67,5 @@ def left_out_sentence(patches: LeftOutPatches) -> str:
     patches : LeftOutPatches
     """
     return (f"each patch from the others: reflectance within {patches.rmse.mean():.3f} (rms), "
-            f"{patches.inside.mean():.0%} of it inside the {patches.level:.0%} band, of which "
-            f"{patches.expected.mean():.0%} is to be expected of this chart's familiar colours")
+            f"{patches.inside.mean():.0%} of it inside the {patches.level:.0%} band (of a chart's "
+            f"colours, which are familiar, {patches.expected.mean():.1%} is to be expected)")

@@ -15,7 +15,13 @@ from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import CalibrationDoubt, PatchSamples, Quantity, Spectrum
+from spectrabox.radiometry.records import (
+    CalibrationDoubt,
+    PatchSamples,
+    Quantity,
+    Spectrum,
+    UnknownLight,
+)
 from spectrabox.radiometry.spectra.named_spectra import light
 
 GRID = visible_grid()
@@ -63,8 +69,16 @@ def calibrated(light_name, taken_for):
     zero = np.zeros((24, 3))
     matrix = own_matrix(curves)
     samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), zero, zero, matrix)
-    spectrum = Spectrum(GRID, light(taken_for, GRID), Quantity.RELATIVE, taken_for)
+    spectrum = UnknownLight() if taken_for is None else Spectrum(
+        GRID, light(taken_for, GRID), Quantity.RELATIVE, taken_for)
     return calibrate_chart([ChartPhoto(samples, surfaces, spectrum)], GRID).calibration
+
+
+def test_products_with_an_unknown_light_are_held_against_no_matrix():
+    found = calibrated("LED-B3", None)
+    # as curves they would contradict it by far: they hold the lamp
+    assert matrix_contradicts(own_matrix(measured_curves()), found.sensitivity.curves, GRID)
+    assert CalibrationDoubt.COLOUR_MATRIX not in found.doubts
 
 
 def test_a_mistaken_light_is_named_and_the_right_one_is_not():

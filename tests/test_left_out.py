@@ -12,14 +12,17 @@ from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import (
     CalibrationDoubt,
+    LeftOutPatches,
     PatchSamples,
     Quantity,
     Spectrum,
     UnknownLight,
 )
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.session.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.report.verdict import Status, calibration_doubts
+from spectrabox.session.report.verdict import left_out as criteria_of_left_out
 from spectrabox.session.stages.left_out import left_out_patches
 
 SURFACES = chart_reflectances("BabelColor Average", GRID)
@@ -124,3 +127,26 @@ def test_cameras_of_five_bands_have_no_lamp_told_and_say_so():
     made = calibrate_chart([ChartPhoto(samples, SURFACES, UnknownLight())], GRID).calibration
     assert made.light_posterior is None
     assert any("no measured camera has 5 bands" in check for check in made.checks)
+
+
+def left_out(inside, expected):
+    """A chart whose bands hold a share of the reference, with what is expected of it."""
+    reference = np.full((24, 61), 0.5)
+    upper = np.where(np.arange(61) < inside * 61, 0.6, 0.45) * np.ones((24, 1))
+    return LeftOutPatches(PRIOR_GRID, reference, reference - 0.2, upper, reference,
+                          np.zeros(24, bool), np.full(24, expected), 0.95)
+
+
+@pytest.mark.parametrize("inside, status", [(1.0, Status.INFO), (0.9, Status.WARN)])
+def test_a_chart_that_holds_less_than_its_familiar_colours_should_is_a_warning(inside, status):
+    patches = left_out(inside, 0.99)
+    [found] = criteria_of_left_out(SimpleNamespace(chart=SimpleNamespace(left_out=patches)))
+    assert found.status is status and found.limit == "99 % expected"
+    assert left_out_facts(patches, CLASSIC.names)["expected_95"] == pytest.approx(0.99)
+
+
+def test_bands_of_a_chart_hold_nearly_all_where_nothing_errs():
+    patches = left_out_patches(calibrate_chart([chart_photo("LED-B3", UnknownLight())], GRID),
+                               SURFACES)
+    # 95 % bands of any surface, of familiar ones
+    assert patches.expected.mean() > 0.98

@@ -88,9 +88,9 @@ def sampling_words(results: CommonResults) -> str:
     effective = min(m.samples.effective_samples for m in drawn if m.samples)
     levels = listed(sorted({percent(m.summary.level) for m in drawn if m.summary}))
     return (f"Spectra that the camera cannot tell apart were drawn with {methods} ({draws} draws "
-            f"per material, seed {seeds}; at least {effective:.0f} effective). Bands are pointwise "
-            f"central {levels} bands of the draws, conditional on the spline class, on the "
-            "sampler's prior and on the stated errors of each signal.")
+            f"per surface, seed {seeds}; at least {effective:.0f} effective). Bands are pointwise "
+            f"central {levels} bands of the draws, conditional on the sampler's prior or spline "
+            "class and on the stated errors of each signal.")
 
 
 def _agreement(results: SessionResults) -> str:

@@ -172,12 +172,13 @@ def _misfits(made: Reconstruction, where: str) -> Criterion:
 
 
 def calibration_doubts(results: CommonResults) -> list[Criterion]:
-    """Whether the calibration was made with doubts, each a criterion of its own."""
+    """Whether the calibration was made with doubts, each a criterion of its own; none under an
+    unknown light, whose products with a camera nothing is known to contradict.
+    """
+    if results.calibration.light_posterior is not None:
+        return []
     rows = []
     for doubt, name in DOUBTS.items():
-        if (doubt is CalibrationDoubt.WRONG_LIGHT
-                and results.calibration.light_posterior is not None):
-            continue        # nobody stated a light
         doubtful = doubt in results.calibration.doubts
         rows.append(Criterion(
             name, None, "doubtful" if doubtful else "no doubt", "no doubt",
