@@ -10,6 +10,7 @@ from spectrabox.calibrate.sensitivity import fit_sensitivities
 from spectrabox.calibrate.spline_fit import SPLINE_METHODS
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import CalibrationError, InputError
+from spectrabox.radiometry.grid import visible_grid
 
 EVEN = np.full(24, np.pi)
 BASIS = basis_matrix(GRID.nm, 10)
@@ -145,3 +146,17 @@ def test_what_noise_leaves_of_a_smooth_fit_is_a_straight_line_and_no_constant():
     off = np.mean(errors, axis=0)
     # The mean of eight fits of two numbers a band, at 10 % of noise in 24 patches.
     assert np.sqrt(np.mean(off**2)) < 0.04
+
+
+@pytest.mark.parametrize("method", SPLINE_METHODS)
+def test_the_scale_is_that_of_an_integral_over_nanometres_on_any_grid(method):
+    """Wavelengths 5 nm apart stand for 5 nm each: the factor between signal and integral stays."""
+    grid, every_fifth = visible_grid(5), np.arange(0, 301, 5)
+    curves = spline_camera() @ basis_matrix(grid.nm, 10).T
+    light, surfaces = daylight()[every_fifth], reflectances()[:, every_fifth]
+    signal = 0.3 * surfaces @ (curves * light * grid.weights_nm).T
+    found, scale, _ = fit_sensitivities(samples(signal, 1e-3), surfaces, light, EVEN, grid,
+                                        method=method)
+    # The two whose class holds the curves are exact to round-off; a smooth curve is near to them.
+    atol = 0.3 * (0.15 if method == "smooth" else 1e-8)
+    np.testing.assert_allclose(scale.value * found.curves, 0.3 * curves, atol=atol)

@@ -209,3 +209,12 @@ def test_a_unit_of_light_is_watts_over_square_metres(tmp_path, power, area, fact
         "600,4\n", encoding="utf-8")
     found = read_spectrum(tmp_path / "light.csv", role=role)
     np.testing.assert_allclose(found.values, np.array([2, 3, 4]) * factor, rtol=1e-12)
+
+
+def test_a_dark_patch_is_known_no_better_than_three_per_cent_of_the_brightest():
+    """Glare and black level err by as much there: a relative error alone would trust it blindly."""
+    signal = np.array([[1.0, 0.5, 2.0]]) * np.geomspace(1, 1e-3, 24)[:, None]
+    chart = photo(signal, daylight(), reflectances(), 0.001)
+    added = np.diag(noise_covariance(chart, 0.02) - noise_covariance(chart, 0.0)).reshape(24, 3)
+    share = np.maximum(signal / signal.max(axis=0), 0.03)
+    np.testing.assert_allclose(np.sqrt(added), 0.02 * share * signal.max(axis=0), rtol=1e-9)

@@ -20,9 +20,10 @@ from calibrate_cameras import (
     signals,
 )
 from sampling_cameras import seen
-from scipy import stats
+from scipy import special, stats
 
 from spectrabox.calibrate.curve_band import curve_band
+from spectrabox.calibrate.prior.camera_prior import matern
 from spectrabox.calibrate.prior.curve_posterior import curve_moments, curve_variance, photo_states
 from spectrabox.calibrate.prior.learnt_prior import between_makers, build_prior
 from spectrabox.calibrate.prior.prior_fit import (
@@ -325,3 +326,16 @@ def test_moments_of_mixed_posteriors_are_those_of_their_draws():
     np.testing.assert_allclose(mean, draws.mean(axis=0), atol=SIGMAS * 0.0016 * size.max())
     np.testing.assert_allclose(covariance / np.outer(size, size),
                                np.cov(draws, rowvar=False) / np.outer(size, size), atol=0.012)
+
+
+@pytest.mark.parametrize("length_nm", [15.0, 80.0])
+@pytest.mark.parametrize("smoothness", [1.5, 2.5])
+def test_matern_kernels_are_those_of_rasmussen_and_williams(smoothness, length_nm):
+    """Eq. 4.14, with the modified Bessel function."""
+    nm = FINE.nm[::20]
+    distance = np.sqrt(2 * smoothness) * np.abs(nm[:, None] - nm) / length_nm
+    apart = distance > 0
+    expected = np.ones(distance.shape)
+    expected[apart] = (2**(1 - smoothness) / special.gamma(smoothness)
+                       * distance[apart]**smoothness * special.kv(smoothness, distance[apart]))
+    np.testing.assert_allclose(matern(nm, length_nm, smoothness), expected, rtol=1e-10)
