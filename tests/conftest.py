@@ -1,8 +1,14 @@
 """A small synthetic session, written once and run once; every test gets its own copy."""
+import os
 import shutil
 import signal
 
 import pytest
+
+# A worker has a core of its own: threads of small algebra would wait for those of other workers.
+# Set before NumPy is imported; commands that tests start inherit it.
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
 
 # Run in the background, a shell has the tests ignore Ctrl-C, and all that they start would too.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

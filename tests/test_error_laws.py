@@ -215,6 +215,7 @@ def test_a_dark_patch_is_known_no_better_than_three_per_cent_of_the_brightest():
     """Glare and black level err by as much there: a relative error alone would trust it blindly."""
     signal = np.array([[1.0, 0.5, 2.0]]) * np.geomspace(1, 1e-3, 24)[:, None]
     chart = photo(signal, daylight(), reflectances(), 0.001)
-    added = np.diag(noise_covariance(chart, 0.02) - noise_covariance(chart, 0.0)).reshape(24, 3)
+    added = np.diag(noise_covariance(chart, PatchError(0.02))
+                    - noise_covariance(chart, PatchError(0.0))).reshape(24, 3)
     share = np.maximum(signal / signal.max(axis=0), 0.03)
     np.testing.assert_allclose(np.sqrt(added), 0.02 * share * signal.max(axis=0), rtol=1e-9)
