@@ -32,7 +32,18 @@ def reflectance_to_srgb(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
     reflectance : (P,) array
         0 to 1.
     """
-    linear = np.clip(TO_SRGB @ tristimulus(nm, reflectance), 0.0, 1.0)
+    return encoded_srgb(tristimulus(nm, reflectance))
+
+
+def encoded_srgb(xyz: np.ndarray) -> np.ndarray:
+    """Encoded sRGB (3,), 0 to 1, of tristimulus values under D65; clipped to the gamut.
+
+    Parameters
+    ----------
+    xyz : (3,) array
+        Y = 1 for white.
+    """
+    linear = np.clip(TO_SRGB @ xyz, 0.0, 1.0)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 

@@ -9,6 +9,7 @@ from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.certified import standing_facts
 from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
+from spectrabox.session.report.metamers import metamer_facts, metamer_pair
 from spectrabox.session.report.verdict import Criterion, Verdict, chart_residuals
 from spectrabox.session.store.results import (
     ChartResult,
@@ -90,6 +91,8 @@ def _material(material: MaterialResult, nm: np.ndarray) -> dict[str, Any]:
                            "bound_lower", "bound_upper", "level", "conditional_on",
                            "next_measurement_nm"),
         "samples": _samples(material.samples),
+        "metamers": None if material.samples is None or len(material.samples.spectra) < 2
+        else metamer_facts(metamer_pair(material.samples)),
         "truth": _fields(material.truth, "values", "standard_error", "source"),
         "scores": None if material.scores is None else vars(material.scores),
         }

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.appearance import reflectance_to_srgb
-from spectrabox.radiometry.records import Reconstruction
+from spectrabox.radiometry.records import Reconstruction, SpectrumSamples
 from spectrabox.sampling.prior.certified import certified_sentence, mostly_in_doubt
 from spectrabox.session.calibration_facts import left_out_sentence
 from spectrabox.session.report.figures import (
@@ -15,6 +15,7 @@ from spectrabox.session.report.figures import (
     picture_data_uri,
 )
 from spectrabox.session.report.maps import display_bands, srgb_encoded, surface_colours
+from spectrabox.session.report.metamers import LIGHTS, metamer_drawing, metamer_pair
 from spectrabox.session.report.spectra import (
     error_budget_figure,
     every_10_nm,
@@ -61,8 +62,20 @@ def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
         "figure": material_figure(f"spectrum-{number}", material, grid_nm),
         "certified": certified_sentence(material.families),
         "in_doubt": mostly_in_doubt(material.families),
+        "metamers": None if material.samples is None else metamers_section(material.samples),
         "budget": error_budget_figure(f"budget-{number}", material, signal_bands),
         }
+
+
+def metamers_section(samples: SpectrumSamples) -> dict[str, Any] | None:
+    """Two spectra that the photo cannot tell apart, under several lights; None for one draw."""
+    if len(samples.spectra) < 2:
+        return None
+    pair = metamer_pair(samples)
+    return {"drawing": metamer_drawing(pair), "apart_nm": pair.apart_nm,
+            "lights": [(name, *(css_colour(srgb) for srgb in both), difference)
+                       for name, both, difference in zip(LIGHTS, pair.srgb, pair.delta_e00,
+                                                         strict=True)]}
 
 
 def surface_rows(made: Reconstruction) -> list[dict[str, Any]]:

@@ -1,0 +1,97 @@
+"""Two draws that one signal allows: one to the camera, two under other lights."""
+import numpy as np
+import pytest
+from report_example import example_session
+
+from spectrabox.radiometry.appearance import delta_e00, reflectance_to_srgb
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import Outcome, SpectrumSamples
+from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.session.report.metamers import (
+    LIGHTS,
+    metamer_drawing,
+    metamer_facts,
+    metamer_pair,
+)
+from spectrabox.session.report.numbers import report_numbers
+from spectrabox.session.report.page import render_report
+from spectrabox.session.report.verdict import judge
+
+GRID = visible_grid(5.0)
+
+
+def samples_of(spectra):
+    return SpectrumSamples(GRID, spectra, np.zeros((len(spectra), 5)), "test", float(len(spectra)),
+                           1, Outcome.CONVERGED, "as intended")
+
+
+def spread_along(direction, count=400, seed=2):
+    """Draws about a grey along one direction, with a little of everything else."""
+    rng = np.random.default_rng(seed)
+    return np.clip(0.5 + rng.normal(0, 1, (count, 1)) * direction
+                   + rng.normal(0, 0.001, (count, GRID.nm.size)), 0, 1)
+
+
+def metameric_direction(light):
+    """A change of a spectrum that the eye does not see under a light."""
+    response = relative_response("cie_2_1931", light, GRID)
+    wave = np.sin(GRID.nm / 25.0)
+    return 0.08 * (wave - np.linalg.pinv(response) @ (response @ wave))
+
+
+def test_what_the_eye_cannot_tell_under_one_light_it_can_under_another():
+    pair = metamer_pair(samples_of(spread_along(metameric_direction("D65"))))
+    by_light = dict(zip(LIGHTS, pair.delta_e00, strict=True))
+    assert by_light["D65"] < 0.5
+    assert min(by_light[name] for name in LIGHTS[1:]) > 2 * by_light["D65"]
+    assert by_light["LED-RGB1"] > 3
+
+
+def test_under_daylight_it_is_the_difference_and_the_colour_that_the_report_shows_elsewhere():
+    pair = metamer_pair(samples_of(spread_along(np.linspace(-0.1, 0.1, GRID.nm.size))))
+    first, second = pair.spectra
+    assert pair.delta_e00[0] == pytest.approx(delta_e00(GRID.nm, first, second), rel=0.01)
+    for shown, spectrum in zip(pair.srgb[0], pair.spectra, strict=True):
+        np.testing.assert_allclose(shown, reflectance_to_srgb(GRID.nm, spectrum), atol=0.002)
+
+
+def test_the_pair_lies_at_the_ends_of_what_95_percent_of_the_draws_span():
+    direction = metameric_direction("D65")
+    spectra = spread_along(direction)
+    pair = metamer_pair(samples_of(spectra))
+    unit = direction / np.linalg.norm(direction)
+    along = np.sort((spectra - 0.5) @ unit)
+    ends = np.sort((pair.spectra - 0.5) @ unit)
+    share = np.searchsorted(along, ends) / len(along)
+    assert share == pytest.approx([0.025, 0.975], abs=0.01)
+    assert any(np.array_equal(pair.spectra[0], one) for one in spectra)
+
+
+def test_a_reading_is_advised_where_the_two_are_furthest_apart():
+    bump = 0.1 * np.exp(-0.5 * ((GRID.nm - 610) / 8) ** 2)
+    pair = metamer_pair(samples_of(spread_along(bump)))
+    assert abs(pair.apart_nm - 610) <= 5
+    assert "610 nm" in metamer_drawing(pair) or "605 nm" in metamer_drawing(pair) \
+        or "615 nm" in metamer_drawing(pair)
+
+
+def test_colours_under_other_lights_are_shown_as_the_adapted_eye_sees_them():
+    """A grey stays grey under every light."""
+    flat = np.full((2, GRID.nm.size), 0.5) + np.array([[0.0], [0.02]])
+    pair = metamer_pair(samples_of(flat))
+    assert np.ptp(pair.srgb, axis=2).max() < 0.01
+    assert pair.delta_e00 == pytest.approx(np.full(len(LIGHTS), pair.delta_e00[0]), rel=0.01)
+
+
+def test_page_and_numbers_say_the_same(tmp_path):
+    results = example_session(tmp_path, materials=("white", "red", "green"))
+    page, numbers = render_report(results), report_numbers(results, judge(results))
+    drawn = [one for one in results.materials if one.samples is not None]
+    assert page.count('class="metamers"') == len(drawn) > 0
+    facts = [one["metamers"] for one in numbers["materials"] if one["metamers"]]
+    assert len(facts) == len(drawn)
+    for fact, material in zip(facts, drawn, strict=True):
+        wanted = metamer_facts(metamer_pair(material.samples))
+        assert fact["delta_e00"] == wanted["delta_e00"]
+        for difference in wanted["delta_e00"].values():
+            assert f"<td>{difference:.1f}</td>" in page
