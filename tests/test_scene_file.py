@@ -131,10 +131,10 @@ BROKEN = {
         "<scene><sensor type='perspective'/><emitter type='constant'/>"
         "<integrator type='path'><integer name='max_depth' value='2000000000'/></integrator>"
         "</scene>",
-    "holds its BSDF inside; move it out":
+    "the BSDF 'wood' is coloured by a picture":
         "<scene><sensor type='perspective'/><emitter type='constant'/>"
-        "<shape type='sphere' id='ball'>"
-        "<bsdf type='diffuse'/></shape></scene>",
+        "<shape type='sphere' id='ball'><bsdf type='diffuse' id='wood'>"
+        "<texture type='bitmap' name='reflectance'/></bsdf></shape></scene>",
 }
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import is_there
+from spectrabox.reconstruct.scene.elsewhere import bsdf_of, written_out
 from spectrabox.reconstruct.scene.light_profile import read_profile
 
 MAX_DEPTH = 256         # reflections along a path; white walls leave 1e-6 of the light
@@ -84,6 +85,8 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
     if sensor is None:
         raise InputError(f"{path.name} has no <sensor>: the scene must hold the camera's pose and "
                          "field of view")
+    if problems := written_out(root):
+        raise InputError("\n".join(f"{path.name}: {problem}" for problem in problems))
     files = _named_files(root, path, folder)
     _name_everything(root)
     film = sensor.find("film")
@@ -107,7 +110,7 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
                          "along each side is possible")
     return SceneFile(path, root, width, height, depth if depth > 0 else 12,
                      tuple(node.get("id", "") for node in root.findall("bsdf")),
-                     _surfaces(root, path), tuple(light_id(root, node) for node in lights), files,
+                     _surfaces(root), tuple(light_id(root, node) for node in lights), files,
                      _profiles(root, path))
 
 
@@ -196,17 +199,10 @@ def _name_everything(root: ET.Element) -> None:
             shape.set("id", identity if identity not in taken else f"surface_{number}")
 
 
-def _surfaces(root: ET.Element, path: Path) -> dict[str, str]:
-    surfaces = {}
-    for shape in root.iter("shape"):
-        if shape.find("emitter") is not None:
-            continue
-        reference, own = shape.find("ref"), shape.find("bsdf")
-        if own is not None:
-            raise InputError(f"{path.name}: shape {shape.get('id')!r} holds its BSDF inside; move "
-                             "it out, give it an id, and refer to it with <ref id=...>")
-        surfaces[shape.get("id", "")] = reference.get("id", "") if reference is not None else ""
-    return surfaces
+def _surfaces(root: ET.Element) -> dict[str, str]:
+    bsdfs = [node.get("id", "") for node in root.findall("bsdf")]
+    return {shape.get("id", ""): bsdf_of(shape, bsdfs) for shape in root.iter("shape")
+            if shape.find("emitter") is None}
 
 
 def _profiles(root: ET.Element, path: Path) -> dict[str, np.ndarray]:

@@ -1,0 +1,131 @@
+"""Scenes as other programs write them, brought to the form that the rest of the code reads.
+
+Exporters put BSDFs inside shapes, refer to BSDFs among other things, and place copies of a group of
+shapes as instances. All of it is written out here: every BSDF stands at the top with an id, every
+shape refers to one, and an instance becomes the shapes of its group in their places.
+"""
+from __future__ import annotations
+
+import copy
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
+
+MAX_INSTANCES = 10_000
+GROUP, INSTANCE = "shapegroup", "instance"
+# of BSDFs: what colours a whole surface, and so cannot be a picture
+COLOURING = ("reflectance", "diffuse_reflectance", "base_color", "specular_reflectance")
+MESHES = ("ply", "obj", "serialized")
+SHAPES = (*MESHES, "rectangle", "cube", "sphere", "disk", "cylinder", "linearcurve", "bsplinecurve",
+          "merge", GROUP, INSTANCE)
+
+
+def written_out(root: ET.Element) -> list[str]:
+    """Lift BSDFs out of shapes and instances out of their groups, in place.
+
+    Parameters
+    ----------
+    root : Element
+        A <scene>.
+
+    Returns
+    -------
+    list of str
+        A sentence for everything that is not understood, all at once.
+    """
+    problems = _expand_instances(root)
+    _lift_bsdfs(root)
+    return problems + _unknown_shapes(root) + _pictures(root)
+
+
+def bsdf_of(shape: ET.Element, bsdf_ids: Iterable[str]) -> str:
+    """Id of the BSDF that a shape refers to, among other references; empty where it has none."""
+    references = list(shape.findall("ref"))
+    known = set(bsdf_ids)
+    for node in references:
+        if node.get("name") == "bsdf" or node.get("id") in known:
+            return node.get("id", "")
+    return references[0].get("id", "") if references else ""
+
+
+def _expand_instances(root: ET.Element) -> list[str]:
+    groups = {node.get("id", ""): node for node in root.findall("shape")
+              if node.get("type") == GROUP}
+    instances = [node for node in root.findall("shape") if node.get("type") == INSTANCE]
+    if len(instances) > MAX_INSTANCES:
+        return [f"the scene has {len(instances)} instances; {MAX_INSTANCES} is the limit"]
+    problems = []
+    for number, instance in enumerate(instances, start=1):
+        name = instance.get("id") or f"instance_{number}"
+        reference = instance.find("ref")
+        group = groups.get("" if reference is None else reference.get("id", ""))
+        place = list(root).index(instance)
+        root.remove(instance)
+        if group is None:
+            problems.append(f"instance {name!r} refers to no group of shapes in this file; export "
+                            "the scene with its groups, or without instances")
+            continue
+        for index, shape in enumerate(group.findall("shape")):
+            one = copy.deepcopy(shape)
+            one.set("id", f"{name} {shape.get('id') or index + 1}")
+            _move(one, instance.find("transform"))
+            root.insert(place + index, one)
+    for group in groups.values():
+        root.remove(group)
+    return problems
+
+
+def _move(shape: ET.Element, by: ET.Element | None) -> None:
+    """Apply an instance's transform after the shape's own."""
+    if by is None:
+        return
+    own = shape.find("transform")
+    if own is None:
+        shape.append(copy.deepcopy(by))
+    else:
+        own.extend(copy.deepcopy(step) for step in by)
+
+
+def _lift_bsdfs(root: ET.Element) -> None:
+    """Put BSDFs of shapes to the top, one of several that are written alike, and refer to them."""
+    taken = {node.get("id") for node in root.iter() if node.get("id")}
+    lifted: dict[str, str] = {}
+    for number, shape in enumerate(list(root.iter("shape")), start=1):
+        own = shape.find("bsdf")
+        if own is None or shape.find("emitter") is not None:
+            continue
+        shape.remove(own)
+        identity = own.get("id")
+        if identity is None:
+            written = ET.tostring(own, encoding="unicode").strip()
+            if (identity := lifted.get(written)) is None:
+                identity = f"{shape.get('id') or f'shape_{number}'}_bsdf"
+                while identity in taken:        # no two things of a scene share an id
+                    identity += "_"
+                taken.add(identity)
+                lifted[written] = identity
+                own.set("id", identity)
+                root.append(own)
+        else:
+            root.append(own)
+        ET.SubElement(shape, "ref", name="bsdf", id=identity)
+
+
+def _unknown_shapes(root: ET.Element) -> list[str]:
+    return [f"shape {shape.get('id') or '(without id)'!r} is of type {shape.get('type')!r}; export "
+            f"it as a mesh ({', '.join(MESHES)})" for shape in root.iter("shape")
+            if shape.get("type") not in SHAPES]
+
+
+def _pictures(root: ET.Element) -> list[str]:
+    """BSDFs whose colour is a picture: a material has one spectrum."""
+    used = {node.get("id") for shape in root.iter("shape") for node in shape.findall("ref")}
+    problems = []
+    for bsdf in root.findall("bsdf"):
+        if bsdf.get("id") not in used:
+            continue
+        for node in bsdf.iter("texture"):
+            if node.get("type") == "bitmap" and node.get("name") in COLOURING:
+                problems.append(f"the BSDF {bsdf.get('id')!r} is coloured by a picture, and a "
+                                "material has one spectrum: give it a plain reflectance (any "
+                                "value), and surfaces of other paints BSDFs of their own")
+    return problems
