@@ -1,4 +1,4 @@
-"""Commands on a camera without a session: camera fit, prior, preflight, add, names."""
+"""Commands on a camera without a session: camera fit, profile, prior, preflight, add, names."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -74,7 +74,7 @@ camera = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="Sensitivities
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for function in (fit, prior, preflight, add, names):
+    for function in (fit, profile, prior, preflight, add, names):
         camera.command()(function)
     app.add_typer(camera, name="camera")
 
@@ -201,6 +201,28 @@ def preflight(light: LampToUse,
         prepared = Preparation(light, noise, reference, read_layout(layout), prior_file, curves,
                                lamps, filters, surfaces)
         answer(as_json, *preflight_answer(prepared))
+
+
+def profile(sensitivity: Annotated[str, typer.Argument(
+                metavar="FILE|NAME", show_default=False, help="Curves of three bands, or a camera "
+                "by its name.")],
+            model: Annotated[str, typer.Option("--camera", metavar="'MAKER MODEL'", help="As the "
+                             "camera's raw files name it.", show_default=False)],
+            out: Annotated[list[Path] | None, typer.Option(
+                "--out", "-o", metavar="FILE", help=".dcp: DNG profile for A and D65; .json: "
+                "rawtoaces; .txt: vkdt. May be repeated.")] = None,
+            samples: Annotated[Path | None, typer.Option(
+                metavar="NPZ", help="Draws of the curves, from 'camera fit --samples': gives every "
+                "number its spread.")] = None,
+            idt_light: Annotated[str, typer.Option(help="CIE name, of the ACES matrix.")] = "D55",
+            as_json: Json = False, debug: Debug = False) -> None:
+    """Colour matrices (DNG, ACES) and profiles of a camera, with error bars and colour errors."""
+    with command(as_json, debug):
+        from spectrabox.session.camera.profile import FORMS, ProfileRequest, profile_answer
+        for path in out or ():
+            check_ending(path, FORMS)
+        answer(as_json, *profile_answer(ProfileRequest(sensitivity, model, samples, idt_light,
+                                                       tuple(out or ()))))
 
 
 def add(files: Annotated[list[Path], typer.Argument(

@@ -1,0 +1,134 @@
+"""What ``spectrabox camera profile`` answers: matrices of a camera with their spread over draws."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.calibrate.camera_profile import ILLUMINANTS, IlluminantMatrices, matrices, target
+from spectrabox.radiometry.aces_idt import aces_idt
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.outside.archives import DAMAGE
+from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.spectra.named_spectra import sensitivities, test_reflectances
+from spectrabox.session.camera.profile_files import write_dcp, write_rawtoaces, write_vkdt
+
+CHART, FRESH = "BabelColor Average", "CES99"    # fitted to, and never seen by the fit
+MAX_DRAWS, IDT_DRAWS = 200, 25                  # an ACES matrix takes a search for each
+FORMS = {".json": "curves as rawtoaces stores them", ".txt": "curves as vkdt reads them",
+         ".dcp": "a DNG camera profile"}
+
+
+@dataclass(frozen=True)
+class ProfileRequest:
+    """The options of ``spectrabox camera profile``."""
+
+    sensitivity: str
+    camera: str                 # maker and model, as its raw files state them
+    samples: Path | None        # draws of the curves
+    idt_light: str
+    out: tuple[Path, ...]
+
+
+def profile_answer(request: ProfileRequest) -> tuple[dict[str, Any], str]:
+    """JSON object and text; writes the files that are asked for.
+
+    Raises
+    ------
+    InputError
+        If the curves are not those of three bands, or the draws are of others.
+    """
+    grid = visible_grid(5)
+    curves = sensitivities(request.sensitivity, grid)
+    if len(curves) != 3:
+        raise InputError(f"{request.sensitivity} has {len(curves)} bands; profiles are of three: "
+                         "R, G and B")
+    draws = None if request.samples is None else _read_draws(request.samples, grid, curves)
+    sets = test_reflectances(grid)
+    aims = {name: target(name, grid, sets[CHART], (sets[CHART], sets[FRESH]))
+            for name in ILLUMINANTS}
+    made = {name: matrices(curves, aim) for name, aim in aims.items()}
+    drawn = {name: [matrices(draw, aim) for draw in draws] if draws is not None else []
+             for name, aim in aims.items()}
+    idt, balance = aces_idt(grid.nm, curves, request.idt_light)
+    idts = [aces_idt(grid.nm, draw, request.idt_light)
+            for draw in (draws[:IDT_DRAWS] if draws is not None else [])]
+    maker, _, model = request.camera.partition(" ")
+    errors = None if draws is None else draws.std(axis=0, ddof=1)
+    for path in request.out:
+        if path.suffix.lower() == ".json":
+            write_rawtoaces(path, maker, model or maker, grid.nm, curves, errors)
+        elif path.suffix.lower() == ".txt":
+            write_vkdt(path, grid.nm, curves)
+        else:
+            write_dcp(path, request.camera, f"{request.camera} spectrabox", made)
+    facts: dict[str, Any] = {
+        "camera": request.camera, "files": [str(path) for path in request.out],
+        "draws": 0 if draws is None else len(draws),
+        "illuminants": {name: _facts(made[name], drawn[name]) for name in ILLUMINANTS},
+        "aces_idt": {"light": request.idt_light, "draws": len(idts),
+                     "matrix": _spread(idt, [each for each, _ in idts]),
+                     "white_balance": _spread(balance, [each for _, each in idts])}}
+    return facts, _text(facts)
+
+
+def _read_draws(path: Path, grid: WavelengthGrid, curves: np.ndarray) -> np.ndarray:
+    """Draws (T, 3, P) on the grid, the first few."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            nm, values = file["wavelengths_nm"], file["curves"][:MAX_DRAWS]
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; 'spectrabox camera fit --samples' writes one"
+                         ) from None
+    except DAMAGE as error:
+        raise InputError(f"{path.name} holds no draws of curves ({type(error).__name__}); "
+                         "'spectrabox camera fit --samples' writes them") from None
+    if values.ndim != 3 or values.shape[1:] != (len(curves), nm.size) or len(values) < 2 \
+            or nm[0] > grid.nm[0] or nm[-1] < grid.nm[-1] or not np.all(np.isfinite(values)):
+        raise InputError(f"{path.name} holds draws {values.shape}; two or more of three curves "
+                         "over 400-700 nm are needed, as 'camera fit --samples' writes them")
+    return np.array([[np.interp(grid.nm, nm, curve) for curve in draw] for draw in values])
+
+
+def _facts(made: IlluminantMatrices, drawn: list[IlluminantMatrices]) -> dict[str, Any]:
+    return {"color_matrix": _spread(made.colour, [each.colour for each in drawn]),
+            "forward_matrix": _spread(made.forward, [each.forward for each in drawn]),
+            "delta_e00": {name: _spread(made.delta_e00[index],
+                                        [each.delta_e00[index] for each in drawn])
+                          for index, name in enumerate((CHART, FRESH))}}
+
+
+def _spread(value: Any, drawn: Sequence[Any]) -> dict[str, Any]:
+    """A value with its standard deviation over draws, where there are any."""
+    deviation = np.std(drawn, axis=0, ddof=1).tolist() if len(drawn) > 1 else None
+    return {"value": np.asarray(value).tolist(), "standard_deviation": deviation}
+
+
+def _text(facts: dict[str, Any]) -> str:
+    lines = [f"{facts['camera']}: matrices for {' and '.join(facts['illuminants'])}"
+             + (f", spread over {facts['draws']} draws of the curves" if facts["draws"]
+                else "; without --samples their spread is not known")]
+    for name, each in facts["illuminants"].items():
+        lines += [f"ColorMatrix, {name}", *_rows(each["color_matrix"]), f"ForwardMatrix, {name}",
+                  *_rows(each["forward_matrix"])]
+        lines += [f"CIEDE2000 of the forward matrix under {name}, mean of {of}: "
+                  f"{error['value']:.2f}" + ("" if error["standard_deviation"] is None
+                                             else f" ± {error['standard_deviation']:.2f}")
+                  for of, error in each["delta_e00"].items()]
+    idt = facts["aces_idt"]
+    lines += [f"ACES IDT, {idt['light']}", *_rows(idt["matrix"]),
+              *(f"wrote {path}" for path in facts["files"])]
+    return "\n".join(lines)
+
+
+def _rows(matrix: dict[str, Any]) -> list[str]:
+    value, deviation = np.array(matrix["value"]), matrix["standard_deviation"]
+    shown = [" ".join(f"{cell:8.4f}" for cell in row) for row in value]
+    if deviation is not None:
+        shown = [f"{row}   ± " + " ".join(f"{cell:.4f}" for cell in spread)
+                 for row, spread in zip(shown, deviation, strict=True)]
+    return [f"  {row}" for row in shown]
