@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from spectrabox.calibrate.camera_profile import ILLUMINANTS, IlluminantMatrices, matrices, target
-from spectrabox.radiometry.aces_idt import aces_idt
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.outside.archives import DAMAGE
+from spectrabox.radiometry.published.aces_idt import aces_idt
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import sensitivities, test_reflectances
 from spectrabox.session.camera.profile_files import write_dcp, write_rawtoaces, write_vkdt
