@@ -7,10 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spectrabox.calibrate.light_field import LightElsewhere
+from spectrabox.calibrate import light_field
+from spectrabox.calibrate.light_field import (
+    FLAT_SHARE,
+    LightElsewhere,
+    PicturePoints,
+    light_elsewhere,
+)
 from spectrabox.radiometry.light_drift import LightDrift
 from spectrabox.radiometry.light_scale import DRIFT, REPEATABILITY, ROUNDED_EXPOSURES
-from spectrabox.radiometry.records import LinearImage, PhotoKind, RegionSamples
+from spectrabox.radiometry.records import ChartWhite, LinearImage, PhotoKind, RegionSamples
 from spectrabox.session.flat import white_at_regions as module
 from spectrabox.session.flat.errors_of_pixels import PixelErrors, White
 from spectrabox.session.flat.white_at_regions import KNOWN_ERROR, white_at_regions, with_known
@@ -148,3 +154,32 @@ def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
     # as above
     np.testing.assert_allclose(np.cov(read, rowvar=False) / np.outer(size, size),
                                found / np.outer(size, size), atol=0.04)
+
+
+def test_light_over_a_picture_is_the_mixture_of_every_kind_of_lamp(monkeypatch):
+    """Means, and what is inside each kind and between them, weighed by share and evidence."""
+    rng = np.random.default_rng(65)
+    kinds = []
+
+    def given(*_):
+        root = 0.01 * rng.standard_normal((8, 8))
+        kinds.append((rng.uniform(-1, 1), 0.02 * rng.standard_normal(8), root @ root.T))
+        return kinds[-1]
+    monkeypatch.setattr(light_field, "_given_the_chart", given)
+    monkeypatch.setattr(light_field, "_of_distance", lambda *_: (None, None))
+    monkeypatch.setattr(light_field, "_nearly_even", lambda *_: (None, None))
+    plane = rng.uniform(size=(24, 2))
+    white = ChartWhite(LEVEL, np.zeros(5), GLARE, 1e-4 * np.eye(11))
+    places = PicturePoints(plane, plane)
+    found = light_elsewhere(white, places, [places, places], True)
+    shares = np.r_[np.full(len(kinds) - 1, (1 - FLAT_SHARE) / (len(kinds) - 1)), FLAT_SHARE]
+    weights = shares * np.exp([evidence for evidence, _, _ in kinds])
+    counts = rng.multinomial(200_000, weights / weights.sum())
+    draws = np.vstack([rng.multivariate_normal(mean, inside, count)
+                       for count, (_, mean, inside) in zip(counts, kinds, strict=True)])
+    size = np.sqrt(np.diag(found.covariance))
+    # 200 000 draws know a variance to 0.5 %
+    np.testing.assert_allclose(np.cov(draws, rowvar=False) / np.outer(size, size),
+                               found.covariance / np.outer(size, size), atol=0.02)
+    np.testing.assert_allclose(found.level, LEVEL * np.exp(draws[:, :3].mean(axis=0)), rtol=1e-3)
+    np.testing.assert_allclose(found.field, draws[:, 6:].mean(axis=0), atol=1e-3)
