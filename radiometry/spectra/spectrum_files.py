@@ -20,6 +20,12 @@ from spectrabox.radiometry.spectra.formats.cxf import is_cxf, read_cxf
 from spectrabox.radiometry.spectra.formats.delimited import read_delimited, table_text
 from spectrabox.radiometry.spectra.formats.envi import envi_header_of, is_envi_header, read_envi
 from spectrabox.radiometry.spectra.formats.field_text import is_sed, is_svc, read_sed, read_svc
+from spectrabox.radiometry.spectra.formats.light_meters import (
+    is_sekonic,
+    is_uprtek,
+    read_sekonic,
+    read_uprtek,
+)
 from spectrabox.radiometry.spectra.formats.rawtoaces import is_rawtoaces, read_rawtoaces
 from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC, read_spectral_exr
 from spectrabox.radiometry.spectra.formats.table import (
@@ -45,7 +51,8 @@ SI_FACTORS = {"uw cm-2 sr-1 nm-1": 0.01, "µw cm-2 sr-1 nm-1": 0.01, "μw cm-2 s
               "mw m-2 nm-1": 1e-3, "mw m-2 sr-1 nm-1": 1e-3, "percent": 0.01, "%": 0.01}
 READERS: dict[str, Callable[[bytes, Path], SpectralTable]] = {
     "ASD": read_asd, "CGATS": read_cgats, "CxF": read_cxf, "TM-27": read_tm27, "ENVI": read_envi,
-    "SVC": read_svc, "Spectral Evolution": read_sed, "rawtoaces": read_rawtoaces,
+    "Sekonic": read_sekonic, "UPRTek": read_uprtek, "SVC": read_svc,
+    "Spectral Evolution": read_sed, "rawtoaces": read_rawtoaces,
     "spectral EXR": read_spectral_exr}
 SUFFIXES = {".asd": "ASD", ".sp": "CGATS", ".ti3": "CGATS", ".ccss": "CGATS", ".cxf": "CxF",
             ".spdx": "TM-27", ".sli": "ENVI",
@@ -118,7 +125,8 @@ def format_of(content: bytes, path: Path) -> str:
                                                    is not None):
         return "ENVI"
     text = text_of(content, path.name)
-    tests = (("CGATS", is_cgats), ("CxF", is_cxf), ("TM-27", is_tm27), ("SVC", is_svc),
+    tests = (("Sekonic", is_sekonic), ("UPRTek", is_uprtek), ("CGATS", is_cgats), ("CxF", is_cxf),
+             ("TM-27", is_tm27), ("SVC", is_svc),
              ("Spectral Evolution", is_sed),
              ("rawtoaces", is_rawtoaces))
     return next((kind for kind, test in tests if test(text)), "CSV")

@@ -7,7 +7,8 @@ The canonical file states what it holds, in comment lines before the header row:
     # source: ASD FieldSpec 4, sphere, 2026-01-02
     wavelength_nm,value,standard_error
 
-or, of a table for other programs, in a file beside it (csvw.py).
+or, of a table for other programs, in a file beside it (csvw.py). Of others' tables some have a row
+for each spectrum, and the wavelengths in the header.
 """
 from __future__ import annotations
 
@@ -19,10 +20,18 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.outside.words import cell, from_cell, plain
 from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.formats.cgats import BAND
 from spectrabox.radiometry.spectra.formats.csvw import facts_beside
-from spectrabox.radiometry.spectra.formats.table import SpectralTable, number, text_of
+from spectrabox.radiometry.spectra.formats.table import (
+    MIN_NM,
+    SpectralTable,
+    distinct,
+    number,
+    text_of,
+)
 
 MAX_COLUMNS = 20_000        # spectra in one file
+MIN_ACROSS = 5              # wavelengths of a header that is taken for one of them
 
 
 def read_delimited(content: bytes, path: Path, wavelength_column: int = 1) -> SpectralTable:
@@ -42,6 +51,10 @@ def read_delimited(content: bytes, path: Path, wavelength_column: int = 1) -> Sp
     """
     facts, rows = _split_rows(text_of(content, path.name), path.name)
     facts = facts or facts_beside(path)
+    across = _wavelengths_across(rows)
+    if across is not None:
+        names, nm, values = across
+        return SpectralTable(nm, names, values, facts, path.name)
     header, numbers = _header_and_numbers(rows, wavelength_column - 1, path.name)
     nm = np.array([row[wavelength_column - 1] for row in numbers])
     others = [index for index in range(len(header)) if index != wavelength_column - 1]
@@ -107,6 +120,30 @@ def _split_rows(text: str, name: str) -> tuple[dict[str, str], list[list[str]]]:
     except csv.Error as error:
         raise InputError(
             f"{name} cannot be split into columns ({error}); export it as CSV") from None
+
+
+def _wavelengths_across(rows: list[list[str]]
+                        ) -> tuple[tuple[str, ...], np.ndarray, np.ndarray] | None:
+    """Names, wavelengths (P,) and values (C, P) of a table with one row for each spectrum.
+
+    None where the header does not end in ascending wavelengths, or the first column holds some.
+    """
+    header = [cell.strip() for cell in rows[0]]
+    labels = [BAND.fullmatch(cell) for cell in header]
+    first = next((index for index, label in enumerate(labels) if label), 0)
+    nm = np.array([float(label[1]) if label else np.nan for label in labels[first:]])
+    body = [row for row in rows[1:] if any(cell.strip() for cell in row)]
+    if first == 0 or not body or nm.size < MIN_ACROSS or not np.all(np.diff(nm) > 0):
+        return None     # also where a label is none: a step to what is no number is not above 0
+    start = np.array([number(row[0]) for row in body])
+    if np.all(start >= MIN_NM) and np.all(np.diff(start) > 0):
+        return None
+    texts = [index for index in range(first) if any(
+        index < len(row) and not np.isfinite(number(row[index])) for row in body)]
+    column = texts[0] if texts else 0
+    values = np.array([[number(row[index]) if index < len(row) else np.nan
+                        for index in range(first, len(header))] for row in body])
+    return distinct([from_cell(row[column].strip()) for row in body]), nm, values
 
 
 def _is_numbers(line: str, delimiter: str) -> bool:
