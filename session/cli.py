@@ -21,6 +21,7 @@ from spectrabox.session.command_line import (
 from spectrabox.session.commands import (
     camera,
     capture,
+    compare,
     draws,
     flat,
     geometry,
@@ -38,7 +39,7 @@ app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
                   pretty_exceptions_enable=False, rich_markup_mode=None,
                   context_settings={"help_option_names": ["-h", "--help"]})
 for subject in (session, flat, rehearse, draws, capture, geometry, camera, sampling, match, meter,
-                page, spectrum):
+                page, compare, spectrum):
     subject.register(app)
 
 

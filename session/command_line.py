@@ -31,7 +31,7 @@ Outside = Annotated[bool, typer.Option("--allow-outside",
                                        help="Let the session name files outside its folder.")]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda: where Mitsuba renders.")]
 SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
-                          "rehearse", "draws"),
+                          "rehearse", "draws", "compare", "catalogue"),
             "Photos and cameras": ("develop", "chart", "camera", "geometry"),
             "Instruments and spectral files": ("meter", "spectrum"),
             "The spectra behind a signal": ("sample", "uplift", "match", "plan", "prior"),

@@ -1,0 +1,107 @@
+"""Commands that put finished sessions beside each other."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.session.command_line import Debug, Json, Outside, answer, command
+
+if TYPE_CHECKING:
+    from spectrabox.session.compare.control_chart import Verdict
+    from spectrabox.session.compare.quantities import SessionQuantities
+    from spectrabox.session.compare.surfaces import SurfacePair
+
+
+def register(app: typer.Typer) -> None:
+    """Add these commands to the command line."""
+    for function in (compare, catalogue):
+        app.command()(function)
+
+
+def compare(folders: Annotated[list[Path], typer.Argument(
+                metavar="DIR...", show_default=False, help="Finished sessions, two or more.")],
+            allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
+    """What changed between sessions: camera, light, chart, and surfaces of one name."""
+    with command(as_json, debug):
+        from spectrabox.session.compare.control_chart import control_chart
+        from spectrabox.session.compare.quantities import session_quantities
+        from spectrabox.session.compare.surfaces import surface_pairs
+        if len(folders) < 2:
+            raise InputError("one session cannot be compared; name two or more")
+        sessions = [session_quantities(folder, allow_outside) for folder in folders]
+        verdicts, pairs = control_chart(sessions), surface_pairs(sessions)
+        answer(as_json, _facts(sessions, verdicts, pairs), _text(sessions, verdicts, pairs))
+
+
+def catalogue(root: Annotated[Path, typer.Argument(
+                  metavar="DIR", show_default=False, help="Folder of sessions.")],
+              out: Annotated[Path | None, typer.Option(
+                  "--out", "-o", metavar="FILE.sqlite", help="Where to write it: "
+                  "DIR/sessions.sqlite by default.")] = None,
+              allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
+    """Every session under a folder, made anew as an SQLite file, and those that are out of line."""
+    with command(as_json, debug):
+        from spectrabox.radiometry.files import writable
+        from spectrabox.session.compare.catalogue import write_catalogue
+        from spectrabox.session.compare.control_chart import control_chart
+        from spectrabox.session.compare.quantities import find_sessions, session_quantities
+        path = out or root / "sessions.sqlite"
+        if path.suffix != ".sqlite":
+            raise InputError(f"{path} is no name of a catalogue; give one that ends in .sqlite")
+        sessions, skipped = [], []
+        for folder in find_sessions(root):
+            try:
+                sessions.append(session_quantities(folder, allow_outside))
+            except SpectraboxError as error:
+                skipped.append(f"{folder.relative_to(root)} is left out: {error}")
+        if not sessions:
+            raise InputError("\n".join([f"{root} holds no session with results", *skipped]))
+        verdicts = control_chart(sessions)
+        with writable(path.parent):
+            write_catalogue(path, root, sessions, verdicts)
+        facts = {**_facts(sessions, verdicts, []), "file": str(path), "skipped": skipped}
+        answer(as_json, facts, "\n".join([_text(sessions, verdicts, []), *skipped,
+                                          f"wrote {path}: {len(sessions)} sessions"]))
+
+
+def _facts(sessions: Sequence[SessionQuantities], verdicts: Sequence[Verdict],
+           pairs: Sequence[SurfacePair]) -> dict[str, Any]:
+    return {"sessions": [{"folder": str(one.folder), "name": one.name, "camera": one.camera,
+                          "light": one.light, "finished": one.finished,
+                          "quantities": {name: {"value": each.value,
+                                                "standard_error": each.standard_error}
+                                         for name, each in one.quantities.items()}}
+                         for one in sessions],
+            "out": [{"folder": str(sessions[one.session].folder), "quantity": one.quantity,
+                     "value": one.value, "middle": one.middle, "limit": one.limit}
+                    for one in verdicts if one.out],
+            "surfaces": [{"surface": one.surface, "folders": [str(sessions[one.first].folder),
+                                                              str(sessions[one.second].folder)],
+                          "delta_e00": one.delta_e00, "rms": one.rms,
+                          "share_out": one.share_out, "disagree": one.disagree}
+                         for one in pairs]}
+
+
+def _text(sessions: Sequence[SessionQuantities], verdicts: Sequence[Verdict],
+          pairs: Sequence[SurfacePair]) -> str:
+    from spectrabox.session.compare.control_chart import verdict_words
+    lines = [f"{one.folder}  {one.finished}  {one.camera or 'no chart photo'}, {one.light}"
+             for one in sessions]
+    for one in pairs:
+        names = f"{sessions[one.first].folder} and {sessions[one.second].folder}"
+        lines.append(f"{one.surface}: {names} differ by {one.delta_e00:.1f} CIEDE2000 (rms "
+                     f"{one.rms:.3f}), " + (f"beyond both errors at {one.share_out:.0%} of the "
+                                            "wavelengths" if one.disagree
+                                            else "within their errors"))
+    out = [one for one in verdicts if one.out]
+    lines += [verdict_words(one, str(sessions[one.session].folder)) for one in out]
+    if not verdicts:
+        lines.append("no two of these sessions have one camera under one light: brightness and "
+                     "colour balance are not compared")
+    elif not out:
+        lines.append("camera, light and chart are as before, within what photos repeat")
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""Sessions beside each other: what changed between them, and what only scattered."""

@@ -1,0 +1,192 @@
+"""Sessions over months: a planted drift is found, and nothing else is claimed."""
+import json
+import shutil
+import sqlite3
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flat_example import picture, write_flat
+from typer.testing import CliRunner
+
+from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import SpectrumSummary
+from spectrabox.session.cli import app
+from spectrabox.session.compare.control_chart import control_chart
+from spectrabox.session.compare.quantities import (
+    BRIGHTNESS,
+    Quantity,
+    SessionQuantities,
+    find_sessions,
+)
+from spectrabox.session.compare.surfaces import surface_pairs
+
+GRID = visible_grid(10.0)
+
+
+def a_session(name="s", camera="A 1", light="lamp", quantities=None, spectra=None):
+    return SessionQuantities(Path(name), name, camera, light, "2026-01-01", quantities or {},
+                             spectra or {})
+
+
+def months(rng, count, drift=None, at=7):
+    """Chart brightness and colour balance of a lab whose light and shutter repeat to 1.2 %."""
+    sessions = []
+    for number in range(count):
+        common = rng.normal(0, 0.012)
+        bands = common + rng.normal(0, 0.002, 3)
+        if drift is not None and number == at:
+            bands = bands + np.log(drift)
+        found = {BRIGHTNESS: Quantity(float(bands.mean()), 0.0005, 0.015)}
+        found |= {f"band {k + 1} against the others": Quantity(float(value - bands.mean()), 0.0005,
+                                                               0.005)
+                  for k, value in enumerate(bands)}
+        sessions.append(a_session(f"s{number}", quantities=found))
+    return sessions
+
+
+def out_of(sessions):
+    return {(one.session, one.quantity) for one in control_chart(sessions) if one.out}
+
+
+def test_nothing_is_claimed_of_a_lab_that_is_as_ever():
+    rng = np.random.default_rng(1)
+    alarms = sum(bool(out_of(months(rng, 12))) for _ in range(300))
+    # 12 sessions with 4 quantities each: 1 in 370 of normal values, fewer where spread is stated
+    assert alarms <= 12
+
+
+@pytest.mark.parametrize(("drift", "wanted"), [
+    ((1.0, 1.0, 1.03), {"band 3 against the others"}),
+    ((1.03, 1.0, 1.0), {"band 1 against the others"}),
+    ((0.92, 0.92, 0.92), {BRIGHTNESS}),
+])
+def test_a_drift_is_found_and_nothing_else_is_claimed(drift, wanted):
+    rng = np.random.default_rng(2)
+    found = [out_of(months(rng, 12, drift)) for _ in range(100)]
+    hits = [{name for session, name in one if session == 7} for one in found]
+    assert np.mean([wanted <= one for one in hits]) >= 0.95
+    elsewhere = sum(bool({session for session, _ in one} - {7}) for one in found)
+    assert elsewhere <= 5
+    others = sum(bool(one - wanted) for one in hits)
+    assert others <= 5
+
+
+def test_five_percent_of_a_lamp_is_out_where_the_others_repeat_to_one():
+    rng = np.random.default_rng(3)
+    found = [out_of(months(rng, 12, (1.07, 1.07, 1.07))) for _ in range(100)]
+    assert np.mean([(7, BRIGHTNESS) in one for one in found]) >= 0.85
+
+
+def test_two_sessions_are_told_apart_only_beyond_what_both_repeat():
+    def pair(apart):
+        return [a_session(name, quantities={BRIGHTNESS: Quantity(value, 0.0, 0.015)})
+                for name, value in (("a", 0.0), ("b", apart))]
+    limit = 3 * np.sqrt(2) * 0.015
+    assert not out_of(pair(0.98 * limit))
+    assert len(out_of(pair(1.02 * limit))) == 2
+
+
+def test_another_camera_or_light_is_not_compared():
+    value = {BRIGHTNESS: Quantity(0.0, 0.0, 0.01)}
+    other = {BRIGHTNESS: Quantity(9.0, 0.0, 0.01)}
+    assert control_chart([a_session(quantities=value),
+                          a_session(camera="B", quantities=other)]) == []
+    assert control_chart([a_session(quantities=value),
+                          a_session(light="sun", quantities=other)]) == []
+
+
+def a_summary(mean, deviation):
+    curve = np.full(GRID.nm.size, mean)
+    error = np.full(GRID.nm.size, deviation)
+    return SpectrumSummary(GRID, curve, error, curve - 2 * error, curve + 2 * error, curve, curve,
+                           0.95, "test", 550.0)
+
+
+def test_surfaces_of_one_name_agree_within_both_errors_whatever_the_light():
+    sessions = [a_session("a", light="A", spectra={"red": a_summary(0.3, 0.02)}),
+                a_session("b", light="D65", spectra={"red": a_summary(0.34, 0.02),
+                                                     "blue": a_summary(0.1, 0.01)}),
+                a_session("c", light="D65", spectra={"red": a_summary(0.42, 0.02)})]
+    pairs = {(one.first, one.second): one for one in surface_pairs(sessions)}
+    assert set(pairs) == {(0, 1), (0, 2), (1, 2)}
+    assert not pairs[0, 1].disagree and pairs[0, 2].disagree and pairs[1, 2].disagree
+    assert pairs[0, 2].rms == pytest.approx(0.12)
+    # L* 61.7 and 70.9, weighed by 1.24 (Sharma et al. 2005, Eq. 15)
+    assert pairs[0, 2].delta_e00 == pytest.approx(7.46, abs=0.05)
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    """Six sessions of one camera; in the fifth the lamp has lost a tenth in its last band."""
+    root = tmp_path_factory.mktemp("lab")
+    first = write_flat(root / "a-0")
+    light = picture((400, 600))
+    gain = write_photo(first / "photos" / "sample.dng", light, Fraction(1, 60),
+                       np.random.default_rng(0))
+    text = (first / "session.toml").read_text(encoding="utf-8")
+    (first / "session.toml").write_text(text, encoding="utf-8")
+    for number in range(1, 6):
+        folder = shutil.copytree(first, root / "more" / f"a-{number}") if number > 3 else \
+            shutil.copytree(first, root / f"a-{number}")
+        seen = light * np.array([1, 1, 0.9]) if number == 4 else light
+        write_photo(folder / "photos" / "sample.dng", seen, Fraction(1, 60),
+                    np.random.default_rng(number), brightest=None, gain=gain)
+    for folder in find_sessions(root):
+        said = CliRunner().invoke(app, ["run", str(folder), "--only", "chart"])
+        assert (folder / "results" / "chart").is_dir(), said.output
+    return root
+
+
+def test_the_command_names_the_session_and_the_band(lab):
+    folders = [str(folder) for folder in find_sessions(lab)]
+    said = CliRunner().invoke(app, ["compare", *folders, "--json"])
+    assert said.exit_code == 0, said.output
+    facts = json.loads(said.output)
+    assert len(facts["sessions"]) == 6 and facts["sessions"][0]["camera"]
+    assert {Path(one["folder"]).name for one in facts["out"]} == {"a-4"}
+    assert "band 3 against the others" in {one["quantity"] for one in facts["out"]}
+    text = CliRunner().invoke(app, ["compare", *folders]).output
+    assert "a-4: band 3 against the others is off by -" in text
+    quiet = [folder for folder in folders if not folder.endswith("a-4")]
+    assert "as before" in CliRunner().invoke(app, ["compare", *quiet]).output
+
+
+def test_the_catalogue_is_made_anew_from_the_folders(lab, tmp_path):
+    out = tmp_path / "lab.sqlite"
+    (lab / "empty").mkdir(exist_ok=True)
+    (lab / "empty" / "session.toml").write_text("", encoding="utf-8")
+    for _ in range(2):
+        said = CliRunner().invoke(app, ["catalogue", str(lab), "-o", str(out), "--json"])
+        assert said.exit_code == 0, said.output
+        assert "empty is left out" in json.loads(said.output)["skipped"][0]
+        with sqlite3.connect(out) as file:
+            sessions = file.execute("SELECT folder FROM sessions ORDER BY folder").fetchall()
+            bad = file.execute("SELECT DISTINCT folder FROM quantities WHERE out = 1").fetchall()
+        file.close()
+        assert [one for one, in sessions] == ["a-0", "a-1", "a-2", "a-3", "more/a-4", "more/a-5"]
+        assert bad == [("more/a-4",)]
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["compare", "{lab}/a-0"], "one session cannot be compared"),
+    (["compare", "{lab}/a-0", "{lab}/empty-one"], "is missing"),
+    (["catalogue", "{lab}/nowhere"], "is no folder"),
+    (["catalogue", "{lab}", "-o", "x.csv"], "ends in .sqlite"),
+])
+def test_what_cannot_be_compared_is_said(lab, words, said):
+    result = CliRunner().invoke(app, [word.format(lab=lab) for word in words])
+    assert result.exit_code != 0 and said in result.output
+
+
+def test_links_are_not_followed_to_sessions_elsewhere(tmp_path):
+    (tmp_path / "out" / "s").mkdir(parents=True)
+    (tmp_path / "out" / "s" / "session.toml").write_text("", encoding="utf-8")
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "link").symlink_to(tmp_path / "out")
+    assert find_sessions(tmp_path / "lab") == []
+    with pytest.raises(InputError):
+        find_sessions(tmp_path / "nowhere")
