@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.csvw import metadata_beside, metadata_text, plain_text
 from spectrabox.radiometry.spectra.spectrum_files import read_table
@@ -87,6 +88,25 @@ def test_the_spectra_of_a_session_are_read_by_colour_science(finished):
     for title, values in (("green mean", summary.mean), ("green bound upper", summary.bound_upper)):
         np.testing.assert_allclose(spectra[title].values, values, rtol=DIGITS)
     assert read_table(finished / "spectra.csv").facts["quantity"] == "reflectance"
+
+
+def test_colours_of_materials_are_those_of_colour_science(finished):
+    assert CliRunner().invoke(app, ["report", str(finished)]).exit_code == 0
+    with (finished / "materials.csv").open(encoding="utf-8", newline="") as file:
+        rows = {row["material"]: row for row in csv.DictReader(file)}
+    samples, _ = samples_of(load_finished(read_session(finished)).stored, "green")
+    xyz = np.array([tristimulus(samples.grid.nm, each) for each in samples.spectra])
+    green = rows["green"]
+    written = [float(green[name]) for name in "XYZ"]
+    np.testing.assert_allclose(written, xyz.mean(axis=0), atol=1e-6)        # six decimals
+    np.testing.assert_allclose([float(green[f"standard deviation {name}"]) for name in "XYZ"],
+                               xyz.std(axis=0, ddof=1), atol=1e-6)
+    white = tristimulus(samples.grid.nm, np.ones(samples.grid.nm.size))
+    expected = colour.XYZ_to_RGB(xyz.mean(axis=0), colour.RGB_COLOURSPACES["ACEScg"],
+                                 colour.XYZ_to_xy(white), "Bradford")
+    # the published matrices and whites have five digits
+    np.testing.assert_allclose([float(green[f"ACEScg {name}"]) for name in "RGB"], expected,
+                               atol=2e-4)
 
 
 def draws_of(folder, ending, *more):

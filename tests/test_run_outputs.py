@@ -8,7 +8,7 @@ from spectrabox.radiometry.files import sha256_of
 from tests.test_command_line import call, edit
 
 FILES = ("report.html", "spectra.csv", "spectra.csv-metadata.json", "materials.xml",
-         "comparison.exr", "comparison.png")
+         "materials.csv", "comparison.exr", "comparison.png")
 
 
 @pytest.fixture

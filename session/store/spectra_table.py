@@ -13,11 +13,12 @@ from spectrabox.radiometry.spectra.formats.csvw import (
     plain_text,
 )
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
+from spectrabox.session.store.colours_table import colours_text
 from spectrabox.session.store.results import CommonResults, MaterialResult
 
 
 def spectra_files(results: CommonResults, grid_nm: np.ndarray) -> dict[Path, str]:
-    """Texts of spectra.csv, of its metadata, and of each surface's spdx/NAME.spdx, by path.
+    """Texts of spectra.csv, its metadata, materials.csv and each surface's spdx/NAME.spdx, by path.
 
     Parameters
     ----------
@@ -28,7 +29,8 @@ def spectra_files(results: CommonResults, grid_nm: np.ndarray) -> dict[Path, str
     table = results.folder / "spectra.csv"
     stated = metadata_text(table.name, columns, quantity=Quantity.REFLECTANCE,
                            source=f"spectrabox, {results.name}")
-    files = {table: plain_text(grid_nm, columns), metadata_beside(table): stated}
+    files = {table: plain_text(grid_nm, columns), metadata_beside(table): stated,
+             results.folder / "materials.csv": colours_text(results.materials, grid_nm)}
     return files | {results.folder / "spdx" / f"{file_stem(material.name)}.spdx": spdx_text(
         grid_nm, {material.name: best_spectrum(material)}, quantity=Quantity.REFLECTANCE,
         source=f"{material.name}, {results.name}") for material in results.materials}
