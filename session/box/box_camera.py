@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from spectrabox.capture.photo.linear import photo_size
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.reconstruct.scene.box_scene import box_xml
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
@@ -87,6 +86,7 @@ def corners_in_photo(config: SessionConfig) -> dict[str, tuple[float, float]]:
 
 def size_of_photo(config: SessionConfig) -> tuple[int, int]:
     """Width and height of the first photo in pixels."""
+    from spectrabox.capture.photo.linear import photo_size  # scenes in files need none of its readers
     return photo_size(config.path(config.all_views[0].photo_files[0]))
 
 
