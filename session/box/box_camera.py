@@ -86,7 +86,8 @@ def corners_in_photo(config: SessionConfig) -> dict[str, tuple[float, float]]:
 
 def size_of_photo(config: SessionConfig) -> tuple[int, int]:
     """Width and height of the first photo in pixels."""
-    from spectrabox.capture.photo.linear import photo_size  # scenes in files need none of its readers
+    # a scene in a file needs none of its readers
+    from spectrabox.capture.photo.linear import photo_size
     return photo_size(config.path(config.all_views[0].photo_files[0]))
 
 

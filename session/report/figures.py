@@ -17,7 +17,9 @@ from spectrabox.session.report.svg import (
     Readout,
     band_colours,
     figure,
+    framed,
     inline_svg,
+    legend_above,
     plain_line,
 )
 from spectrabox.session.report.words import SUPERSCRIPT, number
@@ -77,8 +79,7 @@ def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray
     limit : float
         Of a chart that is good; drawn as a grey band.
     """
-    drawing = figure(9.6, 3.0)
-    axes = drawing.add_subplot()
+    drawing, axes = framed(9.6, 3.0)
     axes.axhspan(-100 * limit, 100 * limit, color="#eef1f4", lw=0)
     axes.axhline(0, color=QUIET, lw=0.7)
     patches = len(residuals)
@@ -94,7 +95,7 @@ def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray
              ylabel="(photo − predicted) / photo (%)")
     axes.set_xticks(range(1, patches + 1, -(-patches // MAX_TICKS)))
     axes.grid(axis="y")
-    drawing.legend(loc="outside upper left", ncols=8, handlelength=0.8, columnspacing=1.2)
+    legend_above(drawing, 8, 0.8, 1.2)
     return inline_svg(drawing, name, "Chart residuals",
                       f"Relative residual of the {patches} patches in each band.")
 
@@ -140,8 +141,7 @@ def loss_figure(name: str, history: np.ndarray) -> Markup | None:
     """
     if history.size < 2:
         return None
-    drawing = figure(9.6, 2.7)
-    axes = drawing.add_subplot()
+    drawing, axes = framed(9.6, 2.7, 0.8)
     steps = np.arange(history.size)
     marks = "o-" if history.size <= 30 else "-"
     axes.plot(steps, history, marks, ms=2.5, color="#1f4e8c", lw=1.3)

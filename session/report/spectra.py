@@ -26,8 +26,9 @@ from spectrabox.session.report.svg import (
     QUIET,
     Readout,
     band_colours,
-    figure,
+    framed,
     inline_svg,
+    legend_above,
     plain_line,
 )
 from spectrabox.session.report.words import percent
@@ -36,6 +37,7 @@ from spectrabox.session.store.results import MaterialResult
 DRAWS_SHOWN = 30
 LETTERS, MANY_COLUMNS = 120, 8  # above a row of patches; more columns take smaller letters
 LEGEND_LETTERS = 42     # that one row above the error budget holds
+LETTER_IN = 0.062       # width of a letter beside the error budget
 MEAN, RENDERED, TRUTH = "#1f4e8c", "#d0661a", "#1a1a1a"
 QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradiance (W m⁻² nm⁻¹)",
               Quantity.RADIANCE: "Radiance (W m⁻² sr⁻¹ nm⁻¹)",
@@ -95,8 +97,7 @@ def material_figure(name: str, material: MaterialResult, grid_nm: np.ndarray) ->
     was measured.
     """
     nm, curves = material_curves(material, grid_nm)
-    drawing = figure(6.6, 3.7)
-    axes = drawing.add_subplot()
+    drawing, axes = framed(6.6, 3.7)
     if material.summary is None:
         axes.plot(nm, curves["given"], color=MEAN, lw=1.8, label="given spectrum")
     else:
@@ -107,7 +108,7 @@ def material_figure(name: str, material: MaterialResult, grid_nm: np.ndarray) ->
     _wavelength_axis(axes, nm)
     top = max(1.0, *(float(np.nanmax(y)) for y in curves.values() if np.isfinite(y).any()))
     axes.set(ylim=(0, 1.02 * top), ylabel="Reflectance")
-    drawing.legend(loc="outside upper left", ncols=4, handlelength=1.6, columnspacing=1.2)
+    legend_above(drawing, 4, 1.6, 1.2)
     shown = plain_line(material.name)
     return inline_svg(drawing, name, f"Reflectance of {shown}", f"Reflectance of {shown} over "
                       "wavelength with what is known of its uncertainty; the table below holds the "
@@ -159,18 +160,19 @@ def error_budget_figure(name: str, material: MaterialResult,
         return None
     causes = list(budget)[::-1]
     height = 0.8 / len(bands)
-    drawing = figure(3.3, min(8.0, 0.9 + 0.13 * len(causes) * max(len(bands), 3)))
-    axes = drawing.add_subplot()
+    names = [plain_line(cause, 26) for cause in causes]
+    drawing, axes = framed(3.3, min(8.0, 0.9 + 0.13 * len(causes) * max(len(bands), 3)),
+                           0.15 + LETTER_IN * max(map(len, names)))
     for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
         at = np.arange(len(causes)) + 0.4 - (k + 0.5) * height
         axes.barh(at, [100 * float(budget[cause][k]) for cause in causes], 0.85 * height,
                   color=colour, label=plain_line(band, 24))
-    axes.set_yticks(range(len(causes)), [plain_line(cause, 26) for cause in causes])
+    axes.set_yticks(range(len(causes)), names)
     axes.tick_params(axis="y", length=0)
     axes.set_xlabel("Relative standard error (%)")
     axes.grid(axis="x")
     columns = max(min(len(bands), LEGEND_LETTERS // (4 + max(len(band) for band in bands))), 1)
-    drawing.legend(loc="outside upper left", ncols=columns, handlelength=0.8, columnspacing=0.9)
+    legend_above(drawing, columns, 0.8, 0.9)
     return inline_svg(drawing, name, f"Error budget of {plain_line(material.name)}",
                       "Bars: relative standard error of the signal by cause and camera band.")
 
@@ -189,8 +191,7 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
         Measured curves (K, P) at nm (P,), the highest peak of all being 1.
     """
     nm = fit.grid.nm
-    drawing = figure(5.6, 3.1)
-    axes = drawing.add_subplot()
+    drawing, axes = framed(5.6, 3.1)
     series: dict[str, np.ndarray] = {}
     for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
         series[band] = fit.curves[k]
@@ -209,7 +210,7 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
     _wavelength_axis(axes, nm)
     axes.axhline(0, color=QUIET, lw=0.6)
     axes.set_ylabel("Sensitivity (highest peak = 1)")
-    drawing.legend(loc="outside upper left", ncols=8, handlelength=1.4, columnspacing=1.2)
+    legend_above(drawing, 8, 1.4, 1.2)
     return inline_svg(drawing, name, "Camera sensitivities",
                       "Sensitivity of each camera band over wavelength.",
                       Readout(axes, nm, series, "Wavelength", "nm"))
@@ -236,8 +237,7 @@ def light_figure(name: str, light: Spectrum, posterior: LightPosterior | None = 
         if light.standard_error is not None:
             series["± 2 s.e."] = 2 * light.standard_error
             band = (values - 2 * light.standard_error, values + 2 * light.standard_error)
-    drawing = figure(3.7, 3.1)
-    axes = drawing.add_subplot()
+    drawing, axes = framed(3.7, 3.1, 0.8)
     axes.plot(nm, values, color=INK, lw=1.5)
     if band is not None:
         axes.fill_between(nm, *band, color=QUIET, alpha=0.3, lw=0)
@@ -262,8 +262,7 @@ def left_out_figure(name: str, patches: LeftOutPatches, chart: Chart) -> Markup:
         Its layout.
     """
     # One pair of axes holds all: every further one takes as long as a figure of its own.
-    drawing = figure(9.6, 1.6 * chart.rows)
-    axes = drawing.add_subplot()
+    drawing, axes = framed(9.6, 1.6 * chart.rows, 0.3)
     nm, top = patches.grid.nm, 1.05 * max(1.0, float(patches.upper.max()))
     row, column = np.divmod(np.arange(len(chart.names)), chart.columns)
     place = np.stack([1.08 * (nm[-1] - nm[0]) * column, -1.45 * top * row], axis=1)[:, None]

@@ -24,6 +24,7 @@ from matplotlib.figure import Figure
 
 from spectrabox.session.report.safe_json import json_for_script
 
+MARGIN_IN, LEGEND_ROW_IN, LEGEND_LETTER_IN = 0.12, 0.18, 7.5 / 72
 INK, QUIET, GRID = "#22262b", "#6b7280", "#e3e6ea"
 NATURAL = {"R": "#c2352b", "G": "#2c8a4b", "B": "#2b5fb8"}
 STYLE = {
@@ -69,6 +70,40 @@ def report_style() -> Iterator[None]:
 def figure(width_in: float, height_in: float) -> Figure:
     """An empty figure whose parts arrange themselves."""
     return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def framed(width_in: float, height_in: float, left_in: float = 0.55) -> tuple[Figure, Axes]:
+    """A figure of one pair of axes within fixed margins: arranging takes as long as drawing, and
+    the browser's letters are of another width than those that would be measured.
+
+    Parameters
+    ----------
+    left_in : float
+        Inches beside the axes, for the values along them and their name.
+    """
+    drawing, right_in, below_in = Figure(figsize=(width_in, height_in)), 0.12, 0.42
+    return drawing, drawing.add_axes((
+        left_in / width_in, below_in / height_in, 1 - (left_in + right_in) / width_in,
+        1 - (below_in + MARGIN_IN) / height_in))
+
+
+def legend_above(drawing: Figure, columns: int, handle: float, spacing: float) -> None:
+    """A legend above the axes of ``framed``, which give way to its rows.
+
+    Parameters
+    ----------
+    columns : int
+        At most.
+    handle, spacing : float
+        Length of a line before its name and space between columns, in heights of a letter.
+    """
+    axes, = drawing.axes
+    rows = -(-len(axes.get_legend_handles_labels()[1]) // columns)
+    left, below, width, height = axes.get_position().bounds
+    height -= rows * LEGEND_ROW_IN / drawing.get_figheight()
+    axes.set_position((left, below, width, height))
+    drawing.legend(loc="upper left", ncols=columns, handlelength=handle, columnspacing=spacing,
+                   borderpad=0, borderaxespad=MARGIN_IN / LEGEND_LETTER_IN / 2)
 
 
 def band_colours(bands: tuple[str, ...]) -> list[str]:
