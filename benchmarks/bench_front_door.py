@@ -1,14 +1,19 @@
 """Whole commands as an operator types them, and stages beside what else does their work: one table.
 
-Of a command, wall time of the process, the least of five; the alternative is the same command of
-another checkout, run in turn (``--before FOLDER``, a checkout with its own ``.venv``), or else the
-time it is to take. The other rows compare two ways within this process: decoding with rawpy's own
-development, exact bounds with HiGHS, draws with hopsy's where it is installed, the inversion with
-gradient descent through the renderer (minutes; left out by ``--commands``).
+Of a command, wall time of the process, the least of five or of as many as fit into half a minute;
+the alternative is the same command of another checkout, run in turn (``--before FOLDER``, with its
+own ``.venv``), or else the time it is to take. The other rows compare two ways within this process:
+decoding with rawpy's own development, exact bounds with HiGHS, uniform draws with hopsy's
+(which the benchmark installs in ``build/hopsy``, or says that it cannot), the inversion with
+gradient descent through the renderer. A second table says where the time of a run goes.
+
+``--only WORDS`` measures the rows whose name holds the words. With ``--keep FOLDER`` sessions and
+finished rows stay there, and a benchmark that was stopped goes on where it was.
 """
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import shutil
@@ -17,8 +22,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,29 +34,57 @@ from spectrabox.session.signals.signal_options import response_of_names
 from benchmarks.bench_uplift import write_picture
 
 ROOT = Path(__file__).resolve().parent.parent
-ROUNDS = 5
+ROUNDS, ENOUGH_S = 5, 30.0      # of one command of one checkout
+LIMIT_S = 120.0                 # after which a process is stopped
 CAMERA, LIGHT = "CIE 1931 2 Degree Standard Observer", "D65"
 SAMPLE = ("sample", "--sensitivity", CAMERA, "--light", LIGHT, "--json")
+RUN_TABLE = "where a run goes"
 
 
 @dataclass(frozen=True)
-class Command:
-    """One row: what is typed, in a demo session, and the time it is to take."""
+class Checkout:
+    """A program and the demo session that it made."""
 
-    what: str
-    words: tuple[str, ...]
-    target_s: float
-    prepare: Callable[[Path], None] = lambda session: None
+    folder: Path
+    session: Path
+
+    def call(self, *words: str, limit_s: float | None = None) -> float:
+        """Wall time of a command; the limit where it takes longer and is stopped."""
+        environment = {**os.environ, "PYTHONPATH": str(self.folder)}
+        start = time.perf_counter()
+        try:
+            subprocess.run([self.folder / ".venv" / "bin" / "spectrabox",
+                            *(word.replace("SESSION", str(self.session)) for word in words)],
+                           check=True, cwd=self.folder, env=environment, capture_output=True,
+                           timeout=limit_s)
+        except subprocess.TimeoutExpired as stopped:
+            return float(stopped.timeout)
+        except subprocess.CalledProcessError as fault:
+            raise SystemExit(f"{self.folder}: spectrabox {' '.join(words)} failed: "
+                             f"{fault.stderr.decode().strip()}") from None
+        return time.perf_counter() - start
 
 
-def without_results(session: Path) -> None:
+def finished(checkout: Checkout) -> None:
+    """Results of all stages, and the report."""
+    if not (checkout.session / "results" / "sample").is_dir():
+        checkout.call("run", "SESSION")
+
+
+def without_results(checkout: Checkout) -> None:
     """A session as it was captured."""
-    shutil.rmtree(session / "results", ignore_errors=True)
+    shutil.rmtree(checkout.session / "results", ignore_errors=True)
 
 
-def with_signals(session: Path) -> None:
+def without_report(checkout: Checkout) -> None:
+    """All results, and no report."""
+    finished(checkout)
+    (checkout.session / "report.html").unlink(missing_ok=True)
+
+
+def with_signals(checkout: Checkout) -> None:
     """1000 signals of spectra drawn from the prior, beside the session."""
-    path, prior = session / "signals.csv", load_prior()
+    path, prior = checkout.session / "signals.csv", load_prior()
     if not path.exists():
         rng = np.random.default_rng(5)
         counts = rng.multinomial(1000, prior.weights / prior.weights.sum())
@@ -60,10 +94,21 @@ def with_signals(session: Path) -> None:
         np.savetxt(path, signals, delimiter=",", header="X,Y,Z", comments="")
 
 
-def with_picture(session: Path) -> None:
-    """A picture of one megapixel, beside the session."""
-    if not (session / "picture.exr").exists():
-        write_picture(session / "picture.exr", 1000, 1000)
+def with_picture(checkout: Checkout) -> None:
+    """A picture of one megapixel, beside the session, and nothing made of it."""
+    if not (checkout.session / "picture.exr").exists():
+        write_picture(checkout.session / "picture.exr", 1000, 1000)
+    shutil.rmtree(checkout.session / "uplifted", ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class Command:
+    """One row: what is typed, in a demo session, and the time it is to take."""
+
+    what: str
+    words: tuple[str, ...]
+    target_s: float
+    prepare: Callable[[Checkout], None] = finished
 
 
 COMMANDS = (
@@ -76,9 +121,10 @@ COMMANDS = (
             with_picture),
     Command("status", ("status", "SESSION"), 0.4),
     Command("check of the demo", ("check", "SESSION"), 1.2),
+    Command("check of the demo, never run", ("check", "SESSION"), 1.2, without_results),
     Command("run of the demo from nothing", ("run", "SESSION"), 6.0, without_results),
     Command("run, nothing changed", ("run", "SESSION"), 0.8),
-    Command("report", ("report", "SESSION"), 2.0),
+    Command("report", ("report", "SESSION"), 2.0, without_report),
     Command("camera fit of a photo", ("camera", "fit", "--chart", "SESSION/photos/chart.dng",
                                       "--light", "SESSION/spectra/light.csv", "--json"), 1.0),
 )
@@ -91,95 +137,182 @@ class Row:
     what: str
     ours: str
     alternative: str
-    ratio: float | None             # of the alternative's time over ours
+    ratio: str              # of the alternative's time over ours
 
 
-def seconds_of(checkout: Path, command: Command, session: Path) -> float:
-    """Wall time of one process."""
-    command.prepare(session)
-    words = [word.replace("SESSION", str(session)) for word in command.words]
-    environment = {**os.environ, "PYTHONPATH": str(checkout)}
-    start = time.perf_counter()
-    subprocess.run([checkout / ".venv" / "bin" / "spectrabox", *words], check=True, cwd=checkout,
-                   env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    return time.perf_counter() - start
+def row_of_command(command: Command, checkouts: list[Checkout], rounds: int) -> Row:
+    """Times of a command in each checkout, in turn."""
+    times: list[list[float]] = [[] for _ in checkouts]
+    for _ in range(rounds):
+        for checkout, taken in zip(checkouts, times, strict=True):
+            if sum(taken) < ENOUGH_S:
+                command.prepare(checkout)
+                taken.append(checkout.call(*command.words, limit_s=LIMIT_S))
+    least = [min(taken) for taken in times]
+    more = ["over " if seconds >= LIMIT_S else "" for seconds in least]
+    other, name = (least[1], "before") if len(least) > 1 else (command.target_s, "to reach")
+    return Row(command.what, f"{more[0]}{least[0]:.2f} s", f"{more[-1]}{other:.2f} s {name}",
+               f"{more[-1]}{other / least[0]:.1f}")
 
 
-def commands(folder: Path, before: Path | None, rounds: int) -> Iterator[Row]:
-    """Rows of the commands."""
-    checkouts = [ROOT, *([before.resolve()] if before else [])]
-    sessions = [folder / str(number) for number in range(len(checkouts))]
-    for checkout, session in zip(checkouts, sessions, strict=True):
-        seconds_of(checkout, Command("demo", ("demo", "SESSION"), 0.0), session)
-    for command in COMMANDS:
-        times = [[seconds_of(checkout, command, session) for checkout, session
-                  in zip(checkouts, sessions, strict=True)] for _ in range(rounds)]
-        least = [min(column) for column in zip(*times, strict=True)]
-        if before:
-            yield Row(command.what, f"{least[0]:.2f} s", f"{least[1]:.2f} s before",
-                      least[1] / least[0])
-        else:
-            yield Row(command.what, f"{least[0]:.2f} s", f"{command.target_s:.1f} s to reach",
-                      command.target_s / least[0])
+def where_a_run_goes(checkout: Checkout) -> dict[str, float]:
+    """Seconds of a run from nothing, from each line that it says to the next."""
+    without_results(checkout)
+    spent, now, what = dict[str, float](), time.perf_counter(), "start of the program, inputs read"
+    ran = subprocess.Popen([sys.executable, "-m", "spectrabox", "run", str(checkout.session)],
+                           cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    assert ran.stderr is not None
+    for line in itertools.chain(ran.stderr, ["end"]):
+        before, now = now, time.perf_counter()
+        spent[what] = spent.get(what, 0.0) + now - before
+        stage, _, words = line.strip().partition(" ")
+        said = words.strip().replace("started", "")
+        # a stage that says its seconds has ended, and been kept
+        what = "between stages" if said.endswith(" s") else f"{stage} {said}".strip()
+        if stage == "report" and said.endswith(".html"):
+            what = "end of the program"
+    if ran.wait():
+        raise SystemExit("the run failed")
+    return spent
 
 
-def where_a_run_goes(session: Path) -> list[str]:
-    """Lines of a table: seconds of every stage of a run from nothing, and of all that is none."""
-    without_results(session)
-    start = time.perf_counter()
-    ran = subprocess.run([sys.executable, "-m", "spectrabox", "run", str(session), "--json"],
-                         check=True, cwd=ROOT, capture_output=True, text=True)
-    whole = time.perf_counter() - start
-    taken = {stage["name"]: stage["seconds"] for stage in json.loads(ran.stdout)["stages"]}
-    taken["start, checks, report, files"] = whole - sum(taken.values())
-    return [f"  {name:<40} {seconds:7.2f} s {100 * seconds / whole:5.0f} %"
-            for name, seconds in {**taken, "whole": whole}.items()]
-
-
-def stages(folder: Path) -> Iterator[Row]:
-    """Rows of what has an alternative in the same process."""
-    from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-
-    from benchmarks.bench_bulk_draws import bounds_row, bulk_row
+def row_of_decoding(folder: Path) -> Row:
+    """A raw photo of 24 megapixels."""
     from benchmarks.bench_capture import decoding
-    from benchmarks.bench_inversion import STEPS, small
-
     raw = decoding(folder, 24, 5)
-    yield Row("24 megapixels of raw decoded", f"{raw['seconds']:.2f} s",
-              f"{raw['postprocess_seconds']:.2f} s rawpy.postprocess", raw["ratio"])
+    return Row("", f"{raw['seconds']:.2f} s",
+               f"{raw['postprocess_seconds']:.2f} s rawpy.postprocess", f"{raw['ratio']:.1f}")
+
+
+def row_of_bounds(folder: Path) -> Row:
+    """Exact bounds of many signals, without noise."""
+    from benchmarks.bench_bulk_draws import bounds_row
     bounds = bounds_row(13, 1000)
-    yield Row("exact bounds of a signal, N = 13, of 1000", f"{bounds['ms']:.2f} ms",
-              f"{bounds['highs_ms']:.0f} ms HiGHS", bounds["ratio"])
+    return Row("", f"{bounds['ms']:.2f} ms", f"{bounds['highs_ms']:.0f} ms HiGHS",
+               f"{bounds['ratio']:.0f}")
+
+
+def row_of_draws(folder: Path) -> Row:
+    """Uniform draws that are worth as much as independent ones, a second."""
+    from benchmarks.bench_bulk_draws import bulk_row
+    fault = installed_hopsy()
     draws = bulk_row(13, 100_000)
     peer = draws["hopsy"]
-    yield Row("effective uniform draws a second, N = 13", f"{draws['effective_per_s']:.2g}",
-              f"{peer['effective_per_s']:.2g} hopsy" if peer else "hopsy is not installed",
-              draws["effective_per_s"] / peer["effective_per_s"] if peer else None)
+    return Row("", f"{draws['effective_per_s']:.2g}",
+               f"{peer['effective_per_s']:.2g} hopsy" if peer else f"hopsy is missing: {fault}",
+               f"{draws['effective_per_s'] / peer['effective_per_s']:.0f}" if peer else "")
+
+
+def row_of_inversion(folder: Path) -> Row:
+    """Spectra of a box's three materials from its photo."""
+    from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+
+    from benchmarks.bench_inversion import (
+        PHOTO_SPP,
+        RUNS,
+        STEPS,
+        by_gradient,
+        by_transport,
+        cornell_view,
+    )
     start_mitsuba("cpu")
-    inversion = small(STEPS)
-    yield Row("inversion of a box, three materials", f"{inversion['transport']['seconds']:.2f} s",
-              f"{inversion['gradient']['seconds']:.1f} s gradient descent",
-              inversion["ratio_gradient"])
+    view = cornell_view(64, 6, False, PHOTO_SPP).view
+    by_transport(view)                      # compiles the kernels of both, which are not counted
+    by_gradient(view, 4)
+    ours = float(np.median([sum(by_transport(view, seed)[1:]) for seed in range(RUNS)]))
+    theirs = by_gradient(view, STEPS)[1]
+    return Row("", f"{ours:.2f} s", f"{theirs:.1f} s gradient descent", f"{theirs / ours:.0f}")
+
+
+STAGES: dict[str, Callable[[Path], Row]] = {
+    "24 megapixels of raw decoded": row_of_decoding,
+    "exact bounds of a signal, N = 13, of 1000": row_of_bounds,
+    "effective uniform draws a second, N = 13": row_of_draws,
+    "inversion of a box, three materials": row_of_inversion,
+}
+
+
+def installed_hopsy() -> str:
+    """Make hopsy importable, beside this environment; why it cannot be, or nothing."""
+    try:
+        import hopsy
+        return ""
+    except ImportError:
+        target = ROOT / "build" / "hopsy"
+    if not target.is_dir():
+        asked = [sys.executable, "-m", "pip", "install", "-q", "--only-binary", ":all:", "--target",
+                 str(target.with_suffix(".part")), "hopsy"]
+        ran = subprocess.run(asked, capture_output=True, text=True, check=False)
+        if ran.returncode:
+            return "pip could not install it"
+        target.with_suffix(".part").rename(target)
+    sys.path.append(str(target))            # last: our own versions of NumPy and others stay
+    try:
+        import hopsy  # noqa: F401
+        return ""
+    except ImportError as fault:
+        return str(fault)
+
+
+def checkouts_of(folder: Path, before: Path | None) -> list[Checkout]:
+    """This checkout and perhaps another, each with its demo session."""
+    folders = [ROOT, *([before.resolve()] if before else [])]
+    found = []
+    for number, checkout in enumerate(folders):
+        if not (checkout / ".venv" / "bin" / "spectrabox").exists():
+            raise SystemExit(f"{checkout} has no .venv: make -C {checkout} setup")
+        found.append(Checkout(checkout, folder / ("ours", "before")[number]))
+        if not (found[-1].session / "session.toml").exists():
+            found[-1].call("demo", "SESSION")
+    return found
+
+
+def rows(folder: Path, asked: argparse.Namespace, kept: dict[str, Any]) -> Iterator[Row]:
+    """Rows whose names were asked for, those that are kept as they are."""
+    def wanted(what: str) -> bool:
+        return not asked.only or any(words.lower() in what.lower() for words in asked.only)
+
+    checkouts: list[Checkout] = []
+    for command in filter(lambda command: wanted(command.what), COMMANDS):
+        if command.what not in kept:
+            checkouts = checkouts or checkouts_of(folder, asked.before)
+            kept[command.what] = asdict(row_of_command(command, checkouts, asked.rounds))
+        yield Row(**kept[command.what])
+    for what in () if asked.commands else filter(wanted, STAGES):
+        if what not in kept:
+            kept[what] = asdict(STAGES[what](folder)) | {"what": what}
+        yield Row(**kept[what])
+    if wanted(RUN_TABLE) and RUN_TABLE not in kept:
+        kept[RUN_TABLE] = where_a_run_goes(checkouts_of(folder, None)[0])
 
 
 def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--before", type=Path, help="another checkout, measured in turn")
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     parser.add_argument("--commands", action="store_true", help="only whole commands")
+    parser.add_argument("--only", action="append", metavar="WORDS",
+                        help=f"only rows with these words; {RUN_TABLE!r} is one")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER",
+                        help="of sessions and finished rows, for another call")
     asked = parser.parse_args()
-    print(f"{'what':<42} {'ours':>9} {'alternative':>28} {'ratio':>7}")
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        rows = [commands(folder, asked.before, asked.rounds)]
-        if not asked.commands:
-            rows.append(stages(folder))
-        for row in (row for some in rows for row in some):
-            ratio = "" if row.ratio is None else f"{row.ratio:.1f}"
-            print(f"{row.what:<42} {row.ours:>9} {row.alternative:>28} {ratio:>7}", flush=True)
-        print("\nwhere a run of the demo from nothing goes",
-              *where_a_run_goes(folder / "0"), sep="\n")
+        folder = asked.keep or Path(name)
+        folder.mkdir(parents=True, exist_ok=True)
+        store = folder / "rows.json"
+        kept = json.loads(store.read_text()) if store.exists() else {}
+        print(f"{'what':<42} {'ours':>9} {'alternative':>28} {'ratio':>9}")
+        for row in rows(folder.resolve(), asked, kept):
+            print(f"{row.what:<42} {row.ours:>9} {row.alternative:>28} {row.ratio:>9}", flush=True)
+            store.write_text(json.dumps(kept, indent=1))
+        store.write_text(json.dumps(kept, indent=1))
+        if spent := kept.get(RUN_TABLE):
+            whole = sum(spent.values())
+            print("\nwhere a run of the demo from nothing goes")
+            for what, seconds in {**spent, "whole": whole}.items():
+                print(f"  {what:<40} {seconds:7.2f} s {100 * seconds / whole:5.0f} %")
 
 
 if __name__ == "__main__":

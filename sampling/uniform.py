@@ -48,6 +48,7 @@ def as_spectra(draws: CoefficientDraws, method: str, seed: int, outcome: Outcome
                sentence: str) -> SpectrumSamples:
     """The draws as spectra at 400, 405 ... 700 nm."""
     spectra = draws.coefficients @ basis_matrix(GRID.nm, draws.coefficients.shape[1]).T
+    spectra.flags.writeable = False     # nobody else has them: the record need not copy
     return SpectrumSamples(GRID, spectra, draws.coefficients, method, draws.effective_samples,
                            seed, outcome, sentence)
 

@@ -1,4 +1,7 @@
-"""Read every input of a session and say everything that is wrong with it at once."""
+"""Read every input of a session and say everything that is wrong with it at once.
+
+What photos and stages need is imported where they are looked at: not where all results are there.
+"""
 from __future__ import annotations
 
 import os
@@ -9,10 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.geometry.lens_files import read_lens
-from spectrabox.capture.chart.detection import find_chart
-from spectrabox.capture.chart.patches import require_unclipped, sample_patches
-from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.outside.free_memory import free_memory
@@ -37,7 +36,6 @@ from spectrabox.session.stages.inputs import (
     read_sensitivities,
     require_exposed,
 )
-from spectrabox.session.stages.reconstruct_stage import require_invertible
 from spectrabox.session.stages.scenes import (
     check_aspect,
     read_chart_scene,
@@ -126,6 +124,7 @@ def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
         if not config.flat:
             attempt(read_chart_scene, config)
     if config.camera.lens is not None:
+        from spectrabox.calibrate.geometry.lens_files import read_lens
         attempt(lambda: read_lens(config.path(config.camera.lens or "")))
     for view in config.all_views:
         for spectrum in view.all_lights:
@@ -138,6 +137,8 @@ def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
 
 def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
     """Decode every photo and look for what the stages would refuse."""
+    from spectrabox.capture.photo.regions import sample_regions
+
     def silent(read: Callable[..., Any], *arguments: Any) -> Any:
         """The result, or None: what is wrong has been said."""
         try:
@@ -173,7 +174,10 @@ def _run_up_to_tracing(config: SessionConfig) -> int | None:
         return None
     stored = run_stages(config, device=DEVICE, only=None, force=False,
                         progress=lambda stage, done, what: None, before=long).stored
-    return None if config.flat else require_invertible(config, stored, DEVICE)
+    if config.flat:
+        return None
+    from spectrabox.session.stages.reconstruct_stage import require_invertible
+    return require_invertible(config, stored, DEVICE)
 
 
 def _reflectances(config: SessionConfig) -> list[SpectrumTable]:
@@ -183,6 +187,9 @@ def _reflectances(config: SessionConfig) -> list[SpectrumTable]:
 
 def _check_chart(config: SessionConfig, view: ViewInputs, chart: LinearImage,
                  signals: np.ndarray) -> None:
+    from spectrabox.capture.chart.detection import find_chart
+    from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+
     layout = session_chart(config)
     detection = find_chart(chart, signals, chart_corners(config, view), layout)
     require_unclipped(sample_patches(chart, detection), layout.names, view.chart_files[0])

@@ -84,16 +84,16 @@ def test_noise_is_refused_in_bulk():
 
 def test_a_chain_that_has_not_moved_is_refused():
     starts = np.random.default_rng(0).normal(size=(64, 3))
-    begun = np.tile(starts, (40, 1))
+    ends = np.tile(starts, (40, 1))
     with pytest.raises(ConvergenceError, match="have not mixed"):
-        refuse_poor(diagnose(begun, begun), len(begun))
+        refuse_poor(diagnose(starts, ends), len(ends))
 
 
 def test_independent_draws_are_as_many_as_there_are():
     rng = np.random.default_rng(0)
-    starts = np.tile(rng.normal(size=(256, 3)), (40, 1))
-    found = diagnose(starts, rng.normal(size=starts.shape))
+    ends = rng.normal(size=(10_240, 3))
+    found = diagnose(rng.normal(size=(256, 3)), ends)
     # A correlation of 1 / sqrt(10240) by chance counts 10240 / 256 times its square: 0.4 % at one
     # sigma.
-    assert found.effective_samples > 0.9 * len(starts)
+    assert found.effective_samples > 0.9 * len(ends)
     assert found.r_hat < 1.001

@@ -4,8 +4,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
+from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.reconstruct.fit.transport_fit import TransportFit
 
 # standard deviation, in coefficients, of the directions that the camera cannot see directly
@@ -93,7 +93,7 @@ def identifiability(fit: TransportFit, materials: tuple[str, ...],
     U of Identifiability
     """
     count = operator.shape[1]
-    precision = block_diag(*fit.prior_precision)
+    precision = block_diagonal(*fit.prior_precision)
     answers = []
     photo = _spectra_alone(fit.information, count * len(materials))
     for index, name in enumerate(materials):

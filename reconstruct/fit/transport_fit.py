@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
+from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.records import Outcome
 from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior
 from spectrabox.reconstruct.fit.view_terms import ViewFit, ViewTerms
@@ -95,7 +95,7 @@ class _Cost:
             end += extra
         self.size = end
         self.prior = np.zeros((end, end))
-        self.prior[:self.count, :self.count] = block_diag(
+        self.prior[:self.count, :self.count] = block_diagonal(
             *(prior.precision for prior in priors))
         for view, index in zip(views, self.index, strict=True):
             self.prior[np.ix_(index[view.count:], index[view.count:])] = view.prior

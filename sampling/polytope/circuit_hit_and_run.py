@@ -59,8 +59,7 @@ def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int, steps: 
     order, circuits = plan_moves(operator, tilt, rng, steps)
     starts = collect(tilted_proposals(operator, tilt, rng), min(STARTS, draws))[0]
     coefficients = run_chains(starts, circuits, order, draws, rng, parallel)
-    begun = starts[np.arange(draws) % len(starts)]
-    diagnosis = diagnose(begun, coefficients)
+    diagnosis = diagnose(starts, coefficients)
     if draws >= STARTS:
         refuse_poor(diagnosis, draws)
     return CoefficientDraws(coefficients, 1.0, diagnosis.effective_samples, Outcome.EXACT)

@@ -24,16 +24,18 @@ def diagnose(starts: np.ndarray, ends: np.ndarray, groups: int = 8) -> Diagnosis
 
     Parameters
     ----------
-    starts, ends : (T, P) arrays
-        Values of each chain at its first and last step. Chains with the same start are correlated
-        through it: with n0 different starts that each serve T / n0 chains and a correlation rho of
-        start and end, the variance of the mean is that of T / (1 + rho^2 T / n0) independent draws.
+    starts : (n0, P) array
+        Where chains start: the first with the first, and after the last with the first again.
+    ends : (T, P) array
+        Chains with the same start are correlated through it: with n0 different starts that each
+        serve T / n0 chains and a correlation rho of start and end, the variance of the mean is that
+        of T / (1 + rho^2 T / n0) independent draws.
     groups : int
         Number of parts of the chains for the split R-hat (Gelman and Rubin 1992, with halves in
         time replaced by groups of chains, as every chain gives one draw).
     """
-    count = len(ends)
-    different = len(np.unique(starts, axis=0))
+    count, different = len(ends), len(np.unique(starts, axis=0))
+    starts = starts[np.arange(count) % len(starts)]
     spread = starts.std(axis=0) * ends.std(axis=0)
     covariance = np.mean((starts - starts.mean(axis=0)) * (ends - ends.mean(axis=0)), axis=0)
     rho = np.divide(covariance, spread, out=np.zeros_like(spread), where=spread > 1e-12)
