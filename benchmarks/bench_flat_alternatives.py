@@ -47,6 +47,7 @@ GRID = grid_from_nm(np.arange(400.0, 701.0, 5.0))
 LIGHTS = ("D65", "A", "FL11")
 FIGURES = ("rmse", *LIGHTS)
 RIDGES = np.logspace(-8, 0, 33)         # of the mean square of the terms
+OURS = "spectrabox flat, light unknown"
 UNEVEN, EVENED = "as photographed", "fall-off known"
 
 
@@ -186,8 +187,8 @@ def _mean(run: FinishedRun, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 def measure(data: Path, cases: int, seed: int) -> tuple[dict[str, dict[str, list[float]]],
                                                           dict[str, Any]]:
-    """Mean and standard error of every figure of every method, cases counting once each; and the
-    summary of bench_flat.py on the same photos.
+    """Mean and standard error of every figure of every method, cases counting once each, and of
+    what it is above ours with nothing known; and the summary of bench_flat.py on the same photos.
     """
     rows: list[dict[str, dict[str, float]]] = []
     of_bands = []
@@ -199,10 +200,12 @@ def measure(data: Path, cases: int, seed: int) -> tuple[dict[str, dict[str, list
               flush=True)
     table: dict[str, dict[str, list[float]]] = {}
     for method in rows[0]:
-        of_method = {name: np.array([row[method][name] for row in rows]) for name in FIGURES}
-        table[method] = {name: [float(values.mean()),
-                                float(values.std(ddof=1) / np.sqrt(len(values)))]
-                         for name, values in of_method.items()}
+        table[method] = {}
+        for name in FIGURES:
+            ours, theirs = (np.array([row[one][name] for row in rows]) for one in (OURS, method))
+            table[method][name] = [float(value) for part in (theirs, theirs - ours)
+                                   for value in (part.mean(),
+                                                 part.std(ddof=1) / np.sqrt(len(rows)))]
     return table, summary(of_bands)
 
 
@@ -224,6 +227,10 @@ def main() -> None:
         print(f"| {method} | " + " | ".join(
             f"{row[name][0]:.{digits[name]}f} ± {row[name][1]:.{digits[name]}f}"
             for name in FIGURES) + " |")
+    near = [f"{method}, {name}: {row[name][2]:+.4f} ± {row[name][3]:.4f}" for method, row
+            in table.items() if method != OURS for name in FIGURES
+            if row[name][2] < 2 * row[name][3]]
+    print("not behind by two standard errors, photo by photo:", *(near or ["none"]), sep="\n")
     print(json.dumps(bands, indent=1))
 
 

@@ -65,7 +65,7 @@ def run(database: CameraDatabase, kind: int, cases: int,
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, required=True, help="folder with cameras/")
-    parser.add_argument("--cases", type=int, default=25, help="of each kind")
+    parser.add_argument("--cases", type=int, default=15, help="of each kind")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     database = read_camera_database(arguments.data / "cameras")
