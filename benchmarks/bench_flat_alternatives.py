@@ -196,7 +196,8 @@ def measure(data: Path, cases: int, seed: int) -> tuple[dict[str, dict[str, list
         if set(case.runs) == set(KINDS):
             rows.append(judged(case))
             of_bands.append(figures_of_case(case))
-        print(f"{number}/{cases} {case.camera} {' '.join(case.refused)}", file=sys.stderr,
+        print(f"{number}/{cases} {case.camera} {' '.join(case.refused)}",
+              json.dumps({"methods": rows[-1:], "bands": of_bands[-1:]}), file=sys.stderr,
               flush=True)
     table: dict[str, dict[str, list[float]]] = {}
     for method in rows[0]:

@@ -42,7 +42,7 @@ from spectrabox.radiometry.records import (
 )
 
 SEED = 1                    # of the draws of cameras
-WIDENING = 1.27             # of standard errors, from lamps of kinds left out (bench_light_kinds.py)
+WIDENING = 1.27             # of standard errors: benchmarks/bench_light_kinds.py
 MAX_HYPOTHESES, MAX_COMPONENTS = 3, 200     # that a fit without a patch is computed with
 
 
