@@ -4,6 +4,7 @@ import pytest
 
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances, typical_camera_signals
 from spectrabox.radiometry.charts.layouts import LAYOUTS, chart_layout
+from spectrabox.radiometry.charts.left_out import left_out
 from spectrabox.radiometry.charts.references import measured_chart, reference_reflectances
 from spectrabox.radiometry.charts.table_order import AS_ASKED, order_correlations, table_orders
 from spectrabox.radiometry.errors import CheckError, InputError
@@ -259,3 +260,12 @@ def test_the_order_of_a_digital_sg_is_known_from_its_published_colours(tmp_path)
     by_columns = spectra[np.arange(140).reshape(10, 14).T.ravel()]
     with pytest.raises(CheckError, match="Digital SG column by column: read so"):
         measured_chart(csv(tmp_path, by_columns), GRID, sg)
+
+
+@pytest.mark.parametrize("numbers", [[1], [24], [3, 7, 24], []])
+def test_patches_are_kept_out_by_their_numbers_from_one(numbers):
+    kept_out = left_out(numbers, LAYOUTS["ColorChecker Classic"], "--leave-out")
+    assert kept_out.shape == (24,) and (np.flatnonzero(kept_out) + 1).tolist() == numbers
+    for wrong in (0, 25, -1):
+        with pytest.raises(InputError, match=f"--leave-out {wrong} is no patch; those of"):
+            left_out([wrong], LAYOUTS["ColorChecker Classic"], "--leave-out")

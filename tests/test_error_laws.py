@@ -33,7 +33,11 @@ from spectrabox.radiometry.records import (
     SurfaceAgreement,
 )
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
-from spectrabox.reconstruct.agreement import scene_errors, surface_covariance
+from spectrabox.reconstruct.agreement import (
+    model_covariance,
+    scene_errors,
+    surface_covariance,
+)
 from spectrabox.reconstruct.misfit import SHAPE_ERROR, surface_tests
 
 SIGNIFICANCE = 1e-4
@@ -219,3 +223,25 @@ def test_a_dark_patch_is_known_no_better_than_three_per_cent_of_the_brightest():
                     - noise_covariance(chart, PatchError(0.0))).reshape(24, 3)
     share = np.maximum(signal / signal.max(axis=0), 0.03)
     np.testing.assert_allclose(np.sqrt(added), 0.02 * share * signal.max(axis=0), rtol=1e-9)
+
+
+def test_a_material_is_off_by_what_its_surfaces_are_off_by_together_and_apart():
+    """Means of n surfaces: their common offset, an n-th of their scatter, and that of their blocks.
+    """
+    rng = np.random.default_rng(29)
+    materials = ("wall",) * 4 + ("cloth",) * 2 + ("card",)
+    logs = 0.02 * rng.standard_normal((7, 3))
+    spread = np.abs(0.01 * rng.standard_normal((7, 3)))
+    pixels = np.array([100, 300, 200, 400, 50, 150, 600])
+    seen = SurfaceAgreement(tuple(map(str, range(7))), materials, pixels, np.exp(logs), spread)
+    for name in ("wall", "cloth", "card"):
+        own = np.array([material == name for material in materials])
+        share = pixels[own] / pixels[own].sum()
+        offset = share @ logs[own]
+        blocks = sum(part * np.outer(one, one)
+                     for part, one in zip(share, spread[own], strict=True))
+        apart = surface_covariance(seen, frozenset({"card"}), 0.01) / own.sum()
+        # sums of a few numbers
+        np.testing.assert_allclose(model_covariance(seen, name, frozenset({"card"}), 0.01),
+                                   apart + blocks + np.outer(offset, offset), rtol=1e-10)
+    assert not model_covariance(seen, "glass", frozenset(), 0.01).any()

@@ -181,6 +181,14 @@ def test_products_tell_more_than_direct_light(prior):
     assert np.all(information_bits(both) > information_bits(direct))
 
 
+def test_half_the_noise_tells_one_bit_more_of_every_number_that_is_well_known(prior):
+    """Direct light alone: three signals of each material, far better known than by the prior."""
+    bits = [information_bits(joint_problem(*scene(exponents=EXPONENTS[:2], error=error)[:4], prior))
+            for error in (2e-5, 1e-5)]
+    # what the prior still adds is a millionth of the signals' information
+    np.testing.assert_allclose(bits[1] - bits[0], 3.0, atol=0.02)
+
+
 def test_less_noise_tells_more(prior):
     bits = [information_bits(joint_problem(*scene(error=error)[:4], prior)).sum()
             for error in (0.05, 0.01, 0.002)]

@@ -93,6 +93,20 @@ def test_a_replacement_cut_between_its_renames_is_undone(tmp_path):
     assert load_stage(tmp_path, "photo").key == {"settings": {"v": 1}}
 
 
+@pytest.mark.parametrize("fails", [True, False])
+def test_a_result_between_two_renames_outlives_the_next_attempt(tmp_path, fails):
+    save(tmp_path, 1)
+    (tmp_path / "photo").rename(tmp_path / ".photo.old")
+    (tmp_path / ".photo.new").mkdir()
+    if fails:
+        with pytest.raises(ValueError), stage_folder(tmp_path, "photo"):
+            raise ValueError
+    else:
+        save(tmp_path, 2)
+    assert load_stage(tmp_path, "photo").key == {"settings": {"v": 1 if fails else 2}}
+    assert [path.name for path in tmp_path.iterdir()] == ["photo"]
+
+
 def test_half_a_facts_file_counts_as_no_result(tmp_path):
     save(tmp_path, 1)
     facts = tmp_path / "photo" / "facts.json"
