@@ -99,6 +99,8 @@ def tried(mistake: Mistake, tree: Path, costs: Costs, budget_s: float, log: Path
         tests, cost = chosen(mistake.file, costs, budget_s)
     else:
         cost = sum(costs.of(test) or 0.0 for test in tests)
+    if not tests:
+        raise ValueError(f"no test that passes reaches {mistake.file}")
     with planted(tree, mistake):
         run = run_tests(tree, tests, 3 * cost + 30, log)
     return {"mistake": mistake.name, "file": mistake.file, "what": mistake.what,

@@ -28,6 +28,7 @@ from spectrabox.calibrate.prior.camera_prior import matern
 from spectrabox.calibrate.prior.curve_posterior import curve_moments, curve_variance, photo_states
 from spectrabox.calibrate.prior.learnt_prior import between_makers, build_prior
 from spectrabox.calibrate.prior.prior_fit import (
+    EXPOSURE_SD,
     GAINS,
     CurvePosterior,
     _joint_prior,
@@ -377,3 +378,47 @@ def test_a_prior_is_that_of_cameras_whose_white_signal_is_one_whatever_their_gai
     # 30 000 draws know a variance to 0.8 %, a correlation to 0.6 %; 3 % of curvature
     np.testing.assert_allclose(np.cov(drawn, rowvar=False) / np.outer(sigma, sigma),
                                found[:size, :size] / np.outer(sigma, sigma), atol=0.06)
+
+
+def test_exposures_that_are_tied_differ_beforehand_by_what_ties_them():
+    """Three photos: of each the level is unknown, of two their ratio is known to 1 and 2 %."""
+    known, light, surfaces = coarse_prior(), led(), reflectances()
+    shots = [photo(np.full((24, 3), level), light, surfaces, 0.01, relative_exposure_sd=tie)
+             for level, tie in ((0.3, None), (0.6, 0.01), (0.2, 0.02), (0.1, None))]
+    designs = [unlit_design(shot, interpolation_matrix(known.nm, FINE.nm)) for shot in shots]
+    found, start = _joint_prior(known, known.covariances()[-1], len(known.weights) - 1, 0.05,
+                                shots, designs)
+    at = found.shape[0] - len(shots) + np.arange(len(shots))    # no field, no glare
+    exposures = found[np.ix_(at, at)]
+
+    def apart(one, other):
+        return np.sqrt(exposures[one, one] + exposures[other, other] - 2 * exposures[one, other])
+    assert apart(0, 1) == pytest.approx(0.01) and apart(0, 2) == pytest.approx(0.02)
+    assert apart(1, 2) == pytest.approx(np.hypot(0.01, 0.02))
+    # nothing is known of any level, nor of the free photo beside the others
+    np.testing.assert_allclose(np.sqrt(np.diag(exposures)), EXPOSURE_SD, rtol=1e-4)
+    assert apart(0, 3) == pytest.approx(np.sqrt(2) * EXPOSURE_SD)
+    assert start[at[0]] == start[at[1]] == start[at[2]] != start[at[3]]
+
+
+def test_draws_take_a_noisy_signal_as_far_back_to_the_prior_as_bayes_does():
+    """One Gaussian of small spread about grey: the exact linear answer, signal and noise alike."""
+    spread = 0.1**2 * SMOOTH
+    known = mixture_of(GRID.nm, [1.0], np.zeros((1, 61)), [spread])
+    truth = reflectance(0.25 * np.ones(61))
+    measured = dataclasses.replace(seen(truth), noise_covariance=0.03**2 * np.eye(3))
+    drawn = sample_prior(measured, 8000, 4, prior=known).spectra @ measured.relative_response.T
+    jacobian = 0.25 * measured.relative_response        # slope of the logit at grey
+    of_signal = jacobian @ spread @ jacobian.T
+    gain = of_signal @ np.linalg.inv(of_signal + measured.noise_covariance)
+    middle = np.full(3, 0.5)
+    expected = middle + gain @ (measured.signal - middle)
+    covariance = of_signal - gain @ of_signal
+    size = np.sqrt(np.diag(covariance))
+    # 8000 draws know a mean to 1.1 % of a deviation, a variance to 1.6 %; the floor of the noise
+    # and the bend of the logit a few per cent
+    np.testing.assert_allclose(drawn.mean(axis=0), expected, atol=0.08 * size.max())
+    np.testing.assert_allclose(np.cov(drawn, rowvar=False) / np.outer(size, size),
+                               covariance / np.outer(size, size), atol=0.1)
+    # the test can tell: the signal lies deviations away from where the prior takes it
+    assert np.all(measured.signal - expected > 0.5 * size)

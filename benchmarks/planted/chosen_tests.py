@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from functools import cache
 from pathlib import Path
 
@@ -19,13 +20,19 @@ def sources() -> dict[str, Path]:
 
 @cache
 def imports(module: str) -> frozenset[str]:
-    """Modules of the project that a module imports anywhere in its text."""
+    """Modules of the project that a module imports anywhere in its text, or names in a string: the
+    stages are called so.
+    """
     names = set()
     for node in ast.walk(ast.parse(sources()[module].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            stage = re.fullmatch(r"\.\w+", node.value)      # behind the name of its room
+            names |= {node.value, *(name for name in sources()
+                                    if stage and name.endswith(node.value))}
     if module.startswith("test_"):
         names.add("conftest")
     return frozenset(names & sources().keys())
