@@ -80,7 +80,7 @@ def file_state(path: Path) -> FileState:
                              (of.st_dev, of.st_ino, of.st_size, of.st_mtime_ns, of.st_ctime_ns))
     except FileNotFoundError:
         raise InputError(
-            f"{path} is missing: add the file or correct its name in session.toml") from None
+            f"{path} is missing: add the file or correct its name") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
 

@@ -30,6 +30,7 @@ ChartLayout = Annotated[str, typer.Option("--chart-layout", metavar="NAME|FILE",
 Outside = Annotated[bool, typer.Option("--allow-outside",
                                        help="Let the session name files outside its folder.")]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda: where Mitsuba renders.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
 SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
                           "rehearse", "draws", "compare", "catalogue"),
             "Photos and cameras": ("develop", "chart", "camera", "geometry"),

@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.reconstruct.rendering.llvm import ensure_llvm, find_llvm
+from spectrabox.reconstruct.rendering.llvm import VARIABLE, ensure_llvm, find_llvm
 from spectrabox.session.store.provenance import versions
 
 PROBE = """
@@ -52,5 +52,5 @@ def _probe_variant(device: str, problems: list[str]) -> str | None:
     last = outcome.stderr.strip().splitlines()[-1:] or ["no message"]
     how = "was aborted" if outcome.returncode < 0 else "failed"
     problems.append(f"the renderer's self-test {how} (code {outcome.returncode}): {last[0]}; "
-                    "install another LLVM, such as libllvm19, and run 'make setup' again")
+                    f"install another LLVM, such as libllvm19, or name one with {VARIABLE}")
     return None

@@ -331,7 +331,7 @@ def _read(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
 def _opened(path: Path) -> oiio.ImageInput:
     """The file, of which nothing but its header has been read."""
     if not path.is_file():
-        raise InputError(f"photo {path} does not exist; check its name in session.toml")
+        raise InputError(f"photo {path} does not exist; correct its name")
     as_stored = oiio.ImageSpec()
     # else a TIFF's bands come multiplied by its alpha
     as_stored.attribute("oiio:UnassociatedAlpha", 1)

@@ -63,7 +63,7 @@ def photo_size(path: str | os.PathLike[str]) -> tuple[int, int]:
         If it is missing or no photo.
     """
     if not Path(path).is_file():
-        raise InputError(f"photo {path} does not exist; check its name in session.toml")
+        raise InputError(f"photo {path} does not exist; correct its name")
     return picture_size(path) if is_image_file(Path(path)) else visible_size(path)
 
 

@@ -77,7 +77,7 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError(f"photo {path} does not exist; check its name in session.toml")
+        raise InputError(f"photo {path} does not exist; correct its name")
     if path.stat().st_size == 0:
         raise InputError(f"raw photo {path.name} is empty (0 bytes); copy it from the camera card "
                          "again")

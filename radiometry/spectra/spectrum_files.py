@@ -299,7 +299,7 @@ def _content(path: Path) -> bytes:
         return path.read_bytes()
     except FileNotFoundError:
         raise InputError(
-            f"{path} is missing: give the file or correct its name in session.toml") from None
+            f"{path} is missing: give the file or correct its name") from None
     except IsADirectoryError:
         raise InputError(f"{path} is a folder; a file of spectra is needed") from None
     except OSError as error:

@@ -73,10 +73,10 @@ def read_library(folder: Path) -> ReflectanceLibrary:
                              for reason, count in why.items() if count})
     reflectances = np.concatenate([np.empty((0, GRID.nm.size)), *usable_curves])
     if not len(reflectances):
-        raise InputError(f"{folder.name} holds no usable reflectance "
+        raise InputError(f"{folder.resolve().name} holds no usable reflectance "
                          f"({left_out or 'no file of a known format'}); known are "
                          f"{', '.join(READERS)}, with values between 0 and 1 from 400 to 700 nm")
-    return ReflectanceLibrary(folder.name, reflectances, left_out)
+    return ReflectanceLibrary(folder.resolve().name, reflectances, left_out)
 
 
 def usable(nm: np.ndarray, curves: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:

@@ -51,6 +51,9 @@ Lights = Annotated[list[str], typer.Option(metavar="FILE|NAME", show_default=Fal
                                            "LED-B3), unknown, 3200K, or a kind: daylight, halogen, "
                                            "led, fluorescent. Once for each photo, or once for "
                                            "all.")]
+ChartPhotos = Annotated[list[Path] | None, typer.Argument(
+    metavar="[PHOTO...]", help="Photos of a colour chart, as --chart gives them.",
+    show_default=False)]
 Charts = Annotated[list[Path] | None, typer.Option(metavar="PHOTO", help="Raw, DNG, or linear EXR "
                                                    "or TIFF of a colour chart; several of one "
                                                    "camera may be given.")]
@@ -79,7 +82,8 @@ def register(app: typer.Typer) -> None:
     app.add_typer(camera, name="camera")
 
 
-def fit(light: Lights, chart: Charts = None, patches: Tables = None,
+def fit(light: Lights, photos: ChartPhotos = None, chart: Charts = None,
+        patches: Tables = None,
         method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "prior",
         curves: Annotated[Path | None, typer.Option(
             metavar="CSV", help="Measured curves, with method file.")] = None,
@@ -104,18 +108,19 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
     with command(as_json, debug):
         if method not in METHODS:
             fail(as_json, f"--method {method} is not known; known are {', '.join(METHODS)}", 2)
+        chart = [*(photos or ()), *(chart or ())]
         if bool(chart) == bool(patches):
-            fail(as_json, "give either --chart PHOTO or --patches CSV", 2)
+            fail(as_json, "give either photos of a chart or --patches CSV", 2)
         if (method == "file") != (curves is not None):
             fail(as_json, "measured curves need both --method file and --curves CSV", 2)
-        photos = chart or patches or []
-        for option, given in (("--light", light), ("--reference", reference or [""]),
+        given = chart or patches or []
+        for option, stated in (("--light", light), ("--reference", reference or [""]),
                               ("--corners", corners or [""])):
-            if len(given) not in (1, len(photos)):
-                fail(as_json, f"{len(given)} times {option} for {len(photos)} photos; give one for "
+            if len(stated) not in (1, len(given)):
+                fail(as_json, f"{len(stated)} times {option} for {len(given)} photos; give one for "
                      "each or one for all", 2)
         require_outputs([path for path in (out, samples) if path is not None],
-                        [*photos, *map(Path, light), *map(Path, reference or []),
+                        [*given, *map(Path, light), *map(Path, reference or []),
                          *(path for path in (curves, prior_file)
                            if path is not None)])
         check_ending(out, CURVES)
@@ -127,7 +132,7 @@ def fit(light: Lights, chart: Charts = None, patches: Tables = None,
         from spectrabox.calibrate.curve_band import curve_band
         from spectrabox.radiometry.grid import visible_grid
         grid = visible_grid()
-        charts, names = read_photos(list(photos), list(light), list(reference or []),
+        charts, names = read_photos(list(given), list(light), list(reference or []),
                                   list(corners or []), bool(chart), grid,
                                   numbers_of_patches(leave_out), layout)
         given_curves = None if curves is None else read_measured_curves(curves, len(names), grid)

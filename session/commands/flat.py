@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.command_line import ChartLayout, Debug, Json, answer, command
+from spectrabox.session.command_line import ChartLayout, Debug, Json, Quiet, answer, command
 
 Photo = Annotated[Path, typer.Argument(
     metavar="PHOTO", help="The samples, with a colour chart among them: camera raw or linear file.",
@@ -53,7 +53,7 @@ def flat(photo: Photo, region: Regions = None, light: Light = "unknown", chart: 
          white_card: WhiteCard = None, flat_field: FlatField = None,
          family: Family = None, truth: Truth = None, picture: Picture = False,
          picture_light: PictureLight = None, session: Session = None,
-         as_json: Json = False, debug: Debug = False) -> None:
+         quiet: Quiet = False, as_json: Json = False, debug: Debug = False) -> None:
     """Spectra of regions of a photo that shows a colour chart, without a scene."""
     start = time.perf_counter()
     with command(as_json, debug):
@@ -83,12 +83,12 @@ def flat(photo: Photo, region: Regions = None, light: Light = "unknown", chart: 
         if picture_light is not None and not picture:
             raise InputError("--picture-light says how a picture is shown: give --picture too")
         with session_of(order, session) as folder:
-            facts, text = _run(folder)
+            facts, text = _run(folder, quiet)
         facts["seconds"] = round(time.perf_counter() - start, 3)
         answer(as_json, facts, text)
 
 
-def _run(folder: Path) -> tuple[dict[str, Any], str]:
+def _run(folder: Path, quiet: bool) -> tuple[dict[str, Any], str]:
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import run_stages
     from spectrabox.session.progress_display import progress_display, with_time_left
@@ -96,7 +96,8 @@ def _run(folder: Path) -> tuple[dict[str, Any], str]:
     from spectrabox.session.stages.order import all_stages
     from spectrabox.session.store.session_lock import only_writer
     config = read_session(folder)
-    with only_writer(config.folder, all_stages(), "spectrabox flat"), progress_display() as show:
+    with only_writer(config.folder, all_stages(), "spectrabox flat"), \
+            progress_display(quiet) as show:
         progress = with_time_left(show)
         finished = run_stages(config, device="cpu", only=None, force=False, progress=progress)
         words = ["spectrabox", "flat", config.session.name]

@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 import typer
 
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.session.command_line import CommandGroup, Debug, Json, answer, check_ending, command
+from spectrabox.session.command_line import (
+    CommandGroup,
+    Debug,
+    Folder,
+    Json,
+    answer,
+    check_ending,
+    command,
+)
 
 if TYPE_CHECKING:
     from spectrabox.capture.meter.calibration import Calibration, Maker
@@ -69,8 +77,7 @@ def identify(port: Port, instrument: Meter, as_json: Json = False, debug: Debug 
 
 
 def measure(
-            folder: Annotated[Path, typer.Argument(
-                metavar="[DIR]", help="The session folder.")] = Path(),
+            folder: Folder,
             port: Annotated[str | None, typer.Option(
                 help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'. With spotread: "
                 "the instrument's number in its list.", show_default=False)] = None,

@@ -11,6 +11,7 @@ from spectrabox.session.command_line import (
     Folder,
     Json,
     Outside,
+    Quiet,
     answer,
     check_device,
     command,
@@ -25,8 +26,8 @@ def register(app: typer.Typer) -> None:
 def rehearse(folder: Folder,
              times: Annotated[int, typer.Option(help="Photos of known truth, from 20 up.")] = 200,
              seed: Annotated[int, typer.Option(help="Of truths, photos and draws.")] = 1,
-             device: Device = "auto", allow_outside: Outside = False, as_json: Json = False,
-             debug: Debug = False) -> None:
+             device: Device = "auto", allow_outside: Outside = False, quiet: Quiet = False,
+             as_json: Json = False, debug: Debug = False) -> None:
     """Do this session's bands hold? Its photos again with known truths, through the same code."""
     with command(as_json, debug):
         check_device(device)
@@ -39,7 +40,7 @@ def rehearse(folder: Folder,
         from spectrabox.session.store.session_lock import only_writer
         config = read_session(folder, allow_outside)
         with only_writer(config.folder, all_stages(), "spectrabox rehearse"), \
-                progress_display() as progress:
+                progress_display(quiet) as progress:
             rehearsals = replay(config, times, seed, device,
                                 lambda done, what: progress("rehearse", done, what))
             answers = facts(rehearsals, config.sampling.level, seed)

@@ -15,6 +15,7 @@ from spectrabox.session.command_line import (
     Debug,
     Json,
     Outside,
+    Quiet,
     answer,
     check_ending,
     command,
@@ -194,7 +195,7 @@ def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signal
 def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
            white: White = None, noise: PixelNoise = 0.01, side: Side = 25, step: Step = 10,
            full: Full = False, family: Families = None, to: PictureFormat = "exr",
-           as_json: Json = False, debug: Debug = False) -> None:
+           quiet: Quiet = False, as_json: Json = False, debug: Debug = False) -> None:
     """Mean and spread of the spectrum behind every pixel, as spectral EXR or ENVI images."""
     with command(as_json, debug):
         if out.suffix.lower() in (".exr", ".hdr", ".img"):
@@ -204,7 +205,7 @@ def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
         from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
         request = UpliftRequest(image, out, sensitivity, light, white, noise, side, step, full,
                                 tuple(family or ()), to)
-        with progress_display() as progress:
+        with progress_display(quiet) as progress:
             facts, text = uplift_answer(request, with_time_left(progress))
         answer(as_json, facts, text)
 

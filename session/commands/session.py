@@ -14,6 +14,7 @@ from spectrabox.session.command_line import (
     Folder,
     Json,
     Outside,
+    Quiet,
     answer,
     check_device,
     check_ending,
@@ -89,16 +90,17 @@ def check(folder: Folder, allow_outside: Outside = False, as_json: Json = False,
 
 
 def run(folder: Folder,
-        only: Annotated[str | None, typer.Option(help=f"One stage alone: {STAGE_NAMES}.")] = None,
+        only: Annotated[str | None, typer.Option(
+            metavar="STAGE,...", help=f"These stages alone: {STAGE_NAMES}.")] = None,
         force: Annotated[bool, typer.Option("--force",
                                             help="Run also what is up to date.")] = False,
-        device: Device = "auto", allow_outside: Outside = False, as_json: Json = False,
-        debug: Debug = False) -> None:
+        device: Device = "auto", allow_outside: Outside = False, quiet: Quiet = False,
+        as_json: Json = False, debug: Debug = False) -> None:
     """Run every stage whose inputs changed, and write the report."""
     with command(as_json, debug):
         check_device(device)
         execute(folder, only=only, force=force, device=device, allow_outside=allow_outside,
-                as_json=as_json)
+                as_json=as_json, quiet=quiet)
 
 
 def status(folder: Folder, allow_outside: Outside = False, as_json: Json = False,
@@ -200,26 +202,31 @@ def doctor(device: Device = "auto", as_json: Json = False, debug: Debug = False)
 
 
 def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_outside: bool,
-            as_json: bool) -> None:
+            as_json: bool, quiet: bool = False) -> None:
     """Run a session and tell the operator what came of it."""
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import load_finished, run_stages
     from spectrabox.session.progress_display import progress_display, with_time_left
     from spectrabox.session.run_outputs import kept_outputs, rewritten_outputs
-    from spectrabox.session.stages.order import all_stages
+    from spectrabox.session.stages.order import all_stages, stages_in_order, stages_of
     from spectrabox.session.store.session_lock import only_writer
 
     config = read_session(folder, allow_outside)
+    wanted = stages_in_order(only, list(stages_of(config.flat)))
     with only_writer(config.folder, all_stages(), "spectrabox run"), \
-            progress_display() as show:
+            progress_display(quiet) as show:
         progress = with_time_left(show)
-        finished = run_stages(config, device=device, only=only, force=force, progress=progress)
-        if only is not None and only != "sample":
-            answer(as_json,
-                   {"stages": [{"name": only, "seconds": finished.stored[only].seconds,
-                                "state": "run"}], "report": None, "materials": []},
-                   f"stage {only} took {finished.stored[only].seconds:.1f} s; run without --only "
-                   "for the report")
+        for stage in wanted:
+            finished = run_stages(config, device=device, only=stage, force=force,
+                                  progress=progress)
+        if wanted[-1] not in (None, "sample"):
+            took = [(stage, finished.stored[stage].seconds) for stage in wanted if stage]
+            answer(as_json, {"stages": [{"name": stage, "seconds": seconds, "state": "run"}
+                                        for stage, seconds in took],
+                             "report": None, "materials": []},
+                   "\n".join([*(f"stage {stage} took {seconds:.1f} s"
+                                for stage, seconds in took),
+                              "run without --only for the report"]))
             return
         finished = load_finished(config) if only is not None else finished
         outputs = kept_outputs(config, finished)

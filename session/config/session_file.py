@@ -31,6 +31,8 @@ def try_read_session(folder: Path,
                      allow_outside: bool = False) -> tuple[SessionConfig | None, list[str]]:
     """The session, or None with every fault of its file in a sentence each."""
     path = folder / FILE_NAME
+    if folder.is_file():
+        return None, [f"{folder} is a file; give the session folder, {folder.parent}"]
     if not path.is_file():
         return None, [f"{path} is missing: write one with 'spectrabox new {folder}'"]
     try:

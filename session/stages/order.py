@@ -48,3 +48,19 @@ def stages_of(flat: bool) -> dict[str, Stage]:
 def all_stages() -> tuple[str, ...]:
     """Names of the stages of any session, each once."""
     return tuple(STAGES | FLAT_STAGES)
+
+
+def stages_in_order(only: str | None, order: list[str]) -> list[str | None]:
+    """The stages that are to be run alone, first things first; None alone for all of them.
+
+    Parameters
+    ----------
+    only : str or None
+        Names with commas between them, in any order.
+    order : list of str
+        Of the session's stages. A name that is none of them comes first, to be refused before
+        anything has run.
+    """
+    words = [word.strip() for word in (only or "").split(",") if word.strip()]
+    return sorted(set(words), key=lambda word: order.index(word) if word in order else -1) \
+        if words else [None]
