@@ -1,161 +1,58 @@
 """What 95 % bands hold when the light, the shutter, the lamp's position or the lens is not as
-stated, with the error budget and without it.
+stated, with the error budget and without it, by material.
 
-Each scene is a rendered box (``fixtures/box_render.py``: another renderer than the inversion's, at
-1 nm, with twice the bounces) painted with four of the CES99 colours, with its own chart and noise.
-The photos are then taken again with one fault each. "Before" leaves out of the likelihood what
-[repeatability] and [stray_light] state, as if their keys were 0; "now" is what a session does. The
-light is traced once a scene.
+A demo session is rehearsed (spectrabox/session/rehearsal.py): photos of known truths through its
+own light transport, the truths drawn by the models behind the prior's families. Curves of the
+camera, the light's readings, the light scale's own error and the noise are drawn anew in each, as
+in any rehearsal; what [repeatability] and [stray_light] state is not: in its place comes one fault
+of the size given. The lamp is moved in the object photo's true scene alone, towards each axis in
+turn. "Without" leaves out of the likelihood what is stated, as if the keys were 0; "with" is what a
+session does. Truths and noise are the same under every fault, so that differences are known better
+than what is held.
 
-    python -m benchmarks.bench_budget [--scenes 2] [--seed 5] [--json]
+    python -m benchmarks.bench_budget [--times 40] [--seed 5] [--family skin] [--json]
 """
 from __future__ import annotations
 
 import argparse
 import json
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from unittest import mock
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from spectrabox.fixtures import demo_photos, demo_session
-from spectrabox.fixtures.demo_photos import (
-    camera_sensitivities,
-    chart_light,
-    exposure_for,
-    take_photo,
-)
-from spectrabox.fixtures.lamp import radiance
-from spectrabox.fixtures.paints import NM, chart_truth
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.fixtures.demo_session import write_demo_session
 from spectrabox.radiometry.light_scale import error_of_each_band
 from spectrabox.radiometry.records import JointReconstruction, LightScale
-from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.reconstruct.engines.transport_engine import nuisances, solve_traced, trace_views
-from spectrabox.reconstruct.fit.traced_view import TracedView
-from spectrabox.reconstruct.inverse_rendering import reconstruction_of
-from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.replay import region_picture
-from spectrabox.sampling.prior.draws import prior_spectra
-from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.reconstruct.engines.transport_engine import unit_scene
+from spectrabox.reconstruct.replay import Truth, replay
+from spectrabox.reconstruct.scene.moved_light import with_light_moved
+from spectrabox.reconstruct.tracer.transport import TracedTransport, trace_transport
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import run_stages
-from spectrabox.session.stages.error_budget import measurement_of
-from spectrabox.session.stages.reconstruct_stage import settings_of, views_of, with_errors
-from spectrabox.session.stages.stored_records import calibrations_of
+from spectrabox.session.rehearsal import Rehearsed, prepared
+from spectrabox.session.stages.reconstruct_stage import with_errors
 
-SIZE, PATHS, WIDTH, DRAWS = (208, 312), 16, 40, 999
-LEVEL = 0.95
-WEAKER, SHUTTER, MOVED_CM, GLARE = 0.04, 0.05, 0.5, 0.02
+SIZE, PATHS, WIDTH = (208, 312), 16, 40
+MOVED_CM = 0.5
+KINDS = ("without", "with")
 
 
 @dataclass(frozen=True)
-class Scene:
-    """A painted box and its chart, as light on the sensor."""
+class Fault:
+    """What is not as stated."""
 
-    folder: Path
-    truths: dict[str, np.ndarray]       # (61,) of each material
-    box: np.ndarray                     # (H, W, K)
-    chart: np.ndarray                   # (24, P) reflectances
-    seed: int
+    light: float = 1.0          # factor of light or exposure between chart and object photo
+    moved_cm: float = 0.0
+    glare: float = 0.0          # of the mean signal
 
 
-Fault = Callable[[Scene, np.random.Generator], tuple[np.ndarray, np.ndarray]]
-
-
-def painted_box(folder: Path, seed: int) -> Scene:
-    """A session's folder of a box in four colours drawn from CES99."""
-    grid = visible_grid()
-    colours = test_reflectances(grid)["CES99"]
-    chosen = np.random.default_rng(seed).choice(len(colours), size=4, replace=False)
-    of = {formula: np.interp(NM, grid.nm, colours[index]) for formula, index
-          in zip(demo_session.PAINTS.values(), chosen, strict=True)}
-    rendered: list[np.ndarray] = []
-    box_light = demo_session.box_light
-
-    def kept(*given: object, **chosen: object) -> np.ndarray:
-        rendered.append(box_light(*given, **chosen))    # type: ignore[arg-type]
-        return rendered[-1]
-
-    with mock.patch.object(demo_session, "paint", lambda name: (NM, of[name])), \
-            mock.patch.object(demo_session, "box_light", kept):
-        demo_session.write_demo_session(folder, seed, size=SIZE, spp=PATHS)
-    path = folder / "session.toml"
-    path.write_text(path.read_text(encoding="utf-8").replace("width = 96", f"width = {WIDTH}"),
-                    encoding="utf-8")
-    truths = {name: np.interp(GRID.nm, NM, of[formula])
-              for name, formula in demo_session.PAINTS.items()}
-    chart = chart_truth(np.random.default_rng(seed).spawn(5)[0])
-    return Scene(folder, truths, rendered[0], chart, seed)
-
-
-def _chart(scene: Scene, moved_cm: np.ndarray | float = 0.0) -> np.ndarray:
-    with mock.patch.object(demo_photos, "CHART_LIGHT_CM", demo_photos.CHART_LIGHT_CM + moved_cm):
-        return chart_light(scene.chart, radiance(NM), camera_sensitivities(), SIZE)
-
-
-def _moved(scene: Scene, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    direction = rng.standard_normal(3)
-    return scene.box, _chart(scene, MOVED_CM * direction / np.linalg.norm(direction))
-
-
-FAULTS: dict[str, Fault] = {
-    "none": lambda scene, rng: (scene.box, _chart(scene)),
-    f"lamp {WEAKER:.0%} weaker": lambda scene, rng: ((1 - WEAKER) * scene.box, _chart(scene)),
-    f"shutter {SHUTTER:.0%} short": lambda scene, rng: ((1 - SHUTTER) * scene.box, _chart(scene)),
-    f"lamp {10 * MOVED_CM:.0f} mm off at the chart": _moved,
-    f"glare {GLARE:.0%}": lambda scene, rng: (scene.box + GLARE * scene.box.mean(axis=(0, 1)),
-                                              _chart(scene)),
-}
-
-
-def held(scene: Scene) -> dict[str, dict[str, dict[str, list[float]]]]:
-    """Coverage and width of each material's band, by fault, before and now."""
-    rng, answers = np.random.default_rng(scene.seed), {}
-    config = read_session(scene.folder)
-    traced: list[TracedView] = []
-    for fault, spoilt in FAULTS.items():
-        box, chart = spoilt(scene, rng)
-        for name, light, target in (("box", box, demo_session.BOX_EXPOSURE),
-                                    ("chart", chart, demo_session.CHART_EXPOSURE)):
-            path = scene.folder / "photos" / f"{name}.dng"
-            path.unlink()
-            exposure = exposure_for(scene.box if name == "box" else light, target)
-            take_photo(path, light, exposure, rng)
-        answers[fault] = _of_photos(config, scene, traced)
-    return answers
-
-
-def _of_photos(config: SessionConfig, scene: Scene,
-               traced: list[TracedView]) -> dict[str, dict[str, list[float]]]:
-    """Of the photos as they lie in the folder; the first call traces the light."""
-    stored = run_stages(config, device="cpu", only=None, force=False,
-                        progress=lambda *_: None, before="reconstruct").stored
-    views, settings = views_of(config, stored, None), settings_of(config)
-    if not traced:
-        traced += trace_views(views, settings, lambda *_: None)
-    for view, first in zip(views, traced, strict=True):     # compared at the same pixels
-        vars(view).update(surface=first.view.surface, used=first.view.used)
-    given = [replace(one, view=view, nuisances=nuisances(view, settings))
-             for one, view in zip(traced, views, strict=True)]
-    solution = solve_traced(given, settings, region_picture)
-    joint = with_errors(config, stored, None, reconstruction_of(
-        [one.view for one in given], solution.fit, solution.answers, settings))
-    calibrations = calibrations_of(config, stored)
-    rows: dict[str, dict[str, list[float]]] = {}
-    for kind, said in (("before", without_budget(joint)), ("now", joint)):
-        rows[kind] = {}
-        for index, name in enumerate(joint.materials):
-            drawn = prior_spectra(measurement_of(calibrations, said, index), DRAWS, index,
-                                  load_prior()).spectra
-            low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
-            inside = (scene.truths[name] >= low) & (scene.truths[name] <= high)
-            rows[kind][name] = [float(inside.mean()), float((high - low).mean())]
-    return rows
+FAULTS = {"none": Fault(), "lamp 4 % weaker": Fault(0.96), "shutter 3 % long": Fault(1.03),
+          "shutter 5 % short": Fault(0.95), "lamp moved by 5 mm": Fault(moved_cm=MOVED_CM),
+          "glare 1 %": Fault(glare=0.01), "all of it": Fault(0.96 * 0.95, MOVED_CM, 0.01)}
 
 
 def without_budget(joint: JointReconstruction) -> JointReconstruction:
@@ -166,29 +63,103 @@ def without_budget(joint: JointReconstruction) -> JointReconstruction:
     return replace(joint, views=views, stray_light=())
 
 
+@dataclass(frozen=True, eq=False)
+class Faulty(Rehearsed):
+    """A session whose replays have one fault in place of what is stated."""
+
+    fault: Fault
+    moved: tuple[TracedTransport, ...]      # of the object photo, the lamp moved along each axis
+
+    def truth(self, number: int, rng: np.random.Generator) -> Truth:
+        plain = super().truth(number, rng)
+        bands = plain.responses[0].shape[1]
+        return replace(plain, responses=tuple(self.fault.light * each for each in plain.responses),
+                       glare=(np.full(bands, self.fault.glare),), ambient=(0.0,),
+                       transports=(self.moved[number % len(self.moved)],)
+                       if self.fault.moved_cm else ())
+
+    def both(self, number: int, seed: np.random.SeedSequence) -> list[list[tuple[float, float]]]:
+        """Share held and width of every material's band, without the budget and with it."""
+        rng = np.random.default_rng(seed)
+        stated = replay(self.stage, self.truth(number, rng), rng)
+        stated = with_errors(self.config, self.stored, self.drift, stated)
+        draws = int(rng.integers(1 << 31))
+        return [[(held, width) for held, _, width, _
+                 in self.scores(joint, number, np.random.default_rng(draws))]
+                for joint in (without_budget(stated), stated)]
+
+
+def moved_lamps(scene: Rehearsed) -> tuple[TracedTransport, ...]:
+    """The transport of the object photo's regions with the lamp moved along each axis."""
+    traced = scene.stage.views[0]
+    view = traced.view
+    return tuple(trace_transport(
+        unit_scene(replace(view, scene_file=with_light_moved(view.scene_file, 0, offset)),
+                   view.scene_file.max_depth - 1), traced.region, spp=traced.traced.spp,
+        seed=77 + axis, exponents=traced.traced.exponents)
+        for axis, offset in enumerate(MOVED_CM * np.array([[1, 0, 0], [0, -1, 0], [0, 0, -1]])))
+
+
+def held_under(scene: Rehearsed, moved: tuple[TracedTransport, ...], fault: Fault, times: int,
+               seed: int) -> np.ndarray:
+    """Shares held and widths (T, kinds, materials, 2)."""
+    # what the session is sure of by itself: the truth's scale has no error that is stated
+    own = {field.name: getattr(scene, field.name) for field in fields(Rehearsed)}
+    faulty = Faulty(**own | {"joint": without_budget(scene.joint)}, fault=fault, moved=moved)
+    return np.array([faulty.both(number, one) for number, one
+                     in enumerate(np.random.SeedSequence(seed).spawn(times))])
+
+
+def lines_of(fault: str, found: np.ndarray, materials: Mapping[str, object]) -> list[str]:
+    """Two rows of the table: coverage in total and by material, with standard errors."""
+    def cell(values: np.ndarray) -> str:
+        return f"{values.mean():.3f} +- {values.std(ddof=1) / np.sqrt(len(values)):.3f}"
+
+    # materials of one photo share its scale: photos are the independent trials
+    rows = []
+    for index, kind in enumerate(KINDS):
+        held, width = found[:, index, :, 0], found[:, index, :, 1]
+        gain = cell(found[:, 1, :, 0].mean(axis=1) - held.mean(axis=1)) if index == 0 else ""
+        rows.append(f"| {fault} | {kind} | {cell(held.mean(axis=1))} | {width.mean():.3f} | "
+                    + " | ".join(cell(held[:, column]) for column in range(len(materials)))
+                    + f" | {gain} |")
+    return rows
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenes", type=int, default=2)
-    parser.add_argument("--seed", type=int, default=5, help="of the first scene")
+    parser.add_argument("--times", type=int, default=40, help="rehearsals of each fault")
+    parser.add_argument("--seed", type=int, default=5, help="of the session, truths and noise")
+    parser.add_argument("--family", help="that every surface is said to be of, and is")
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     arguments = parser.parse_args()
-    start_mitsuba("cpu")
-    scenes = []
-    for number in range(arguments.scenes):
-        with tempfile.TemporaryDirectory() as folder:
-            scenes.append(held(painted_box(Path(folder) / "box", arguments.seed + number)))
+    with tempfile.TemporaryDirectory() as folder, threadpool_limits(1, "blas"):
+        session = Path(folder) / "box"
+        write_demo_session(session, arguments.seed, size=SIZE, spp=PATHS)
+        path = session / "session.toml"
+        text = path.read_text(encoding="utf-8").replace("width = 96", f"width = {WIDTH}")
+        if arguments.family:
+            text = text.replace("\nbsdf = ", f'\nfamily = "{arguments.family}"\nbsdf = ')
+        path.write_text(text, encoding="utf-8")
+        config = read_session(session)
+        run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None)
+        scene = prepared(config, arguments.times, arguments.seed, "cpu", lambda *_: None)
+        moved = moved_lamps(scene)
+        stated = {error.cause: error.relative
+                  for error in scene.joint.views[0].light_scale.common_errors}
+        found = {}
+        if not arguments.json:
+            print(f"stated: {stated}")
+            print("| fault | budget | 95 % holds | width | " + " | ".join(scene.priors)
+                  + " | gain by the budget |")
+            print("|" + "--|" * (5 + len(scene.priors)))
+        for name, fault in FAULTS.items():
+            found[name] = held_under(scene, moved, fault, arguments.times, arguments.seed)
+            if not arguments.json:
+                print("\n".join(lines_of(name, found[name], scene.priors)), flush=True)
     if arguments.json:
-        print(json.dumps(scenes))
-        return 0
-    print(f"{'fault':<32}{'before: holds':>14}{'worst':>7}{'width':>7}"
-          f"{'now: holds':>12}{'worst':>7}{'width':>7}")
-    for fault in FAULTS:
-        line = f"{fault:<32}"
-        for kind, room in (("before", 14), ("now", 12)):
-            coverage, width = np.array([pair for scene in scenes
-                                        for pair in scene[fault][kind].values()]).T
-            line += f"{coverage.mean():>{room}.3f}{coverage.min():>7.2f}{width.mean():>7.3f}"
-        print(line)
+        print(json.dumps({"stated": stated, "materials": list(scene.priors),
+                          "held_and_width": {name: one.tolist() for name, one in found.items()}}))
     return 0
 
 

@@ -25,6 +25,7 @@ from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.fit.view_terms import ViewFit
 from spectrabox.reconstruct.inverse_rendering import reconstruction_of
 from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.tracer.transport import TracedTransport
 from spectrabox.reconstruct.view import View
 
 
@@ -43,13 +44,15 @@ class Truth:
     ``reflectances`` (P,) by material; ``response`` (L, K, P) of each view: sensitivity x light x
     integration weight, light after light where they were traced separately, light scale included;
     of each view ``glare`` (K,) as a share of the mean signal of the picture, and ``ambient`` light
-    from everywhere as a share of the brightest irradiance.
+    from everywhere as a share of the brightest irradiance. ``transports`` are those of the true
+    scenes, of the same regions and products, where these are not as the session says.
     """
 
     reflectances: Mapping[str, np.ndarray]
     responses: tuple[np.ndarray, ...]
     glare: tuple[np.ndarray, ...]
     ambient: tuple[float, ...]
+    transports: tuple[TracedTransport, ...] = ()
 
 
 def set_stage(views: Sequence[View], settings: InversionSettings, progress: Progress) -> Stage:
@@ -94,7 +97,8 @@ def region_picture(traced: TracedView, solution: ViewFit) -> np.ndarray:
 def _photographed(traced: TracedView, truth: Truth, number: int,
                   rng: np.random.Generator) -> View:
     """The view with a photo of the truth in place of its own."""
-    view, transport = traced.view, traced.traced
+    view = traced.view
+    transport = truth.transports[number] if truth.transports else traced.traced
     spectra = np.array([truth.reflectances[each.name] for each in view.scene_materials])
     per_light = products(transport.exponents, spectra) @ truth.responses[number].transpose(0, 2, 1)
     deviations = transport.deviations       # of tracing, by its own noise

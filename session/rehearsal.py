@@ -99,36 +99,45 @@ def rehearse(config: SessionConfig, times: int, seed: int, device: str,
     if times < MIN_TIMES:
         raise InputError(f"{times} rehearsals tell nothing of coverage: {MIN_TIMES} or more are "
                          "needed, and 200 know it to about one percent")
+    of_times = np.random.SeedSequence(seed).spawn(2)[1]
+    rows = []
+    # as in the stages; the matrices are small, and rehearsals share the cores
+    with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
+        scene = prepared(config, times, seed, device,
+                         lambda done, what: progress(0.1 * done, what))
+        for number, row in enumerate(pool.map(scene.once, range(times), of_times.spawn(times)),
+                                     start=1):
+            progress(0.1 + 0.9 * number / times, f"rehearsal {number} of {times}")
+            rows.append(row)
+    return [_gathered(name, [row[index] for row in rows])
+            for index, name in enumerate(scene.priors)]
+
+
+def prepared(config: SessionConfig, times: int, seed: int, device: str,
+             progress: Progress) -> Rehearsed:
+    """A finished session with its light traced, and the truths and cameras of its replays.
+
+    Parameters and errors as of `rehearse`.
+    """
     _require_replayable(config)
     stored = load_finished(config).stored
     calibrations, joint = calibrations_of(config, stored), joint_of(stored)
     start_mitsuba(device)
     progress(0.0, "tracing light")
     drift = drift_of(config, stored)
-    views = views_of(config, stored, drift)
     prior = load_prior()
     priors = {name: of_families(prior, config.materials[name].families)
               for name, known in zip(joint.materials, joint.known, strict=True) if not known}
-    of_truths, of_times = np.random.SeedSequence(seed).spawn(2)
+    of_truths = np.random.SeedSequence(seed).spawn(2)[0]
     truths = {name: true_reflectances(own, times, np.random.default_rng(one)) for (name, own), one
               in zip(priors.items(), of_truths.spawn(len(priors)), strict=True)}
-    rows = []
-    # as in the stages; the matrices are small, and rehearsals share the cores
-    with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
-        stage = set_stage(views, settings_of(config),
-                          lambda done, what: progress(0.1 * done, what))
-        scene = _Rehearsed(config, stored, drift, stage, calibrations, joint, priors, truths,
-                           _cameras(calibrations[0], times, seed))
-        for number, row in enumerate(pool.map(scene.once, range(times), of_times.spawn(times)),
-                                     start=1):
-            progress(0.1 + 0.9 * number / times, f"rehearsal {number} of {times}")
-            rows.append(row)
-    return [_gathered(name, [row[index] for row in rows])
-            for index, name in enumerate(priors)]
+    stage = set_stage(views_of(config, stored, drift), settings_of(config), progress)
+    return Rehearsed(config, stored, drift, stage, calibrations, joint, priors, truths,
+                     _cameras(calibrations[0], times, seed))
 
 
 @dataclass(frozen=True, eq=False)
-class _Rehearsed:
+class Rehearsed:
     """A session as it is replayed, and the cameras (T, K, P) of the replays."""
 
     config: SessionConfig
@@ -143,14 +152,27 @@ class _Rehearsed:
 
     def once(self, number: int, seed: np.random.SeedSequence) -> list[Scores]:
         """Scores of every unknown material in one replay."""
-        rng, joint = np.random.default_rng(seed), self.joint
+        rng = np.random.default_rng(seed)
+        return self.scores(self.again(number, rng), number, rng)
+
+    def again(self, number: int, rng: np.random.Generator) -> JointReconstruction:
+        """The reconstruction from photos of one truth."""
+        return with_errors(self.config, self.stored, self.drift,
+                           replay(self.stage, self.truth(number, rng), rng))
+
+    def truth(self, number: int, rng: np.random.Generator) -> Truth:
+        """What is photographed in one replay."""
+        joint = self.joint
         spectra = {name: joint.spectra[index] for index, name in enumerate(joint.materials)}
         spectra |= {name: np.interp(joint.grid.nm, PRIOR_GRID.nm, truths[number])
                     for name, truths in self.truths.items()}
         views = range(len(self.stage.views))
         responses = tuple(self._response(index, self.cameras[number], rng) for index in views)
-        again = replay(self.stage, Truth(spectra, responses, *self._stray_light(rng)), rng)
-        again = with_errors(self.config, self.stored, self.drift, again)
+        return Truth(spectra, responses, *self._stray_light(rng))
+
+    def scores(self, again: JointReconstruction, number: int,
+               rng: np.random.Generator) -> list[Scores]:
+        """Scores of every unknown material of one replay, drawn as the session draws."""
         scores = []
         for name, prior in self.priors.items():
             measurement = measurement_of(self.calibrations, again, again.materials.index(name))
