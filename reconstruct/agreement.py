@@ -184,7 +184,14 @@ def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
     return SceneErrors(float(np.sqrt(np.sum(grey**2) / freedom)),
                        float(np.sqrt(np.sum((deviation - grey) ** 2)
                                      / (freedom * max(bands - 1, 1)))),
-                       within * float(np.sqrt(max(regions / len(deviation) / FIELD_TERMS, 1.0))))
+                       within * within_to_block(regions, len(deviation)))
+
+
+def within_to_block(regions: int, surfaces: int) -> float:
+    """Factor from the scatter within a surface to that of a block whose errors count as
+    independent, so that all blocks of a surface weigh as much as the terms of a quadratic field.
+    """
+    return float(np.sqrt(max(regions / surfaces / FIELD_TERMS, 1.0)))
 
 
 def model_covariance(agreement: SurfaceAgreement, material: str, known: frozenset[str],

@@ -3,7 +3,7 @@
 A replay keeps what a session has: the scene, the pixels that are compared, the noise of the photo,
 the errors of surfaces that the scene showed. Spectra, curves of the camera and light are the
 truth's. What comes back is solved by the code that solves photos, with the transport traced once;
-a rendering is the mean of each region, which is all that a diffuse scene needs.
+a rendering is the mean of each region, without noise.
 """
 from __future__ import annotations
 
@@ -15,18 +15,21 @@ import numpy as np
 from spectrabox.radiometry.interreflection import products
 from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import JointReconstruction
-from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
+from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE, within_to_block
 from spectrabox.reconstruct.engines.transport_engine import (
     nuisances,
+    renderings_of,
     solve_traced,
     trace_views,
 )
 from spectrabox.reconstruct.fit.traced_view import TracedView
-from spectrabox.reconstruct.fit.view_terms import ViewFit
 from spectrabox.reconstruct.inverse_rendering import reconstruction_of
+from spectrabox.reconstruct.scene.regions import region_means
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import TracedTransport
 from spectrabox.reconstruct.view import View
+
+FLAT = 1e-9     # of the largest singular value: a term of the field that a surface does not have
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +67,9 @@ def set_stage(views: Sequence[View], settings: InversionSettings, progress: Prog
         As ``transport_engine.trace_views``.
     """
     traced = trace_views(views, settings, progress)
-    return Stage(solve_traced(traced, settings, region_picture).views, settings)
+    images = {id(view.traced): renderings_of(view, settings) for view in traced}
+    return Stage(solve_traced(traced, settings, lambda view, fit: images[id(view.traced)](
+        fit.signals)).views, settings)
 
 
 def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconstruction:
@@ -77,37 +82,40 @@ def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconst
         Of the noise and the errors of surfaces.
     """
     settings = stage.settings
-    given = []
+    given, rendered = [], {}
     for number, traced in enumerate(stage.views):
-        view = _photographed(traced, truth, number, rng)
+        # The trace is off by its noise from what is photographed; renderings, whose own noise is
+        # told from the scene's scatter, are not.
+        error = _of_tracing(traced, rng)
+        view = _photographed(traced, truth, number, error, rng)
+        rendered[id(traced.traced)] = traced.traced.coefficients + error
         # what the first photo showed of errors is the truth's: this photo shows its own
         given.append(replace(traced, view=view, nuisances=nuisances(view, settings)))
-    solution = solve_traced(given, settings, region_picture)
+    solution = solve_traced(given, settings, lambda traced, fit: _picture(
+        rendered[id(traced.traced)] @ fit.signals, traced.region, traced.view.measured)[None])
     return reconstruction_of([traced.view for traced in given], solution.fit, solution.answers,
                              settings)
 
 
-def region_picture(traced: TracedView, solution: ViewFit) -> np.ndarray:
-    """The mean (K,) of each region of the solution in its pixels (1, H, W), for a light scale of 1.
-    """
-    return _picture(traced.traced.coefficients @ solution.signals, traced.region,
-                    traced.view.measured)[None]
+def _of_tracing(traced: TracedView, rng: np.random.Generator) -> np.ndarray:
+    """Errors (R, L E) of the transport's coefficients by the noise of its tracing."""
+    deviations = traced.traced.deviations
+    return np.einsum("are,ar->re", deviations, rng.standard_normal(deviations.shape[:2]))
 
 
-def _photographed(traced: TracedView, truth: Truth, number: int,
+def _photographed(traced: TracedView, truth: Truth, number: int, error: np.ndarray,
                   rng: np.random.Generator) -> View:
     """The view with a photo of the truth in place of its own."""
     view = traced.view
     transport = truth.transports[number] if truth.transports else traced.traced
     spectra = np.array([truth.reflectances[each.name] for each in view.scene_materials])
     per_light = products(transport.exponents, spectra) @ truth.responses[number].transpose(0, 2, 1)
-    deviations = transport.deviations       # of tracing, by its own noise
-    coefficients = transport.coefficients + np.einsum(
-        "are,ar->re", deviations, rng.standard_normal(deviations.shape[:2]))
+    coefficients = transport.coefficients + error
     signal = coefficients @ per_light.reshape(-1, per_light.shape[2])
-    signal = signal * _gains(traced, rng)
+    signal = signal * _gains(traced, rng) * _patterns(traced, rng)
     signal = signal + _stray_light(traced, truth, number, signal)
-    noise = np.sqrt(traced.photo_variance * np.maximum(signal / traced.measured, 0))
+    even = replace(traced, nuisances=replace(traced.nuisances, block_error=0.0))
+    noise = np.sqrt(even.photo_variance * np.maximum(signal / traced.measured, 0))
     signal = signal + noise * rng.standard_normal(signal.shape)
     picture = _picture(np.maximum(signal, np.finfo(np.float32).tiny), traced.region, view.measured)
     inside = (traced.region >= 0)[..., None]
@@ -136,6 +144,30 @@ def _gains(traced: TracedView, rng: np.random.Generator) -> np.ndarray:
     colour = errors.surface_error * rng.standard_normal((surfaces, bands))
     brightness = errors.brightness_error * rng.standard_normal((surfaces, 1))
     return np.exp(colour + brightness)[traced.group]
+
+
+def _patterns(traced: TracedView, rng: np.random.Generator) -> np.ndarray:
+    """Factors (R, 1) of a smooth pattern on each surface, as strong as the session's photo showed:
+    a quadratic field without its mean, the same in all bands.
+
+    The fit takes the errors of blocks for independent, and for larger instead: drawn so they would
+    scatter a photo several times more than the pattern that they stand for.
+    """
+    row, column = (region_means(place[..., None].astype(float), traced.region)[:, 0]
+                   for place in np.indices(traced.region.shape))
+    within = traced.nuisances.block_error / within_to_block(len(traced.group),
+                                                            np.unique(traced.group).size)
+    pattern = np.zeros(len(traced.group))
+    for surface in np.unique(traced.group):
+        own = traced.group == surface
+        x, y = (place[own] - place[own].mean() for place in (row, column))
+        terms = np.stack([x, y, x * x, x * y, y * y], axis=1)
+        axes, sizes, _ = np.linalg.svd(terms - terms.mean(axis=0), full_matrices=False)
+        axes = axes[:, sizes > FLAT * sizes[0]]
+        if axes.size:
+            pattern[own] = np.sqrt(own.sum() / axes.shape[1]) * (
+                axes @ rng.standard_normal(axes.shape[1]))
+    return np.exp(within * pattern)[:, None]
 
 
 def _picture(signal: np.ndarray, region: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:

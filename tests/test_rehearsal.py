@@ -44,6 +44,7 @@ def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finishe
     traced, region = stage.views[0], stage.views[0].region
     clean, hazy, lit = (_photographed(traced, dataclasses.replace(truth, glare=(glare,),
                                                                   ambient=(ambient,)), 0,
+                                      np.zeros_like(traced.traced.coefficients),
                                       np.random.default_rng(6)).measured
                         for glare, ambient in ((np.zeros(3), 0.0), (np.full(3, 0.2), 0.0),
                                                (np.zeros(3), 0.2)))

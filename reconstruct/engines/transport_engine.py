@@ -64,7 +64,7 @@ def solve_views(views: Sequence[View], settings: InversionSettings, progress: Pr
     """
     traced = trace_views(views, settings, progress, checkpoint)
     progress(0.7, "fitting spectra")
-    images = {id(view.traced): _images_of_signals(view, settings) for view in traced}
+    images = {id(view.traced): renderings_of(view, settings) for view in traced}
     solution = solve_traced(traced, settings,
                             lambda view, fit: images[id(view.traced)](fit.signals))
     progress(1.0, "")
@@ -298,8 +298,8 @@ def _informed_by(images: np.ndarray, traced: TracedView, settings: InversionSett
                    brightness_error=max(given.brightness_error, errors.brightness))
 
 
-def _images_of_signals(traced: TracedView, settings: InversionSettings
-                       ) -> Callable[[np.ndarray], np.ndarray]:
+def renderings_of(traced: TracedView, settings: InversionSettings
+                  ) -> Callable[[np.ndarray], np.ndarray]:
     """The view's renderings for a light scale of 1 by the signals of its products."""
     view, transport = traced.view, traced.traced
     unit = unit_scene(view, _bounces(view, settings), transport.passes.shape[2] > 1)
