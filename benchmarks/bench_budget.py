@@ -17,7 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -31,13 +31,17 @@ from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.replay import Truth, replay
 from spectrabox.reconstruct.scene.moved_light import with_light_moved
 from spectrabox.reconstruct.tracer.transport import TracedTransport, trace_transport
+from spectrabox.sampling.measurement import response_on
+from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.rehearsal import Rehearsed, prepared
+from spectrabox.session.stages.error_budget import measurement_of
 from spectrabox.session.stages.reconstruct_stage import with_errors
 
 SIZE, PATHS, WIDTH = (208, 312), 16, 40
-MOVED_CM = 0.5
+MOVED_CM, LEVEL = 0.5, 0.95
 KINDS = ("without", "with")
 
 
@@ -78,15 +82,25 @@ class Faulty(Rehearsed):
                        transports=(self.moved[number % len(self.moved)],)
                        if self.fault.moved_cm else ())
 
-    def both(self, number: int, seed: np.random.SeedSequence) -> list[list[tuple[float, float]]]:
-        """Share held and width of every material's band, without the budget and with it."""
+    def both(self, number: int, seed: np.random.SeedSequence) -> tuple[JointReconstruction, ...]:
+        """The reconstruction of one replay, without the budget and with it."""
         rng = np.random.default_rng(seed)
-        stated = replay(self.stage, self.truth(number, rng), rng)
-        stated = with_errors(self.config, self.stored, self.drift, stated)
-        draws = int(rng.integers(1 << 31))
-        return [[(held, width) for held, _, width, _
-                 in self.scores(joint, number, np.random.default_rng(draws))]
-                for joint in (without_budget(stated), stated)]
+        found = replay(self.stage, self.truth(number, rng), rng)
+        stated = with_errors(self.config, self.stored, self.drift, found)
+        return without_budget(stated), stated
+
+    def judged(self, joints: Sequence[JointReconstruction], name: str) -> np.ndarray:
+        """Share held and width (T, 2) of one material's bands, as ``sample --signals`` makes them
+        without draws.
+        """
+        prior, truth = self.priors[name], self.truths[name]
+        seen = [measurement_of(self.calibrations, joint, joint.materials.index(name))
+                for joint in joints]
+        bands = summaries(prior, response_on(seen[0], GRID),
+                          np.array([one.signal for one in seen]),
+                          {"all": np.array([one.noise_covariance for one in seen])}, LEVEL)
+        inside = (truth >= bands.lower) & (truth <= bands.upper)
+        return np.stack([inside.mean(axis=1), (bands.upper - bands.lower).mean(axis=1)], axis=1)
 
 
 def moved_lamps(scene: Rehearsed) -> tuple[TracedTransport, ...]:
@@ -106,8 +120,10 @@ def held_under(scene: Rehearsed, moved: tuple[TracedTransport, ...], fault: Faul
     # what the session is sure of by itself: the truth's scale has no error that is stated
     own = {field.name: getattr(scene, field.name) for field in fields(Rehearsed)}
     faulty = Faulty(**own | {"joint": without_budget(scene.joint)}, fault=fault, moved=moved)
-    return np.array([faulty.both(number, one) for number, one
-                     in enumerate(np.random.SeedSequence(seed).spawn(times))])
+    pairs = [faulty.both(number, one) for number, one
+             in enumerate(np.random.SeedSequence(seed).spawn(times))]
+    return np.stack([np.stack([faulty.judged(joints, name) for name in scene.priors], axis=1)
+                     for joints in zip(*pairs, strict=True)], axis=1)
 
 
 def lines_of(fault: str, found: np.ndarray, materials: Mapping[str, object]) -> list[str]:
