@@ -5,10 +5,10 @@ from the truths, the rank of each truth among the draws is uniform if everything
 Here what lies between is this session's geometry, light, camera, noise and errors. Truths are made
 by the models behind the prior's families, not drawn from the fitted mixture, so that bands can fail
 by the prior too. Reflectances, curves of the camera, the light's readings, scale and repeatability,
-glare and stray light, surfaces that are brighter than the scene says and the noise of photo and
-rendering are drawn anew each time; the transport, traced once, carries them to a photo, and the
-session's own code takes it from there. What the session takes as certain is certain here too: where
-the lamp stands, that surfaces are matt and even. It shows "calibrated here" as far as the stated
+glare and stray light, surfaces that are brighter than the scene says and uneven, and the noise of
+photo and tracing are drawn anew each time; the transport, traced once, carries them to a photo, and
+the session's own code takes it from there. What the session takes as certain is certain here too:
+where the lamp stands, that surfaces are matt. It shows "calibrated here" as far as the stated
 errors are right.
 """
 from __future__ import annotations

@@ -7,7 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.reconstruct.replay import Truth, _photographed, replay, set_stage
+from spectrabox.reconstruct.agreement import within_to_block
+from spectrabox.reconstruct.replay import Truth, _patterns, _photographed, replay, set_stage
 from spectrabox.session import rehearsal
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
@@ -58,6 +59,36 @@ def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finishe
     added = [(lit - clean)[shown & (materials == index)].mean(axis=0) for index in (dark, bright)]
     # light from everywhere is reflected as the lamp's is
     np.testing.assert_allclose(added[0] / added[1], expected[dark] / expected[bright], rtol=0.1)
+
+
+def test_surfaces_of_a_rehearsed_photo_are_uneven_as_the_session_showed(finished):
+    config = read_session(finished)
+    stage = set_stage(views_of(config, load_finished(config).stored, None), settings_of(config),
+                      quiet)
+    traced = dataclasses.replace(stage.views[0], nuisances=dataclasses.replace(
+        stage.views[0].nuisances, block_error=0.02))
+    surfaces = np.unique(traced.group)
+    within = 0.02 / within_to_block(len(traced.group), surfaces.size)
+    rng = np.random.default_rng(3)
+    patterns = np.log([_patterns(traced, rng)[:, 0] for _ in range(400)])
+    for surface in surfaces:
+        own = patterns[:, traced.group == surface]
+        if own.shape[1] > 5:
+            # the mean of 5 squared normal numbers over 400 patterns is known to 1 / sqrt(1000)
+            assert np.mean(own**2) == pytest.approx(within**2, rel=4 / np.sqrt(1000))
+            # round-off of sums of numbers of about 0.02
+            np.testing.assert_allclose(own.mean(axis=1), 0, atol=1e-12)
+    # another scene's light makes another photo
+    moved = dataclasses.replace(traced.traced, passes=2 * traced.traced.passes)
+    spectra = dict(zip((joint := joint_of(load_finished(config).stored)).materials, joint.spectra,
+                       strict=True))
+    truth = Truth(spectra, (traced.view.response[None],), (np.zeros(3),), (0.0,))
+    error = np.zeros_like(traced.traced.coefficients)
+    dim, bright = (_photographed(traced, dataclasses.replace(truth, transports=transports), 0,
+                                 error, np.random.default_rng(6)).measured[traced.region >= 0]
+                   for transports in ((), (moved,)))
+    # twice the light has twice the signal and less than 2 times the noise, a few percent a pixel
+    np.testing.assert_allclose(bright.mean(axis=0) / dim.mean(axis=0), 2, rtol=0.02)
 
 
 @pytest.fixture(scope="module")
