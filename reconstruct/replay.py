@@ -153,8 +153,8 @@ def _patterns(traced: TracedView, rng: np.random.Generator) -> np.ndarray:
     The fit takes the errors of blocks for independent, and for larger instead: drawn so they would
     scatter a photo several times more than the pattern that they stand for.
     """
-    row, column = (region_means(place[..., None].astype(float), traced.region)[:, 0]
-                   for place in np.indices(traced.region.shape))
+    places = np.moveaxis(np.indices(traced.region.shape), 0, -1).astype(float)
+    row, column = region_means(places, traced.region).T
     within = traced.nuisances.block_error / within_to_block(len(traced.group),
                                                             np.unique(traced.group).size)
     pattern = np.zeros(len(traced.group))
