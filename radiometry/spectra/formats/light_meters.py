@@ -22,7 +22,7 @@ DAMAGE = (ValueError, KeyError, IndexError, AttributeError, TypeError, Assertion
 
 
 def is_sekonic(text: str) -> bool:
-    """Whether text is a Sekonic C-700 or C-7000's CSV."""
+    """Whether text is the CSV of a Sekonic meter."""
     return "Spectral Data 380[nm]," in text
 
 
