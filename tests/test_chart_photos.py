@@ -106,10 +106,11 @@ def test_a_mirrored_photo_of_a_chart_by_corners_is_refused():
         find_chart(photo, typical_camera_signals(truth, GRID, POWER), mirrored, chart)
 
 
-def test_a_digital_sg_is_found_and_read_from_its_first_patch():
+@pytest.mark.parametrize("degrees", [0, 20])
+def test_a_digital_sg_is_found_and_read_from_its_first_patch(degrees):
     chart, printed = LAYOUTS[SG], PRINTED[SG]
     signals = published_signals(chart, GRID) * [0.5, 0.8, 0.6]
-    corners_px = printed.corners(20, height=460)
+    corners_px = printed.corners(degrees, height=460)
     photo = photograph(printed, signals, corners_px)
     found = find_chart(photo, published_signals(chart, GRID), None, chart)
     by_hand = find_chart(photo, published_signals(chart, GRID), corners_px, chart)
