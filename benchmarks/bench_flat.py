@@ -5,17 +5,14 @@ maker left out of the prior, a lamp of the folder, the chart off the published a
 that falls off over the picture, 1 % of noise in a pixel, and nine published test colours. The
 session runs as ``spectrabox flat`` runs it, once with nothing known and once with curves and light
 stated as they are. "perfect" is what is left where products, white and the light upon every sample
-are known too. ``--seconds`` times the command itself on a photo of 24 megapixels.
+are known too.
 """
 from __future__ import annotations
 
 import argparse
 import json
-import resource
-import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -50,7 +47,7 @@ from spectrabox.session.stages.stored_records import samples_of, signals_of
 
 from benchmarks.bench_unknown_makers import makers_of, prior_without
 
-SIZE, REGIONS, LARGE = (400, 600), 9, (4000, 6000)
+SIZE, REGIONS = (400, 600), 9
 CHART = (0.05, 0.06, 0.40)
 SQUARE, ACROSS, DOWN = 0.11, (0.52, 0.67, 0.82), (0.06, 0.23, 0.40)
 KINDS = ("unknown", "known")
@@ -238,44 +235,15 @@ def _known(folder: Path, kind: str, curves: np.ndarray, light: np.ndarray, datab
             '[sensitivity]\nfrom = "spectra/camera.csv"\nrelative_error = 0.001\n')
 
 
-def seconds() -> dict[str, float]:
-    """Seconds and GiB of ``spectrabox flat`` on 24 megapixels and three regions, code warm."""
-    from spectrabox.fixtures import lamp
-    from spectrabox.fixtures.demo_photos import camera_sensitivities
-    rng = np.random.default_rng(1)
-    with tempfile.TemporaryDirectory() as folder:
-        photo = Path(folder) / "p.dng"
-        surfaces = rng.uniform(0.1, 0.8, (REGIONS, 1)) * np.ones(NM.size)
-        photograph(photo, camera_sensitivities(), lamp.radiance(NM), surfaces, rng, LARGE)
-        rects = [np.array([*place[0], *place[2]]) + 0.02 * np.array([1, 1, -1, -1])
-                 for place in places()[:3]]
-        words = [f"--region=s{number}={','.join(str(round(float(v * LARGE[1]))) for v in rect)}"
-                 for number, rect in enumerate(rects)]
-        taken = []
-        for number in range(2):
-            start = time.perf_counter()
-            subprocess.run([sys.executable, "-m", "spectrabox", "flat", str(photo), *words,
-                            "--session", str(Path(folder) / f"s{number}"), "--json"],
-                           check=True, capture_output=True)
-            taken.append(time.perf_counter() - start)
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
-    return {"seconds": taken[-1], "GiB": peak}
-
-
 def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("--data", type=Path, help="folder with cameras/ and lights/")
+    parser.add_argument("--data", type=Path, required=True, help="folder with cameras/ and lights/")
     parser.add_argument("--cases", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--seconds", action="store_true", help="time the command")
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args()
-    figures: dict[str, Any] = {}
-    if asked.data is not None:
-        figures |= measure(asked.data, asked.cases, asked.seed)
-    if asked.seconds:
-        figures |= seconds()
+    figures = measure(asked.data, asked.cases, asked.seed)
     print(json.dumps(figures) if asked.json else "\n".join(
         f"{name}: {value}" for name, value in figures.items()))
 

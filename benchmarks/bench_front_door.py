@@ -31,11 +31,13 @@ import numpy as np
 from spectrabox.sampling.prior.mixture import load_prior, reflectance
 from spectrabox.session.signals.signal_options import response_of_names
 
+from benchmarks.bench_flat_speed import regions_of, write_colours
 from benchmarks.bench_uplift import write_picture
 
 ROOT = Path(__file__).resolve().parent.parent
 ROUNDS, ENOUGH_S = 5, 30.0      # of one command of one checkout
 LIMIT_S = 120.0                 # after which a process is stopped
+FLAT_MEGAPIXELS = 24
 CAMERA, LIGHT = "CIE 1931 2 Degree Standard Observer", "D65"
 SAMPLE = ("sample", "--sensitivity", CAMERA, "--light", LIGHT, "--json")
 RUN_TABLE = "where a run goes"
@@ -101,6 +103,13 @@ def with_picture(checkout: Checkout) -> None:
     shutil.rmtree(checkout.session / "uplifted", ignore_errors=True)
 
 
+def with_flat_photo(checkout: Checkout) -> None:
+    """A raw photo of a flat sample of 24 megapixels beside the session, and no session of it."""
+    shutil.rmtree(checkout.session / "flat", ignore_errors=True)
+    if not (checkout.session / "flat.dng").exists():
+        write_colours(checkout.session / "flat.dng", FLAT_MEGAPIXELS)
+
+
 @dataclass(frozen=True)
 class Command:
     """One row: what is typed, in a demo session, and the time it is to take."""
@@ -127,6 +136,9 @@ COMMANDS = (
     Command("report", ("report", "SESSION"), 2.0, without_report),
     Command("camera fit of a photo", ("camera", "fit", "--chart", "SESSION/photos/chart.dng",
                                       "--light", "SESSION/spectra/light.csv", "--json"), 1.0),
+    Command("flat, 24 megapixels, three regions", ("flat", "SESSION/flat.dng", "--session",
+                                                   "SESSION/flat", *regions_of(FLAT_MEGAPIXELS)),
+            4.0, with_flat_photo),
 )
 
 

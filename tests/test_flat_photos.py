@@ -18,8 +18,10 @@ from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.flat.new_session import FlatOrder, session_of
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.stages.stored_records import samples_of, signals_of
+from spectrabox.session.store.session_lock import only_writer
 
 C2_NM_K = 1.438777e7        # second radiation constant
 FILTER = 1 / (1 + np.exp((NM - 570) / 12))      # transmission of a glass that keeps red away
@@ -164,3 +166,14 @@ def test_a_photo_that_will_not_do_is_one_sentence_and_leaves_nothing(tmp_path, n
     said = outcome.stderr.strip().splitlines()[-1]
     assert sentence in said and "Traceback" not in outcome.stderr
     assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_two_commands_do_not_work_in_one_session_at_once(tmp_path):
+    write_raw()(tmp_path / "a.dng")
+    with session_of(FlatOrder(tmp_path / "a.dng", {"a": [300, 50, 340, 90]}), None) as folder, \
+            only_writer(folder, (), "spectrabox run"):
+        outcome = CliRunner().invoke(app, ["flat", str(tmp_path / "a.dng"), "--region",
+                                           "a=300,50,340,90"])
+    assert outcome.exit_code != 0 and not (folder / "report.html").exists()
+    assert "'spectrabox run' (process" in outcome.stderr and "works in this session" in \
+        outcome.stderr

@@ -1,5 +1,5 @@
-"""``spectrabox flat --picture`` of a calibrated session: seconds, processor seconds and memory, by
-photos of several sizes.
+"""``spectrabox flat`` from a photo to its report, and then ``--picture`` of the calibrated session:
+seconds, processor seconds and memory, by photos of several sizes.
 
 The photo shows a chart and, on its right half, 256 fields that go from one published test colour to
 another, under light that falls off by a third, with 1 % of noise. A pixel of the picture is a tile
@@ -16,6 +16,7 @@ import tempfile
 import time
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,8 @@ from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 
 FIELDS = 16                 # along either side
 CHART, LEFT = (0.05, 0.06, 0.40), 0.5
-REGION = (0.55, 0.06, 0.60, 0.10)
+REGIONS = {"first": (0.505, 0.005, 0.525, 0.03), "second": (0.60, 0.10, 0.62, 0.12),
+           "table": (0.10, 0.45, 0.20, 0.55)}      # in widths of the photo
 LAMPS = [(-0.2, -1.1, 2.9, 1.0), (2.1, 1.0, 3.4, 0.25)]
 
 
@@ -60,10 +62,11 @@ def write_colours(path: Path, megapixels: float) -> None:
     write_photo(path, picture, Fraction(1, 60), rng)
 
 
-def region_of(megapixels: float) -> str:
-    """The option that names a region of the photo."""
-    return "--region=ground=" + ",".join(str(round(side * width_of(megapixels)))
-                                         for side in REGION)
+def regions_of(megapixels: float) -> list[str]:
+    """Options that name three regions of the photo."""
+    width = width_of(megapixels)
+    return [f"--region={name}={','.join(str(round(side * width)) for side in rect)}"
+            for name, rect in REGIONS.items()]
 
 
 def width_of(megapixels: float) -> int:
@@ -83,19 +86,19 @@ def measured(words: list[str]) -> dict[str, float]:
             "processor_seconds": used.ru_utime + used.ru_stime, "GiB": used.ru_maxrss / 2**20}
 
 
-def row(megapixels: float) -> dict[str, float]:
-    """The command of a session that is calibrated already."""
+def rows_of(megapixels: float) -> list[dict[str, Any]]:
+    """The command on a new photo, its code warm, and the picture of a session that is calibrated.
+    """
     with tempfile.TemporaryDirectory() as folder:
         photo = Path(folder) / "photo.dng"
         # by another process: on Linux the memory of a process counts as its children's too
-        subprocess.run([sys.executable, "-m", "benchmarks.bench_flat_picture", "--write",
-                        str(photo), "--megapixels", str(megapixels)], check=True)
-        words = ["flat", str(photo), region_of(megapixels)]
-        measured(words)
-        found = measured([*words, "--picture"])
-        written = Path(folder) / "photo-flat" / "results" / "picture"
-        return {"megapixels": megapixels, **found,
-                "written_GiB": sum(file.stat().st_size for file in written.iterdir()) / 2**30}
+        subprocess.run([sys.executable, "-m", "benchmarks.bench_flat_speed", "--write", str(photo),
+                        "--megapixels", str(megapixels)], check=True)
+        words = ["flat", str(photo), *regions_of(megapixels), "--session"]
+        warm, session = (str(Path(folder) / name) for name in ("warm", "session"))
+        measured([*words, warm])
+        return [{"what": what, "megapixels": megapixels, **measured([*words, session, *more])}
+                for what, more in (("three regions", []), ("then a picture", ["--picture"]))]
 
 
 def main() -> None:
@@ -107,13 +110,14 @@ def main() -> None:
     if asked.write:
         write_colours(asked.write, asked.megapixels[0])
         return
-    rows = [row(megapixels) for megapixels in asked.megapixels]
+    rows = [row for megapixels in asked.megapixels for row in rows_of(megapixels)]
     if asked.json:
         print(json.dumps(rows))
         return
     print("".join(f"{name:>19}" for name in rows[0]))
     for each in rows:
-        print("".join(f"{value:19.2f}" for value in each.values()))
+        print("".join(f"{value:>19}" if isinstance(value, str) else f"{value:19.2f}"
+                      for value in each.values()))
 
 
 if __name__ == "__main__":
