@@ -22,7 +22,7 @@ import serial
 from spectrabox.capture.meter import serial_line
 from spectrabox.capture.meter.instruments.errors import InstrumentError
 from spectrabox.capture.meter.instruments.specbos1211 import DEFAULTS
-from spectrabox.capture.meter.interruption import SIGNALS
+from spectrabox.radiometry.outside.interruption import SIGNALS
 from spectrabox.capture.meter.measurement import measure_once
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer

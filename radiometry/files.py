@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.outside.interruption import TIDYING_S, Interruptions
 
 UNFINISHED = ".spectrabox-"      # begins the name of a file that is being written
 
@@ -106,7 +107,7 @@ def write_text_whole(path: Path, text: str) -> None:
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """An empty file that takes the place of ``path`` when the block ends well, and is then on disk;
-    it vanishes otherwise.
+    it vanishes otherwise, also where Ctrl-C or a signal ends the block.
 
     Parameters
     ----------
@@ -118,7 +119,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     EnvironmentProblem
         If the folder cannot be written, or the path is a link or a folder.
     """
-    with writable(path.parent):
+    with writable(path.parent), \
+            Interruptions(held=True, again_after_s=TIDYING_S) as interruptions:
         require_no_link(path)
         if path.is_dir():
             raise EnvironmentProblem(f"{path} cannot be written: it is a folder; move it away, or "
@@ -129,7 +131,8 @@ def whole_file(path: Path) -> Iterator[Path]:
         # exclusive: it follows no link, and gets the permissions that the umask leaves
         os.close(os.open(unfinished, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         try:
-            yield unfinished
+            with interruptions.released():
+                yield unfinished
             sync(unfinished)
             unfinished.replace(path)
             sync_folder(path.parent)

@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from spectrabox.capture.meter.interruption import SIGNALS, Interruptions
+from spectrabox.radiometry.outside.interruption import SIGNALS, Interruptions
 from spectrabox.capture.meter.measurement import open_instrument, trusted_identity
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.faults import Fault, FaultKind

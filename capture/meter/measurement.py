@@ -27,7 +27,7 @@ from spectrabox.capture.meter.instruments.interface import (
     Instrument,
     MeterSettings,
 )
-from spectrabox.capture.meter.interruption import Interruptions
+from spectrabox.radiometry.outside.interruption import Interruptions
 from spectrabox.capture.meter.serial_line import Log, Pace, open_line
 from spectrabox.capture.meter.stated import check_stated
 from spectrabox.radiometry.grid import grid_from_nm

@@ -1,1 +1,1 @@
-"""What comes from outside and what goes there: names, words, archives."""
+"""What comes from outside and what goes there: names, words, archives, interruptions."""

@@ -23,6 +23,7 @@ from spectrabox.radiometry.files import (
     sync_folder,
     writable,
 )
+from spectrabox.radiometry.outside.interruption import TIDYING_S, Interruptions
 from spectrabox.session.store.record_files import opened_arrays, pack, save_arrays, unpack
 
 FACTS, ARRAYS, SUMS = "facts.json", "arrays.npz", "SHA256SUMS"
@@ -101,20 +102,24 @@ def _damage_of(folder: Path) -> str | None:
 @contextlib.contextmanager
 def stage_folder(results: Path, stage: str) -> Iterator[Path]:
     """An empty folder that takes the stage's place when the block ends well, is then on disk with
-    the checksums of its files, and vanishes otherwise.
+    the checksums of its files, and vanishes otherwise, also where Ctrl-C or a signal ends the
+    block.
     """
     new, old, final = results / f".{stage}.new", results / f".{stage}.old", results / stage
     require_no_link(results)
-    with writable(results):
-        sweep_stage(results, stage)
-        new.mkdir(parents=True)
+    with Interruptions(held=True, again_after_s=TIDYING_S) as interruptions:
         try:
-            yield new
-            _seal(new)
-            if final.exists():
-                final.replace(old)
-            new.replace(final)
-            sync_folder(results)
+            with writable(results):
+                sweep_stage(results, stage)
+                new.mkdir(parents=True)
+            with interruptions.released():
+                yield new
+            with writable(results):
+                _seal(new)
+                if final.exists():
+                    final.replace(old)
+                new.replace(final)
+                sync_folder(results)
             shutil.rmtree(old, ignore_errors=True)
         finally:
             shutil.rmtree(new, ignore_errors=True)
@@ -156,9 +161,10 @@ def save_stage(folder: Path, key: dict[str, Any], records: dict[str, Any], secon
     """
     arrays: dict[str, Any] = {}
     packed = {name: pack(record, name, arrays) for name, record in records.items()}
-    save_arrays(folder / ARRAYS, arrays)
     facts = {"key": key, "seconds": round(seconds, 3), **more, "records": packed}
-    (folder / FACTS).write_text(json.dumps(facts, indent=1, sort_keys=True), encoding="utf-8")
+    with writable(folder.parent):
+        save_arrays(folder / ARRAYS, arrays)
+        (folder / FACTS).write_text(json.dumps(facts, indent=1, sort_keys=True), encoding="utf-8")
 
 
 def why_stale(stored: dict[str, Any], current: dict[str, Any]) -> list[str]:
