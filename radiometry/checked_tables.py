@@ -179,6 +179,9 @@ def _sentence(faults: list[tuple[_Place, Fault]]) -> str:
         return (f"unknown key {shortened(place.names[-1])}{f' in [{table}]' if table else ''}; "
                 f"did you mean {near!r}?")
     tables = [option for option in place.options if _is_table(option)]
+    if not value and not tables and any(fault["type"] == "too_short" for _, fault in faults):
+        needed = place.field is not None and place.field.is_required()
+        return f"{place.name} is empty; name at least one{'' if needed else ', or leave it out'}"
     if kind == "missing" or (kind == "too_short" and tables):
         if not tables:
             return f"{place.name} is missing"

@@ -74,9 +74,7 @@ def _written(config: SessionConfig, finished: FinishedRun, key: dict[str, Any], 
         from spectrabox.session.write_outputs import write_outputs_of as write
     facts, text, files = write(config, finished, command_line, device)
     inputs.require_unchanged(key["files"])
-    if _key(config, finished, inputs)["results"] != key["results"]:
-        raise InputError("results changed while the report was made; run 'spectrabox report' again "
-                         "once the run has ended")
+    require_results(finished, key["results"], "spectrabox report")
     digests = {path.relative_to(config.folder).as_posix(): sha256_of(path) for path in files}
     named = {name: Path(facts[name]).name for name in ("report", "spectra")}
     with stage_folder(config.results_folder, STAGE) as folder:
@@ -85,15 +83,38 @@ def _written(config: SessionConfig, finished: FinishedRun, key: dict[str, Any], 
     return RunOutputs(facts, f"{text}\nreport: {facts['report']}")
 
 
+def digests_of(finished: FinishedRun) -> dict[str, str]:
+    """Digests of the stored results of all stages."""
+    return {f"{name}/{part}": sha256_of(stage.folder / part)
+            for name, stage in finished.stored.items() for part in (FACTS, ARRAYS)}
+
+
+def require_results(finished: FinishedRun, digests: dict[str, str], command: str) -> None:
+    """Refuse to write what was made from results that a run has replaced since.
+
+    Parameters
+    ----------
+    digests : dict
+        As ``digests_of`` gave them before the results were read.
+    command : str
+        What to run again.
+
+    Raises
+    ------
+    InputError
+    """
+    if digests_of(finished) != digests:
+        raise InputError(f"results changed while they were used; run '{command}' again once the "
+                         "run has ended")
+
+
 def _key(config: SessionConfig, finished: FinishedRun, inputs: InputFiles) -> dict[str, Any]:
     """What the outputs are made from: session.toml, spectra to compare with, results, and code."""
     truths = [material.truth.file for material in config.surfaces.values() if material.truth]
     if config.sensitivity.truth is not None:
         truths.append(config.sensitivity.truth.file)
-    results = {f"{name}/{part}": sha256_of(stage.folder / part)
-               for name, stage in finished.stored.items() for part in (FACTS, ARRAYS)}
     # as it was read: the file may have been edited since
     settings = config.model_dump(mode="json", exclude={"folder", "allow_outside"})
     return {"settings": settings, "files": inputs.digests(*truths),
-            "results": results, "versions": versions(PACKAGES),
+            "results": digests_of(finished), "versions": versions(PACKAGES),
             "code": stage_code({STAGE: FLAT_WRITER if config.flat else SCENE_WRITER})[STAGE]}

@@ -121,3 +121,47 @@ def test_a_package_file_holds_a_docstring_only(path):
     tree = ast.parse(path.read_text(encoding="utf-8"))
     assert len(tree.body) == 1 and ast.get_docstring(
         tree), f"{name_of(path)} must hold its docstring only"
+
+
+WRITES = {"write_text", "write_bytes", "tofile", "save", "savez", "savez_compressed", "savefig",
+          "imwrite", "imsave", "write_ply", "copy", "copy2", "copyfile", "create"}
+WRITES_OF = {"save": "np", "copy": "shutil", "create": "ImageOutput"}   # others have such names too
+OWN_WAY = {"radiometry/files.py": "is the one way",
+           "radiometry/published/make_tables.py": "is run by developers",
+           "session/store/store.py": "fills a folder that is replaced whole",
+           "session/store/record_files.py": "writes into such a folder",
+           "session/report/figures.py": "draws into memory",
+           "capture/transcripts/transcript.py": "is written line by line, so that nothing is lost"}
+
+
+def _opens_to_write(call):
+    mode = [*call.args, *(each.value for each in call.keywords if each.arg == "mode")]
+    return any(isinstance(each, ast.Constant) and each.value in ("w", "wb", "x", "xb", "a", "ab",
+                                                                 "r+", "r+b") for each in mode)
+
+
+def writes_of(node, whole=False):
+    """Calls that write a file outside of a block of ``whole_file``."""
+    if isinstance(node, ast.With):
+        whole = whole or any("whole_file" in ast.dump(item.context_expr) for item in node.items)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and not whole:
+        name, owner = node.func.attr, ast.unparse(node.func.value)
+        if (name in WRITES and WRITES_OF.get(name, owner) in owner
+                or name == "open" and _opens_to_write(node)):
+            yield node
+    for child in ast.iter_child_nodes(node):
+        yield from writes_of(child, whole)
+
+
+@pytest.mark.parametrize("path", [path for path in modules() if name_of(path) not in OWN_WAY
+                                  and not name_of(path).startswith("fixtures/")], ids=name_of)
+def test_a_file_is_written_whole_or_not_at_all(path):
+    for call in writes_of(ast.parse(path.read_text(encoding="utf-8"))):
+        raise AssertionError(f"{name_of(path)}:{call.lineno} writes a file by itself: do it in a "
+                             "block of radiometry.files.whole_file, which leaves the old one or "
+                             "the new one and follows no link")
+
+
+def test_writing_by_oneself_is_seen():
+    code = "path.open('w')\nnp.save(a, b)\nwith whole_file(a) as b:\n    b.write_bytes(c)\n"
+    assert [call.lineno for call in writes_of(ast.parse(code))] == [1, 2]

@@ -1,5 +1,7 @@
 """The recovered scene under another light."""
 import json
+import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +14,9 @@ from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.relight import OBSERVER, _spread
 from spectrabox.session.stages.inputs import GRID, read_reflectance
+from spectrabox.session.store.session_lock import outputs_writer
 
+from benchmarks.killed_runs import started
 from tests.test_command_line import call
 
 
@@ -70,3 +74,39 @@ def test_draws_that_stand_mode_after_mode_spread_as_shuffled_ones_do():
     # 400 draws tell a median to about 5 % of the spread.
     assert found[0].delta_e00_95 == pytest.approx(found[1].delta_e00_95, rel=0.1)
     assert found[0].delta_e00_median == pytest.approx(found[1].delta_e00_median, rel=0.15)
+
+
+def test_results_that_a_run_replaced_meanwhile_make_no_picture(finished, monkeypatch):
+    from spectrabox.session import relight
+    render = relight.render
+
+    def rendered(*arguments, **options):
+        facts = finished / "results" / "sample" / "facts.json"
+        facts.write_text(facts.read_text() + " ")
+        return render(*arguments, **options)
+    monkeypatch.setattr(relight, "render", rendered)
+    outcome = call("relight", finished, "--width", "16", "--spp", "1", "--device", "cpu")
+    assert outcome.exit_code == 3
+    assert "results changed while they were used; run 'spectrabox relight' again" in outcome.output
+    assert not list(finished.glob("relit*"))
+
+
+@pytest.mark.skipif(not Path("/proc/locks").exists(), reason="no /proc/locks on this system")
+def test_both_pictures_wait_for_another_that_writes_outputs(finished):
+    with outputs_writer(finished):
+        waiting = started("relight", str(finished), "--width", "16", "--spp", "1", "--device",
+                          "cpu")
+        lock = finished / "results" / ".outputs.lock"
+        while waiting.poll() is None and not _waits_for(waiting.pid, lock):
+            time.sleep(0.01)
+        assert waiting.poll() is None and not list(finished.glob("relit*"))
+    _, said = waiting.communicate(timeout=60)
+    assert waiting.returncode == 0, said
+    assert len(list(finished.glob("relit*"))) == 2
+
+
+def _waits_for(process, lock):
+    """Whether a process waits for a lock, by the kernel's own list."""
+    rows = Path("/proc/locks").read_text().splitlines()
+    return any("->" in row and f" {process} " in row and row.split()[6].endswith(
+        f":{lock.stat().st_ino}") for row in rows)

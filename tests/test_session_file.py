@@ -50,6 +50,12 @@ def test_a_spectrum_may_name_its_column(tmp_path):
                              (('object = "photos/box.dng"', "object = 3"),
                               "photos.object is 3; str or list or table is needed"),
                              (('object = "photos/box.dng"', ""), "photos.object is missing"),
+                             (('object = "photos/box.dng"', "object = []"),
+                              "photos.object is empty; name at least one"),
+                             (('"photos/chart.dng"', "[]"),
+                              "photos.chart is empty; name at least one, or leave it out"),
+                             (('"photos/chart.dng"', "{}"),
+                              "photos.chart is empty; name at least one, or leave it out"),
                              (('chart = "photos/chart.dng"', ""), "photos.chart is missing, but "
                               "sensitivities or scale are to come from it"), (('[chart]\nscene = '
                                                                                '"scene/chart.xml"',

@@ -22,6 +22,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem
+from spectrabox.radiometry.files import whole_file
 
 VARIABLE = "DRJIT_LIBLLVM_PATH"
 ENVIRONMENT_FOLDER = Path(sys.prefix) / "lib" / "llvm"
@@ -170,11 +171,11 @@ def fetch_llvm(folder: Path = ENVIRONMENT_FOLDER) -> None:
                 break
         for archive in Path(scratch).glob("*.deb"):
             _quietly(["dpkg-deb", "-x", str(archive), "unpacked"], scratch)
-        folder.mkdir(parents=True, exist_ok=True)
         for library in Path(scratch, "unpacked").rglob("lib*.so*"):
             if library.parent.name.endswith("-linux-gnu") and library.is_file():
                 # links become files: each name must be found
-                shutil.copy2(library, folder / library.name)
+                with whole_file(folder / library.name) as unfinished:
+                    shutil.copyfile(library, unfinished)
 
 
 def _private_apt(scratch: Path) -> list[str]:

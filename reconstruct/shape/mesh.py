@@ -12,6 +12,8 @@ import numpy as np
 from scipy.sparse import coo_matrix, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
+from spectrabox.radiometry.files import whole_file
+
 _ICOSAHEDRON = np.array([(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5,
                                                                                                 11,
                                                                                                 4),
@@ -96,13 +98,18 @@ def large_steps(faces: np.ndarray, count: int,
 
 
 def write_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
-    """Write a PLY file with a smooth normal at every vertex.
+    """Write a PLY file with a smooth normal at every vertex, whole or not at all.
 
     Parameters
     ----------
     path : Path
     vertices : (V, 3) array
     faces : (F, 3) int
+
+    Raises
+    ------
+    EnvironmentProblem
+        If the folder cannot be written.
     """
     import mitsuba as mi
 
@@ -112,4 +119,5 @@ def write_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
     parameters["faces"] = mi.UInt(faces.astype(np.uint32).ravel())
     parameters.update()
     mesh.recompute_vertex_normals()
-    mesh.write_ply(str(path))
+    with whole_file(path) as unfinished:
+        mesh.write_ply(str(unfinished))

@@ -160,16 +160,22 @@ def relight(folder: Folder,
         from spectrabox.session.pipeline import load_finished
         from spectrabox.session.relight import OBSERVER
         from spectrabox.session.relight import relight as render_under
+        from spectrabox.session.run_outputs import digests_of, require_results
         from spectrabox.session.stages.scenes import read_session_scene
+        from spectrabox.session.store.session_lock import outputs_writer
         config = read_session(folder, allow_outside)
         scene = read_session_scene(config)
         size = (width, max(round(width * scene.height / scene.width), 1))
-        made = render_under(config, load_finished(config), light=light,
-                            observer=observer or OBSERVER, size=size, spp=spp, device=device)
+        finished = load_finished(config)
+        digests = digests_of(finished)
+        made = render_under(config, finished, light=light, observer=observer or OBSERVER, size=size,
+                            spp=spp, device=device)
         label = re.sub(r"[^\w.-]", "-", Path(light or "session").stem)
         png = out or folder / f"relit {label}.png"
-        write_png(png, made.picture)
-        write_exr(png.with_suffix(".exr"), made.xyz, ("X", "Y", "Z"))
+        with outputs_writer(config.folder):     # two pictures that belong together
+            require_results(finished, digests, "spectrabox relight")
+            write_png(png, made.picture)
+            write_exr(png.with_suffix(".exr"), made.xyz, ("X", "Y", "Z"))
         lines = [f"{colour.name:<16} L* {colour.lab[0]:5.1f}  a* {colour.lab[1]:6.1f}  b* "
                  f"{colour.lab[2]:6.1f}"
                  + ("   given" if colour.delta_e00_95 is None else

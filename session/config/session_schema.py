@@ -26,8 +26,9 @@ ONE_PHOTO = ""                          # the name under which a photo that is n
 FIRST_PHOTO = "photo"                   # what the photo of [photos] is called among [views]
 INVERSION = InversionSettings()
 
-Files = str | ListOf[str]               # one file, or several of an exposure bracket
-Photo = Files | dict[str, Files]        # or a photo for each filter, by the name of its band
+# One file, or several of an exposure bracket; or a photo for each filter, by the name of its band.
+Files = str | Annotated[ListOf[str], Field(min_length=1)]
+Photo = Files | Annotated[dict[str, Files], Field(min_length=1)]
 RelativeError = Annotated[float, Field(ge=0, le=1)]
 SplineCoefficients = Annotated[int, Field(ge=5, le=40)]
 Quadrilaterals = ListOf[ListOf[ListOf[float]]]

@@ -16,7 +16,13 @@ from pathlib import Path
 
 from spectrabox.radiometry.charts.layouts import chart_layout, is_layout_file
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import names_a_file, sha256_of, writable, write_text_whole
+from spectrabox.radiometry.files import (
+    names_a_file,
+    sha256_of,
+    whole_file,
+    writable,
+    write_text_whole,
+)
 from spectrabox.radiometry.outside.names import file_stem
 from spectrabox.session.config.session_schema import FILE_NAME
 from spectrabox.session.config.template import SCHEMA_NAME, write_schema
@@ -156,9 +162,8 @@ def _copied(path: Path, folder: Path, part: str) -> str:
             raise InputError(f"{target} is another file than {path}; name another folder with "
                              "--session")
         return name
-    unfinished = target.with_name(f".{target.name}.new")
-    shutil.copyfile(path, unfinished)
-    unfinished.replace(target)
+    with whole_file(target) as unfinished:
+        shutil.copyfile(path, unfinished)
     return name
 
 
