@@ -13,7 +13,7 @@ from spectrabox.capture.meter.instruments.errors import (
     RefusedError,
     UntrustedReadingError,
 )
-from spectrabox.capture.meter.instruments.interface import MeterSettings
+from spectrabox.capture.meter.instruments.interface import Instrument, MeterSettings
 from spectrabox.capture.meter.measurement import measure_once
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer
@@ -22,12 +22,19 @@ from spectrabox.capture.transcripts.transcript import Event, Transcript
 from spectrabox.fixtures.meter_transcripts import changed_meters, clean_meters
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
-FAST = Pace(0.002, shortest_limit_s=0.2)
+# Every reply comes, so that no limit may cut it off, however busy the computer.
+FAST = Pace(0.002, shortest_limit_s=60.0)
 CLEAN = {meter.driver: meter for meter in clean_meters()}
 CHANGED = {meter.driver: meter for meter in changed_meters()}
 BRIGHT, DARK, LOW = (ReadingOutcome.TOO_BRIGHT, ReadingOutcome.TOO_DARK, ReadingOutcome.LOW_LIGHT)
 NO_SYNC, UNSTEADY, GOOD = (ReadingOutcome.NO_SYNC, ReadingOutcome.UNSTEADY,
                            ReadingOutcome.MEASURED)
+
+
+@pytest.fixture(autouse=True)
+def no_measurement_goes_on(monkeypatch):
+    """Whatever was replied, a played instrument is done: nobody need wait for it before leaving."""
+    monkeypatch.setattr(Instrument, "_finish", lambda self: self.line.drain(0.3))
 
 
 def conversation(meter, replies=None):

@@ -129,3 +129,16 @@ def test_a_pace_never_shortens_a_limit_below_what_the_computer_needs():
     pace = Pace(scale=0.001, shortest_limit_s=0.2)
     assert pace.limit_s(10) == 0.2 and pace.limit_s(1000) == 1.0
     assert Pace().limit_s(10) == 10
+
+
+def test_what_came_in_time_is_read_though_the_computer_looks_too_late(line, monkeypatch):
+    opened, master = line
+    os.write(master, b"OK00\nA")
+    times = iter([0.0, *[100.0] * 9])
+    monkeypatch.setattr(time, "monotonic", lambda: next(times))
+    assert opened.read_line(1.0) == "OK00"
+    times = iter([0.0, *[100.0] * 9])
+    assert opened.read_byte(b"A", 1.0) == b"A"
+    times = iter([0.0, *[100.0] * 9])
+    with pytest.raises(NoReplyError, match="nothing came"):
+        opened.read_line(1.0)

@@ -135,6 +135,7 @@ class SerialLine:
             If none of ``ends`` came within ``limit_s`` seconds of the wall clock.
         """
         deadline = time.monotonic() + self.pace.limit_s(limit_s)
+        late = False
         while True:
             after = [at + len(end) for end in ends if (at := self._buffer.find(end)) >= 0]
             if after:
@@ -142,8 +143,10 @@ class SerialLine:
                 del self._buffer[:min(after)]
                 self.unanswered = False
                 return taken
-            if time.monotonic() > deadline:
+            if late:
                 raise self._no_reply(limit_s)
+            # Once more when it is late: a busy computer may have had no look at what came in time.
+            late = time.monotonic() > deadline
             self._take(wait=True)
 
     def read_line(self, limit_s: float, ends: tuple[bytes, ...] = (b"\n",)) -> str:
@@ -176,6 +179,7 @@ class SerialLine:
         NoReplyError, LineFaultError
         """
         deadline = time.monotonic() + self.pace.limit_s(limit_s)
+        late = False
         while True:
             while self._buffer:
                 byte = bytes([self._buffer.pop(0)])
@@ -186,8 +190,9 @@ class SerialLine:
                     raise LineFaultError(
                         f"{self.name}: {shown(byte + bytes(self._buffer))} arrived where one of "
                         f"{shown(wanted)} is needed; check speed and cable")
-            if time.monotonic() > deadline:
+            if late:
                 raise self._no_reply(limit_s)
+            late = time.monotonic() > deadline
             self._take(wait=True)
 
     def await_bytes(self, limit_s: float) -> None:
