@@ -1,10 +1,11 @@
-"""Damaged and hostile copies of every kind of file through its reader.
+"""Damaged and hostile copies of every kind of file through its reader, or through the commands.
 
 Is anything but a result or a sentence the end, how long does it take, how much memory?
 
 Each kind is read in a process of its own, so that a crash of a library is counted, not suffered.
 
-    python benchmarks/bench_damaged_inputs.py [--copies 1600] [--kind NAME] [--json]
+    python -m benchmarks.bench_damaged_inputs [--commands] [--copies 1600] [--first 0]
+        [--kind NAME] [--json]
 """
 from __future__ import annotations
 
@@ -27,14 +28,16 @@ from typing import Any
 from spectrabox.fixtures.mutations import mutated, rewritten
 from spectrabox.radiometry.errors import SpectraboxError
 
+from benchmarks.damaged_commands import CommandBrokeError, command_subjects
 from benchmarks.damaged_inputs import Subject, subjects
 
 HANG_S = 10
+INPUTS = "inputs"
 LIMIT_BYTES = 2 * 1024**3
 
 
 class Hang(BaseException):
-    """A read that takes longer than ``HANG_S``."""
+    """A read that takes longer than ``HANG_S`` of processor time."""
 
 
 def tally(subject: Subject, seeds: range, said: Any) -> None:
@@ -48,12 +51,13 @@ def tally(subject: Subject, seeds: range, said: Any) -> None:
         Takes (seed, outcome, seconds, peak memory in bytes).
     """
     warnings.simplefilter("ignore")
-    signal.signal(signal.SIGALRM, _hang)
+    for alarm in (signal.SIGPROF, signal.SIGALRM):
+        signal.signal(alarm, _hang)
     with Path("/proc/self/statm").open() as file:
         held = int(file.read().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (held + LIMIT_BYTES,) * 2)
     touched: list[str] = []
-    inside = str(subject.path.parent.parent)
+    inside = next(str(parent) for parent in subject.path.parents if parent.name == INPUTS)
     sys.addaudithook(lambda event, given: _note_writes(event, given, inside, touched))
     content = subject.path.read_bytes()
     subject.read(subject.path)      # as it is, it is read
@@ -62,8 +66,11 @@ def tally(subject: Subject, seeds: range, said: Any) -> None:
         subject.path.write_bytes(rewritten(content, seed) if subject.text and seed % 2
                                  else mutated(content, seed))
         said.put((seed, "began", 0.0, 0))
-        started = time.perf_counter()
-        signal.alarm(HANG_S)
+        started = time.process_time()
+        # Of processor time, which other work on the machine does not lengthen; and of the clock,
+        # for what sleeps.
+        signal.setitimer(signal.ITIMER_PROF, HANG_S)
+        signal.alarm(6 * HANG_S)
         try:
             subject.read(subject.path)
             outcome = "read"
@@ -71,15 +78,18 @@ def tally(subject: Subject, seeds: range, said: Any) -> None:
             outcome = "sentence" if len(str(error)) < 5000 else "CRASH sentence too long"
         except Hang:
             outcome = "HANG"
+        except CommandBrokeError as error:
+            outcome = "HANG" if "unexpected Hang" in str(error) else f"CRASH {str(error)[:200]}"
         except BaseException as error:  # noqa: BLE001  what must not happen is what is counted here
             where = traceback.extract_tb(error.__traceback__)[-1]
             outcome = (f"CRASH {type(error).__name__} at {Path(where.filename).name}:"
                        f"{where.lineno}")
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.alarm(0)
         peak = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         if touched:
             outcome = f"CRASH wrote to {touched.pop()}"
-        said.put((seed, outcome, time.perf_counter() - started, peak))
+        said.put((seed, outcome, time.process_time() - started, peak))
     subject.path.write_bytes(content)
 
 
@@ -95,21 +105,21 @@ def _note_writes(event: str, given: tuple[Any, ...], inside: str, touched: list[
         touched.append(given[0])
 
 
-def outcomes(subject: Subject, copies: int) -> dict[str, Any]:
+def outcomes(subject: Subject, first: int, copies: int) -> dict[str, Any]:
     """Counts of outcomes, the first seed of each that must not happen, time and memory."""
     counts: Counter[str] = Counter()
     bad: dict[str, int] = {}
-    longest, peak, seed = 0.0, 0, 0
-    while seed < copies:
+    longest, peak, seed, end = 0.0, 0, first, first + copies
+    while seed < end:
         said: Any = multiprocessing.SimpleQueue()
-        child = multiprocessing.Process(target=tally, args=(subject, range(seed, copies), said))
+        child = multiprocessing.Process(target=tally, args=(subject, range(seed, end), said))
         child.start()
         began = seed
-        while seed < copies:
+        while seed < end:
             waited = time.monotonic()
             while said.empty() and child.is_alive():
                 child.join(0.001)
-                if time.monotonic() - waited > 2 * HANG_S:  # in a library that no alarm stops
+                if time.monotonic() - waited > 12 * HANG_S:  # in a library that no alarm stops
                     child.kill()
             if said.empty():
                 outcome, seconds = f"DIED {child.exitcode}", time.monotonic() - waited
@@ -132,6 +142,8 @@ def outcomes(subject: Subject, copies: int) -> dict[str, Any]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--copies", type=int, default=100, help="damaged copies of each kind")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first copy of each kind")
+    parser.add_argument("--commands", action="store_true", help="commands in place of readers")
     parser.add_argument("--kind", help="kinds whose name holds this word")
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     arguments = parser.parse_args()
@@ -139,9 +151,10 @@ def main() -> int:
     multiprocessing.set_start_method("fork")
     with tempfile.TemporaryDirectory() as folder:
         os.environ["HOME"] = folder
-        for subject in subjects(Path(folder) / "inputs"):
+        kinds = command_subjects if arguments.commands else subjects
+        for subject in kinds(Path(folder) / INPUTS):
             if arguments.kind is None or arguments.kind in subject.name:
-                results[subject.name] = outcomes(subject, arguments.copies)
+                results[subject.name] = outcomes(subject, arguments.first, arguments.copies)
                 if not arguments.json:
                     print(_line(subject.name, results[subject.name]), flush=True)
     total = sum(sum(result["counts"].values()) for result in results.values())

@@ -22,13 +22,13 @@ import serial
 from spectrabox.capture.meter import serial_line
 from spectrabox.capture.meter.instruments.errors import InstrumentError
 from spectrabox.capture.meter.instruments.specbos1211 import DEFAULTS
-from spectrabox.radiometry.outside.interruption import SIGNALS
 from spectrabox.capture.meter.measurement import measure_once
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.replay import settings_of
 from spectrabox.capture.transcripts.transcript import Event, Transcript
 from spectrabox.fixtures.meter_transcripts import SyntheticMeter, changed_meters
+from spectrabox.radiometry.outside.interruption import SIGNALS
 
 PACE = Pace(scale=0.002, shortest_limit_s=0.5)
 BUSY_S = 0.1                # a played measurement; the line is deaf to all that comes during it

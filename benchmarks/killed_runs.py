@@ -36,7 +36,7 @@ def kill_at(number: int, event: str) -> None:
 
     def watch(name: str, arguments: tuple[Any, ...]) -> None:
         nonlocal left
-        if name == "os.rename" or event == "change" and _is_change(name, arguments):
+        if name == "os.rename" or (event == "change" and _is_change(name, arguments)):
             left -= 1
             if left == 0:
                 os.kill(os.getpid(), signal.SIGKILL)

@@ -15,6 +15,21 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.fixture(scope="module")
+def browser():
+    """The distribution's Chromium, driven by Playwright, or a skip with the reason."""
+    playwright = pytest.importorskip("playwright.sync_api",
+                                     reason="Playwright drives the page: pip install playwright")
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser",
+                                                 "google-chrome"))), None)
+    if found is None:
+        pytest.skip("no Chromium on this machine to open the page in: apt install chromium")
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
 @pytest.fixture(scope="session")
 def _captured(tmp_path_factory):
     from spectrabox.fixtures.demo_session import write_demo_session

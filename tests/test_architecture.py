@@ -146,8 +146,8 @@ def writes_of(node, whole=False):
         whole = whole or any("whole_file" in ast.dump(item.context_expr) for item in node.items)
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and not whole:
         name, owner = node.func.attr, ast.unparse(node.func.value)
-        if (name in WRITES and WRITES_OF.get(name, owner) in owner
-                or name == "open" and _opens_to_write(node)):
+        if ((name in WRITES and WRITES_OF.get(name, owner) in owner)
+                or (name == "open" and _opens_to_write(node))):
             yield node
     for child in ast.iter_child_nodes(node):
         yield from writes_of(child, whole)

@@ -4,7 +4,6 @@ import signal
 
 import pytest
 
-from spectrabox.radiometry.outside.interruption import SIGNALS, Interruptions
 from spectrabox.capture.meter.measurement import open_instrument, trusted_identity
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.faults import Fault, FaultKind
@@ -12,6 +11,7 @@ from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.replay import settings_of
 from spectrabox.fixtures.meter_transcripts import changed_meters
 from spectrabox.radiometry.errors import EnvironmentProblem
+from spectrabox.radiometry.outside.interruption import SIGNALS, Interruptions
 
 from benchmarks.bench_interruptions import conversation, interruptions, run, settings_left
 

@@ -66,7 +66,7 @@ def interrupted_at(line, work, number=signal.SIGHUP):
         ended = type(error)
     finally:
         sys.settrace(before)
-    gc.collect()        # an interrupt between two steps of contextlib: the frame that goes tidies up
+    gc.collect()        # interrupted between two steps of contextlib, a frame that goes tidies up
     with pytest.raises(KeyboardInterrupt):
         signal.raise_signal(number)         # whatever happened, the next is heard again
     for each, handler in handlers.items():  # an interrupt on the way in or out leaves one that

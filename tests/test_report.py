@@ -5,8 +5,6 @@ import dataclasses
 import html
 import json
 import re
-import shutil
-import subprocess
 from html.parser import HTMLParser
 
 import numpy as np
@@ -308,70 +306,6 @@ def test_red_green_and_blue_look_so_and_all_bands_differ():
                              (plain_line("a\n b\x07 c" + "d" * 90, 12), "a b c" + "d" * 6 + "…")])
 def test_numbers_are_written_for_people(said, expected):
     assert said == expected
-
-
-PROBE = """<script>window.said = [];
-  window.addEventListener("error", (event) => said.push("ERROR " + event.message));
-  console.error = console.warn = (...words) => said.push("CONSOLE " + words.join(" "));</script>"""
-MOVES = """<script>
-  const plot = document.querySelector("script.readout").parentElement;
-  const svg = plot.querySelector("svg"), box = svg.getBoundingClientRect();
-  svg.dispatchEvent(new PointerEvent("pointermove",
-    {clientX: box.left + box.width / 2, clientY: box.top + box.height / 2}));
-  said.push("POINTER " + plot.querySelector("output").textContent);
-  svg.focus();
-  said.push("FOCUS " + (document.activeElement === svg));
-  for (const key of ["Home", "ArrowRight", "ArrowRight", "ArrowLeft"])
-    svg.dispatchEvent(new KeyboardEvent("keydown", {key}));
-  said.push("KEYS " + plot.querySelector("output").textContent);
-  for (const each of performance.getEntriesByType("resource")) said.push("REQUEST " + each.name);
-  document.body.append(Object.assign(document.createElement("pre"),
-    {id: "said", textContent: JSON.stringify(said)}));</script>"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Chromium, or a skip with the reason."""
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser",
-                                                 "google-chrome"))), None)
-    if found is None:
-        pytest.skip("no Chromium on this machine to open the report in: apt install chromium")
-    return found
-
-
-def opened(browser, page, *options):
-    """What Chromium prints of a page that it opens without a window."""
-    return subprocess.run(
-        [browser, "--headless=new", "--no-sandbox", "--disable-gpu",
-         f"--user-data-dir={page.parent / 'profile'}", *options, page.as_uri()],
-        capture_output=True, text=True, timeout=100, check=True).stdout
-
-
-def test_the_report_works_in_a_browser_by_pointer_and_by_keyboard(browser, tmp_path):
-    results = example_session(tmp_path, materials=("white", HOSTILE, "green"))
-    page = tmp_path / "probed.html"
-    page.write_text(written(results).replace("<style>", PROBE + "<style>", 1).replace(
-        "</body>", MOVES + "</body>"), encoding="utf-8")
-    dom = opened(browser, page, "--dump-dom")
-    said = json.loads(html.unescape(re.search(r'<pre id="said">(.*?)</pre>', dom, re.DOTALL)[1]))
-    assert not [line for line in said if line.startswith(("ERROR", "CONSOLE"))]
-    assert not [line for line in said if line.startswith("REQUEST")
-                and not line.startswith("REQUEST data:")]
-    assert int(re.search(r'data-readouts="(\d+)"', dom)[1]) == dom.count('class="readout"')
-    values = r"mean 0\.\d{3}, standard deviation 0\.\d{3}"
-    assert any(re.match(rf"POINTER Wavelength 5\d\d nm: {values}", line) for line in said), said
-    assert "FOCUS true" in said
-    assert any(re.match(rf"KEYS Wavelength 401 nm: {values}", line) for line in said), said
-
-
-def test_the_report_prints_whole(browser, tmp_path):
-    results = example_session(tmp_path, materials=("white", "red", "green"))
-    page = tmp_path / "report.html"
-    page.write_text(written(results), encoding="utf-8")
-    opened(browser, page, f"--print-to-pdf={tmp_path / 'report.pdf'}", "--no-pdf-header-footer")
-    pages = (tmp_path / "report.pdf").read_bytes().count(b"/Type /Page\n")
-    # all materials and the provenance: far more than what fits on a screen
-    assert pages >= 3
 
 
 def with_ratio(results, ratio):

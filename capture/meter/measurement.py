@@ -27,10 +27,10 @@ from spectrabox.capture.meter.instruments.interface import (
     Instrument,
     MeterSettings,
 )
-from spectrabox.radiometry.outside.interruption import Interruptions
 from spectrabox.capture.meter.serial_line import Log, Pace, open_line
 from spectrabox.capture.meter.stated import check_stated
 from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.outside.interruption import Interruptions
 from spectrabox.radiometry.records import Quantity, Spectrum
 from spectrabox.radiometry.spectra.luminous import luminance_of
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading

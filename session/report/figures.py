@@ -121,7 +121,7 @@ def irradiance_figure(name: str, irradiance: np.ndarray, rows: int) -> Markup:
         text = f"{value:.0f}" if np.isfinite(value) else "?"
         ink = "white" if value < low + 0.55 * (high - low) else "black"
         axes.text(column, row, text, ha="center", va="center", fontsize=8, color=ink)
-    axes.set(xticks=[], yticks=[], title="Irradiance, % of the brightest patch")
+    axes.set(xticks=[], yticks=[], title="Irradiance, %")      # of how much, the caption says
     for spine in axes.spines.values():
         spine.set_visible(False)
     return inline_svg(drawing, name, "Irradiance over the chart",

@@ -47,4 +47,11 @@
     readouts += 1;
   });
   document.documentElement.dataset.readouts = readouts;
+  // Paper has nothing to click: what is folded away is printed too.
+  let folded = [];
+  window.addEventListener("beforeprint", () => {
+    folded = [...document.querySelectorAll("details:not([open])")];
+    folded.forEach((each) => { each.open = true; });
+  });
+  window.addEventListener("afterprint", () => folded.forEach((each) => { each.open = false; }));
 })();
