@@ -144,7 +144,8 @@ def main() -> int:
     parser.add_argument("--copies", type=int, default=100, help="damaged copies of each kind")
     parser.add_argument("--first", type=int, default=0, help="seed of the first copy of each kind")
     parser.add_argument("--commands", action="store_true", help="commands in place of readers")
-    parser.add_argument("--kind", help="kinds whose name holds this word")
+    parser.add_argument("--kind", action="append",
+                        help="kinds whose name holds this word; may be repeated")
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     arguments = parser.parse_args()
     results = {}
@@ -153,7 +154,7 @@ def main() -> int:
         os.environ["HOME"] = folder
         kinds = command_subjects if arguments.commands else subjects
         for subject in kinds(Path(folder) / INPUTS):
-            if arguments.kind is None or arguments.kind in subject.name:
+            if not arguments.kind or any(word in subject.name for word in arguments.kind):
                 results[subject.name] = outcomes(subject, arguments.first, arguments.copies)
                 if not arguments.json:
                     print(_line(subject.name, results[subject.name]), flush=True)

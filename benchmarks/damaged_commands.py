@@ -18,8 +18,12 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo.image_files import write_exr
+from spectrabox.fixtures import lamp
+from spectrabox.fixtures.demo_photos import camera_sensitivities
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.flat_demo import write_flat_demo
+from spectrabox.fixtures.paints import NM as SPECTRA_NM
+from spectrabox.fixtures.paints import chart_truth
 from spectrabox.fixtures.spectral_files import write_examples
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.cli import main
@@ -150,9 +154,11 @@ def _signals(folder: Path) -> Rows:
 
 
 def _cameras(folder: Path) -> Rows:
+    light = lamp.radiance(SPECTRA_NM)
     (folder / "lamp.csv").write_text("nm,value\n" + "\n".join(
-        f"{nm:g},{1 + nm / 1000:.4f}" for nm in NM))
-    cells = np.random.default_rng(6).uniform(0.1, 0.9, (24, 3))
+        f"{nm:g},{value:.5g}" for nm, value in zip(SPECTRA_NM, light, strict=True)))
+    cells = chart_truth(np.random.default_rng(6)) @ (camera_sensitivities() * light).T
+    cells *= 0.8 / cells.max()
     (folder / "patches.csv").write_text("R,G,B\n" + "\n".join(
         ",".join(f"{value:.4f}" for value in row) for row in cells))
     fit = ("camera", "fit", "--light", folder / "lamp.csv", "--patches", folder / "patches.csv",
@@ -161,7 +167,7 @@ def _cameras(folder: Path) -> Rows:
         yield f"camera fit {name}", folder / name, fit, True
     yield "camera preflight", folder / "lamp.csv", ("camera", "preflight", "--light", "FILE"), True
     database = _made(folder / "cameras")
-    for number in range(3):
+    for number in range(5):
         (database / f"{number}.csv").write_text("wavelength,red,green,blue\n" + "\n".join(
             f"{nm:g}," + ",".join(f"{value:.4f}" for value in np.roll(row, number))
             for nm, row in zip(NM, CURVES.T, strict=True)))
