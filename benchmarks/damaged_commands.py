@@ -129,7 +129,7 @@ def _signals(folder: Path) -> Rows:
     (folder / "signals.csv").write_text("R,G,B\n0.2,0.3,0.25\n0.4,0.4,0.3\n")
     (folder / "more.toml").write_text(MORE.partition("[[same]]")[0])
     camera = ("--sensitivity", folder / "cam.csv", "--light", folder / "lamp.csv")
-    one = ("--signal", "0.5,0.4,0.45", "--noise", "0.05", "--samples", "1000")
+    one = ("--signal", "0.5,0.4,0.45", "--noise", "0.05,0.05,0.05", "--samples", "1000")
     for name in ("cam.csv", "lamp.csv"):
         yield f"sample {name}", folder / name, ("sample", *camera, *one), True
     yield "sample signals", folder / "signals.csv", (
