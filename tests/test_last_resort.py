@@ -49,7 +49,7 @@ def session(tmp_path):
     ("type('Panic', (BaseException,), {})('of Rust')", 1, "unexpected Panic: of Rust"),
     ("KeyboardInterrupt", 130, "interrupted"),
     ("PermissionError(13, 'Permission denied', 'a/b.csv')", 3,
-     "session.toml cannot be read (Permission denied)")])
+     "a/b.csv cannot be read or written (Permission denied)")])
 def test_an_error_that_nobody_foresaw_is_one_sentence(session, fault, code, said):
     ended = installed("status", session, "--json", fault=fault, folder=session)
     assert ended.returncode == code, ended.stderr
