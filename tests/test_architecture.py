@@ -131,6 +131,7 @@ OWN_WAY = {"radiometry/files.py": "is the one way",
            "session/store/store.py": "fills a folder that is replaced whole",
            "session/store/record_files.py": "writes into such a folder",
            "session/report/figures.py": "draws into memory",
+           "session/store/draws_files.py": "writes in such a block, a function for each format",
            "capture/transcripts/transcript.py": "is written line by line, so that nothing is lost"}
 
 
