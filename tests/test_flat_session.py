@@ -243,7 +243,9 @@ def test_one_command_goes_from_a_photo_to_its_report(tmp_path):
     assert not {name.split(".")[0] for name in modules} & {"mitsuba", "drjit"}
     ours = {name for name in modules if name.startswith("spectrabox.reconstruct.")}
     # defaults of session.toml, and the name of what would render, for the report's provenance
-    assert ours <= {"spectrabox.reconstruct.settings", "spectrabox.reconstruct.rendering",
+    # what session.toml may say of scenes is read with the rest of its tables
+    assert ours <= {"spectrabox.reconstruct.settings", "spectrabox.reconstruct.scene",
+                    "spectrabox.reconstruct.scene.box_tables", "spectrabox.reconstruct.rendering",
                     "spectrabox.reconstruct.rendering.llvm"}
 
 
