@@ -3,6 +3,7 @@
 Statistical tests have a significance of 1e-4 each (3.9 sigma), at fixed seeds.
 """
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,9 +19,16 @@ from calibrate_cameras import (
 )
 from scipy import stats
 
-from spectrabox.calibrate.chart_equations import PatchError, noise_covariance
+from spectrabox.calibrate.chart_equations import (
+    PatchError,
+    field_terms,
+    noise_covariance,
+    predicted_signal,
+    unlit_design,
+)
 from spectrabox.calibrate.prior.prior_fit import held_out_signals, posterior_of_curves
 from spectrabox.calibrate.spline_fit import fit_bands
+from spectrabox.calibrate.trust import sentences
 from spectrabox.capture.chart.patches import sample_patches
 from spectrabox.radiometry import light_drift as drift
 from spectrabox.radiometry.bspline import basis_matrix
@@ -245,3 +253,33 @@ def test_a_material_is_off_by_what_its_surfaces_are_off_by_together_and_apart():
         np.testing.assert_allclose(model_covariance(seen, name, frozenset({"card"}), 0.01),
                                    apart + blocks + np.outer(offset, offset), rtol=1e-10)
     assert not model_covariance(seen, "glass", frozenset(), 0.01).any()
+
+
+@pytest.mark.parametrize("sigmas, said", [(2.0, False), (4.0, True)])
+def test_glare_is_claimed_beyond_three_of_its_standard_errors(sigmas, said):
+    """Of 5 % of the brightest patch: much, where it is certain."""
+    glare = np.array([0.05, 0.0, 0.0])
+    state = SimpleNamespace(field=np.ones(24), glare=glare, glare_error=np.full(3, 0.05 / sigmas),
+                            predicted=np.ones((24, 3)))
+    fit = SimpleNamespace(model_error=0.002, chi_square=1.0, families=(), photos=(state,),
+                          prior_share=np.zeros((3, GRID.nm.size)))
+    assert any("glare or a wrong black level of 5%" in one for one in sentences(fit, GRID)) == said
+
+
+@pytest.mark.parametrize("with_glare", [True, False])
+def test_derivatives_of_a_chart_photo_are_those_of_differences(with_glare):
+    light, rng = daylight(), np.random.default_rng(30)
+    chart = photo(np.full((24, 3), 0.3), light, reflectances(), 0.01,
+                  field_terms(rng.uniform(size=(24, 2))), with_glare)
+    basis = basis_matrix(GRID.nm, 6)
+    design, count = unlit_design(chart, basis), 8 if with_glare else 5
+    at = np.r_[rng.uniform(0.5, 1, 18), 0.2, 0.1 * rng.standard_normal(count)]
+
+    def signal(state):
+        return predicted_signal(chart, design, state[:18].reshape(3, 6), state[18], state[19:])
+    found, step = signal(at)[1], 1e-6
+    # central differences: the third derivative times the step squared, and eps over the step
+    for index, unit in enumerate(np.eye(at.size)):
+        ahead, behind = (signal(at + sign * step * unit)[0] for sign in (1, -1))
+        np.testing.assert_allclose(found[:, index], (ahead - behind) / (2 * step), rtol=1e-6,
+                                   atol=1e-8 * np.abs(ahead).max())

@@ -135,9 +135,11 @@ def test_a_card_of_known_spectrum_tells_of_white_what_conditioning_on_it_tells(s
 @pytest.mark.parametrize("model", [0.0, 0.02])
 def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
     rng = np.random.default_rng(64)
-    covariance = unknowns()[:6, :6]
+    # glare that is hardly known, of a photo with little noise: no part hides another
+    size = np.repeat([1.0, 12.0], 3)
+    covariance = size[:, None] * unknowns()[:6, :6] * size
     white = White(LEVEL[None], covariance[None, :3, :3], covariance[None, :3, 3:])
-    veil, noise = np.array([0.002, 0.001, 0.003]), np.array([[1e-5, 2e-5, 3e-5]])
+    veil, noise = np.array([0.002, 0.001, 0.003]), np.array([[4e-6, 6e-6, 5e-6]])
     shared = 0.01**2 * np.eye(3)
     errors = PixelErrors(np.zeros(1), np.zeros(1), white, GLARE, covariance[3:, 3:], veil, shared,
                          model**2 * np.eye(3), None, None, None)
