@@ -8,6 +8,7 @@ from test_reconstruct_fit import BASIS, COUNT, GROUP, REGIONS, case, fit_spectra
 
 from spectrabox.reconstruct.fit.band_system import compress
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewTerms
+from spectrabox.reconstruct.tracer.transport import TracedTransport
 
 SIGMAS = 3.9
 PASSES, NOISE = 4, 0.3
@@ -60,3 +61,14 @@ def test_the_stated_error_of_a_scale_is_that_of_repeated_photos(scale):
                      for name in ("scale", "scale_error"))
     # 59 degrees of freedom know a deviation to 9 %
     assert found.std(ddof=1) / stated.mean() == pytest.approx(1, abs=SIGMAS * 0.092)
+
+
+def test_deviations_of_passes_are_those_of_their_mean():
+    """Four traces that err by 0.1 each have a mean that errs by 0.05."""
+    rng = np.random.default_rng(34)
+    passes = 1 + 0.1 * rng.standard_normal((PASSES, 20_000, 1, 1))
+    traced = TracedTransport(np.zeros((1, 1), int), passes, 16, 0.0)
+    variance = np.sum(traced.deviations**2, axis=0).mean()
+    # 60 000 degrees of freedom know a variance to 0.6 %
+    assert variance == pytest.approx(0.1**2 / PASSES, rel=0.025)
+    assert np.var(traced.coefficients) == pytest.approx(0.1**2 / PASSES, rel=0.04)
