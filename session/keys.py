@@ -6,8 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_chart import chart_files
-from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig, SpectrumTable
+from spectrabox.session.config.session_schema import (
+    ONE_PHOTO,
+    SessionConfig,
+    SourceTable,
+    SpectrumTable,
+)
 from spectrabox.session.stages.order import stages_of
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.provenance import DECISIVE, versions
@@ -80,6 +86,7 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
                        config.sensitivity.prior) | files(
                            *_named_by(chart_scene, config.folder)),
         "settings": {"lights": lights, "sensitivity": _plain(config.sensitivity.source),
+                     "own camera": _own_camera(config.sensitivity.source),
                      "method": config.sensitivity.method,
                      "coefficients": config.sensitivity.coefficients, "seed": config.session.seed,
                      "lamp position": config.repeatability.lamp_position,
@@ -167,6 +174,13 @@ def _measured(config: SessionConfig, of_chart: bool) -> dict[str, Any]:
         return {}
     return config.box.model_dump(include={"lamp", "chart"} if of_chart else None,
                                  exclude=None if of_chart else {"chart"})
+
+
+def _own_camera(source: SourceTable) -> str | None:
+    """Digest of a camera that the operator keeps under a name, outside of every session."""
+    from spectrabox.radiometry.spectra.kept_cameras import own_cameras
+    kept = None if source.camera is None else own_cameras().get(source.camera)
+    return None if kept is None else sha256_of(kept)
 
 
 def _outlines(config: SessionConfig) -> dict[str, Any]:

@@ -118,3 +118,45 @@ def test_a_fit_is_kept_with_its_errors_and_used_by_its_name(captured, own):
     np.testing.assert_allclose(sensitivities("my camera", visible_grid(1)), fitted,
                                rtol=1e-8, atol=1e-12)       # nine significant digits
     assert "standard_error R" in (own / "my camera.csv").read_text(encoding="utf-8")
+
+
+def with_camera(captured, name):
+    from spectrabox.session.config.session_file import read_session
+    path = captured / "session.toml"
+    text = path.read_text(encoding="utf-8")
+    before, after = text.split('[sensitivity]\nfrom = "chart"')
+    path.write_text(f'{before}[sensitivity]\nfrom = "{name}"{after}', encoding="utf-8")
+    return read_session(captured)
+
+
+def test_a_session_names_a_published_camera(captured):
+    from spectrabox.session.stages.inputs import GRID as WORKING
+    from spectrabox.session.stages.inputs import read_sensitivities
+    config = with_camera(captured, "Nikon 5100 (NPL)")
+    assert not config.sensitivity.from_chart
+    names, curves = read_sensitivities(config)
+    published = sensitivities("Nikon 5100 (NPL)", WORKING)
+    assert names == ("R", "G", "B")
+    np.testing.assert_allclose(curves, np.maximum(published, 0) / published.max())
+
+
+def test_a_session_names_a_camera_of_ones_own_and_notices_another(captured, tmp_path, own):
+    from spectrabox.session.keys import stage_keys
+    from spectrabox.session.store.input_files import InputFiles
+    curves = sensitivities("Nikon 5100 (NPL)", visible_grid(5))
+    nm = visible_grid(5).nm
+    assert call("camera", "add", rawtoaces_file(tmp_path, "Mine", curves, nm)).exit_code == 0
+    [kept] = kept_cameras.own_cameras()
+    config = with_camera(captured, kept)
+    keys = [stage_keys(config, InputFiles(config))["calibrate"] for _ in range(2)]
+    assert keys[0] == keys[1]
+    path = kept_cameras.own_cameras()[kept]
+    path.write_text(path.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    assert stage_keys(config, InputFiles(config))["calibrate"] != keys[0]
+
+
+def test_a_session_that_names_no_camera_is_told_the_nearest(captured):
+    from spectrabox.session.stages.inputs import read_sensitivities
+    config = with_camera(captured, "Nikon 5100")
+    with pytest.raises(InputError, match=r"Nikon 5100 \(NPL\)"):
+        read_sensitivities(config)

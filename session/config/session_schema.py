@@ -23,6 +23,7 @@ from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumP
 
 FILE_NAME = "session.toml"
 ONE_PHOTO = ""                          # the name under which a photo that is no table is kept
+FROM_CHART = "chart"                    # of the sensitivities
 FIRST_PHOTO = "photo"                   # what the photo of [photos] is called among [views]
 INVERSION = InversionSettings()
 
@@ -222,11 +223,45 @@ class LightSection(Table):
                                                  "another spectrum")
 
 
+class SourceTable(Table):
+    """Sensitivities: the chart's fit, measured curves in a text file, or a camera by its name."""
+
+    file: str | None = Field(None, description="name of the file, or \"chart\"")
+    columns: ListOf[str | int] | None = Field(None, description="names or numbers of the curves")
+    wavelength_column: int = Field(1, description="number of the column of wavelengths")
+    camera: str | None = Field(None, description="a published camera or observer, or one of your "
+                               "own that 'spectrabox camera add' keeps")
+
+    @model_validator(mode="after")
+    def _says_one_thing(self) -> SourceTable:
+        if (self.file is None) == (self.camera is None):
+            raise ValueError("sensitivity.from is either \"chart\", a file of measured curves, or "
+                             "a camera's name")
+        return self
+
+    @property
+    def words(self) -> str:
+        """What it is called in a sentence."""
+        return self.file or self.camera or ""
+
+
+def _as_source(written: Any) -> Any:
+    if not isinstance(written, str):
+        return written
+    by_name = written != FROM_CHART and not names_a_file(written) and "/" not in written
+    return {"camera" if by_name else "file": written}
+
+
+SourceRef = Annotated[SourceTable, BeforeValidator(
+    _as_source, json_schema_input_type=str | SourceTable)]
+
+
 class SensitivitySection(Table):
     """Where the camera's sensitivities come from."""
 
-    source: CurvesRef = Field(CurvesTable(file="chart"), validation_alias="from",
-                              description="\"chart\", or a file of measured curves")
+    source: SourceRef = Field(SourceTable(file=FROM_CHART), validation_alias="from",
+                              description="\"chart\", a file of measured curves, or a camera's "
+                              "name")
     method: Literal["prior", "smooth", "nonnegative", "paper"] | None = Field(
         None, description="prior: learnt from measured cameras; the others: splines")
     prior: str | None = Field(None, description="a prior made by 'spectrabox camera prior'")
@@ -237,7 +272,7 @@ class SensitivitySection(Table):
 
     @property
     def from_chart(self) -> bool:
-        return self.source.file == "chart"
+        return self.source.file == FROM_CHART
 
 
 class ScaleSection(Table):

@@ -122,7 +122,7 @@ def input_files(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]
                           [name for name in [config.chart.scene] if name is not None])):
         for name in others:
             roles.setdefault(name, role)
-    if not config.sensitivity.from_chart:
+    if not config.sensitivity.from_chart and config.sensitivity.source.file is not None:
         roles.setdefault(config.sensitivity.source.file, "sensitivities")
     for material, section in config.surfaces.items():
         if section.known is not None:

@@ -10,6 +10,7 @@ from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LinearImage, Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.spectra.named_spectra import sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_curves,
@@ -103,13 +104,18 @@ def read_sensitivities(config: SessionConfig) -> tuple[tuple[str, ...], np.ndarr
         If there are fewer than three curves, or they are negative.
     """
     source = config.sensitivity.source
-    nm, names, curves = read_curves(config.path(source.file), source.columns,
-                                    source.wavelength_column)
+    if source.file is None:
+        on = sensitivities(source.words, GRID)
+        names = ("R", "G", "B") if len(on) == 3 else tuple(f"band {k + 1}" for k in range(len(on)))
+    else:
+        nm, names, curves = read_curves(config.path(source.file), source.columns,
+                                        source.wavelength_column)
+        on = on_grid(nm, curves, GRID, source.file)
     if len(names) < 3:
-        raise InputError(f"{source.file} holds {len(names)} curves; three or more bands are needed")
-    on = on_grid(nm, curves, GRID, source.file)
+        raise InputError(f"{source.words} holds {len(names)} curves; three or more bands are "
+                         "needed")
     if on.max() <= 0 or on.min() < -0.05 * on.max():
-        raise InputError(f"{source.file}: sensitivities must be positive; "
+        raise InputError(f"{source.words}: sensitivities must be positive; "
                          f"they run from {on.min():.3g} to {on.max():.3g}")
     return names, np.maximum(on, 0.0) / on.max()
 
@@ -241,7 +247,7 @@ def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
         return names
     curves = read_sensitivities(config)[0]
     if len(curves) != bands:
-        raise InputError(f"{config.sensitivity.source.file} holds {len(curves)} curves, but the "
+        raise InputError(f"{config.sensitivity.source.words} holds {len(curves)} curves, but the "
                          f"photo has {bands} bands ({', '.join(names)}): give one curve for each, "
                          "in this order")
     return names if any(photographed) else curves
