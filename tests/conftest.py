@@ -10,14 +10,20 @@ import pytest
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
-# Run in the background, a shell has the tests ignore Ctrl-C, and all that they start would too.
+# Run in the background, a shell has the tests ignore Ctrl-C, and all that they start would too;
+# under nohup they ignore that the terminal is gone.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser():
-    """The distribution's Chromium, driven by Playwright, or a skip with the reason."""
+    """The distribution's Chromium, driven by Playwright, or a skip with the reason.
+
+    Playwright works once at a time in a process.
+    """
     playwright = pytest.importorskip("playwright.sync_api",
                                      reason="Playwright drives the page: pip install playwright")
     found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser",
@@ -71,18 +77,3 @@ def captured(_captured, tmp_path):
 def finished(_finished, tmp_path):
     """The same with the results of every stage."""
     return shutil.copytree(_finished, tmp_path / "finished" / "box")
-
-
-@pytest.fixture(scope="session")
-def chromium():
-    """The distribution's Chromium driven by Playwright, or a skip with the reason."""
-    playwright = pytest.importorskip("playwright.sync_api",
-                                     reason="Playwright drives pages: pip install playwright")
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser",
-                                                 "google-chrome"))), None)
-    if found is None:
-        pytest.skip("no Chromium on this machine to open pages in: apt install chromium")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield browser
-        browser.close()

@@ -118,7 +118,8 @@ def test_preflight_answers_before_shooting():
 
 
 @pytest.mark.parametrize("words, code, said", [
-                             (("--light", "D65"), 2, "give either --chart PHOTO or --patches CSV"),
+                             (("--light", "D65"), 2,
+                              "give either photos of a chart or --patches CSV"),
                              (("--light", "D65", "--patches", "none.csv"), 3,
                               "none.csv is missing"),
                              (("--light", "D65", "--patches", "none.csv", "--method", "magic"), 2,

@@ -10,9 +10,9 @@ MAX_WAIT_MS = 120_000
 
 
 @pytest.fixture
-def opened(chromium):
+def opened(browser):
     """A function that opens an address; at the end nothing may have complained."""
-    context = chromium.new_context(viewport={"width": 1400, "height": 1000})
+    context = browser.new_context(viewport={"width": 1400, "height": 1000})
     context.set_default_timeout(MAX_WAIT_MS)
     page, said, asked = context.new_page(), [], []
     page.on("console", lambda line: said.append(line.text)

@@ -28,8 +28,8 @@ def report(tmp_path_factory):
                                         materials=("white", "red", "green")))
 
 
-def test_on_a_phone_nothing_is_cut_off_and_no_column_is_a_letter_wide(chromium, report):
-    with chromium.new_page(viewport={"width": 400, "height": 800}) as page:
+def test_on_a_phone_nothing_is_cut_off_and_no_column_is_a_letter_wide(browser, report):
+    with browser.new_page(viewport={"width": 400, "height": 800}) as page:
         page.goto(report.as_uri())
         assert page.evaluate("document.documentElement.scrollWidth") <= 400
         widths = page.eval_on_selector_all(
@@ -38,8 +38,8 @@ def test_on_a_phone_nothing_is_cut_off_and_no_column_is_a_letter_wide(chromium, 
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_every_text_can_be_read_in_light_and_dark(chromium, report, scheme):
-    with chromium.new_page(color_scheme=scheme) as page:
+def test_every_text_can_be_read_in_light_and_dark(browser, report, scheme):
+    with browser.new_page(color_scheme=scheme) as page:
         page.goto(report.as_uri())
         dark = page.evaluate("getComputedStyle(document.documentElement).backgroundColor")
         assert (dark != "rgb(255, 255, 255)") == (scheme == "dark")
