@@ -50,6 +50,13 @@ class Checkout:
     folder: Path
     session: Path
 
+    def has(self, word: str) -> bool:
+        """Whether there is such a command, or option."""
+        asked = [word] if word.startswith("-") else [word, "--help"]
+        return subprocess.run([self.folder / ".venv" / "bin" / "spectrabox", *asked],
+                              cwd=self.folder, env={**os.environ, "PYTHONPATH": str(self.folder)},
+                              capture_output=True, check=False).returncode == 0
+
     def call(self, *words: str, limit_s: float | None = None) -> float:
         """Wall time of a command; the limit where it takes longer and is stopped."""
         environment = {**os.environ, "PYTHONPATH": str(self.folder)}
@@ -153,7 +160,8 @@ class Row:
 
 
 def row_of_command(command: Command, checkouts: list[Checkout], rounds: int) -> Row:
-    """Times of a command in each checkout, in turn."""
+    """Times of a command in each checkout that has it, in turn."""
+    checkouts = [checkout for checkout in checkouts if checkout.has(command.words[0])]
     times: list[list[float]] = [[] for _ in checkouts]
     for _ in range(rounds):
         for checkout, taken in zip(checkouts, times, strict=True):
