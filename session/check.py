@@ -16,14 +16,10 @@ from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.outside.free_memory import free_memory
 from spectrabox.radiometry.records import LinearImage
+from spectrabox.session.config.curve_sources import SpectrumTable
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_file import try_read_session
-from spectrabox.session.config.session_schema import (
-    FIRST_PHOTO,
-    SessionConfig,
-    SpectrumTable,
-    ViewInputs,
-)
+from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
 from spectrabox.session.pipeline import run_stages, stage_states
 from spectrabox.session.stages.inputs import (
     GRID,

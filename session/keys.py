@@ -7,13 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spectrabox.radiometry.files import sha256_of
+from spectrabox.session.config.curve_sources import SourceTable, SpectrumTable
 from spectrabox.session.config.session_chart import chart_files
-from spectrabox.session.config.session_schema import (
-    ONE_PHOTO,
-    SessionConfig,
-    SourceTable,
-    SpectrumTable,
-)
+from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig
 from spectrabox.session.stages.order import stages_of
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.provenance import DECISIVE, versions

@@ -75,7 +75,7 @@ def test_a_drift_is_found_and_nothing_else_is_claimed(drift, wanted):
     assert others <= 5
 
 
-def test_five_percent_of_a_lamp_is_out_where_the_others_repeat_to_one():
+def test_seven_percent_of_a_lamp_is_found_more_often_than_not():
     rng = np.random.default_rng(3)
     found = [out_of(months(rng, 12, (1.07, 1.07, 1.07))) for _ in range(100)]
     assert np.mean([(7, BRIGHTNESS) in one for one in found]) >= 0.85

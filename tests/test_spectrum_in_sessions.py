@@ -7,7 +7,7 @@ import pytest
 from spectrabox.fixtures.spectral_files import NM, REFLECTANCE, write_examples
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
-from spectrabox.session.config.session_schema import LightTable, SpectrumTable
+from spectrabox.session.config.curve_sources import LightTable, SpectrumTable
 from spectrabox.session.stages.inputs import read_light, read_reflectance
 
 

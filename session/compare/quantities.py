@@ -16,8 +16,9 @@ from spectrabox.radiometry.records import (
     PatchSamples,
     SpectrumSummary,
 )
+from spectrabox.session.config.curve_sources import LightTable
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.config.session_schema import LightTable, SessionConfig
+from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.order import stages_of
 from spectrabox.session.stages.stored_records import chart_of, left_out_of
 from spectrabox.session.store.store import FACTS, StoredStage, load_stage
@@ -85,7 +86,9 @@ def session_quantities(folder: Path, allow_outside: bool = False) -> SessionQuan
         camera = photo.camera
         quantities |= _of_chart(samples, photo, config, stored)
     if "reconstruct" in stored:
-        quantities |= _of_scale(stored["reconstruct"], chart, config)
+        # results of another version may lack what this one asks for
+        with contextlib.suppress(SpectraboxError, KeyError):
+            quantities |= _of_scale(stored["reconstruct"], chart, config)
     newest = max((stage.folder / FACTS).stat().st_mtime for stage in stored.values())
     finished = datetime.datetime.fromtimestamp(newest, datetime.UTC).isoformat(timespec="seconds")
     return SessionQuantities(folder, config.session.name, camera,

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -71,7 +70,7 @@ class RunControl:
         if process is None or not self.running:
             return
         self._stopped = True
-        os.kill(process.pid, signal.SIGINT)
+        process.send_signal(signal.SIGINT)      # nothing to one that has just ended
 
     def end(self) -> None:
         """Stop the run and wait for its end, for when the page closes."""

@@ -18,14 +18,9 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_on_grid,
 )
 from spectrabox.radiometry.spectra.stated_light import spectrum_of_name, vague_light
+from spectrabox.session.config.curve_sources import LightTable, SpectrumTable
 from spectrabox.session.config.session_chart import chart_files, session_chart
-from spectrabox.session.config.session_schema import (
-    ONE_PHOTO,
-    LightTable,
-    SessionConfig,
-    SpectrumTable,
-    ViewInputs,
-)
+from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig, ViewInputs
 
 GRID = visible_grid()            # 400-700 nm in 1 nm steps, on which everything is integrated
 MAX_CLIPPED = 0.5               # of the object photo
