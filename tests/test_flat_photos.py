@@ -88,13 +88,11 @@ def test_a_second_light_or_filter_adds_bands_and_narrows_the_spectra(tmp_path, o
     assert np.abs(off).max() < 4
     one, both = errors_and_cover(one_photo), errors_and_cover(finished)
     assert (both[:, 2] < one[:, 2]).all()               # width of every band
-    # The cube's blue rises again towards 700 nm, which the prior hardly knows: through the glass
-    # its band holds 61 %, though its signals are right. The other paints all gain.
+    assert both[:, 0].mean() < one[:, 0].mean()         # RMSE
     known = np.array([name != "cube" for name in PAINTS])
-    assert both[known, 0].mean() < one[known, 0].mean()     # RMSE
     assert both[known, 1].min() > 0.95
-    assert both[:, 0].mean() < 1.1 * one[:, 0].mean()
-    assert both[:, 1].mean() > 0.85
+    # The cube's blue rises again towards 700 nm, which few paints of the prior do.
+    assert both[~known, 1].min() > 0.75
 
 
 def test_regions_are_measured_in_the_photos_that_show_them(tmp_path):

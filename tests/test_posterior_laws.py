@@ -90,6 +90,29 @@ def test_weights_of_a_mixture_are_those_of_integration(two_wavelengths):
     assert 0.2 < found.weights[0, 0] < 0.8      # neither component decides alone
 
 
+def test_weights_under_an_error_common_to_all_bands_are_those_of_integration():
+    """A photo's level that is known to 4 %: a component may miss the signal by as much."""
+    covariance = np.array([[1.0, 0.3], [0.3, 1.0]])
+    known = mixture_of([450.0, 650.0], [0.15, 0.85], [[-0.35, 0.2], [0.3, 0.55]],
+                       [0.05**2 * covariance, 0.3**2 * covariance])
+    response, signal = np.array([[0.8, 0.2], [0.3, 0.7]]), np.array([[0.478, 0.544]])
+    noise = 0.04**2 * signal.T @ signal + 0.003**2 * np.eye(2)
+    line = np.linspace(-2.0, 2.0, 801)
+    x = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
+    likelihood = stats.multivariate_normal(signal[0], noise + SIGNAL_FLOOR**2 * np.eye(2)).pdf(
+        reflectance(x) @ response.T)
+    mass = np.array([weight * stats.multivariate_normal(mean, spread).pdf(x) @ likelihood
+                     for weight, mean, spread in zip(known.weights, known.means,
+                                                     known.covariances, strict=True)])
+    found = posterior(known, response, signal, noise)
+    # Laplace's method errs by the cubic term, as above
+    np.testing.assert_allclose(found.weights[0], mass / mass.sum(), atol=0.01)
+    # the case can tell: neither decides alone, and the narrow one misses by 1 % of white or more
+    assert 0.2 < found.weights[0, 0] < 0.8
+    missed = signal[0] - response @ reflectance(found.logits[0, 0])
+    assert np.abs(missed).max() > 0.01
+
+
 def test_mean_spread_and_quantiles_of_a_mixture_are_those_of_integration(two_wavelengths):
     found, x, mass = two_wavelengths
     density, values = mass.sum(axis=0), reflectance(x)

@@ -30,7 +30,7 @@ BLOCK = 64                  # signals at a time: what they take then fits the ca
 NEGLIGIBLE = 2e-3           # weight of a component that is left out of a signal's posterior
 MAX_STEP = 2.0              # logits per step: keeps the linearisation where it is of use
 SIGNAL_FLOOR = 1e-3  # of white: the least standard error of a signal taken into the likelihood
-# a component that misses the signal by more than 0.5 % of white is given up
+# a component that misses the signal by more than 0.5 % of white and 4 sigma is given up
 MISFIT, PENALTY = 5e-3, 1e5
 # Gauss-Hermite quadrature of nine points, by Golub and Welsch: nodes are the eigenvalues of the
 # polynomials' recurrence, weights the squares of the first components of its eigenvectors.
@@ -99,6 +99,7 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     rough = np.array([log_weights[index] + rough_evidence(seen, *component, logits[index], tried)
                       for index, component in enumerate(components)])
     score, misfit, surprise = np.full(shape, -np.inf), np.zeros(shape), np.full(shape, np.inf)
+    allowed = allowed_misfit(noise)
     plain = score.copy()
     for index, component in enumerate(components):
         near = np.flatnonzero(rough[index] > rough.max(axis=0) - BEHIND)
@@ -107,7 +108,7 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
             seen, near, *component, logits[index, near])
         plain[index, near] = log_weights[index] + evidence
         score[index, near] = plain[index, near] \
-            - PENALTY * np.maximum(misfit[index, near] - MISFIT, 0)
+            - PENALTY * np.maximum(misfit[index, near] - allowed[near], 0)
     weights = np.exp(score - score.max(axis=0))
     weights /= weights.sum(axis=0)
     weights[weights < NEGLIGIBLE] = 0

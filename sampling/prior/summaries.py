@@ -19,8 +19,8 @@ from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
 from spectrabox.sampling.prior.drawn import COARSE, as_drawn
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture
 from spectrabox.sampling.prior.posterior import (
-    MISFIT,
     MixturePosterior,
+    allowed_misfit,
     central_band,
     mean_and_spread,
     posterior,
@@ -80,8 +80,7 @@ def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
            causes: dict[str, np.ndarray], level: float) -> PriorSummaries:
     noise = np.sum(list(causes.values()), axis=0)
     mixture = posterior(prior, relative_response, signals, noise)
-    variances = np.diagonal(noise, axis1=1, axis2=2)
-    allowed = np.maximum(MISFIT, 4 * np.sqrt(variances.max(axis=1)))
+    allowed = allowed_misfit(noise)
     strange = (mixture.surprise > prior.familiar_surprise) | (mixture.misfit > allowed)
     found = _of_mixture(prior, relative_response, signals, noise, mixture, level)
     budgets = error_budgets(prior, relative_response, mixture, causes)
