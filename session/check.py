@@ -125,8 +125,7 @@ def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
     for view in config.all_views:
         for spectrum in view.all_lights:
             attempt(read_light, config, spectrum)
-        scene = None if config.flat else attempt(read_session_scene, config, view.scene,
-                                                 view.turn_deg)
+        scene = None if config.flat else attempt(read_session_scene, config, view)
         if scene is not None:
             attempt(require_materials, scene, config.bsdfs)
 
@@ -143,8 +142,7 @@ def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
             return None
 
     for view in config.all_views:
-        scene = None if config.flat else silent(read_session_scene, config, view.scene,
-                                                view.turn_deg)
+        scene = None if config.flat else silent(read_session_scene, config, view)
         if (developed := attempt(read_photo, config, view.photo)) is not None:
             attempt(require_exposed, developed[0], view.photo_files[0])
             for name, region in config.regions.items():

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spectrabox.radiometry.files import sha256_of
+from spectrabox.session.box.colmap_cameras import colmap_files
 from spectrabox.session.config.curve_sources import SourceTable, SpectrumTable
 from spectrabox.session.config.session_chart import chart_files
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig
@@ -72,9 +73,11 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
     photos = [name for view in views for name in view.photo_files]
     if config.views_with_chart and ONE_PHOTO not in views[0].photo:
         photos += config.views_with_chart[0].chart_files  # the channel of each band is chosen there
-    keys["photo"] = {"files": files(*photos, *correcting, *scenes, config.camera.lens),
+    keys["photo"] = {"files": files(*photos, *correcting, *scenes, config.camera.lens,
+                                    *colmap_files(config)),
                      "settings": {"shown": _outlines(config) if config.flat
                                   else {"width": config.reconstruct.width},
+                                  "images": _images(config),
                                   "photos": {view.name: view.photo for view in views}} | developing
                      } | made_by("photo")
     keys["calibrate"] = {
@@ -127,9 +130,10 @@ def _scenes(config: SessionConfig,
     """The scene of the chart photo, and those of the object photos by file."""
     from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
     # before they are parsed: a scene that is replaced after this is noticed
-    files(config.chart.scene, *(view.scene for view in config.all_views))
-    return read_chart_scene(config), {view.scene: read_session_scene(config, view.scene)
-                                      for view in config.all_views}
+    files(config.chart.scene, *(view.scene for view in config.all_views), *colmap_files(config))
+    first = {view.scene: view for view in reversed(config.all_views)}
+    return read_chart_scene(config), {scene: read_session_scene(config, view)
+                                      for scene, view in first.items()}
 
 
 def _reconstruct_key(config: SessionConfig, scenes: dict[str | None, SceneFile],
@@ -139,13 +143,16 @@ def _reconstruct_key(config: SessionConfig, scenes: dict[str | None, SceneFile],
     named = [name for scene in scenes.values() for name in _named_by(scene, config.folder)]
     learnt = config.reconstruct.spectrum_prior == "learnt"
     return {
-        "files": files(*scenes, *(reference.file for reference in known.values()), *named),
+        "files": files(*scenes, *(reference.file for reference in known.values()), *named,
+                       *colmap_files(config)),
         "settings": {"materials": config.bsdfs,
                      "families": _families(config) if learnt else {},
                      "known": {name: _plain(reference) for name, reference in known.items()},
                      "scenes": {view.name: view.scene for view in views},
                      "box": _measured(config, of_chart=False),
                      "turns": {view.name: view.turn_deg for view in views},
+                     "cameras": {view.name: view.camera.model_dump() for view in views
+                                 if view.camera is not None},
                      "lights by id": [list(view.lights_by_id) for view in views],
                      "reconstruct": _plain(config.reconstruct),
                      "scale": config.scale.source,
@@ -170,6 +177,14 @@ def _measured(config: SessionConfig, of_chart: bool) -> dict[str, Any]:
         return {}
     return config.box.model_dump(include={"lamp", "chart"} if of_chart else None,
                                  exclude=None if of_chart else {"chart"})
+
+
+def _images(config: SessionConfig) -> dict[str, str]:
+    """The picture of a COLMAP model that says what the lens of each photo is."""
+    shared = None if config.box is None else config.box.camera
+    cameras = {view.name: view.camera or shared for view in config.all_views}
+    return {name: camera.image for name, camera in cameras.items()
+            if camera is not None and camera.image is not None}
 
 
 def _own_camera(source: SourceTable) -> str | None:

@@ -210,6 +210,21 @@ def projected(positions: np.ndarray, parameters: np.ndarray,
     return seen.reshape(-1, 2), np.asarray(derivative)
 
 
+def image_rays(points_px: np.ndarray, lens: Lens) -> np.ndarray:
+    """Unit directions (n, 3) in camera coordinates in which a lens sees pixels (n, 2).
+
+    Parameters
+    ----------
+    points_px : (n, 2) array
+        Pixels of the whole photo.
+    lens : Lens
+    """
+    across = cv2.undistortPoints(np.asarray(points_px, dtype=float).reshape(-1, 1, 2), lens.matrix,
+                                 lens.distortion).reshape(-1, 2)
+    rays = np.column_stack([across, np.ones(len(across))])
+    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+
 def rotation_matrix(vector: np.ndarray) -> np.ndarray:
     """Matrix (3, 3) of a rotation vector.
 

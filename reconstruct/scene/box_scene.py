@@ -32,7 +32,8 @@ FRAME = (" Lengths in mm: x to the right, y up, z out of the box's opening; (0, 
          "middle of the opening's lower edge. Reflectances and radiance are placeholders. ")
 
 
-def box_xml(box: BoxTable, size: tuple[int, int], pose: Mapping[str, Any] | None = None) -> str:
+def box_xml(box: BoxTable, size: tuple[int, int], pose: Mapping[str, Any] | None = None,
+            camera: CameraTable | None = None) -> str:
     """The scene of the box's photo.
 
     Parameters
@@ -43,9 +44,11 @@ def box_xml(box: BoxTable, size: tuple[int, int], pose: Mapping[str, Any] | None
     pose : mapping, optional
         ``to_world``, ``fov`` and so on of a ``perspective`` sensor, where the camera was found
         from the photo; by default the camera's measured place.
+    camera : CameraTable, optional
+        That was measured, where it is not the box's.
     """
     root = _scene(MAX_DEPTH, TAKE_OVER.format(key="scene.file"))
-    _add_sensor(root, _stated(box.camera) if pose is None else camera_nodes(pose), size)
+    _add_sensor(root, _stated(camera or box.camera) if pose is None else camera_nodes(pose), size)
     _add_lamp(root, box.lamp, box.lamp.at_mm)
     for name in box.materials:
         bsdf = ET.SubElement(root, "bsdf", type="diffuse", id=name)

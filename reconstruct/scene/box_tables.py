@@ -7,7 +7,7 @@ the opening, and (0, 0, 0) is the middle of the opening's lower edge, so the bac
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -121,10 +121,20 @@ class CameraTable(Table):
         None, description="corners in pixels of the photo by name: \"front bottom left\" of the "
         "box, \"NAME front top left\" of a box in it as before its turn; six or more, in place of "
         "at_mm and look_at_mm")
+    image: str | None = Field(None, description="name of this photo in the COLMAP model of "
+                              "[scene.box.colmap], which then says where the camera stood and what "
+                              "its lens is")
 
     @model_validator(mode="after")
     def _is_measured_or_found(self) -> CameraTable:
         measured = [name for name in ("at_mm", "look_at_mm") if getattr(self, name) is not None]
+        if self.image is not None:
+            others = [name for name in ("at_mm", "look_at_mm", "fov_deg", "corners_px")
+                      if getattr(self, name) is not None]
+            if others:
+                raise ValueError(f"the camera has image and {' and '.join(others)}: the COLMAP "
+                                 "model says where it stood and what it sees; leave one out")
+            return self
         if self.corners_px is None:
             missing = [name for name in ("at_mm", "look_at_mm", "fov_deg")
                        if getattr(self, name) is None]
@@ -140,6 +150,21 @@ class CameraTable(Table):
             raise ValueError(f"corners_px has {len(self.corners_px)} corners; {MIN_CORNERS} or "
                              "more are needed: of the opening, the back wall, objects")
         return self
+
+    @property
+    def measured(self) -> bool:
+        """Whether it stands where a tape says, not where corners or a model say."""
+        return self.corners_px is None and self.image is None
+
+
+class ColmapTable(Table):
+    """A COLMAP model of the box's photos, and what ties it to the box."""
+
+    folder: str = Field(description="with the model as text: cameras.txt and images.txt")
+    corners_px: Annotated[dict[str, dict[str, Pixel]], Field(min_length=2)] = Field(
+        description="corners of the box, and of boxes in it, by picture of the model: "
+        "{\"IMG_1.jpg\" = {\"back top left\" = [x, y]}}; three or more that two pictures show, "
+        "better six")
 
 
 class ChartPlaceTable(Table):
@@ -171,6 +196,8 @@ class BoxTable(Table):
         None, description="[x, z] of a turntable's axis; views then have turn_deg")
     lamp: LampTable = Field(description="the one lamp")
     camera: CameraTable = Field(description="of the box's photo")
+    colmap: ColmapTable | None = Field(None, description="a COLMAP model that says where cameras "
+                                       "with an image stood")
     chart: ChartPlaceTable | None = Field(None, description="of the chart photo")
 
     @model_validator(mode="after")
@@ -181,12 +208,41 @@ class BoxTable(Table):
                              "in [scene.box.walls]")
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise ValueError(f"two surfaces of the box are called {twice!r}; rename one")
-        if unknown := set(self.camera.corners_px or ()) - set(self.corner_positions()):
-            raise ValueError(f"corners_px names {sorted(unknown)[0]!r}; corners are "
-                             f"{', '.join(map(repr, self.corner_positions()))}")
+        if (fault := self.corner_fault(self.camera)) is not None:
+            raise ValueError(fault)
         if reserved := {"lamp", "chart"}.intersection(names):
             raise ValueError(f"an object cannot be called {sorted(reserved)[0]!r}; rename it")
         return self
+
+    @model_validator(mode="after")
+    def _ties_what_stands_still(self) -> BoxTable:
+        turning = [one.name for one in self.objects if one.on_turntable]
+        for picture, corners in (self.colmap.corners_px if self.colmap else {}).items():
+            if (fault := self._unknown_corner(corners)) is not None:
+                raise ValueError(f"{picture} of colmap: {fault}")
+            for name in corners:
+                if any(name.startswith(f"{one} ") for one in turning):
+                    raise ValueError(f"{picture} of colmap marks {name!r}, which turns with the "
+                                     "turntable; mark corners that stand still")
+        return self
+
+    def corner_fault(self, camera: CameraTable) -> str | None:
+        """What is wrong with a camera of this box, as a sentence; None where nothing is.
+
+        Parameters
+        ----------
+        camera : CameraTable
+        """
+        if camera.image is not None and self.colmap is None:
+            return (f"the camera's image {camera.image!r} is one of a COLMAP model, and none is "
+                    "named; add [scene.box.colmap] with folder and corners_px")
+        return self._unknown_corner(camera.corners_px or ())
+
+    def _unknown_corner(self, named: Iterable[str]) -> str | None:
+        if unknown := set(named) - set(self.corner_positions()):
+            return (f"corners_px names {sorted(unknown)[0]!r}; corners are "
+                    f"{', '.join(map(repr, self.corner_positions()))}")
+        return None
 
     @model_validator(mode="after")
     def _has_a_turntable_for_what_turns(self) -> BoxTable:

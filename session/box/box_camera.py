@@ -1,40 +1,62 @@
-"""The camera of a box's photo: measured with a tape, or found from corners marked in it."""
+"""The camera of a box's photo: measured with a tape, found from corners marked in it, or out of a
+COLMAP model.
+"""
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.errors import CheckError, SpectraboxError
 from spectrabox.reconstruct.scene.box_scene import box_xml
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
-from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
+from spectrabox.session.box.colmap_cameras import colmap_camera
+from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig, ViewInputs
 
 if TYPE_CHECKING:
     from spectrabox.calibrate.geometry.lens import Lens, Pose
+    from spectrabox.calibrate.geometry.model_in_scene import ModelInScene
+
+How = Literal["measured", "corners", "COLMAP"]
 
 
 @dataclass(frozen=True)
 class FoundCamera:
-    """A camera found from marked corners; lengths in millimetres."""
+    """Where a photo's camera stood and how that is known; lengths in millimetres.
 
+    Errors and residuals of a measured camera are not known: 0 and empty.
+    """
+
+    how: How
     sensor: Mapping[str, Any]           # as ``box_xml`` takes it
     fov_deg: float                      # across the photo's width
     residuals_px: dict[str, float]      # of every marked corner
     at_mm: tuple[float, ...]
     standard_error_mm: tuple[float, ...]
+    direction: tuple[float, ...]
     direction_error_deg: float
+    model: ModelInScene | None = None   # of COLMAP
 
 
-def box_text(config: SessionConfig, turn_deg: float = 0.0) -> str:
+@dataclass(frozen=True)
+class _Placed:
+    how: How
+    lens: Lens
+    pose: Pose
+    marks: dict[str, tuple[float, float]]   # corners in pixels of the photo
+    residuals_px: dict[str, float]
+    model: ModelInScene | None = None
+
+
+def box_text(config: SessionConfig, view: ViewInputs | None = None) -> str:
     """XML of the scene that [scene.box] describes.
 
     Parameters
     ----------
-    turn_deg : float
-        By which its turntable had turned.
+    view : ViewInputs, optional
+        Of the photo; the first by default.
 
     Raises
     ------
@@ -43,17 +65,17 @@ def box_text(config: SessionConfig, turn_deg: float = 0.0) -> str:
     CheckError
         If no place of the camera explains the corners, or two do.
     """
-    assert config.box is not None
-    camera = None if config.box.camera.corners_px is None else found_camera(config)
-    return box_xml(config.box.turned(turn_deg), size_of_photo(config),
-                   None if camera is None else camera.sensor)
+    view = view or config.all_views[0]
+    sensor = None if _camera(config, view).measured else found_camera(config, view).sensor
+    return box_xml(_box(config).turned(view.turn_deg), size_of_photo(config, view), sensor,
+                   _camera(config, view))
 
 
-def found_camera(config: SessionConfig) -> FoundCamera:
-    """The camera of the first photo, from the corners that [scene.box.camera] marks in it.
+def found_camera(config: SessionConfig, view: ViewInputs | None = None) -> FoundCamera:
+    """The camera of a photo, the first by default.
 
-    With a lens file its focal length is known; with ``fov_deg`` too; else it is found with the
-    camera's place, and the principal point is the photo's middle.
+    From marked corners: with a lens file its focal length is known; with ``fov_deg`` too; else it
+    is found with the camera's place, and the principal point is the photo's middle.
 
     Raises
     ------
@@ -61,37 +83,67 @@ def found_camera(config: SessionConfig) -> FoundCamera:
         As ``box_text``.
     """
     from spectrabox.calibrate.geometry.lens import camera_position, mitsuba_sensor
-    lens, pose = _lens_and_pose(config)
-    at, error, _, angle = camera_position(pose)
-    sensor = mitsuba_sensor(lens, pose)
-    misses = np.linalg.norm(pose.residuals_px, axis=1)
-    return FoundCamera(sensor, sensor["fov"],
-                       dict(zip(_box(config).camera.corners_px or {}, misses.tolist(),
-                                strict=True)),
-                       tuple(at.tolist()), tuple(error.tolist()), angle)
+    placed = _placed(config, view or config.all_views[0])
+    at, error, direction, angle = camera_position(placed.pose)
+    _require_in_front(_box(config), at, placed.how)
+    sensor = mitsuba_sensor(placed.lens, placed.pose)
+    return FoundCamera(placed.how, sensor, sensor["fov"], placed.residuals_px, tuple(at.tolist()),
+                       tuple(error.tolist()), tuple(direction.tolist()), angle, placed.model)
 
 
-def corners_in_photo(config: SessionConfig) -> dict[str, tuple[float, float]]:
+def corners_in_photo(config: SessionConfig,
+                     view: ViewInputs | None = None) -> dict[str, tuple[float, float]]:
     """Where the camera sees the corners of the box and of boxes in it: pixels of the photo by
     name.
     """
     from spectrabox.calibrate.geometry.projection import projected
-    lens, pose = _lens_and_pose(config)
-    corners = _box(config).corner_positions()
-    turn = _rotation_vector(pose.world_to_camera[:3, :3])
+    view = view or config.all_views[0]
+    placed = _placed(config, view)
+    corners = _box(config).turned(view.turn_deg).corner_positions()
+    turn = _rotation_vector(placed.pose.world_to_camera[:3, :3])
     seen, _ = projected(np.array(list(corners.values())),
-                        np.concatenate([turn, pose.world_to_camera[:3, 3]]), lens)
+                        np.concatenate([turn, placed.pose.world_to_camera[:3, 3]]), placed.lens)
     return {name: (float(x), float(y)) for name, (x, y) in zip(corners, seen, strict=True)}
 
 
-def size_of_photo(config: SessionConfig) -> tuple[int, int]:
-    """Width and height of the first photo in pixels."""
+def marked_corners(config: SessionConfig,
+                   view: ViewInputs | None = None) -> dict[str, tuple[float, float]]:
+    """Corners that the operator marked in a photo, by name: pixels of the whole photo."""
+    return _placed(config, view or config.all_views[0]).marks
+
+
+def lens_of_view(config: SessionConfig, view: ViewInputs) -> Lens | None:
+    """The lens by which a photo is undistorted, where one is known.
+
+    Raises
+    ------
+    InputError, CheckError
+        If its file or the COLMAP model cannot be read, or does not fit.
+    """
+    if config.camera.lens is not None:
+        from spectrabox.calibrate.geometry.lens_files import read_lens
+        return read_lens(config.path(config.camera.lens))
+    if config.box is None or view.scene is not None:
+        return None
+    camera = _camera(config, view)
+    if camera.image is None:
+        return None
+    return colmap_camera(config, camera.image, size_of_photo(config, view)).lens
+
+
+def size_of_photo(config: SessionConfig, view: ViewInputs | None = None) -> tuple[int, int]:
+    """Width and height of the photo that a camera took, in pixels; the first by default.
+
+    A view without a camera of its own is as large as the first photo, whose camera it shares.
+    """
     # a scene in a file needs none of its readers
     from spectrabox.capture.photo.linear import photo_size
-    return photo_size(config.path(config.all_views[0].photo_files[0]))
+    own = view is not None and view.camera is not None
+    taken = view if own and view is not None else config.all_views[0]
+    return photo_size(config.path(taken.photo_files[0]))
 
 
-def _lens_and_pose(config: SessionConfig) -> tuple[Lens, Pose]:
+def _placed(config: SessionConfig, view: ViewInputs) -> _Placed:
     # OpenCV and SciPy are not needed where nobody asks for them
     from spectrabox.calibrate.geometry.lens_files import read_lens
     from spectrabox.calibrate.geometry.pose import (
@@ -99,26 +151,51 @@ def _lens_and_pose(config: SessionConfig) -> tuple[Lens, Pose]:
         pose_and_focal_length,
         pose_from_points,
     )
-    box, (width, height) = _box(config), size_of_photo(config)
+    camera, (width, height) = _camera(config, view), size_of_photo(config, view)
+    if camera.image is not None:
+        found = colmap_camera(config, camera.image, (width, height))
+        return _Placed("COLMAP", found.lens, found.pose, found.marks, found.residuals_px,
+                       found.model)
     lens: Lens | None = None
     if config.camera.lens is not None:
         lens = read_lens(config.path(config.camera.lens))
-    elif box.camera.fov_deg is not None:
-        focal_px = width / (2 * float(np.tan(np.radians(box.camera.fov_deg) / 2)))
+    elif camera.fov_deg is not None:
+        focal_px = width / (2 * float(np.tan(np.radians(camera.fov_deg) / 2)))
         lens = lens_of_focal_length(focal_px, width, height)
-    if box.camera.corners_px is None:
+    if camera.corners_px is None:
         assert lens is not None
-        return lens, _measured_pose(box.camera)
-    corners, names = box.corner_positions(), tuple(box.camera.corners_px)
+        return _Placed("measured", lens, _measured_pose(camera), {}, {})
+    # a view without a camera of its own was taken by the first photo's, which marked its corners
+    turn_deg = view.turn_deg if view.camera is not None else 0.0
+    corners, names = _box(config).turned(turn_deg).corner_positions(), tuple(camera.corners_px)
     positions = np.array([corners[name] for name in names])
-    points = np.array([box.camera.corners_px[name] for name in names], dtype=float)
+    points = np.array([camera.corners_px[name] for name in names], dtype=float)
+    place = f"views.{view.name}.camera" if view.camera is not None else "scene.box.camera"
     try:
         if lens is None:
             pose, lens = pose_and_focal_length(positions, points, width, height, names)
-            return lens, pose
-        return lens, pose_from_points(positions, points, lens, names)
+        else:
+            pose = pose_from_points(positions, points, lens, names)
     except SpectraboxError as fault:
-        raise type(fault)(f"{FILE_NAME}: scene.box.camera.corners_px: {fault}") from None
+        raise type(fault)(f"{FILE_NAME}: {place}.corners_px: {fault}") from None
+    misses = np.linalg.norm(pose.residuals_px, axis=1).tolist()
+    return _Placed("corners", lens, pose, {name: (float(x), float(y)) for name, (x, y) in
+                                           zip(names, points, strict=True)},
+                   dict(zip(names, misses, strict=True)))
+
+
+def _require_in_front(box: BoxTable, at_mm: np.ndarray, how: How) -> None:
+    """Refuse a camera that would look through the back wall: marks in one plane fit from both
+    sides.
+    """
+    if how != "measured" and box.walls.back is not None and at_mm[2] <= -box.depth_mm:
+        raise CheckError(f"{FILE_NAME}: the marked corners put the camera behind the back wall (at "
+                         f"z = {at_mm[2]:.0f} mm): left and right are exchanged, name them as seen "
+                         "from the opening")
+
+
+def _camera(config: SessionConfig, view: ViewInputs) -> CameraTable:
+    return view.camera or _box(config).camera
 
 
 def _measured_pose(camera: CameraTable) -> Pose:

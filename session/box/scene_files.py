@@ -1,4 +1,4 @@
-"""What a box's measures become, to look at and to keep: scenes as XML, edges over the photo."""
+"""What a box's measures become, to look at and to keep: scenes as XML, edges over the photos."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -6,12 +6,22 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.outside.names import file_stem
 from spectrabox.reconstruct.scene.box_scene import box_edges, chart_xml
-from spectrabox.session.box.box_camera import box_text, corners_in_photo
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.box.box_camera import box_text, corners_in_photo, marked_corners
+from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.scenes import BOX_SCENE_NAME, CHART_SCENE_NAME
 
 OVERLAY_NAME = "box.png"
+
+
+def box_views(config: SessionConfig) -> list[ViewInputs]:
+    """The first photo of a measured box, and those that another camera took or that show it
+    turned.
+    """
+    first, *others = config.all_views
+    return [first, *(view for view in others if view.scene is None
+                     and (view.camera is not None or view.turn_deg))]
 
 
 def write_scene_files(config: SessionConfig) -> list[Path]:
@@ -20,12 +30,13 @@ def write_scene_files(config: SessionConfig) -> list[Path]:
     Returns
     -------
     list of Path
-        Of the scene, and of that of the chart photo where there is one; empty where the session's
-        scene is a file.
+        Of the scene, of those of views with another camera or turn, and of that of the chart photo
+        where there is one; empty where the session's scene is a file.
     """
     if config.box is None:
         return []
-    texts = {config.folder / BOX_SCENE_NAME: box_text(config)}
+    texts = {_named_after(config, BOX_SCENE_NAME, view): box_text(config, view)
+             for view in box_views(config)}
     if config.box.chart is not None:
         texts[config.folder / CHART_SCENE_NAME] = chart_xml(config.box, config.box.chart)
     for path, text in texts.items():
@@ -33,19 +44,41 @@ def write_scene_files(config: SessionConfig) -> list[Path]:
     return [*texts]
 
 
-def write_overlay(config: SessionConfig) -> Path:
-    """Write the photo with the box's edges as the camera would see them, and the marked corners."""
+def write_overlays(config: SessionConfig) -> list[Path]:
+    """Write each photo with the box's edges as its camera would see them, and the marked corners.
+
+    Returns
+    -------
+    list of Path
+        One for each of ``box_views``.
+    """
+    from spectrabox.capture.photo.image_files import write_png
+    paths = []
+    for view in box_views(config):
+        paths.append(_named_after(config, OVERLAY_NAME, view))
+        write_png(paths[-1], overlay(config, view))
+    return paths
+
+
+def overlay(config: SessionConfig, view: ViewInputs) -> np.ndarray:
+    """A photo (H, W, 3) uint8 with the box's edges and the marked corners drawn over it.
+
+    Edges are drawn straight, through ends that the lens bends.
+    """
     from spectrabox.calibrate.geometry.projection import points_overlay
     from spectrabox.capture.develop.developed import open_any
-    from spectrabox.capture.photo.image_files import write_png
     from spectrabox.capture.photo.preview import preview_rgb8
     assert config.box is not None
-    seen = corners_in_photo(config)
-    marked = config.box.camera.corners_px or {}
-    image = open_any(config.path(config.all_views[0].photo_files[0]), not_linear=True)
+    seen = corners_in_photo(config, view)
+    # a turned view without its own camera has no marks: the camera was found in the first photo
+    marked = marked_corners(config, view) if view.camera is not None or not view.name else {}
+    image = open_any(config.path(view.photo_files[0]), not_linear=True)
     lines = np.array([[seen[one], seen[other]] for one, other in box_edges(config.box)])
-    path = config.folder / OVERLAY_NAME
-    write_png(path, points_overlay(preview_rgb8(image), np.array([*marked.values()]).reshape(-1, 2),
-                                   np.array([seen[name] for name in marked]).reshape(-1, 2),
-                                   image.sensor_step, lines))
-    return path
+    return points_overlay(preview_rgb8(image), np.array([*marked.values()]).reshape(-1, 2),
+                          np.array([seen[name] for name in marked]).reshape(-1, 2),
+                          image.sensor_step, lines)
+
+
+def _named_after(config: SessionConfig, name: str, view: ViewInputs) -> Path:
+    path = config.folder / name
+    return path.with_name(f"{path.stem}-{file_stem(view.name)}{path.suffix}") if view.name else path

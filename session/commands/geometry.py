@@ -165,37 +165,34 @@ def pose(photo: Photo,
 
 def box(folder: Folder, allow_outside: Outside = False, as_json: Json = False,
         debug: Debug = False) -> None:
-    """Draw a session's measured box over its photo, and write the scenes made of it."""
+    """Draw a session's measured box over its photos, and write the scenes made of it."""
     with command(as_json, debug):
         from spectrabox.session.box.box_camera import found_camera
-        from spectrabox.session.box.scene_files import write_overlay, write_scene_files
+        from spectrabox.session.box.camera_facts import camera_facts, camera_text
+        from spectrabox.session.box.scene_files import (
+            box_views,
+            write_overlays,
+            write_scene_files,
+        )
         from spectrabox.session.config.session_file import read_session
+        from spectrabox.session.config.session_schema import FIRST_PHOTO
         from spectrabox.session.store.session_lock import outputs_writer
         config = read_session(folder, allow_outside)
         if config.box is None:
             raise InputError(f"{folder} has no [scene.box]: 'spectrabox new --template box' writes "
                              "a session that has one")
-        camera = None if config.box.camera.corners_px is None else found_camera(config)
+        cameras = {view.name or FIRST_PHOTO: found_camera(config, view)
+                   for view in box_views(config)}
         with outputs_writer(config.folder):
-            written = [*write_scene_files(config), write_overlay(config)]
-        facts: dict[str, Any] = {"files": [str(path) for path in written]}
-        lines = [f"wrote {path}" for path in written]
-        if camera is None:
-            lines.insert(0, "the camera stands as measured: the edges drawn over the photo show "
-                         "how well")
-        else:
-            worst = max(camera.residuals_px, key=lambda name: camera.residuals_px[name])
-            facts |= {"at_mm": camera.at_mm, "standard_error_mm": camera.standard_error_mm,
-                      "direction_standard_error_deg": camera.direction_error_deg,
-                      "fov_deg": camera.fov_deg, "residuals_px": camera.residuals_px}
-            place = ", ".join(f"{value:.1f} ({error:.1f})" for value, error in
-                              zip(camera.at_mm, camera.standard_error_mm, strict=True))
-            lines.insert(0, f"camera at {place} mm (standard errors in brackets), its direction "
-                         f"known to {camera.direction_error_deg:.2f} degrees, field of view "
-                         f"{camera.fov_deg:.1f} degrees across\n{len(camera.residuals_px)} "
-                         f"corners, largest residual {camera.residuals_px[worst]:.2f} pixels at "
-                         f"{worst}")
-        answer(as_json, facts, "\n".join(lines))
+            written = [*write_scene_files(config), *write_overlays(config)]
+        facts: dict[str, Any] = {"files": [str(path) for path in written],
+                                 **camera_facts(cameras[FIRST_PHOTO]),
+                                 "views": {name: camera_facts(camera)
+                                           for name, camera in cameras.items()}}
+        answer(as_json, facts, "\n".join([
+            *(line for name, camera in cameras.items()
+              for line in camera_text(name if len(cameras) > 1 else "", camera)),
+            *(f"wrote {path}" for path in written)]))
 
 
 def undistort(photo: Annotated[Path, typer.Argument(

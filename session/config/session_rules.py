@@ -14,6 +14,7 @@ from spectrabox.session.config.session_schema import (
     FIRST_PHOTO,
     ONE_PHOTO,
     SessionConfig,
+    ViewSection,
     by_band,
 )
 
@@ -220,10 +221,29 @@ def _views(config: SessionConfig) -> list[str]:
             problems.append(f"{FILE_NAME}: views.{name}.turn_deg turns the turntable of "
                             "[scene.box], which this view has none of; give turntable_mm there, or "
                             "leave it out")
+        if view.camera is not None:
+            problems += _camera_of(config, name, view)
+    cameras = [view.camera for view in config.views.values()]
+    if config.box is not None:
+        cameras.append(config.box.camera)
+    if config.camera.lens is not None and any(camera is not None and camera.image is not None
+                                              for camera in cameras):
+        problems.append(f"{FILE_NAME}: camera.lens and a camera with image both say what the lens "
+                        "is: the COLMAP model has its own; leave camera.lens out")
     if config.views and config.reconstruct.engine not in ("auto", "transport"):
         problems.append(f"{FILE_NAME}: several views are fitted by reconstruct.engine = "
                         f"\"transport\" alone; {config.reconstruct.engine!r} takes one photo")
     return problems
+
+
+def _camera_of(config: SessionConfig, name: str, view: ViewSection) -> list[str]:
+    """Faults of a view's own camera."""
+    assert view.camera is not None
+    if config.box is None or view.scene is not None:
+        return [f"{FILE_NAME}: views.{name}.camera places a camera before [scene.box], and this "
+                "view's scene is a file, which has its own; leave it out"]
+    fault = config.box.turned(view.turn_deg or 0.0).corner_fault(view.camera)
+    return [] if fault is None else [f"{FILE_NAME}: views.{name}.camera: {fault}"]
 
 
 def _bands(config: SessionConfig) -> list[str]:

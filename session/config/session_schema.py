@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 from spectrabox.radiometry.charts.layouts import is_layout_file
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.errors import InputError
-from spectrabox.reconstruct.scene.box_tables import BoxTable
+from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumPrior
 from spectrabox.session.config.curve_sources import (
     FROM_CHART,
@@ -259,6 +259,8 @@ class ViewSection(Table):
     scene: str | None = Field(None, description="its scene; that of [scene] where left out")
     turn_deg: float | None = Field(None, ge=-360, le=360, description="by which the turntable of "
                                    "[scene.box] had turned, counter-clockwise as seen from above")
+    camera: CameraTable | None = Field(None, description="where its camera stood, as of "
+                                       "[scene.box.camera]; there too where left out")
     chart: Photo | None = Field(None, description="the chart under its light; without it, "
                                 "materials in common with other photos tell its strength")
 
@@ -369,6 +371,7 @@ class ViewInputs:
     scene: str | None                   # None: made from [scene.box]
     lights_by_id: dict[str, LightTable]
     turn_deg: float = 0.0               # of the turntable
+    camera: CameraTable | None = None   # of a box's photo, where it is not that of [scene.box]
 
     @property
     def photo_files(self) -> tuple[str, ...]:
@@ -437,7 +440,7 @@ class SessionConfig(SessionTables):
         return (first, *(ViewInputs(name, by_band(view.photo), self._chart_of(view),
                                     view.light or first.light, view.scene or first.scene,
                                     {} if view.light else first.lights_by_id,
-                                    view.turn_deg or 0.0)
+                                    view.turn_deg or 0.0, view.camera)
                          for name, view in self.views.items()))
 
     def _chart_of(self, view: ViewSection) -> dict[str, tuple[str, ...]]:

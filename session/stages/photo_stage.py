@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.geometry.lens_files import read_lens
 from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.capture.chart.reference_region import region_signals
 from spectrabox.capture.photo.binning import bin_image, render_size
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.session.box.box_camera import lens_of_view
 from spectrabox.session.stages.inputs import read_photo, require_exposed
 from spectrabox.session.stages.scenes import check_aspect, read_session_scene
 from spectrabox.session.stages.stage_task import StageTask
@@ -41,9 +41,9 @@ def bin_object_photos(task: StageTask) -> dict[str, Any]:
         require_exposed(photo, name)
         if config.drift.object_px and not view.name:
             records["references"] = region_signals(photo, np.array(config.drift.object_px))
-        if config.camera.lens is not None:
-            photo = undistorted(photo, read_lens(config.path(config.camera.lens)))
-        check_aspect(photo, read_session_scene(config, view.scene, view.turn_deg), name)
+        if (lens := lens_of_view(config, view)) is not None:
+            photo = undistorted(photo, lens)
+        check_aspect(photo, read_session_scene(config, view), name)
         write_png(task.folder / f"{view.record('preview')}.png", preview_rgb8(photo))
         height, width = photo.signal.shape[:2]
         size = render_size(width, height, config.reconstruct.width)

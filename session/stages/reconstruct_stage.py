@@ -132,7 +132,7 @@ def views_of(config: SessionConfig, stored: Mapping[str, StoredStage],
     views: list[View] = []
     for inputs, photo, calibration in zip(config.all_views, photos,
                                           calibrations_of(config, stored), strict=True):
-        scene = read_session_scene(config, inputs.scene, inputs.turn_deg)
+        scene = read_session_scene(config, inputs)
         drifted = drift if not inputs.name else None
         scale = scale_of_view(config, inputs, photo, calibration, stored, drifted)
         lights = {light: read_known_light(config, spectrum)

@@ -12,23 +12,20 @@ from spectrabox.reconstruct.scene.scene_file import (
     read_scene,
     scene_of_text,
 )
-from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
+from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig, ViewInputs
 
 BOX_SCENE_NAME, CHART_SCENE_NAME = "scene.xml", "chart-scene.xml"   # made of [scene.box]
 
 MAX_ASPECT_ERROR = 0.01  # photo against scene film: above, the two do not show the same view
 
 
-def read_session_scene(config: SessionConfig, file: str | None = None,
-                       turn_deg: float = 0.0) -> SceneFile:
-    """The scene of the object photo, or another one; its files lie within the session folder.
+def read_session_scene(config: SessionConfig, view: ViewInputs | None = None) -> SceneFile:
+    """The scene of a photo; its files lie within the session folder.
 
     Parameters
     ----------
-    file : str, optional
-        Of a view; that of [scene] by default.
-    turn_deg : float
-        By which the turntable of [scene.box] had turned.
+    view : ViewInputs, optional
+        The first photo's by default.
 
     Raises
     ------
@@ -38,12 +35,13 @@ def read_session_scene(config: SessionConfig, file: str | None = None,
     if config.scene is None:
         raise InputError(f"{FILE_NAME} describes regions of a flat sample and no scene; this needs "
                          "a session with [scene]")
-    if (name := file or config.scene.file) is None:
+    view = view or config.all_views[0]
+    if view.scene is None:
         # what reads photos is not needed where the scene is a file
         from spectrabox.session.box.box_camera import box_text
-        return scene_of_text(box_text(config, turn_deg), config.folder / BOX_SCENE_NAME,
+        return scene_of_text(box_text(config, view), config.folder / BOX_SCENE_NAME,
                              _allowed_folder(config))
-    return read_scene(config.path(name), _allowed_folder(config))
+    return read_scene(config.path(view.scene), _allowed_folder(config))
 
 
 def read_chart_scene(config: SessionConfig) -> SceneFile | None:
