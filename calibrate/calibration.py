@@ -2,10 +2,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, some_patches
 from spectrabox.calibrate.colour_matrix import matrix_contradicts
@@ -154,8 +156,11 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         if isinstance(first.light, UnknownLight):
             prior_fit, posterior, said = _products(fitted, first.light, grid, chosen.prior, apart)
         else:
-            prior_fit = prior_calibration(fitted, grid, chosen.prior, apart)
-            doubtful, said = _light_doubts(photos, fitted, grid, chosen.prior)
+            # BLAS is limited here, since what limits it inside would lift that of the other thread
+            with threadpool_limits(1, "blas"), ThreadPoolExecutor(1) as beside:
+                lights = beside.submit(_light_doubts, photos, fitted, grid, chosen.prior)
+                prior_fit = prior_calibration(fitted, grid, chosen.prior, apart)
+                doubtful, said = lights.result()
             doubtful = (*doubts(prior_fit), *doubtful)
         said = (*sentences(prior_fit, grid), *said)
         scale, without = scale_of_photo(prior_fit, 0), in_chart_order(prior_fit.without, first.used)

@@ -18,6 +18,7 @@ from spectrabox.calibrate.left_out import covariance_without, weights_without
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps, blackbodies, daylights, lamps_like
 from spectrabox.calibrate.products.product_fit import fit_products, in_curves
 from spectrabox.calibrate.products.product_posterior import (
+    evidence_of_products,
     hypothesis_moments,
     posterior_of_products,
     weights_of_components,
@@ -126,6 +127,7 @@ def test_the_evidence_is_the_sum_over_all_that_was_tried(found):
     np.testing.assert_allclose(by_hand - by_hand[0], ratios, atol=1e-6)
     # What was left out holds less than a thousandth each of 48 hypotheses.
     assert np.logaddexp.reduce(by_hand) == pytest.approx(posterior.log_evidence, abs=0.05)
+    assert evidence_of_products([photo], small_prior()) == posterior.log_evidence
 
 
 def test_components_that_no_photo_allows_stay_so_without_a_patch():

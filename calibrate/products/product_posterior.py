@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -102,6 +102,25 @@ def posterior_of_products(photos: list[ChartEquations], prior: ProductPrior) -> 
         Of one camera under one light, their ``power`` being the integration weights.
     prior : ProductPrior
     """
+    return _solved(prior, _weighed(photos, prior, _about_the_best(photos, prior), WIDTHS, GAINS,
+                                   ERRORS, COMMON_ERRORS))
+
+
+def evidence_of_products(photos: list[ChartEquations], prior: ProductPrior) -> float:
+    """``log_evidence`` of ``posterior_of_products`` alone, without moments.
+
+    Parameters
+    ----------
+    photos : list of ChartEquations
+        Of one camera under one light, their ``power`` being the integration weights.
+    prior : ProductPrior
+    """
+    return _shares(_weighed(photos, prior, _about_the_best(photos, prior), WIDTHS, GAINS, ERRORS,
+                            COMMON_ERRORS).tried)[1]
+
+
+def _about_the_best(photos: list[ChartEquations], prior: ProductPrior) -> LinearChart:
+    """The equations linearised about what explains the photos."""
     best = (prior.weights @ prior.components, np.zeros(_nuisances(photos)),
             np.zeros(prior.bands))
     best[1][_exposures(photos)] = [_first_exposure(photo, prior, best[0]) for photo in photos]
@@ -109,14 +128,14 @@ def posterior_of_products(photos: list[ChartEquations], prior: ProductPrior) -> 
     ends = np.cumsum([prior.components.shape[1], best[1].size])
     for _ in range(STEPS):
         chart = linearised(photos, prior, *best, start)
-        found = _solved(photos, prior, chart, WIDTHS[1:2], GAINS[1:2], (LINEARISED_AT,))
+        found = _solved(prior, _weighed(photos, prior, chart, WIDTHS[1:2], GAINS[1:2],
+                                        (LINEARISED_AT,)))
         hypothesis = found.hypotheses[0]
         chosen = np.argsort(-hypothesis.weights)[:MAX_COMPONENTS]
         weights = hypothesis.weights[chosen] / hypothesis.weights[chosen].sum()
         mean = weights @ states_of_components(found, hypothesis, chosen)
         best = (mean[:ends[0]], mean[ends[0]:ends[1]], mean[ends[1]:])
-    return _solved(photos, prior, linearised(photos, prior, *best, start), WIDTHS, GAINS, ERRORS,
-                   COMMON_ERRORS)
+    return linearised(photos, prior, *best, start)
 
 
 def mixed(shares: Sequence[float], moments: Sequence[tuple[np.ndarray, np.ndarray]]
@@ -191,11 +210,22 @@ def node_reflectances(photo: ChartEquations, nm: np.ndarray) -> np.ndarray:
                       / (GRID.weights_nm @ basis))
 
 
-def _solved(photos: list[ChartEquations], prior: ProductPrior, chart: LinearChart,
-            widths: tuple[tuple[float, float], ...], gains: tuple[tuple[float, float], ...],
-            errors: tuple[float, ...], in_common: tuple[float, ...] = (0.0,)) -> ProductPosterior:
-    """The mixture over every hypothesis, for one linearisation; ``errors`` of each band by itself,
-    ``in_common`` of all bands of a patch.
+@dataclass(frozen=True, eq=False)
+class _Weighed:
+    """Every hypothesis of one linearisation, with what each says of the components."""
+
+    chart: LinearChart
+    innovation: np.ndarray      # (C, Y)
+    level: np.ndarray           # (Y,) error of a signal where patches are off by 1
+    # width, spread of gains, error; log weights (C,), squares (C,), covariance (Y, Y) without error
+    tried: list[tuple[float, float, PatchError, np.ndarray, np.ndarray, np.ndarray]]
+
+
+def _weighed(photos: list[ChartEquations], prior: ProductPrior, chart: LinearChart,
+             widths: tuple[tuple[float, float], ...], gains: tuple[tuple[float, float], ...],
+             errors: tuple[float, ...], in_common: tuple[float, ...] = (0.0,)) -> _Weighed:
+    """All hypotheses for one linearisation; ``errors`` of each band by itself, ``in_common`` of
+    all bands of a patch.
     """
     innovation = (chart.measured - chart.by_nuisance @ chart.nuisance_mean
                   - prior.components @ chart.by_component.T)
@@ -207,29 +237,40 @@ def _solved(photos: list[ChartEquations], prior: ProductPrior, chart: LinearChar
                                              for photo in photos)) - exact))
     pixels = [block_diagonal(*(noise_covariance(photo, PatchError(0.0, common))
                                for photo in photos)) for common in in_common]
-    log_prior = np.log(prior.weights)
+    log_prior, scaled = np.log(prior.weights), innovation / level
     tried = []
     for (width, width_share), (gain, gain_share), (common, noise) in product(
             widths, gains, zip(in_common, pixels, strict=True)):
         # Q = M + error^2 L^2 for every error at once, by the eigenvectors of L^-1 M L^-1
         rest = width * spread + known + gain**2 * of_gains + noise
         values, vectors = np.linalg.eigh(rest / np.outer(level, level))
-        rotated = ((innovation / level) @ vectors) ** 2
+        rotated = (scaled @ vectors) ** 2
         for error in errors:
             variances = np.maximum(values, 0) + error**2
             square = rotated @ (1 / variances)
             logs = (log_prior - 0.5 * square - 0.5 * np.log(variances).sum()
                     - np.log(level).sum() + np.log(width_share * gain_share))
             tried.append((width, gain, PatchError(error, common), logs, square, rest))
+    return _Weighed(chart, innovation, level, tried)
+
+
+def _shares(tried: Sequence[tuple[Any, ...]]) -> tuple[np.ndarray, float]:
+    """Posterior probability of each hypothesis, and the log evidence of all together."""
     top = max(float(logs.max()) for *_, logs, _, _ in tried)
     evidence = np.array([np.exp(logs - top).sum() for *_, logs, _, _ in tried])
-    shares = evidence / evidence.sum()
+    return evidence / evidence.sum(), float(top + np.log(evidence.sum()))
+
+
+def _solved(prior: ProductPrior, weighed: _Weighed) -> ProductPosterior:
+    """The mixture over the hypotheses that are not negligible."""
+    shares, log_evidence = _shares(weighed.tried)
     found = tuple(
-        _hypothesis(prior, chart, innovation, (width, gain, error), float(share), logs, square,
-                    rest + np.diag((error.own * level) ** 2))
-        for (width, gain, error, logs, square, rest), share in zip(tried, shares, strict=True)
+        _hypothesis(prior, weighed.chart, weighed.innovation, (width, gain, error), float(share),
+                    logs, square, rest + np.diag((error.own * weighed.level) ** 2))
+        for (width, gain, error, logs, square, rest), share in zip(weighed.tried, shares,
+                                                                   strict=True)
         if share >= NEGLIGIBLE)
-    return ProductPosterior(prior, chart, innovation, found, float(top + np.log(evidence.sum())))
+    return ProductPosterior(prior, weighed.chart, weighed.innovation, found, log_evidence)
 
 
 def _hypothesis(prior: ProductPrior, chart: LinearChart, innovation: np.ndarray,

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps
-from spectrabox.calibrate.products.product_posterior import posterior_of_products
+from spectrabox.calibrate.products.product_posterior import evidence_of_products
 from spectrabox.calibrate.products.product_prior import product_prior
 from spectrabox.radiometry.records import CalibrationDoubt, WavelengthGrid
 
@@ -43,7 +43,7 @@ def evidence_for_another_light(photos: list[ChartEquations], cameras: CameraPrio
     stated = Lamps((light / light.mean())[None], np.array([UNKNOWN_KIND]), np.ones(1), ("stated",))
     with threadpool_limits(1, "blas"):      # see fit_with_prior
         any_lamp, this_lamp = (
-            posterior_of_products(unlit, product_prior(cameras, lamps, SEED)).log_evidence
+            evidence_of_products(unlit, product_prior(cameras, lamps, SEED))
             for lamps in (all_lamps(), stated))
     return any_lamp - this_lamp
 
