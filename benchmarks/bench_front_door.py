@@ -60,7 +60,7 @@ class Checkout:
     def call(self, *words: str, limit_s: float | None = None) -> float:
         """Wall time of a command; the limit where it takes longer and is stopped."""
         environment = {**os.environ, "PYTHONPATH": str(self.folder)}
-        environment.pop("PYTHONDONTWRITEBYTECODE", None)    # an installation has its modules compiled
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)    # installed modules are compiled
         start = time.perf_counter()
         try:
             subprocess.run([self.folder / ".venv" / "bin" / "spectrabox",
