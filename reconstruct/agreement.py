@@ -41,18 +41,20 @@ def usable_pixels(photo: LinearImage, surface: np.ndarray) -> np.ndarray:
             & (_local_contrast(signal.mean(axis=2)) < MAX_CONTRAST))
 
 
-def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measured: np.ndarray,
+def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], photo: LinearImage,
                       renderings: np.ndarray, surface: np.ndarray,
                       used: np.ndarray) -> SurfaceAgreement:
     """Ratio of photo to rendering of each surface and the scatter of that ratio within it.
 
-    The noise of the rendering is no part of the scatter where there are several renderings.
+    The photo's own noise is no part of the scatter, nor is that of the rendering where there are
+    several renderings.
 
     Parameters
     ----------
     names, materials : tuple of str
         Shape ids and their materials.
-    measured : (H, W, K) signal
+    photo : LinearImage
+        (H, W, K); the variance is that of its noise.
     renderings : (A, H, W, K) signal
         Of paths that are independent; their mean is compared.
     surface : (H, W) index into ``names``
@@ -65,13 +67,14 @@ def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], measur
         dark has no ratio.
     """
     rows, rendered = [], renderings.mean(axis=0)
+    measured, variance = (image.astype(float) for image in (photo.signal, photo.variance))
     for index, (name, material) in enumerate(zip(names, materials, strict=True)):
         mask = used & (surface == index)
-        photo, model = measured[mask].sum(axis=0), rendered[mask].sum(axis=0)
-        if mask.any() and np.all(model > MIN_SIGNAL * photo):
-            ratio = photo / model
+        seen, model = measured[mask].sum(axis=0), rendered[mask].sum(axis=0)
+        if mask.any() and np.all(model > MIN_SIGNAL * seen):
+            ratio = seen / model
             rows.append((f"{material} / {name}", material, int(mask.sum()), ratio,
-                         _block_spread(measured, renderings, mask)))
+                         _block_spread(measured, variance, renderings, mask)))
     columns = zip(*rows, strict=True) if rows else ((),) * 5
     kept, kept_materials, pixels, ratios, spreads = columns
     bands = measured.shape[2]
@@ -256,10 +259,15 @@ def _local_contrast(grey: np.ndarray) -> np.ndarray:
                                                                   1e-12)
 
 
-def _block_spread(measured: np.ndarray, renderings: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Standard deviation (K,) of log(photo / rendering) over blocks, without the noise of several
-    renderings: the root of the ratios' covariance between any two of them, which their noise does
-    not enter. 0 where it is negative, or where there are fewer than two blocks.
+def _block_spread(measured: np.ndarray, variance: np.ndarray, renderings: np.ndarray,
+                  mask: np.ndarray) -> np.ndarray:
+    """Standard deviation (K,) of log(photo / rendering) over blocks, without the noise of the
+    photo and of several renderings.
+
+    Of several renderings it is the root of the ratios' covariance between any two of them, which
+    their noise does not enter. What the noise of the photo's pixels, taken for independent, adds to
+    the logarithm of a block's sum is subtracted. 0 where the rest is negative, or where there are
+    fewer than two blocks.
     """
     row, column = np.nonzero(mask)
     block = (row // BLOCK) * (mask.shape[1] // BLOCK + 1) + column // BLOCK
@@ -269,14 +277,16 @@ def _block_spread(measured: np.ndarray, renderings: np.ndarray, mask: np.ndarray
         return np.zeros(measured.shape[2])
     blocks = np.full(mask.shape, -1)
     blocks[mask] = member
-    photo, *models = (np.log(np.maximum(_sums(image, blocks)[full], 1e-12))
-                      for image in (measured, *renderings))
-    deviation = photo - np.array(models)                    # (A, B, K)
+    sums, *models = (np.maximum(_sums(image, blocks)[full], 1e-12)
+                     for image in (measured, *renderings))
+    noise = _sums(variance, blocks)[full] / sums**2         # (B, K) of the logarithm
+    deviation = np.log(sums) - np.log(models)               # (A, B, K)
     deviation -= deviation.mean(axis=1, keepdims=True)
     passes = len(models)
     own, whole = (deviation**2).sum(axis=0), deviation.sum(axis=0) ** 2
     product = own if passes == 1 else (whole - own) / (passes * (passes - 1))
-    return np.sqrt(np.maximum(product.sum(axis=0), 0.0) / (full.sum() - 1))
+    # of the squared deviation from the mean of B blocks, B - 1 parts are the noise's own
+    return np.sqrt(np.maximum(product.sum(axis=0) / (full.sum() - 1) - noise.mean(axis=0), 0.0))
 
 
 def edge_shift(measured: np.ndarray,

@@ -137,8 +137,7 @@ def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Re
     renderings = answer.renderings * scale.value
     rendered = renderings.mean(axis=0)
     names, materials = tuple(view.scene_file.surfaces), view.surface_materials
-    agreement = surface_agreement(names, materials, view.measured, renderings, view.surface,
-                                  view.used)
+    agreement = surface_agreement(names, materials, view.photo, renderings, view.surface, view.used)
     stated_error = float(np.hypot(settings.surface_error, settings.brightness_error))
     labels = [f"{material} / {name}" for name, material in zip(names, materials, strict=True)]
     tests = surface_tests(labels, view.measured, rendered, view.surface, view.used, stated_error)

@@ -3,6 +3,8 @@ known.
 """
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import shift
@@ -74,11 +76,11 @@ def test_a_surface_that_is_brighter_in_the_photo_is_named_with_its_ratio():
     measured = rendered.copy()
     surface = np.repeat([[0] * 4 + [1] * 4], 8, axis=0)
     measured[surface == 1] *= np.array([1.2, 1.0, 0.9])
-    found = surface_agreement(("left", "right"), ("white", "red"), measured, rendered[None],
-                              surface, np.ones((8, 8), bool))
+    found = surface_agreement(("left", "right"), ("white", "red"), photo_of(measured),
+                              rendered[None], surface, np.ones((8, 8), bool))
     assert found.names == ("white / left", "red / right")
-    # exact but for round-off
-    np.testing.assert_allclose(found.ratio, [[1, 1, 1], [1.2, 1.0, 0.9]], rtol=1e-12)
+    # exact but for the single precision of photos
+    np.testing.assert_allclose(found.ratio, [[1, 1, 1], [1.2, 1.0, 0.9]], rtol=1e-7)
 
 
 def test_the_noise_of_renderings_is_no_scatter_of_the_surface():
@@ -86,13 +88,28 @@ def test_the_noise_of_renderings_is_no_scatter_of_the_surface():
     block_error, noise, size = 0.02, 0.04, 128
     blocks = RNG.normal(0, block_error, (size // 4, size // 4, 3)).repeat(4, 0).repeat(4, 1)
     rendered = np.exp(RNG.normal(0, noise, (2, size // 4, size // 4, 3)).repeat(4, 1).repeat(4, 2))
-    single, both = (surface_agreement(("wall",), ("white",), np.exp(blocks), renderings,
+    single, both = (surface_agreement(("wall",), ("white",), photo_of(np.exp(blocks)), renderings,
                                       np.zeros((size, size), int), np.ones((size, size), bool))
                     for renderings in (rendered[:1], rendered))
     # 1024 blocks: the variance of one rendering to 2 sqrt(2 / 1024) = 9 %, the covariance of two,
     # each of a ninth of a correlation, to 3 times (error^2 + noise^2) / sqrt(1024) = 1.9e-4.
     np.testing.assert_allclose(single.spread**2, block_error**2 + noise**2, rtol=0.14)
     np.testing.assert_allclose(both.spread**2, block_error**2, atol=1.9e-4)
+
+
+@pytest.mark.parametrize("block_error", [0.0, 0.02])
+def test_the_noise_of_the_photo_is_no_scatter_of_the_surface(block_error):
+    """A dark surface: blocks of 16 pixels have three times the noise of the scene's error."""
+    noise, size = 0.24, 256
+    blocks = RNG.normal(0, block_error, (size // 4, size // 4, 3)).repeat(4, 0).repeat(4, 1)
+    signal = np.exp(blocks) * (1 + noise * RNG.standard_normal(blocks.shape))
+    photo = replace(photo_of(signal), variance=np.full(signal.shape, noise**2))
+    found = surface_agreement(("wall",), ("white",), photo, np.ones((2, *signal.shape)),
+                              np.zeros((size, size), int), np.ones((size, size), bool))
+    # 4096 blocks know a variance to sqrt(2 / 4096) = 2.2 % of it: 0.9e-4 of 0.0036 + 0.0004, times
+    # 4; the logarithm of a noisy sum adds 1 % of the noise. Its own noise is ten times as much.
+    np.testing.assert_allclose(found.spread**2, block_error**2, atol=4e-4)
+    assert np.all(found.spread**2 < 0.3 * (noise / 4)**2)
 
 
 def test_the_scale_comes_from_sums_so_that_rendering_noise_does_not_bias_it():

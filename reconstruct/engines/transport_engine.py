@@ -288,7 +288,7 @@ def _informed_by(images: np.ndarray, traced: TracedView, settings: InversionSett
     if not settings.errors_from_scene:
         return given
     agreement = surface_agreement(tuple(view.scene_file.surfaces), view.surface_materials,
-                                  view.measured, images * (given.scale or 1.0), view.surface,
+                                  view.photo, images * (given.scale or 1.0), view.surface,
                                   view.used)
     errors = scene_errors(agreement, frozenset(view.known), len(traced.group))
     if errors is None:
