@@ -63,6 +63,22 @@ def stage_states(config: SessionConfig) -> list[StageState]:
     return states
 
 
+def stale_stages(config: SessionConfig) -> tuple[list[str], str]:
+    """Stages whose stored results are of other inputs than the session has now, and a sentence for
+    who is shown these results all the same; nothing and an empty one where there are none.
+    """
+    try:
+        stale = [state for state in stage_states(config) if state.state == "stale"]
+    except InputError as error:
+        return [], f"whether results are up to date is not known: {error}"
+    if not stale:
+        return [], ""
+    why = "; ".join(f"{state.name}: {', '.join(state.reasons)}" for state in stale[:1])
+    return [state.name for state in stale], (
+        f"stored results are of an earlier run ({why}): 'spectrabox run {config.folder.name}' "
+        "brings them up to date")
+
+
 def run_stages(config: SessionConfig, *, device: str, only: str | None, force: bool,
                progress: StageProgress, before: str | None = None) -> FinishedRun:
     """Run every stage whose inputs changed; results are replaced stage by stage, each whole.

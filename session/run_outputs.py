@@ -15,6 +15,7 @@ from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.provenance import PACKAGES, versions
+from spectrabox.session.store.rehearsals import FILE
 from spectrabox.session.store.session_lock import outputs_writer
 from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import ARRAYS, FACTS, load_stage, save_stage, stage_folder
@@ -108,13 +109,20 @@ def require_results(finished: FinishedRun, digests: dict[str, str], command: str
                          "run has ended")
 
 
+def _digest(path: Path) -> str:
+    return sha256_of(path) if path.is_file() else ""
+
+
 def _key(config: SessionConfig, finished: FinishedRun, inputs: InputFiles) -> dict[str, Any]:
-    """What the outputs are made from: session.toml, spectra to compare with, results, and code."""
+    """What the outputs are made from: session.toml, spectra to compare with, results, the last
+    rehearsal, and code.
+    """
     truths = [material.truth.file for material in config.surfaces.values() if material.truth]
     if config.sensitivity.truth is not None:
         truths.append(config.sensitivity.truth.file)
     # as it was read: the file may have been edited since
     settings = config.model_dump(mode="json", exclude={"folder", "allow_outside"})
     return {"settings": settings, "files": inputs.digests(*truths),
-            "results": digests_of(finished), "versions": versions(PACKAGES),
+            "results": digests_of(finished), "rehearsal": _digest(config.results_folder / FILE),
+            "versions": versions(PACKAGES),
             "code": stage_code({STAGE: FLAT_WRITER if config.flat else SCENE_WRITER})[STAGE]}

@@ -121,6 +121,23 @@ def test_a_folder_with_a_session_is_left_alone(session):
     assert (session / "session.toml").read_bytes() == before
 
 
+@pytest.mark.parametrize("there", [(), ("notes.txt",)])
+def test_a_demo_that_is_interrupted_leaves_nothing_that_the_next_would_refuse(tmp_path, there):
+    folder = tmp_path / "demo"
+    for name in there:
+        folder.mkdir()
+        (folder / name).write_text("mine", encoding="utf-8")
+
+    def interrupt(done, _):
+        if done > 0.05:
+            raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        write_demo_session(folder, size=(52, 78), spp=4, progress=interrupt)
+    assert [path.name for path in tmp_path.rglob("*") if path != folder] == list(there)
+    assert folder.exists() == bool(there)
+    write_demo_session(folder, size=(52, 78), spp=4)
+
+
 def test_progress_ends_at_one(tmp_path):
     fractions = []
     write_demo_session(tmp_path, progress=lambda fraction, phrase: fractions.append(fraction),

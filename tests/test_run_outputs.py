@@ -4,6 +4,8 @@ import json
 import pytest
 
 from spectrabox.radiometry.files import sha256_of
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.store.rehearsals import save_rehearsal
 
 from tests.test_command_line import call, edit
 
@@ -66,3 +68,28 @@ def test_a_changed_name_truth_or_result_makes_the_report_again(reported):
     assert run_again(reported)[1] == set(FILES)
     (reported / "results" / "sample" / "arrays.npz").write_bytes(b"damaged")
     assert run_again(reported)[1] == set(FILES)
+
+
+def test_a_rehearsal_since_the_report_is_shown_by_the_next_run(reported):
+    config = read_session(reported)
+    save_rehearsal(config, {"times": 40, "level": 0.95, "seconds": 1.0, "materials": [
+        {"name": "cube", "coverage": 0.953, "coverage_standard_error": 0.01, "rmse": 0.05,
+         "width": 0.2, "ranks": [4] * 10}]})
+    assert run_again(reported)[1] == set(FILES)
+    page = (reported / "report.html").read_text(encoding="utf-8")
+    assert "Known truth inside the band, rehearsed" in page
+    assert not run_again(reported)[1]
+
+
+@pytest.mark.parametrize("command", [["report"], ["relight", "--width", "16", "--spp", "1"],
+                                     ["draws", "--out", "all.npz"]])
+def test_who_is_shown_results_of_an_earlier_run_is_told(reported, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    name, *options = command
+    fresh = call(name, reported, *options, "--json")
+    assert json.loads(fresh.stdout)["stale"] == [] and "warning" not in fresh.stderr
+    edit(reported, "draws = ", "draws = 1")     # a digit before the number
+    told = call(name, reported, *options, "--json")
+    assert told.exit_code == 0 and json.loads(told.stdout)["stale"] == ["sample"]
+    assert "results are of an earlier run (sample: settings: sampling changed)" in told.stderr
+    assert f"'spectrabox run {reported.name}'" in told.stderr

@@ -14,6 +14,7 @@ from spectrabox.session.command_line import (
     answer,
     check_ending,
     command,
+    tell,
 )
 
 Out = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", show_default=False,
@@ -36,12 +37,16 @@ def draws(folder: Folder, out: Out, step: Step = 5, count: Count = None,
         from spectrabox.session.store.draws_files import FORMS, stored_draws, write_draws
         check_ending(out, FORMS)
         from spectrabox.session.config.session_file import read_session
-        from spectrabox.session.pipeline import load_finished
+        from spectrabox.session.pipeline import load_finished, stale_stages
         config = read_session(folder, allow_outside)
         made = stored_draws(load_finished(config).stored, step, count)
+        stale, said = stale_stages(config)
+        if said:
+            tell(f"warning: {said}")
         write_draws(out, made)
         numbers = {name: len(values) for name, (_, values) in made.items()}
         nm = next(iter(made.values()))[0]
-        answer(as_json, {"file": str(out), "draws": numbers, "wavelengths_nm": nm.tolist()},
+        answer(as_json, {"file": str(out), "draws": numbers, "wavelengths_nm": nm.tolist(),
+                         "stale": stale},
                f"wrote {out}: {', '.join(f'{n} of {name}' for name, n in numbers.items())}, "
                f"{nm[0]:g}-{nm[-1]:g} nm every {step} nm")

@@ -19,6 +19,7 @@ from spectrabox.session.command_line import (
     check_device,
     check_ending,
     command,
+    tell,
 )
 
 STAGE_NAMES = "chart, photo, calibrate, reconstruct, sample"
@@ -127,12 +128,16 @@ def report(folder: Folder, allow_outside: Outside = False, as_json: Json = False
     """Rebuild report.html from stored results."""
     with command(as_json, debug):
         from spectrabox.session.config.session_file import read_session
-        from spectrabox.session.pipeline import load_finished
+        from spectrabox.session.pipeline import load_finished, stale_stages
         from spectrabox.session.run_outputs import rewritten_outputs
         config = read_session(folder, allow_outside)
-        facts = rewritten_outputs(config, load_finished(config), ["spectrabox", "report"],
+        finished = load_finished(config)
+        stale, said = stale_stages(config)
+        if said:
+            tell(f"warning: {said}")
+        facts = rewritten_outputs(config, finished, ["spectrabox", "report"],
                                   "stored results").facts
-        answer(as_json, {"report": facts["report"]}, f"wrote {facts['report']}")
+        answer(as_json, {"report": facts["report"], "stale": stale}, f"wrote {facts['report']}")
 
 
 def relight(folder: Folder,
@@ -157,7 +162,7 @@ def relight(folder: Folder,
         check_ending(out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
         from spectrabox.capture.photo.image_files import write_exr, write_png
         from spectrabox.session.config.session_file import read_session
-        from spectrabox.session.pipeline import load_finished
+        from spectrabox.session.pipeline import load_finished, stale_stages
         from spectrabox.session.relight import OBSERVER
         from spectrabox.session.relight import relight as render_under
         from spectrabox.session.run_outputs import digests_of, require_results
@@ -167,6 +172,9 @@ def relight(folder: Folder,
         scene = read_session_scene(config)
         size = (width, max(round(width * scene.height / scene.width), 1))
         finished = load_finished(config)
+        stale, said = stale_stages(config)
+        if said:
+            tell(f"warning: {said}")
         digests = digests_of(finished)
         made = render_under(config, finished, light=light, observer=observer or OBSERVER, size=size,
                             spp=spp, device=device)
@@ -185,7 +193,7 @@ def relight(folder: Folder,
         answer(as_json, {"png": str(png), "exr": str(png.with_suffix(".exr")),
                          "light": light or "session",
                          "colours": [vars(colour) for colour in made.colours],
-                         "notes": list(made.notes)},
+                         "notes": list(made.notes), "stale": stale},
                "\n".join([*lines, *made.notes, f"picture: {png}"]))
 
 
