@@ -14,11 +14,12 @@ from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.store.input_files import InputFiles
+from spectrabox.session.store.made_from import digests_of
 from spectrabox.session.store.provenance import PACKAGES, versions
 from spectrabox.session.store.rehearsals import FILE
 from spectrabox.session.store.session_lock import outputs_writer
 from spectrabox.session.store.stage_code import stage_code
-from spectrabox.session.store.store import ARRAYS, FACTS, load_stage, save_stage, stage_folder
+from spectrabox.session.store.store import load_stage, save_stage, stage_folder
 
 STAGE = "report"
 SCENE_WRITER, FLAT_WRITER = "spectrabox.session.write_outputs", "spectrabox.session.flat.outputs"
@@ -82,12 +83,6 @@ def _written(config: SessionConfig, finished: FinishedRun, key: dict[str, Any], 
         save_stage(folder, key, {}, 0.0,
                    {"outputs": digests, "facts": {**facts, **named}, "text": text})
     return RunOutputs(facts, f"{text}\nreport: {facts['report']}")
-
-
-def digests_of(finished: FinishedRun) -> dict[str, str]:
-    """Digests of the stored results of all stages."""
-    return {f"{name}/{part}": sha256_of(stage.folder / part)
-            for name, stage in finished.stored.items() for part in (FACTS, ARRAYS)}
 
 
 def require_results(finished: FinishedRun, digests: dict[str, str], command: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from spectrabox.session.box.scene_files import write_scene_files
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
-from spectrabox.session.report.page import write_report
+from spectrabox.session.report.page import NUMBERS_NAME, write_report
 from spectrabox.session.stages.assemble import assemble
 from spectrabox.session.store.outputs import write_outputs
 from spectrabox.session.store.provenance import provenance
@@ -36,5 +36,5 @@ def write_outputs_of(config: SessionConfig, finished: FinishedRun, command_line:
     """
     results = assemble(config, finished, provenance(command_line, config.session.seed, device))
     report = write_report(results)
-    return run_facts(results, report), run_text(results), [report, *write_outputs(results),
-                                                                 *write_scene_files(config)]
+    return run_facts(results, report), run_text(results), [
+        report, report.with_name(NUMBERS_NAME), *write_outputs(results), *write_scene_files(config)]

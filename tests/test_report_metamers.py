@@ -85,7 +85,7 @@ def test_colours_under_other_lights_are_shown_as_the_adapted_eye_sees_them():
 
 def test_page_and_numbers_say_the_same(tmp_path):
     results = example_session(tmp_path, materials=("white", "red", "green"))
-    page, numbers = render_report(results), report_numbers(results, judge(results))
+    page, numbers = render_report(results).page, report_numbers(results, judge(results))
     drawn = [one for one in results.materials if one.samples is not None]
     assert page.count('class="metamers"') == len(drawn) > 0
     facts = [one["metamers"] for one in numbers["materials"] if one["metamers"]]

@@ -123,14 +123,28 @@ def status(folder: Folder, allow_outside: Outside = False, as_json: Json = False
                 "report": str(report) if report.exists() else None}, "\n".join(lines))
 
 
-def report(folder: Folder, allow_outside: Outside = False, as_json: Json = False,
-           debug: Debug = False) -> None:
-    """Rebuild report.html from stored results."""
+def report(folder: Folder,
+           compare: Annotated[bool, typer.Option(
+               "--check", help="Write nothing; say whether the report that is there agrees with "
+               "its data, the input files and the stored results.")] = False,
+           allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
+    """Rebuild report.html and report.json from stored results, or check those that are there."""
     with command(as_json, debug):
         from spectrabox.session.config.session_file import read_session
+        config = read_session(folder, allow_outside)
+        if compare:
+            from spectrabox.session.report_check import check_report
+            found = check_report(config)
+            text = "\n".join(f"- {fault}" for fault in found.faults) or (
+                f"report and data agree: {found.shown} entries of tables, plots and pictures, "
+                f"{found.files} files, and the numbers made again from the stored results")
+            answer(as_json, {"agrees": not found.faults, "faults": list(found.faults),
+                             "shown": found.shown, "files": found.files}, text)
+            if found.faults:
+                raise typer.Exit(4)
+            return
         from spectrabox.session.pipeline import load_finished, stale_stages
         from spectrabox.session.run_outputs import rewritten_outputs
-        config = read_session(folder, allow_outside)
         finished = load_finished(config)
         stale, said = stale_stages(config)
         if said:
@@ -165,8 +179,9 @@ def relight(folder: Folder,
         from spectrabox.session.pipeline import load_finished, stale_stages
         from spectrabox.session.relight import OBSERVER
         from spectrabox.session.relight import relight as render_under
-        from spectrabox.session.run_outputs import digests_of, require_results
+        from spectrabox.session.run_outputs import require_results
         from spectrabox.session.stages.scenes import read_session_scene
+        from spectrabox.session.store.made_from import digests_of
         from spectrabox.session.store.session_lock import outputs_writer
         config = read_session(folder, allow_outside)
         scene = read_session_scene(config)

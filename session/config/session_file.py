@@ -1,6 +1,8 @@
 """session.toml, read and checked: every fault at once, in sentences."""
 from __future__ import annotations
 
+import hashlib
+import io
 import tomllib
 from pathlib import Path
 
@@ -36,12 +38,16 @@ def try_read_session(folder: Path,
     if not path.is_file():
         return None, [f"{path} is missing: write one with 'spectrabox new {folder}'"]
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        content = path.read_bytes()
+        text = io.StringIO(content.decode("utf-8-sig"), newline=None).read()
     except ValueError as error:
         return None, [f"{FILE_NAME} is not valid TOML: {error}"]
     except OSError as error:
         return None, [f"{path} cannot be read ({error.strerror}): change its permissions"]
-    return session_of_text(text, folder, allow_outside)
+    config, problems = session_of_text(text, folder, allow_outside)
+    if config is not None:
+        config = config.model_copy(update={"toml_sha256": hashlib.sha256(content).hexdigest()})
+    return config, problems
 
 
 def session_of_text(text: str, folder: Path,

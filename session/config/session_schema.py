@@ -395,6 +395,7 @@ class SessionConfig(SessionTables):
 
     folder: Path
     allow_outside: bool
+    toml_sha256: str = ""       # of the file as it was read
 
     @property
     def flat(self) -> bool:

@@ -39,6 +39,7 @@ from spectrabox.session.stages.surface_signals import (
     relative_errors,
     variance_shares,
 )
+from spectrabox.session.store.made_from import made_from
 from spectrabox.session.store.results import AS_INTENDED, MaterialResult
 from spectrabox.session.store.store import StoredStage
 
@@ -56,7 +57,7 @@ def assemble_flat(config: SessionConfig, run: FinishedRun,
         inputs=input_files(config, run), chart=chart_result(config, run), calibration=calibration,
         sensitivity_truth=sensitivity_truth(config), photo=photo,
         photo_preview=config.results_folder / "photo" / "preview.png", materials=regions,
-        signal_bands=signals.bands, provenance=provenance,
+        signal_bands=signals.bands, provenance=provenance, made_from=made_from(config, run),
         warnings=[*notes_of(stored), *stored["signals"].record(tuple[str, ...], "notes"),
                   *(f"Calibration: {doubt.value}." for doubt in calibration.doubts),
                   *doubtful_materials(regions)],

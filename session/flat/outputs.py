@@ -10,6 +10,7 @@ from spectrabox.session.flat.assemble import assemble_flat
 from spectrabox.session.flat.facts import flat_facts, flat_text
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.flat_page import write_flat_report
+from spectrabox.session.report.page import NUMBERS_NAME
 from spectrabox.session.store.provenance import provenance
 from spectrabox.session.store.spectra_table import spectra_files
 
@@ -25,4 +26,4 @@ def write_flat_outputs(config: SessionConfig, finished: FinishedRun, command_lin
     texts = spectra_files(results, results.signals.grid.nm)
     for path, text in texts.items():
         write_text_whole(path, text)
-    return flat_facts(results, report), flat_text(results), [report, *texts]
+    return flat_facts(results, report), flat_text(results), [report, report.with_name(NUMBERS_NAME), *texts]

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import io
 from pathlib import Path
 
@@ -49,6 +50,11 @@ def picture_data_uri(path: Path) -> str:
     if factor > 1:
         content = _reduced(content, factor)
     return "data:image/png;base64," + base64.b64encode(content).decode("ascii")
+
+
+def picture_digest(uri: str) -> str:
+    """SHA-256 of the picture in a data URI."""
+    return hashlib.sha256(base64.b64decode(uri.partition(",")[2])).hexdigest()
 
 
 def _reduced(content: bytes, factor: int) -> bytes:

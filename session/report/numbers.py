@@ -5,12 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
+from spectrabox.radiometry.records import PatchSamples, SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.certified import standing_facts
 from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report.metamers import metamer_facts, metamer_pair
-from spectrabox.session.report.verdict import Criterion, Verdict, chart_residuals
+from spectrabox.session.report.spectra import every_10_nm, material_curves
+from spectrabox.session.report.verdict import (
+    Criterion,
+    Verdict,
+    chart_residuals,
+    root_mean_square,
+)
 from spectrabox.session.store.results import (
     ChartResult,
     CommonResults,
@@ -49,7 +55,7 @@ def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
                            "pixels": made.used.size, "white_signal": made.white_signal},
         "clipped_share": results.photo.saturated.any(axis=2).mean(),
         "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
-        "provenance": results.provenance,
+        "provenance": results.provenance, "made_from": results.made_from,
         }
 
 
@@ -71,16 +77,17 @@ def flat_numbers(results: FlatResults, verdict: Verdict) -> dict[str, Any]:
         "chart": None if results.chart is None else _chart(results.chart),
         "clipped_share": results.photo.saturated.any(axis=2).mean(),
         "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
-        "provenance": results.provenance,
+        "provenance": results.provenance, "made_from": results.made_from,
         }
 
 
 def _criterion(criterion: Criterion) -> dict[str, Any]:
-    return {"name": criterion.name, "value": criterion.value, "limit": criterion.limit,
-            "status": criterion.status, "says": criterion.says}
+    return {"name": criterion.name, "value": criterion.value, "shown": criterion.shown,
+            "limit": criterion.limit, "status": criterion.status, "says": criterion.says}
 
 
 def _material(material: MaterialResult, nm: np.ndarray) -> dict[str, Any]:
+    shown_nm, curves = material_curves(material, nm)
     single = None if material.spectrum is None else {"nm": nm, "reflectance": material.spectrum}
     return {
         "name": material.name, "known": material.summary is None, "inverse_rendering": single,
@@ -90,12 +97,27 @@ def _material(material: MaterialResult, nm: np.ndarray) -> dict[str, Any]:
         "summary": _fields(material.summary, "mean", "standard_deviation", "lower", "upper",
                            "bound_lower", "bound_upper", "level", "conditional_on",
                            "next_measurement_nm"),
+        "band_width": band_width(material),
+        "every_10_nm": {"columns": ["nm", *curves], "rows": every_10_nm(shown_nm, curves)},
         "samples": _samples(material.samples),
         "metamers": None if material.samples is None or len(material.samples.spectra) < 2
         else metamer_facts(metamer_pair(material.samples)),
         "truth": _fields(material.truth, "values", "standard_error", "source"),
         "scores": None if material.scores is None else vars(material.scores),
         }
+
+
+def band_width(material: MaterialResult) -> float | None:
+    """Mean width of the band over the working wavelengths; None where the spectrum was given."""
+    summary = material.summary
+    return None if summary is None else float(np.average(summary.upper - summary.lower,
+                                                         weights=summary.grid.weights_nm))
+
+
+def standard_errors(samples: PatchSamples) -> np.ndarray:
+    """Standard error of each patch's mean (I, K)."""
+    errors: np.ndarray = np.sqrt(np.diagonal(samples.covariance_of_mean, axis1=1, axis2=2))
+    return errors
 
 
 def family_facts(material: MaterialResult) -> list[dict[str, Any]]:
@@ -140,13 +162,17 @@ def _calibration(results: CommonResults) -> dict[str, Any]:
         "doubts": [doubt.value for doubt in calibration.doubts],
         "relative_covariance": calibration.relative_covariance,
         "chart_residuals": chart_residuals(results),
+        "chart_rms": root_mean_square(chart_residuals(results)),
+        "held_out_rms": root_mean_square(calibration.sensitivity.held_out_residuals),
         "checks": calibration.checks,
         }
 
 
 def _chart(chart: ChartResult) -> dict[str, Any]:
-    return {"measured": chart.samples.mean, "covariance_of_mean": chart.samples.covariance_of_mean,
-            "saturated_fraction": chart.samples.saturated_fraction, "predicted": chart.predicted,
+    return {"measured": chart.samples.mean, "standard_error": standard_errors(chart.samples),
+            "covariance_of_mean": chart.samples.covariance_of_mean,
+            "saturated_fraction": chart.samples.saturated_fraction,
+            "saturated": chart.samples.saturated_fraction.max(axis=1), "predicted": chart.predicted,
             "irradiance": chart.irradiance, "corners_px": chart.detection.corners_px,
             "confidence": chart.detection.confidence, "how_found": chart.detection.how_found,
             "mirrored": chart.detection.mirrored,

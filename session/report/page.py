@@ -1,6 +1,9 @@
-"""The session report: one HTML file that opens offline and carries its own numbers."""
+"""The session report: one HTML file that opens offline and carries its own numbers, and the same
+numbers beside it.
+"""
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +13,9 @@ from markupsafe import Markup
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Calibration, Reconstruction
 from spectrabox.session.report import words
-from spectrabox.session.report.figures import loss_figure, picture_data_uri
+from spectrabox.session.report.checked.cells import of
+from spectrabox.session.report.checked.drawing import drawings_in
+from spectrabox.session.report.figures import loss_figure, picture_data_uri, picture_digest
 from spectrabox.session.report.maps import (
     pair_figure,
     residual_figure,
@@ -30,16 +35,17 @@ from spectrabox.session.report.tables import (
     material_section,
     surface_rows,
 )
-from spectrabox.session.report.verdict import judge
+from spectrabox.session.report.verdict import Verdict, judge
 from spectrabox.session.store.results import CommonResults, SessionResults
 
+PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
 FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
            "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact}
 
 
 def write_report(results: SessionResults) -> Path:
-    """Write ``report.html`` into the session folder, whole or not at all.
+    """Write ``report.html`` and ``report.json`` into the session folder, each whole or not at all.
 
     Returns
     -------
@@ -56,48 +62,77 @@ def write_report(results: SessionResults) -> Path:
     return written_whole(results.folder, render_report(results))
 
 
-def written_whole(folder: Path, page: str) -> Path:
-    """Write a page as ``report.html`` into a session folder, whole or not at all.
+@dataclass(frozen=True)
+class RenderedReport:
+    """A page, and the JSON that it carries."""
+
+    page: str
+    numbers: str
+
+
+def written_whole(folder: Path, report: RenderedReport) -> Path:
+    """Write ``report.json`` and ``report.html`` into a session folder, each whole or not at all.
 
     Raises
     ------
     EnvironmentProblem
         If the folder cannot be written; an older report is left as it was.
     """
-    report = folder / "report.html"
-    with whole_file(report) as unfinished:
-        unfinished.write_bytes(page.encode("utf-8", "backslashreplace"))
-    return report
+    with whole_file(folder / NUMBERS_NAME) as numbers, whole_file(folder / PAGE_NAME) as page:
+        for path, text in ((numbers, report.numbers + "\n"), (page, report.page)):
+            path.write_bytes(text.encode("utf-8", "backslashreplace"))
+    return folder / PAGE_NAME
 
 
-def render_report(results: SessionResults) -> str:
+def render_report(results: SessionResults) -> RenderedReport:
     """The page as text; every name, note and file name of the session is escaped."""
     with report_style():
-        return rendered("report.html.j2", _page(results))
+        verdict = judge(results)
+        return rendered("report.html.j2", _page(results, verdict), report_numbers(results, verdict))
 
 
-def rendered(template: str, content: dict[str, Any]) -> str:
-    """A page from one of the templates; what it is given is escaped unless it is Markup."""
+def rendered(template: str, content: dict[str, Any], numbers: dict[str, Any]) -> RenderedReport:
+    """A page from one of the templates; what it is given is escaped unless it is Markup.
+
+    Parameters
+    ----------
+    content : dict
+        Of the page.
+    numbers : dict
+        Of its data; what is plotted, and digests of the pictures, are added.
+    """
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True,
                                      trim_blocks=True, lstrip_blocks=True,
                                      undefined=jinja2.StrictUndefined)
     environment.filters.update(FILTERS)
-    return environment.get_template(template).render(content)
+    environment.globals["of"] = of
+    written = json_for_script(numbers | {
+        "plots": {drawing.name: drawing.facts for drawing in drawings_in(content)},
+        "pictures": {name: picture_digest(uri) for name, uri in content["pictures"].items()}})
+    common = {"numbers": written, "style": Markup((TEMPLATES / "report.css").read_text()),
+              "script": Markup((TEMPLATES / "report.js").read_text()),
+              "check_script": Markup((TEMPLATES / "check.js").read_text())}
+    return RenderedReport(environment.get_template(template).render(content | common), written)
 
 
-def _page(results: SessionResults) -> dict[str, Any]:
-    verdict = judge(results)
+def pictures_of(results: CommonResults) -> dict[str, str]:
+    """The pictures that every report embeds, as data URIs by the name the page gives them."""
+    pictures = {"photo": picture_data_uri(results.photo_preview)}
+    if results.chart is not None:
+        pictures["chart"] = picture_data_uri(results.chart.overlay)
+    return pictures
+
+
+def _page(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
     return {
         "results": results, "verdict": verdict,
-        "style": Markup((TEMPLATES / "report.css").read_text()),
-        "script": Markup((TEMPLATES / "report.js").read_text()),
-        "numbers": json_for_script(report_numbers(results, verdict)),
-        "preview": picture_data_uri(results.photo_preview),
+        "pictures": pictures_of(results) | {f"photo {view.name}": picture_data_uri(
+            view.photo_preview) for view in results.views},
         "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
         "materials": [material_section(number, material, results.reconstruction.grid.nm,
                                        results.signal_bands)
                       for number, material in enumerate(results.materials, start=1)],
-        "surfaces": {"title": "Materials", "one": "Material", "fitted": True},
+        "surfaces": {"title": "Materials", "key": "materials", "one": "Material", "fitted": True},
         "agreement": _agreement_section("", results.reconstruction, results.calibration,
                                         results.bands),
         "views": _view_sections(results),
@@ -123,7 +158,7 @@ def _agreement_section(name: str, made: Reconstruction, calibration: Calibration
 
 def _view_sections(results: SessionResults) -> list[dict[str, Any]]:
     return [_agreement_section(f"-{number}", view.reconstruction, view.calibration, view.bands)
-            | {"name": view.name, "preview": picture_data_uri(view.photo_preview),
+            | {"name": view.name,
                "light": light_figure(f"light-{number}", view.calibration.light,
                                      view.calibration.light_posterior),
                "light_source": view.calibration.light.source,

@@ -20,6 +20,8 @@ def plain_values(value: Any) -> Any:
     if value is None or isinstance(value, (str, bool, int)):
         return value
     if isinstance(value, np.ndarray | np.generic):
+        if value.dtype.kind in "biuf" and np.isfinite(value).all():
+            return value.tolist()
         return plain_values(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None

@@ -22,6 +22,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from spectrabox.session.report.checked.drawing import Drawing, named_series, plotted
 from spectrabox.session.report.safe_json import json_for_script
 
 MARGIN_IN, LEGEND_ROW_IN, LEGEND_LETTER_IN = 0.12, 0.18, 7.5 / 72
@@ -126,7 +127,7 @@ def plain_line(text: str, longest: int = 60) -> str:
 
 
 def inline_svg(drawing: Figure, name: str, title: str, description: str,
-               readout: Readout | None = None) -> Markup:
+               readout: Readout | None = None) -> Drawing:
     """The figure as an HTML fragment: SVG, and the numbers of its read-out where it has one.
 
     Parameters
@@ -134,12 +135,15 @@ def inline_svg(drawing: Figure, name: str, title: str, description: str,
     name : prefix of every id in the fragment; letters, digits and hyphens, unique on the page
     title, description : what a screen reader says; any text
     """
+    named_series(drawing)
     view_box, body = _split(_svg_text(drawing))
     opening = Markup('<svg class="plot" viewBox="{}" role="img" aria-labelledby="{}-title {}-desc">'
                      '<title id="{}-title">{}</title><desc id="{}-desc">{}</desc>').format(
                          view_box, name, name, name, title, name, description)
     svg = opening + Markup(_with_prefix(body, name)) + Markup("</svg>")
-    return Markup('<div class="plot-box">{}{}</div>').format(svg, _readout_html(drawing, readout))
+    box = Markup('<div class="plot-box" id="{}">{}{}</div>')
+    return Drawing(box.format(name, svg, _readout_html(drawing, readout)), name, title,
+                   plotted(drawing))
 
 
 def _svg_text(drawing: Figure) -> str:

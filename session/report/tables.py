@@ -12,10 +12,10 @@ from spectrabox.session.calibration_facts import left_out_sentence
 from spectrabox.session.report.figures import (
     chart_residual_figure,
     irradiance_figure,
-    picture_data_uri,
 )
 from spectrabox.session.report.maps import display_bands, srgb_encoded, surface_colours
 from spectrabox.session.report.metamers import LIGHTS, metamer_drawing, metamer_pair
+from spectrabox.session.report.numbers import band_width, standard_errors
 from spectrabox.session.report.spectra import (
     error_budget_figure,
     every_10_nm,
@@ -53,11 +53,9 @@ def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
     summary = material.summary
     nm, curves = material_curves(material, grid_nm)
     shown = summary.mean if summary is not None else curves["given"]
-    width = float(np.average(summary.upper - summary.lower,
-                             weights=summary.grid.weights_nm)) if summary else None
     return {
         "id": f"material-{number}", "material": material,
-        "swatch": css_colour(reflectance_to_srgb(nm, shown)), "band_width": width,
+        "swatch": css_colour(reflectance_to_srgb(nm, shown)), "band_width": band_width(material),
         "columns": list(curves), "rows": every_10_nm(nm, curves),
         "figure": material_figure(f"spectrum-{number}", material, grid_nm),
         "certified": certified_sentence(material.families),
@@ -95,8 +93,7 @@ def chart_section(results: CommonResults) -> dict[str, Any] | None:
         return None
     held_out = results.calibration.sensitivity.held_out_residuals
     return {
-        "overlay": picture_data_uri(results.chart.overlay), "patches": _patches(results, residuals,
-                                                                                held_out),
+        "patches": _patches(results, residuals, held_out),
         "residuals": chart_residual_figure("chart-residuals", residuals, held_out, results.bands,
                                            CHART_LIMITS[0]), "rms": root_mean_square(residuals),
         "irradiance": irradiance_figure("irradiance", results.chart.irradiance,
@@ -116,7 +113,7 @@ def _patches(results: CommonResults, residuals: np.ndarray,
     measured, predicted = chart.samples.mean, np.asarray(chart.predicted)
     chosen = display_bands(results.calibration.sensitivity)
     white = np.nanmax(measured, axis=0)[chosen] / 0.9  # the white patch reflects about 90 %
-    error = np.sqrt(np.diagonal(chart.samples.covariance_of_mean, axis1=1, axis2=2))
+    error = standard_errors(chart.samples)
     return [{"number": p + 1, "name": chart.layout.names[p],
              "measured_colour": css_colour(srgb_encoded(measured[p, chosen] / white)),
              "predicted_colour": css_colour(srgb_encoded(predicted[p, chosen] / white)),

@@ -27,6 +27,7 @@ from spectrabox.session.stages.stored_records import (
     photo_of,
     samples_of,
 )
+from spectrabox.session.store.made_from import made_from
 from spectrabox.session.store.rehearsals import stored_rehearsal
 from spectrabox.session.store.results import (
     AS_INTENDED,
@@ -60,7 +61,7 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
         light_scale=reconstruction.light_scale, photo=photo, photo_preview=previews / "preview.png",
         reconstruction=reconstruction,
         materials=materials, views=views, signal_bands=joint.bands if views else bands,
-        provenance=provenance, warnings=notes_of(stored) + _warnings(config, calibration, joint)
+        provenance=provenance, made_from=made_from(config, run), warnings=notes_of(stored) + _warnings(config, calibration, joint)
         + doubtful_materials(materials),
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name,
                 stage in stored.items()], rehearsal=stored_rehearsal(config))

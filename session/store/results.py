@@ -115,6 +115,8 @@ class CommonResults:
     # versions, command, seed, started, finished, machine facts without paths
     provenance: dict[str, Any]
     warnings: list[str] = field(default_factory=list)
+    # digests of session.toml, of input files and of stored results
+    made_from: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,1 @@
+"""Whether tables, plots and pictures of a report still show its numbers."""
