@@ -26,4 +26,5 @@ def write_flat_outputs(config: SessionConfig, finished: FinishedRun, command_lin
     texts = spectra_files(results, results.signals.grid.nm)
     for path, text in texts.items():
         write_text_whole(path, text)
-    return flat_facts(results, report), flat_text(results), [report, report.with_name(NUMBERS_NAME), *texts]
+    return flat_facts(results, report), flat_text(results), [
+        report, report.with_name(NUMBERS_NAME), *texts]
