@@ -62,7 +62,8 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
         reconstruction=reconstruction,
         materials=materials, views=views, signal_bands=joint.bands if views else bands,
         provenance=provenance, made_from=made_from(config, run),
-        warnings=notes_of(stored) + _warnings(config, calibration, joint) + doubtful_materials(materials),
+        warnings=notes_of(stored) + _warnings(config, calibration, joint)
+        + doubtful_materials(materials),
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name,
                 stage in stored.items()], rehearsal=stored_rehearsal(config))
 
