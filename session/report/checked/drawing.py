@@ -93,7 +93,7 @@ def _series(figure: Figure) -> Iterator[Any]:
 
 def _lines(axes: Axes) -> Iterator[Any]:
     return (line for line in axes.lines
-            if line.get_transform() is axes.transData and len(line.get_xydata()))
+            if line.get_transform() is axes.transData and np.size(line.get_xdata()))
 
 
 def _bars(axes: Axes) -> Iterator[tuple[str, Rectangle]]:
@@ -117,7 +117,7 @@ def _axes_facts(figure: Figure, axes: Axes) -> dict[str, Any]:
                   "corners": _short([bar.get_x(), bar.get_y(), bar.get_x() + bar.get_width(),
                                      bar.get_y() + bar.get_height()])}
                  for label, bar in _bars(axes)],
-        "curves": [{"label": _label(curves), "points": [_short(path.vertices.T)
+        "curves": [{"label": _label(curves), "points": [_short(np.transpose(path.vertices))
                                                         for path in curves.get_paths()]}
                    for curves in axes.collections
                    if isinstance(curves, LineCollection | PolyCollection)],
