@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.fixtures.demo_scenes import box_scene
 from spectrabox.radiometry.errors import CalibrationError, InputError
+from spectrabox.radiometry.interreflection import signal
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
@@ -18,6 +19,8 @@ from spectrabox.reconstruct.scene.light_position import PositionSettings, refine
 from spectrabox.reconstruct.scene.moved_light import light_number, move_light, with_light_moved
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
+from spectrabox.reconstruct.tracer.transport import trace_transport
+from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 from spectrabox.session.cli import app
 
 SIZE = (36, 24)
@@ -169,3 +172,41 @@ def test_the_command_writes_the_scene_with_the_light_where_it_was(tmp_path):
     (tmp_path / "paints.csv").write_text("\n".join(percent), encoding="utf-8")
     percent_given = CliRunner().invoke(app, [*map(str, arguments), "--force"])
     assert percent_given.exit_code == 3 and "looks like percent" in percent_given.stderr
+
+
+def test_the_beam_of_a_lamp_is_part_of_what_its_place_explains(tmp_path):
+    """A spot of which the fit knew no beam would be looked for where its light is wider."""
+    (tmp_path / "beam.csv").write_text("".join(
+        f"{angle},{np.exp(-((angle / 25) ** 2) / 2):.6f}\n" for angle in range(0, 91, 3)),
+        encoding="utf-8")
+    spot = ('<shape type="rectangle" id="light"><transform name="to_world"><scale value="1.5"/>'
+            '<lookat origin="5, 27, 38" target="-3, 8, -25" up="0, 1, 0"/></transform>'
+            '<emitter type="area"><spectrum name="radiance" value="1"/>'
+            '<string name="profile" value="beam.csv"/></emitter></shape>')
+
+    def as_spot(text):
+        start, end = text.index('<shape type="sphere" id="light">'), text.index("</shape>") + len(
+            "</shape>")
+        return text[:start] + spot + text[end:]
+
+    scene = box(tmp_path, as_spot)
+    assert set(scene.profiles) == {"light"}
+    moved = with_light_moved(scene, 0, TRUE_OFFSET_CM)
+    ones = np.ones(2)
+    bsdfs = tuple(dict.fromkeys(scene.surfaces.values()))
+    # other paths than the fit's, and the profile given by hand
+    unit = UnitScene(load_scene(scene_xml(moved, reflectances=dict.fromkeys(bsdfs, ones),
+                                          light=ones, bands={"one": ones}, range_nm=(400.0, 700.0),
+                                          size=SIZE)),
+                     {bsdf: bsdf for bsdf in bsdfs}, SIZE, 2, profiles=scene.profiles)
+    traced = trace_transport(unit, np.arange(SIZE[0] * SIZE[1]).reshape(SIZE[1], SIZE[0]), spp=256,
+                             seed=77)
+    image = signal(traced.coefficients, traced.exponents, np.array([PAINTS[one] for one in bsdfs]),
+                   response()).reshape(SIZE[1], SIZE[0], 3)
+    noise = 3 * np.maximum(traced.relative_variance.reshape(SIZE[1], SIZE[0], 1) * image**2,
+                           1e-9 * image.max() ** 2)
+    found = refine_light_position(scene, PAINTS, response(),
+                                  photo_of(TRUE_SCALE * image, TRUE_SCALE**2 * noise),
+                                  settings=PositionSettings(spp=64))
+    assert found.misfit < 1.5
+    assert np.all(np.abs(found.offset - TRUE_OFFSET_CM) < 3.5 * found.standard_error)

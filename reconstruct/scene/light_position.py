@@ -178,7 +178,7 @@ class _MovableLight:
                                      reflectances=dict.fromkeys(self.bsdfs, ones), light=ones,
                                      bands={"one": ones}, range_nm=(400.0, 700.0), size=self.size))
         return UnitScene(scene, {bsdf: bsdf for bsdf in self.bsdfs}, self.size,
-                         self.scene_file.max_depth - 1)
+                         self.scene_file.max_depth - 1, profiles=self.scene_file.profiles)
 
 
 def _extent(scene: Any, scene_file: SceneFile) -> float:

@@ -16,6 +16,7 @@ from spectrabox.radiometry.errors import InputError
 STEP_DEG = 0.5
 TABLE_DEG = np.arange(0.0, 90.0 + STEP_DEG / 2, STEP_DEG)
 ROUND = 1e-6
+COLUMNS = (2, 3)
 
 
 def read_profile(path: Path) -> np.ndarray:
@@ -26,7 +27,8 @@ def read_profile(path: Path) -> np.ndarray:
     Parameters
     ----------
     path : Path
-        File of rows "angle in degrees, radiance"; a first row may name them.
+        File of rows "angle in degrees, radiance"; a first row may name them, and a third column
+        may state standard errors.
 
     Raises
     ------
@@ -43,11 +45,10 @@ def read_profile(path: Path) -> np.ndarray:
     rows = [line.split(",") for line in text.splitlines() if line.strip("\xef\xbb\xbf ")]
     if rows and not _is_number(rows[0][0]):
         rows = rows[1:]
-    if len(rows) < 2 or not all(len(row) == 2 and _is_number(row[0]) and _is_number(row[1])
-                                for row in rows):
+    if len(rows) < 2 or not all(len(row) in COLUMNS and all(map(_is_number, row)) for row in rows):
         raise InputError(f"{path.name}: a lamp's profile needs two rows or more of an angle in "
                          "degrees and a radiance, with a comma between them")
-    angle, radiance = np.array(rows, dtype=float).T
+    angle, radiance = np.array([row[:2] for row in rows], dtype=float).T
     if not (np.all(np.diff(angle) > 0) and abs(angle[0]) < ROUND and angle[-1] <= 90 + ROUND):
         raise InputError(f"{path.name}: the angles of a lamp's profile must rise from 0 (straight "
                          "ahead) to at most 90")
@@ -55,6 +56,18 @@ def read_profile(path: Path) -> np.ndarray:
         raise InputError(f"{path.name}: the radiances of a lamp's profile must be finite and not "
                          "negative, and positive straight ahead")
     return np.interp(TABLE_DEG, angle, radiance / radiance[0])
+
+
+def profile_text(angle_deg: np.ndarray, radiance: np.ndarray, standard_error: np.ndarray) -> str:
+    """A profile as ``read_profile`` reads it.
+
+    Parameters
+    ----------
+    angle_deg, radiance, standard_error : (J,) arrays
+    """
+    rows = [f"{angle:.4g},{value:.6g},{error:.3g}" for angle, value, error in
+            zip(angle_deg, radiance, standard_error, strict=True)]
+    return "\n".join(["angle_deg,radiance,standard_error", *rows]) + "\n"
 
 
 def relative_radiance(table: np.ndarray, cosine: np.ndarray) -> np.ndarray:

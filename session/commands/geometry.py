@@ -17,6 +17,7 @@ from spectrabox.session.command_line import (
     check_ending,
     command,
 )
+from spectrabox.session.commands.beam import beam
 from spectrabox.session.commands.light_position import light
 
 if TYPE_CHECKING:
@@ -37,8 +38,9 @@ Force = Annotated[bool, typer.Option("--force", help="Replace the output where i
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
     group = typer.Typer(cls=CommandGroup, no_args_is_help=True,
-                        help="Lens and pose of the camera, photos without distortion.")
-    for function in (board, lens, pose, box, undistort, light):
+                        help="Lens and pose of the camera, photos without distortion, place and "
+                        "beam of the lamp.")
+    for function in (board, lens, pose, box, undistort, light, beam):
         group.command()(function)
     app.add_typer(group, name="geometry")
 

@@ -1,0 +1,259 @@
+"""A lamp's radiance by angle from a white wall that it shines at, with standard errors.
+
+The wall scatters evenly: a reading is the wall's irradiance E at its place, up to a factor. For a
+panel that shines alike around its axis,
+
+    E(x) = sum over the panel of L(theta) cos(theta) cos(theta') / r^2,
+
+theta being the angle from the panel's normal and theta' that from the wall's; for a small panel
+that faces the wall this is L cos^4 / d^2. L is a cubic spline in theta with slope 0 ahead, so E is
+linear in its coefficients; where the beam's axis meets the wall is found along with it. The errors
+are a jackknife over sectors about the axis, between which a beam that is not round differs, or over
+tiles of the wall, between which paint that is not even does, whichever is larger; and how the
+profile follows the lamp's place within its error.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.optimize import least_squares
+
+from spectrabox.calibrate.beam.wall import WallCells, WallTable
+from spectrabox.radiometry.errors import CheckError
+from spectrabox.radiometry.shaped import Record
+
+QUADRATURE = 3          # points along each side of the panel; while its axis is looked for, 1
+SPACINGS_DEG = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0)    # of knots; the likeliest is taken
+SEARCH_DEG = 6.0        # of knots while the axis is looked for
+DEGREE = 3
+EVEN = 0.01             # relative: how even a painted wall is from place to place
+FLOOR = 0.002           # of the brightest reading: light from elsewhere
+SECTORS = 12
+TILES = 8               # along the rectangle's longer side
+MIN_SECTORS = 4         # that must see an angle
+RING_DEG, RING_CELLS = 2.0, 3.0     # width of a ring, and the least in readings side by side
+STEP_DEG = 1.0          # of the table
+RIDGE = 1e-9            # of the largest diagonal: angles that no reading sees stay near 0
+BRIGHT = 0.1            # of the radiance ahead: below, a relative difference says nothing
+
+
+@dataclass(frozen=True, eq=False)
+class BeamProfile(Record):
+    """Radiance by angle from the axis, 1 straight ahead, and how far it holds."""
+
+    angle_deg: Annotated[np.ndarray, "J"]
+    radiance: Annotated[np.ndarray, "J"]
+    standard_error: Annotated[np.ndarray, "J"]
+    axis_mm: Annotated[np.ndarray, "2"]     # where the axis meets the wall
+    off_axis_deg: float                     # between it and what the lamp was said to be aimed at
+    spacing_deg: float                      # of the spline's knots
+    residual_rms: float                     # relative, over readings that are not dark
+    asymmetry: float                        # largest relative difference of a sector
+    band_difference: float                  # largest of a band's own profile, of 1 ahead
+
+
+def fit_beam(cells: WallCells, wall: WallTable) -> BeamProfile:
+    """The profile of the lamp's beam.
+
+    Parameters
+    ----------
+    cells : WallCells
+    wall : WallTable
+
+    Raises
+    ------
+    CheckError
+        If the wall is dark, or the rectangle does not hold the place that the lamp faces.
+    """
+    level = cells.signal.mean(axis=0)
+    if not np.all(level > 0):
+        raise CheckError("the rectangle is dark: its mean signal is 0 or less; give a longer "
+                         "exposure, or the dark frame of this exposure")
+    reading = (cells.signal / level).mean(axis=1)
+    noise = (cells.variance / level**2).sum(axis=1) / cells.signal.shape[1] ** 2
+    deviation = np.sqrt(noise + (EVEN * reading) ** 2 + (FLOOR * reading.max()) ** 2)
+    lamp = _Lamp(np.array(wall.lamp_at_mm), np.array(wall.lamp_size_mm))
+    aimed = np.array(wall.lamp_at_mm[:2] if wall.lamp_look_at_mm is None else wall.lamp_look_at_mm)
+    axis = _found_axis(cells.places_mm, reading, deviation, lamp, aimed)
+    angle, sector = lamp.angles(cells.places_mm, axis)
+    apart = np.sqrt(np.prod(wall.size_mm) / len(angle)) / wall.lamp_at_mm[2]
+    top = _seen_all_around(angle, sector, max(RING_DEG, RING_CELLS * float(np.degrees(apart))))
+    kept = angle <= top
+    places, sector = cells.places_mm[kept], sector[kept]
+    reading, deviation = reading[kept], deviation[kept]
+    fit = min((_Fit.of(places, reading, deviation, lamp, axis, top, spacing)
+               for spacing in SPACINGS_DEG if spacing < top / 2), key=lambda one: one.bic)
+    table = np.append(np.arange(0.0, top, STEP_DEG), top)
+    profile = fit.profile(table)
+    tile = (places // (max(wall.size_mm) / TILES)).astype(int) @ [1, TILES]
+    variance = np.maximum(_jackknife(fit, sector, table), _jackknife(fit, tile, table))
+    for shift in wall.lamp_error_mm * np.eye(3):
+        moved = _Fit.of(places, reading, deviation, replace(lamp, at=lamp.at + shift), axis, top,
+                        fit.spacing)
+        variance += (moved.profile(table) - profile) ** 2
+    bright = fit.predicted > BRIGHT * fit.predicted.max()
+    ratio = reading / fit.predicted
+    by_sector = [float(np.mean(ratio[bright & (sector == one)])) for one in range(SECTORS)
+                 if np.any(bright & (sector == one))]
+    own = [_Fit.of(places, band, deviation, lamp, axis, top, fit.spacing).profile(table)
+           for band in (cells.signal[kept] / level).T]
+    return BeamProfile(
+        table, profile, np.sqrt(variance), axis, lamp.angle_between(axis, aimed), fit.spacing,
+        float(np.sqrt(np.mean((ratio[bright] - 1) ** 2))),
+        float(np.max(np.abs(np.array(by_sector) - 1))),
+        float(np.max(np.abs(np.array(own) - profile))))
+
+
+@dataclass(frozen=True)
+class _Lamp:
+    """A panel ``at`` (3,) of ``size`` (2,), both in mm on the wall's axes."""
+
+    at: np.ndarray
+    size: np.ndarray
+
+    def normal(self, axis: np.ndarray) -> np.ndarray:
+        """Unit direction (3,) towards a place (2,) on the wall."""
+        ahead = np.append(axis, 0.0) - self.at
+        return np.asarray(ahead / np.linalg.norm(ahead))
+
+    def angle_between(self, one: np.ndarray, other: np.ndarray) -> float:
+        """Degrees between the directions to two places on the wall."""
+        cosine = float(np.clip(self.normal(one) @ self.normal(other), -1, 1))
+        return float(np.degrees(np.arccos(cosine)))
+
+    def sides(self, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Unit directions (3,) of the panel's sides: across, and up."""
+        normal = self.normal(axis)
+        upright = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.99 else np.array([0.0, 0.0, 1.0])
+        across = np.cross(upright, normal)
+        across /= np.linalg.norm(across)
+        return across, np.cross(normal, across)
+
+    def angles(self, places: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Angle in degrees and sector about the axis, of places (n, 2), from the panel's middle."""
+        ray = np.column_stack([places, np.zeros(len(places))]) - self.at
+        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+        across, up = self.sides(axis)
+        angle = np.degrees(np.arccos(np.clip(ray @ self.normal(axis), -1, 1)))
+        turn = np.arctan2(ray @ up, ray @ across) / (2 * np.pi) % 1.0
+        return angle, np.minimum((turn * SECTORS).astype(int), SECTORS - 1)
+
+    def irradiance(self, places: np.ndarray, axis: np.ndarray, knots: np.ndarray,
+                   quadrature: int) -> np.ndarray:
+        """Irradiance (n, N) of each spline of the radiance, up to a factor."""
+        nodes, weights = np.polynomial.legendre.leggauss(quadrature)
+        across, up = self.sides(axis)
+        normal = self.normal(axis)
+        wall = np.column_stack([places, np.zeros(len(places))])
+        total = np.zeros((len(places), len(knots) - DEGREE - 2))
+        for u, weight_u in zip(nodes, weights, strict=True):
+            for v, weight_v in zip(nodes, weights, strict=True):
+                ray = wall - (self.at + (u * self.size[0] * across + v * self.size[1] * up) / 2)
+                squared = np.sum(ray**2, axis=1)
+                length = np.sqrt(squared)
+                ahead = np.clip(ray @ normal / length, 0, 1)
+                factor = weight_u * weight_v * ahead * (-ray[:, 2] / length) / squared
+                total += factor[:, None] * _splines(np.degrees(np.arccos(ahead)), knots)
+        return np.asarray(total * self.at[2] ** 2)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Weighted least squares of the coefficients; ``rows`` (n, N) and ``wanted`` (n,) whitened."""
+
+    knots: np.ndarray
+    spacing: float
+    rows: np.ndarray
+    wanted: np.ndarray
+    deviation: np.ndarray
+    coefficients: np.ndarray
+
+    @staticmethod
+    def of(places: np.ndarray, reading: np.ndarray, deviation: np.ndarray, lamp: _Lamp,
+           axis: np.ndarray, top: float, spacing: float, quadrature: int = QUADRATURE) -> _Fit:
+        """The fit of readings (n,) at places (n, 2)."""
+        count = max(int(np.ceil(top / spacing)), 1)
+        knots = np.concatenate([np.zeros(DEGREE), np.linspace(0.0, top, count + 1),
+                                np.full(DEGREE, top)])
+        rows = lamp.irradiance(places, axis, knots, quadrature) / deviation[:, None]
+        wanted = reading / deviation
+        return _Fit(knots, spacing, rows, wanted, deviation, _solved(rows, wanted))
+
+    def without(self, some: np.ndarray) -> _Fit:
+        """The same from the other readings."""
+        return replace(self, coefficients=_solved(self.rows[~some], self.wanted[~some]))
+
+    @property
+    def predicted(self) -> np.ndarray:
+        """Readings (n,) as the fit has them."""
+        return np.asarray(self.rows @ self.coefficients * self.deviation)
+
+    @property
+    def residuals(self) -> np.ndarray:
+        """In standard deviations."""
+        return np.asarray(self.wanted - self.rows @ self.coefficients)
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's criterion, of residuals whose scatter is not known."""
+        count = len(self.wanted)
+        return float(count * np.log(np.mean(self.residuals**2))
+                     + len(self.coefficients) * np.log(count))
+
+    def profile(self, angle_deg: np.ndarray) -> np.ndarray:
+        """Radiance by angle, 1 straight ahead, nowhere below 0."""
+        values = _splines(angle_deg, self.knots) @ self.coefficients
+        ahead = float((_splines(np.zeros(1), self.knots) @ self.coefficients)[0])
+        return np.asarray(np.maximum(values / ahead, 0.0)) if ahead > 0 else np.zeros(len(values))
+
+
+def _jackknife(fit: _Fit, group: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """Variance of the profile at the angles of a table, by leaving out one group at a time."""
+    left_out = np.array([fit.without(group == one).profile(table) for one in np.unique(group)])
+    count = len(left_out)
+    return np.asarray((count - 1) / count * np.sum((left_out - left_out.mean(axis=0)) ** 2,
+                                                   axis=0))
+
+
+def _splines(angle_deg: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Splines (n, N) at angles; the first two are one, so that the slope ahead is 0."""
+    values = BSpline.design_matrix(np.clip(angle_deg, 0.0, knots[-1]), knots, DEGREE).toarray()
+    return np.column_stack([values[:, :2].sum(axis=1), values[:, 2:]])
+
+
+def _solved(rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    normal = rows.T @ rows
+    normal += RIDGE * np.diag(normal).max() * np.eye(len(normal))
+    return np.asarray(np.linalg.solve(normal, rows.T @ wanted))
+
+
+def _found_axis(places: np.ndarray, reading: np.ndarray, deviation: np.ndarray, lamp: _Lamp,
+                aimed: np.ndarray) -> np.ndarray:
+    """Where (2,) on the wall the beam is centred."""
+    size = lamp.at[2]
+    top = float(lamp.angles(places, aimed)[0].max()) + 10.0
+
+    def misses(step: np.ndarray) -> np.ndarray:
+        return _Fit.of(places, reading, deviation, lamp, aimed + size * step, top,
+                       SEARCH_DEG, 1).residuals
+
+    solution = least_squares(misses, np.zeros(2), diff_step=1e-3, x_scale=0.1)
+    return np.asarray(aimed + size * solution.x)
+
+
+def _seen_all_around(angle: np.ndarray, sector: np.ndarray, width_deg: float) -> float:
+    """The largest angle that enough sectors see, with all below it, in rings of this width."""
+    top = 0.0
+    for start in np.arange(0.0, 90.0, width_deg):
+        ring = (angle >= start) & (angle < start + width_deg)
+        if len(np.unique(sector[ring])) < MIN_SECTORS:
+            break
+        top = float(angle[ring].max())
+    if top < 3 * SPACINGS_DEG[0]:
+        raise CheckError(f"the rectangle shows the beam all around its axis to {top:.0f} degrees "
+                         "alone; it must hold the place that the lamp faces, and the wall around "
+                         "it")
+    return top
