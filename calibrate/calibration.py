@@ -42,6 +42,7 @@ from spectrabox.radiometry.records import (
     LightScale,
     Outcome,
     PatchSamples,
+    PriorStanding,
     Quantity,
     SensitivityFit,
     Spectrum,
@@ -101,6 +102,14 @@ class ChartCalibration(Record):
     prior_fit: PriorFit | None                      # of the method "prior"
     without: PatchesWithout                         # the first photo's patches, each left out
     kept_out: Annotated[np.ndarray, "I"]            # bool: of no fit at all
+
+    @property
+    def prior_standing(self) -> PriorStanding | None:
+        """What of the curves is the prior's; None by methods that use none."""
+        fit = self.prior_fit
+        return None if fit is None else PriorStanding(
+            fit.prior_share, tuple(members for members, _ in fit.families),
+            np.array([probability for _, probability in fit.families]))
 
     @property
     def white(self) -> ChartWhite | None:

@@ -40,8 +40,8 @@ def calibrate_photos(task: StageTask) -> dict[str, Any]:
     dict
         The "calibration" of every view; of every view with a chart what "white" reads there, a
         ChartWhite; of the first chart the "irradiance" (I,) and the "predicted" signals (I, K);
-        the "model error" (2,) of patches that the fit found, a PatchError; and its patches "left
-        out".
+        the "model error" (2,) of patches that the fit found, a PatchError; what is the
+        "prior"'s (PriorStanding), and its patches "left out".
     """
     config = task.config
     reference, layout = read_chart_reference(config), session_chart(config)
@@ -58,6 +58,7 @@ def calibrate_photos(task: StageTask) -> dict[str, Any]:
         records["notes"] += _shadow_notes(shown[0], made, session_chart(config).names)
         if number == 0:
             records |= {"predicted": made.predicted, "irradiance": made.prior_fit.photos[0].field,
+                        "prior": made.prior_standing,
                         "model error": np.array(made.prior_fit.patch_error),
                         "left out": left_out_patches(made, reference)}
         for view in views:

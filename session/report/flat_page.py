@@ -17,6 +17,7 @@ from spectrabox.session.report.page import (
     rendered,
     written_whole,
 )
+from spectrabox.session.report.shapes.field_whiskers import field_whiskers
 from spectrabox.session.report.svg import band_colours, report_style
 from spectrabox.session.report.tables import input_rows, material_section
 from spectrabox.session.report.verdict import Verdict
@@ -55,7 +56,8 @@ def _page(results: FlatResults, verdict: Verdict) -> dict[str, Any]:
                       for number, region in enumerate(results.materials, start=1)],
         "photos": [{"name": photo.name, "figure": flat_figures.photo_figure(f"photo-{i}", photo),
                     "light": flat_figures.light_figure(f"light-map-{i}", photo),
-                    "regions": photo.light} for i, photo in enumerate(results.photos, start=1)],
+                    "whiskers": field_whiskers(photo.light), "regions": photo.light}
+                   for i, photo in enumerate(results.photos, start=1)],
         "calibration": calibration_section(results, None),
         "inputs": input_rows(results), "methods": flat_methods(results),
         }

@@ -10,6 +10,7 @@ from spectrabox.sampling.prior.certified import standing_facts
 from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report.metamers import metamer_facts, metamer_pair
+from spectrabox.session.report.shapes.swatches import swatch_facts
 from spectrabox.session.report.spectra import every_10_nm, material_curves
 from spectrabox.session.report.verdict import (
     Criterion,
@@ -48,7 +49,7 @@ def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
                   for view in results.views],
         "calibration": _calibration(results) | {"light_scale": _fields(
             results.light_scale, "value", "standard_error", "residuals", "source")},
-        "chart": None if results.chart is None else _chart(results.chart),
+        "chart": None if results.chart is None else _chart(results, results.chart),
         "reconstruction": {"engine": made.engine, "spp": made.spp, "seed": made.seed,
                            "outcome": made.outcome, "loss_history": made.loss_history,
                            "pixels_used": int(made.used.sum()),
@@ -74,7 +75,7 @@ def flat_numbers(results: FlatResults, verdict: Verdict) -> dict[str, Any]:
                               for name, (level, error) in photo.light.items()}}
                    for photo in results.photos],
         "light": results.light, "calibration": _calibration(results),
-        "chart": None if results.chart is None else _chart(results.chart),
+        "chart": None if results.chart is None else _chart(results, results.chart),
         "clipped_share": results.photo.saturated.any(axis=2).mean(),
         "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
         "provenance": results.provenance, "made_from": results.made_from,
@@ -168,8 +169,10 @@ def _calibration(results: CommonResults) -> dict[str, Any]:
         }
 
 
-def _chart(chart: ChartResult) -> dict[str, Any]:
-    return {"measured": chart.samples.mean, "standard_error": standard_errors(chart.samples),
+def _chart(results: CommonResults, chart: ChartResult) -> dict[str, Any]:
+    return {"swatches": swatch_facts(results), "prior": _fields(
+                chart.prior, "share", "families", "probabilities"),
+            "measured": chart.samples.mean, "standard_error": standard_errors(chart.samples),
             "covariance_of_mean": chart.samples.covariance_of_mean,
             "saturated_fraction": chart.samples.saturated_fraction,
             "saturated": chart.samples.saturated_fraction.max(axis=1), "predicted": chart.predicted,

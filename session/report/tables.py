@@ -13,9 +13,11 @@ from spectrabox.session.report.figures import (
     chart_residual_figure,
     irradiance_figure,
 )
-from spectrabox.session.report.maps import display_bands, srgb_encoded, surface_colours
+from spectrabox.session.report.maps import surface_colours
 from spectrabox.session.report.metamers import LIGHTS, metamer_drawing, metamer_pair
 from spectrabox.session.report.numbers import band_width, standard_errors
+from spectrabox.session.report.shapes.prior_share import prior_share_figure
+from spectrabox.session.report.shapes.swatches import css_colour, swatch_section
 from spectrabox.session.report.spectra import (
     error_budget_figure,
     every_10_nm,
@@ -26,15 +28,6 @@ from spectrabox.session.report.spectra import (
 from spectrabox.session.report.verdict import CHART_LIMITS, chart_residuals, root_mean_square
 from spectrabox.session.report.words import OFF
 from spectrabox.session.store.results import CommonResults, MaterialResult
-
-
-def css_colour(srgb: np.ndarray) -> str:
-    """Encoded sRGB (3,), 0 to 1, as CSS writes it; grey stripes stand for a colour that was not
-    measured.
-    """
-    if not np.isfinite(srgb).all():
-        return "repeating-linear-gradient(45deg,#ccc 0 3px,#fff 3px 6px)"
-    return "rgb({}, {}, {})".format(*(round(255 * float(v)) for v in np.clip(srgb, 0, 1)))
 
 
 def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
@@ -93,7 +86,8 @@ def chart_section(results: CommonResults) -> dict[str, Any] | None:
         return None
     held_out = results.calibration.sensitivity.held_out_residuals
     return {
-        "patches": _patches(results, residuals, held_out),
+        "patches": _patches(results, residuals, held_out), "swatches": swatch_section(results),
+        "prior": _prior_section(results),
         "residuals": chart_residual_figure("chart-residuals", residuals, held_out, results.bands,
                                            CHART_LIMITS[0]), "rms": root_mean_square(residuals),
         "irradiance": irradiance_figure("irradiance", results.chart.irradiance,
@@ -106,17 +100,23 @@ def chart_section(results: CommonResults) -> dict[str, Any] | None:
         }
 
 
+def _prior_section(results: CommonResults) -> dict[str, Any] | None:
+    """What of the camera's curves is the prior's, and the cameras that they are most like."""
+    standing = None if results.chart is None else results.chart.prior
+    if standing is None:
+        return None
+    return {"figure": prior_share_figure("prior-share", standing.share,
+                                         results.calibration.sensitivity.grid, results.bands),
+            "families": list(zip(standing.families, standing.probabilities.tolist(), strict=True))}
+
+
 def _patches(results: CommonResults, residuals: np.ndarray,
              held_out: np.ndarray | None) -> list[dict[str, Any]]:
     chart = results.chart
     assert chart is not None
     measured, predicted = chart.samples.mean, np.asarray(chart.predicted)
-    chosen = display_bands(results.calibration.sensitivity)
-    white = np.nanmax(measured, axis=0)[chosen] / 0.9  # the white patch reflects about 90 %
     error = standard_errors(chart.samples)
     return [{"number": p + 1, "name": chart.layout.names[p],
-             "measured_colour": css_colour(srgb_encoded(measured[p, chosen] / white)),
-             "predicted_colour": css_colour(srgb_encoded(predicted[p, chosen] / white)),
              "bands": [{"measured": float(measured[p, k]), "error": float(error[p, k]),
                         "predicted": float(predicted[p, k]), "residual": float(residuals[p, k]),
                         "held_out": None if held_out is None else float(held_out[p, k]),

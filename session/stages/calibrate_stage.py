@@ -57,8 +57,9 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
     -------
     dict
         The "calibration" of every view, and of the first chart the "irradiance" (I,), the
-        "predicted" signals (I, K), its "white" (ChartWhite, by methods that fit one) and its
-        patches "left out" (LeftOutPatches); None where there is no chart.
+        "predicted" signals (I, K), its "white" (ChartWhite, by methods that fit one), what is the
+        "prior"'s (PriorStanding) and its patches "left out" (LeftOutPatches); None where there is
+        no chart.
     """
     config = task.config
     lights = [read_light(config, view.light) for view in config.all_views]
@@ -80,6 +81,7 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
     records: dict[str, Any] = {"calibration": camera, "irradiance": None if first is None else lit,
                "predicted": None if first is None else first.predicted,
                "white": None if first is None else first.white,
+               "prior": None if first is None else first.prior_standing,
                "left out": None if first is None else left_out_patches(
                    first, read_chart_reference(config))}
     for number, view in enumerate(config.all_views[1:], start=1):

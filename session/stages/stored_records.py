@@ -13,6 +13,7 @@ from spectrabox.radiometry.records import (
     LeftOutPatches,
     LinearImage,
     PatchSamples,
+    PriorStanding,
     Reconstruction,
     SpectrumSamples,
     SpectrumSummary,
@@ -75,6 +76,12 @@ def left_out_of(stored: Mapping[str, StoredStage]) -> LeftOutPatches | None:
     """The first chart's patches, each by a calibration without it; None without a chart photo."""
     patches: LeftOutPatches | None = stored["calibrate"].record(LeftOutPatches, "left out")
     return patches
+
+
+def prior_standing_of(stored: Mapping[str, StoredStage]) -> PriorStanding | None:
+    """What of the camera's curves is the prior's; None where none was used."""
+    standing: PriorStanding | None = stored["calibrate"].record(PriorStanding, "prior")
+    return standing
 
 
 def chart_white_of(stored: Mapping[str, StoredStage]) -> ChartWhite | None:

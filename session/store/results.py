@@ -16,6 +16,7 @@ from spectrabox.radiometry.records import (
     LinearImage,
     Outcome,
     PatchSamples,
+    PriorStanding,
     Reconstruction,
     Spectrum,
     SpectrumSamples,
@@ -80,6 +81,7 @@ class ChartResult:
     overlay: Path                     # PNG
     layout: Chart = CLASSIC
     left_out: LeftOutPatches | None = None      # each patch by a calibration without it
+    prior: PriorStanding | None = None          # None of curves that no prior was used for
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from spectrabox.session.report.checked.drawing import drawing_digest
 
 EMBEDDED = re.compile(r'<script type="application/json" id="spectrabox-results">(.*?)</script>',
                       re.DOTALL)
-CELL = re.compile(r'<(td|span|p|div)\b[^>]*\sdata-of="([^"]*)"[^>]*>(.*?)</\1>', re.DOTALL)
+CELL = re.compile(r'<(td|span|p|div)\b([^>]*)\sdata-of="([^"]*)"[^>]*>(.*?)</\1>', re.DOTALL)
+STYLE = re.compile(r'style="(?:width|background): ([^"]*)"')     # of an element that holds no text
 PICTURE = re.compile(r'<img src="data:image/png;base64,([^"]*)" data-of="([^"]*)"')
 PLOT = re.compile(r'<div class="plot-box" id="([^"]*)">.*?</svg>(?:<script.*?</output>)?</div>',
                   re.DOTALL)
@@ -60,8 +61,10 @@ def differences(mine: Any, other: Any, pointer: str = "") -> Iterator[str]:
 
 
 def _cells(page: str, numbers: dict[str, Any]) -> Iterator[str]:
-    for _, pointer, content in CELL.findall(page):
+    for _, tag, pointer, content in CELL.findall(page):
         text, at = html.unescape(re.sub("<[^>]+>", "", content)), html.unescape(pointer)
+        if not content and (style := STYLE.search(tag)):
+            text = style[1].replace("%", " %")
         try:
             value = value_at(numbers, at)
         except KeyError:

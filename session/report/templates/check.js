@@ -46,7 +46,9 @@
     const wrong = [];
     const cells = [...document.querySelectorAll("[data-of]:not(img)")];
     cells.forEach((cell) => {
-      const value = valueAt(data, cell.dataset.of), text = cell.textContent;
+      const value = valueAt(data, cell.dataset.of);
+      const style = cell.childNodes.length ? null : /^(?:width|background): (.*)$/.exec(cell.getAttribute("style"));
+      const text = style ? style[1].replace("%", " %") : cell.textContent;
       if (value === undefined) wrong.push(`${placeOf(cell)}: the data have no ${cell.dataset.of}.`);
       else if (!shows(text, value)) wrong.push(`${placeOf(cell)}: the page says “${text.trim()}”, the data ${JSON.stringify(value)} (${cell.dataset.of}).`);
     });

@@ -1,0 +1,1 @@
+"""Figures of plain shapes, which the page draws without a plotting library."""

@@ -1,0 +1,191 @@
+"""Figures of plain shapes: swatch pairs, shares of the prior, families, light over regions."""
+import dataclasses
+import json
+import re
+
+import numpy as np
+import pytest
+from report_example import GRID, example_session
+
+from spectrabox.calibrate.trust import chart_colour_differences
+from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
+from spectrabox.radiometry.records import LeftOutPatches, PriorStanding
+from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.sampling.prior.certified import FamilyStanding
+from spectrabox.session.report.checked.page_check import page_faults
+from spectrabox.session.report.numbers import report_numbers
+from spectrabox.session.report.page import render_report
+from spectrabox.session.report.safe_json import plain_values
+from spectrabox.session.report.shapes.field_whiskers import field_whiskers
+from spectrabox.session.report.shapes.prior_share import prior_share_figure
+from spectrabox.session.report.shapes.swatches import swatch_facts, swatch_section
+from spectrabox.session.report.verdict import judge
+
+SOILED = 7
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """A session with the chart photo of an ideal camera: one patch is soiled, the rest is right
+    within 0.2 %.
+    """
+    results = example_session(tmp_path_factory.mktemp("shapes"))
+    grid = results.reconstruction.grid
+    reference = chart_reflectances(CLASSIC.references[0], grid)
+    predicted = reference @ relative_response("cie_2_1931", "D65", grid).T
+    measured = predicted * np.random.default_rng(3).normal(1, 0.002, predicted.shape)
+    measured[SOILED] *= 0.7
+    left_out = LeftOutPatches(grid, reference, reference - 0.05, reference + 0.05, reference,
+                              np.zeros(24, dtype=bool), np.full(24, 0.95), 0.95)
+    chart = dataclasses.replace(
+        results.chart, predicted=predicted, left_out=left_out,
+        samples=dataclasses.replace(results.chart.samples, mean=measured),
+        prior=PriorStanding(np.linspace(0, 1, 3 * grid.nm.size).reshape(3, -1),
+                            ("Maker <A>", "Maker B"), np.array([0.9, 0.1])))
+    fit = dataclasses.replace(results.calibration.sensitivity, residuals=1 - predicted / measured,
+                              held_out_residuals=1 - 1.01 * predicted / measured)
+    families = (FamilyStanding("paint", 0.7, False, None), FamilyStanding("earth", 0.3, False,
+                                                                          None))
+    material = dataclasses.replace(results.materials[0], families=families)
+    return dataclasses.replace(results, chart=chart, materials=[material, *results.materials[1:]],
+                               calibration=dataclasses.replace(results.calibration,
+                                                               sensitivity=fit))
+
+
+@pytest.fixture(scope="module")
+def written(session):
+    numbers = plain_values(report_numbers(session, judge(session)))
+    return numbers, render_report(session)
+
+
+def test_the_difference_is_that_of_the_chart_and_the_worst_patch_comes_first(session):
+    facts = swatch_facts(session)
+    grid, chart = session.reconstruction.grid, session.chart
+    # predicted from the others: 1 % brighter, which a map of signals to colours takes off again
+    wanted = chart_colour_differences(chart.samples.mean, 1.01 * chart.predicted,
+                                      chart.left_out.reference, grid)
+    np.testing.assert_allclose(facts["delta_e00"], wanted, rtol=1e-9)
+    assert facts["order"][0] == SOILED and wanted[SOILED] > 3 * np.delete(wanted, SOILED).max()
+    ordered = wanted[facts["order"]]
+    assert (np.diff(ordered) <= 0).all()
+
+
+def test_an_ideal_camera_sees_the_colours_of_the_chart(session):
+    """White is white, and the soiled patch is darker than predicted."""
+    section = swatch_section(session)
+    by_patch = {pair["patch"]: pair for pair in section["large"] + section["others"]}
+    level = {key: [int(value) for value in re.findall(r"\d+", by_patch[18][key])]
+             for key in ("measured", "predicted")}
+    # the white patch reflects 88 to 92 % at all wavelengths: 240 to 248 as sRGB, within noise
+    assert all(236 <= value <= 252 for values in level.values() for value in values)
+    one, other = ([int(value) for value in re.findall(r"\d+", by_patch[SOILED][key])]
+                  for key in ("measured", "predicted"))
+    assert all(a <= b for a, b in zip(one, other, strict=True)) and sum(one) < sum(other) - 30
+
+
+def test_another_chart_is_seen_at_a_glance(session):
+    """Patches of a turned chart differ throughout, not here and there."""
+    turned = dataclasses.replace(session.chart.left_out,
+                                 reference=session.chart.left_out.reference[::-1])
+    predicted = session.chart.predicted[::-1]
+    measured = session.chart.samples.mean
+    fit = dataclasses.replace(session.calibration.sensitivity, residuals=1 - predicted / measured,
+                              held_out_residuals=None)
+    results = dataclasses.replace(
+        session, chart=dataclasses.replace(session.chart, left_out=turned),
+        calibration=dataclasses.replace(session.calibration, sensitivity=fit))
+    differences = np.asarray(swatch_facts(results)["delta_e00"])
+    assert np.median(differences) > 20
+    assert np.median(np.asarray(swatch_facts(session)["delta_e00"])) < 2
+
+
+def test_without_a_reference_no_difference_is_said(session):
+    chart = dataclasses.replace(session.chart, left_out=None)
+    results = dataclasses.replace(session, chart=chart)
+    section = swatch_section(results)
+    assert section["mean"] is None and section["large"][0]["patch"] == SOILED
+    page = render_report(results).page
+    assert page.count('class="halves"') == 24 and 'class="difference"' not in page
+
+
+def test_a_patch_without_signal_comes_first_and_striped(session):
+    mean = session.chart.samples.mean.copy()
+    mean[3, 1] = np.nan
+    samples = dataclasses.replace(session.chart.samples, mean=mean)
+    results = dataclasses.replace(session, chart=dataclasses.replace(session.chart,
+                                                                     samples=samples))
+    section = swatch_section(results)
+    assert section["large"][0]["patch"] == 3 and "gradient" in section["large"][0]["measured"]
+
+
+def test_of_a_large_chart_the_worst_are_large_and_the_others_folded_away(session, monkeypatch):
+    monkeypatch.setattr("spectrabox.session.report.shapes.swatches.MAX_LARGE", 10)
+    page = render_report(session).page
+    assert "The other 14 patches" in page
+    folded = page.split("The other 14 patches")[1].split("</details>")[0]
+    assert folded.count('class="halves"') == 14
+
+
+def test_page_and_data_say_the_same(written):
+    numbers, report = written
+    page = report.page
+    assert page_faults(page, {**numbers, "plots": {}, "pictures": {}})[1] != []     # it does look
+    embedded = json.loads(report.numbers)
+    assert {key: embedded[key] for key in numbers} == numbers
+    assert page_faults(page, embedded)[1] == []
+    colour = embedded["chart"]["swatches"]["predicted"][SOILED]
+    assert any("swatches/predicted" in fault for fault in page_faults(
+        page.replace(f'background: {colour}"', 'background: rgb(1, 2, 3)"'), embedded)[1])
+    assert any("families/0/share" in fault for fault in page_faults(
+        page.replace("width: 70.0%", "width: 90.0%"), embedded)[1])
+
+
+def test_the_page_says_the_browser_agrees(browser, session, written, tmp_path):
+    path = tmp_path / "report.html"
+    text = written[1].page
+    for broken, says in ((False, "They agree."), (True, "They do not agree.")):
+        colour = swatch_facts(session)["predicted"][SOILED]
+        path.write_text(text.replace(f'background: {colour}"', 'background: rgb(1, 2, 3)"')
+                        if broken else text, encoding="utf-8")
+        with browser.new_page() as page:
+            page.goto(path.as_uri())
+            page.click("#check-page")
+            page.wait_for_selector("#check-says[data-wrong]")
+            assert page.inner_text("#check-says").startswith(says)
+        # halves touch: no gap in which an edge would hide
+        with browser.new_page() as page:
+            page.goto(path.as_uri())
+            gaps = page.evaluate("""[...document.querySelectorAll(".halves")].map((one) => {
+              const [left, right] = [...one.children].map((half) => half.getBoundingClientRect());
+              return [right.left - left.right, left.height, left.width]; })""")
+            assert len(gaps) == 24
+            assert all(gap == 0 and height > 80 and width > 60 for gap, height, width in gaps)
+
+
+def test_the_share_of_the_prior_is_drawn_as_high_as_it_is():
+    grid = GRID
+    share = np.stack([np.full(grid.nm.size, 0.25), np.linspace(0, 1, grid.nm.size)])
+    drawing = prior_share_figure("prior-share", share, grid, ("R", "<G>"))
+    for k, axes in enumerate(drawing.facts["axes"]):
+        path = re.search(rf'id="prior-share-s{k}"><path d="([^"]*)"', drawing)[1]
+        points = np.array([[float(v) for v in point.split()] for point in path[1:].split("L")])
+        left, top, right, bottom = axes["box"]
+        # coordinates have two decimals
+        np.testing.assert_allclose((bottom - points[:, 1]) / (bottom - top), share[k], atol=2e-4)
+        np.testing.assert_allclose((points[:, 0] - left) / (right - left),
+                                   (grid.nm - 400) / 300, atol=2e-5)
+    assert "<G>" not in drawing and "&lt;G&gt;" in drawing
+
+
+def test_light_on_regions_lies_on_one_scale():
+    marks = field_whiskers({"a": (0.9, 0.01), "b": (1.1, 0.02)})
+    at = {name: float(re.search(r'cx="([\d.]+)"', mark)[1]) for name, mark in marks.items()}
+    chart = {re.search(r'd="M([\d.]+) 0V', mark)[1] for mark in marks.values()}
+    assert len(chart) == 1      # the same line in all
+    # 0.88 to 1.14 fill the width
+    scale = 114 / 0.26
+    assert at["b"] - at["a"] == pytest.approx(0.2 * scale, abs=0.11)
+    assert float(chart.pop()) - at["a"] == pytest.approx(0.1 * scale, abs=0.11)
+    ends = [float(v) for v in re.search(r'd="M([\d.]+) 8\.0H([\d.]+)"', marks["b"]).groups()]
+    assert ends[1] - ends[0] == pytest.approx(0.08 * scale, abs=0.11)
+    assert field_whiskers({}) == {}
