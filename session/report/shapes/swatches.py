@@ -76,8 +76,8 @@ def swatch_section(results: CommonResults) -> dict[str, Any] | None:
 
 
 def _chart_colours(measured: np.ndarray, predicted: np.ndarray, left_out: LeftOutPatches
-                   ) -> tuple[list[list[np.ndarray]], np.ndarray]:
-    """Encoded sRGB of both, I each, and CIEDE2000 (I,) between them."""
+                   ) -> tuple[list[np.ndarray], np.ndarray]:
+    """Encoded sRGB (I, 3) of both, and CIEDE2000 (I,) between them."""
     nm = left_out.grid.nm
     true = np.array([tristimulus(nm, reflectance) for reflectance in left_out.reference])
     usable = np.isfinite(predicted).all(axis=1) & np.isfinite(measured).all(axis=1)
@@ -85,7 +85,8 @@ def _chart_colours(measured: np.ndarray, predicted: np.ndarray, left_out: LeftOu
     white = tristimulus(nm, np.ones(nm.size))
     both = [signal @ to_xyz for signal in (measured, predicted)]
     first, second = (lab_from_xyz(xyz, white) for xyz in both)
-    return [[encoded_srgb(one) for one in xyz] for xyz in both], ciede2000(first, second)
+    return ([np.array([encoded_srgb(one) for one in xyz]) for xyz in both],
+            ciede2000(first, second))
 
 
 def _camera_colours(results: CommonResults, measured: np.ndarray,
