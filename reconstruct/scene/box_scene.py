@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,7 @@ def box_xml(box: BoxTable, size: tuple[int, int], pose: Mapping[str, Any] | None
     """
     root = _scene(MAX_DEPTH, TAKE_OVER.format(key="scene.file"))
     _add_sensor(root, _stated(camera or box.camera) if pose is None else camera_nodes(pose), size)
-    _add_lamp(root, box.lamp, box.lamp.at_mm)
+    _add_lamp(root, box.lamp, box.lamp.place_mm)
     for name in box.materials:
         bsdf = ET.SubElement(root, "bsdf", type="diffuse", id=name)
         ET.SubElement(bsdf, "spectrum", name="reflectance", value=PLACEHOLDER)
@@ -71,13 +72,24 @@ def chart_xml(box: BoxTable, chart: ChartPlaceTable) -> str:
     eye = at + CHART_VIEW * width * facing / np.linalg.norm(facing)
     _add_sensor(root, [_float("fov", 40.0), _string("fov_axis", "x"),
                        _transform([_lookat(eye, at, chart.up)])], (600, 400))
-    _add_lamp(root, box.lamp, chart.lamp_at_mm or box.lamp.at_mm)
+    _add_lamp(root, box.lamp, chart.lamp_at_mm or box.lamp.place_mm)
     bsdf = ET.SubElement(root, "bsdf", type="diffuse", id="card")
     ET.SubElement(bsdf, "spectrum", name="reflectance", value="0.2")
     root.append(_shape("rectangle", "chart", "card",
                        [_scale(chart.size_mm[0] / 2, chart.size_mm[1] / 2, 1),
                         _lookat(at, chart.look_at_mm, chart.up)]))
     return _text(root)
+
+
+def is_of_box(path: Path) -> bool:
+    """Whether a scene was made from [scene.box], as its comment says.
+
+    Parameters
+    ----------
+    path : Path
+        Of a scene that was read before.
+    """
+    return TAKE_OVER.split("{")[0].strip() in path.read_text(encoding="utf-8-sig")
 
 
 def box_edges(box: BoxTable) -> list[tuple[str, str]]:

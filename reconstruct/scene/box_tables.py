@@ -92,6 +92,9 @@ class LampTable(Table):
         None, description="[width, height] of a panel")
     look_at_mm: Point | None = Field(None, description="a point that the panel faces")
     beam: str | None = Field(None, description="file of a panel's measured radiance by angle")
+    moved_mm: Point | None = Field(None, description="[x, y, z] by which 'spectrabox geometry "
+                                   "light' found it to stand elsewhere than at_mm")
+    moved_error_mm: Point | None = Field(None, description="standard errors of moved_mm")
 
     @model_validator(mode="after")
     def _is_ball_or_panel(self) -> LampTable:
@@ -106,7 +109,16 @@ class LampTable(Table):
                              "look_at_mm in place of radius_mm")
         if self.look_at_mm is not None and self.look_at_mm == self.at_mm:
             raise ValueError("look_at_mm of the lamp is its own place; give a point it faces")
+        if self.moved_error_mm is not None and self.moved_mm is None:
+            raise ValueError("moved_error_mm of the lamp are errors of moved_mm, which is missing; "
+                             "give both or neither")
         return self
+
+    @property
+    def place_mm(self) -> tuple[float, ...]:
+        """Where its middle is taken to be."""
+        return tuple(at + by for at, by in zip(self.at_mm, self.moved_mm or (0, 0, 0),
+                                               strict=True))
 
 
 class CameraTable(Table):

@@ -10,13 +10,14 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.moved_light import move_light
+from spectrabox.reconstruct.scene.refinements import Refinement, add_refinement
 
 REPLACED = {"fov", "fov_axis", "focal_length", "principal_point_offset_x",
             "principal_point_offset_y", "to_world"}
 
 
 def scene_with_camera(path: Path, camera: Mapping[str, Any], size: tuple[int, int],
-                      folder: Path) -> str:
+                      folder: Path, said: Refinement | None = None) -> str:
     """XML of the scene with another camera.
 
     Parameters
@@ -30,6 +31,8 @@ def scene_with_camera(path: Path, camera: Mapping[str, Any], size: tuple[int, in
         Of the photo in pixels; the film keeps its own where it has the same shape.
     folder : Path
         Where the copy will lie.
+    said : Refinement, optional
+        What the copy says of this, in a comment.
 
     Raises
     ------
@@ -54,10 +57,13 @@ def scene_with_camera(path: Path, camera: Mapping[str, Any], size: tuple[int, in
         sensor.insert(index, node)
     _shape_film(root, film, size)
     ET.indent(sensor, space="    ", level=1)
+    if said is not None:
+        add_refinement(root, said)
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def scene_with_light_moved(path: Path, number: int, offset: np.ndarray, folder: Path) -> str:
+def scene_with_light_moved(path: Path, number: int, offset: np.ndarray, folder: Path,
+                           said: Refinement | None = None) -> str:
     """XML of the scene with one of its emitters moved.
 
     Parameters
@@ -70,6 +76,8 @@ def scene_with_light_moved(path: Path, number: int, offset: np.ndarray, folder: 
         In the scene's unit.
     folder : Path
         Where the copy will lie.
+    said : Refinement, optional
+        What the copy says of this, in a comment.
 
     Raises
     ------
@@ -79,6 +87,8 @@ def scene_with_light_moved(path: Path, number: int, offset: np.ndarray, folder: 
     """
     root = _parsed(path, folder)
     move_light(root, number, offset)
+    if said is not None:
+        add_refinement(root, said)
     return ET.tostring(root, encoding="unicode") + "\n"
 
 

@@ -112,6 +112,24 @@ def marked_corners(config: SessionConfig,
     return _placed(config, view or config.all_views[0]).marks
 
 
+def straight_corners(config: SessionConfig, view: ViewInputs
+                     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Corners as the camera sees them, and as they were marked, in the photo without distortion:
+    shares of its width and height by name.
+    """
+    from spectrabox.calibrate.geometry.lens import pinhole
+    from spectrabox.calibrate.geometry.projection import image_rays
+    placed = _placed(config, view)
+    size = np.array([placed.lens.width, placed.lens.height])
+
+    def straight(points: Mapping[str, tuple[float, float]]) -> dict[str, np.ndarray]:
+        seen = image_rays(np.array([*points.values()]).reshape(-1, 2), placed.lens)
+        seen = seen @ pinhole(placed.lens).T
+        return dict(zip(points, (seen[:, :2] / seen[:, 2:] + 0.5) / size, strict=True))
+
+    return straight(corners_in_photo(config, view)), straight(placed.marks)
+
+
 def lens_of_view(config: SessionConfig, view: ViewInputs) -> Lens | None:
     """The lens by which a photo is undistorted, where one is known.
 

@@ -136,12 +136,13 @@ def pose(photo: Photo,
     corners.
     """
     with command(as_json, debug):
-        from spectrabox.calibrate.geometry.lens import mitsuba_sensor
+        from spectrabox.calibrate.geometry.lens import camera_position, mitsuba_sensor
         from spectrabox.calibrate.geometry.lens_files import lens_facts, read_lens
         from spectrabox.calibrate.geometry.pose import FLAT, pose_and_focal_length, pose_from_points
         from spectrabox.calibrate.geometry.projection import spread
         from spectrabox.radiometry.files import write_text_whole
         from spectrabox.reconstruct.scene.pose_scene import scene_with_camera
+        from spectrabox.reconstruct.scene.refinements import Refinement, rounded
         check_ending(out, {".xml": "the scene with this camera"})
         _require_new(out, force, photo, points_file, board_file, lens_file)
         image = _open(photo)
@@ -154,7 +155,12 @@ def pose(photo: Photo,
             _require_size(image, used)
             camera_pose = pose_from_points(positions, points, used, names)
         camera = mitsuba_sensor(used, camera_pose)
-        write_text_whole(out, scene_with_camera(scene, camera, (width, height), out.parent))
+        at, error, _, angle = camera_position(camera_pose)
+        said = Refinement(what="camera", name="of the photo", how=f"found from {len(names)} points "
+                          f"of {photo.name}, rms {camera_pose.rms_px:.2f} pixels; direction known "
+                          f"to {angle:.2f} degrees", place=rounded(at),
+                          standard_error=rounded(error))
+        write_text_whole(out, scene_with_camera(scene, camera, (width, height), out.parent, said))
         if overlay is not None:
             _overlay(overlay, image, points, points - camera_pose.residuals_px)
         flat = points_file is not None and spread(positions)[2] < FLAT

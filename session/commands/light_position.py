@@ -65,12 +65,14 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
         from spectrabox.radiometry.spectra.named_spectra import light as spectrum_of_light
         from spectrabox.radiometry.spectra.named_spectra import sensitivities
         from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+        from spectrabox.reconstruct.scene.box_scene import is_of_box
         from spectrabox.reconstruct.scene.light_position import (
             PositionSettings,
             refine_light_position,
         )
         from spectrabox.reconstruct.scene.moved_light import light_number
         from spectrabox.reconstruct.scene.pose_scene import scene_with_light_moved
+        from spectrabox.reconstruct.scene.refinements import Refinement, rounded
         from spectrabox.reconstruct.scene.scene_file import read_scene
         from spectrabox.session.progress_display import progress_display
         from spectrabox.session.stages.scenes import check_aspect
@@ -102,8 +104,14 @@ def light(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=Fa
                 written, paints, response, bin_image(image, *size), light_id,
                 PositionSettings(spp=spp, seed=seed),
                 lambda done, message: show("light", done, message))
-        write_text_whole(out, scene_with_light_moved(scene, number, estimate.offset, out.parent))
-        answer(as_json, _facts(estimate, out), _text(estimate, out))
+        said = Refinement(what="light", name=estimate.light, how="moved to explain the shading of "
+                          f"surfaces of known reflectance in {photo.name}; chi-square "
+                          f"{estimate.misfit:.2f} per degree of freedom, {estimate.before:.2f} "
+                          "before", moved=rounded(estimate.offset),
+                          standard_error=rounded(estimate.standard_error))
+        write_text_whole(out, scene_with_light_moved(scene, number, estimate.offset, out.parent,
+                                                     said))
+        answer(as_json, _facts(estimate, out), _text(estimate, out, is_of_box(scene)))
         if estimate.outcome is Outcome.STEP_LIMIT:
             raise typer.Exit(ConvergenceError.exit_code)
 
@@ -124,7 +132,7 @@ def _facts(estimate: LightPosition, out: Path) -> dict[str, Any]:
             "outcome": estimate.outcome.value, "out": str(out)}
 
 
-def _text(estimate: LightPosition, out: Path) -> str:
+def _text(estimate: LightPosition, out: Path, of_box: bool) -> str:
     moved = ", ".join(f"{axis} {value:+.3g} ({error:.2g})" for axis, value, error in
                       zip("xyz", estimate.offset, estimate.standard_error, strict=True))
     lines = [f"light {estimate.light!r} moved by {moved} in the scene's unit (standard errors in "
@@ -134,4 +142,9 @@ def _text(estimate: LightPosition, out: Path) -> str:
     if estimate.misfit >= MAX_CHI_SQUARE:
         lines.append("something besides the light's position is wrong too (a lamp with a beam, a "
                      "photo that is not linear, geometry): do not rely on this position")
+    if of_box:
+        by, within = ([round(float(value), 2) for value in values] for values in
+                      (estimate.offset, estimate.standard_error))
+        lines.append("to keep [scene.box] in session.toml, write into [scene.box.lamp] in place of "
+                     f"the copy:\nmoved_mm = {by}\nmoved_error_mm = {within}")
     return "\n".join([*lines, estimate.outcome.value, f"wrote {out}"])

@@ -7,6 +7,7 @@ import numpy as np
 
 from spectrabox.radiometry.records import PatchSamples, SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.certified import standing_facts
+from spectrabox.session.box.geometry_record import SceneGeometry
 from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report.metamers import metamer_facts, metamer_pair
@@ -55,6 +56,7 @@ def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
                            "pixels_used": int(made.used.sum()),
                            "pixels": made.used.size, "white_signal": made.white_signal},
         "clipped_share": results.photo.saturated.any(axis=2).mean(),
+        "geometry": None if results.geometry is None else _geometry(results.geometry),
         "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
         "provenance": results.provenance, "made_from": results.made_from,
         }
@@ -80,6 +82,17 @@ def flat_numbers(results: FlatResults, verdict: Verdict) -> dict[str, Any]:
         "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
         "provenance": results.provenance, "made_from": results.made_from,
         }
+
+
+def _geometry(geometry: SceneGeometry) -> dict[str, Any]:
+    """What of the scene was estimated."""
+    return {"placements": [_fields(one, "what", "how", "unit", "stated", "place", "moved",
+                                   "standard_error") for one in geometry.placements],
+            "views": [{"name": view.name,
+                       "corners": [{"corner": corner, "residual_px": residual}
+                                   for corner, residual in zip(view.corners, view.residuals_px,
+                                                               strict=True)]}
+                      for view in geometry.views]}
 
 
 def _criterion(criterion: Criterion) -> dict[str, Any]:

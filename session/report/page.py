@@ -16,6 +16,7 @@ from spectrabox.session.report import words
 from spectrabox.session.report.checked.cells import of
 from spectrabox.session.report.checked.drawing import drawings_in
 from spectrabox.session.report.figures import loss_figure, picture_data_uri, picture_digest
+from spectrabox.session.report.geometry import geometry_section
 from spectrabox.session.report.maps import (
     pair_figure,
     residual_figure,
@@ -137,6 +138,8 @@ def _page(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
                                         results.bands),
         "views": _view_sections(results),
         "calibration": calibration_section(results, scale_words(results.light_scale)),
+        "geometry": geometry_section(results.geometry, {"": results.photo_preview} | {
+            view.name: view.photo_preview for view in results.views}),
         "loss": loss_figure("loss", results.reconstruction.loss_history),
         "inputs": input_rows(results), "methods": methods_text(results),
         }

@@ -21,6 +21,7 @@ from spectrabox.session.stages.stored_records import (
     calibrations_of,
     chart_fit_of,
     chart_of,
+    geometry_of,
     joint_of,
     left_out_of,
     notes_of,
@@ -66,7 +67,8 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
         warnings=notes_of(stored) + _warnings(config, calibration, joint)
         + doubtful_materials(materials),
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name,
-                stage in stored.items()], rehearsal=stored_rehearsal(config))
+                stage in stored.items()], rehearsal=stored_rehearsal(config),
+        geometry=geometry_of(stored))
 
 
 def _material(config: SessionConfig, calibrations: list[Calibration], joint: JointReconstruction,

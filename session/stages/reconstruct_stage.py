@@ -29,6 +29,7 @@ from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
+from spectrabox.session.box.scene_geometry import scene_geometry
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
     GRID,
@@ -62,14 +63,16 @@ def invert_photos(task: StageTask) -> dict[str, Any]:
     Returns
     -------
     dict
-        "joint", a JointReconstruction, and the "drift" of the light, a LightDrift or None.
+        "joint", a JointReconstruction, the "drift" of the light, a LightDrift or None, and the
+        "geometry" that was estimated, a SceneGeometry.
     """
     config, stored = task.config, task.stored
     start_mitsuba(task.device)
     drift = drift_of(config, stored)
     joint = reconstruct_views(views_of(config, stored, drift), settings_of(config), task.progress,
                               config.results_folder / TRACE)
-    return {"drift": drift, "joint": with_errors(config, stored, drift, joint)}
+    return {"drift": drift, "joint": with_errors(config, stored, drift, joint),
+            "geometry": scene_geometry(config)}
 
 
 def with_errors(config: SessionConfig, stored: Mapping[str, StoredStage],

@@ -19,6 +19,7 @@ from spectrabox.radiometry.records import (
     SpectrumSummary,
     SurfaceSignals,
 )
+from spectrabox.session.box.geometry_record import SceneGeometry
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.store.store import StoredStage
 
@@ -94,6 +95,12 @@ def joint_of(stored: Mapping[str, StoredStage]) -> JointReconstruction:
     """The reconstruction from all photos."""
     joint: JointReconstruction = stored["reconstruct"].record(JointReconstruction, "joint")
     return joint
+
+
+def geometry_of(stored: Mapping[str, StoredStage]) -> SceneGeometry | None:
+    """What of the scene was estimated; None where nothing was."""
+    geometry: SceneGeometry = stored["reconstruct"].record(SceneGeometry, "geometry")
+    return geometry if geometry.placements else None
 
 
 def signals_of(stored: Mapping[str, StoredStage]) -> SurfaceSignals:

@@ -23,6 +23,7 @@ from spectrabox.radiometry.records import (
     SpectrumSummary,
 )
 from spectrabox.sampling.prior.certified import FamilyStanding
+from spectrabox.session.box.geometry_record import SceneGeometry
 
 # outcomes of a sampler without reservation
 AS_INTENDED = frozenset({Outcome.EXACT, Outcome.FAMILIAR, Outcome.THROUGH_TRANSPORT})
@@ -128,4 +129,5 @@ class SessionResults(CommonResults):
     light_scale: LightScale
     reconstruction: Reconstruction
     views: list[ViewResult] = field(default_factory=list)  # photos beyond the first
+    geometry: SceneGeometry | None = None       # None where camera and lamp stand as stated
     rehearsal: dict[str, Any] | None = None     # facts of the last one of these results

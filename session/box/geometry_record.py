@@ -1,0 +1,43 @@
+"""What a session's scene says of camera and lamp beyond what a tape measured: for the report."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.radiometry.shaped import Record
+
+
+@dataclass(frozen=True, eq=False)
+class Placement(Record):
+    """A lamp or camera: where it was stated to be, where it is taken to be, and how that is known.
+    """
+
+    what: str
+    how: str
+    unit: str                                               # "mm", or "scene's unit"
+    stated: Annotated[np.ndarray, "3"] | None
+    place: Annotated[np.ndarray, "3"] | None
+    moved: Annotated[np.ndarray, "3"] | None                # from where it was stated to be
+    standard_error: Annotated[np.ndarray, "3"] | None
+
+
+@dataclass(frozen=True, eq=False)
+class MarkedView(Record):
+    """A photo with a box's edges and marked corners, in shares of its width and height."""
+
+    name: str                                               # empty of the first
+    edges: Annotated[np.ndarray, "m 2 2"]
+    corners: tuple[str, ...]
+    marked: Annotated[np.ndarray, "n 2"]
+    seen: Annotated[np.ndarray, "n 2"]                      # where the camera sees them
+    residuals_px: Annotated[np.ndarray, "n"]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneGeometry(Record):
+    """What was estimated of a scene; empty where everything stands as stated."""
+
+    placements: tuple[Placement, ...]
+    views: tuple[MarkedView, ...]
