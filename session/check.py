@@ -75,13 +75,18 @@ def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
     return foresee(folder, allow_outside).problems
 
 
-def foresee(folder: Path, allow_outside: bool = False) -> Foresight:
+def foresee(folder: Path, allow_outside: bool = False, device: str = DEVICE,
+            shared: Path | None = None) -> Foresight:
     """Everything that would stop or spoil a run of this session, and what it will take.
 
     Parameters
     ----------
     allow_outside : bool
         Whether the session may name files outside its folder.
+    device : {"auto", "cpu", "cuda"}
+        Where what comes before the long stages is rendered.
+    shared : Path, optional
+        As of ``run_stages``.
     """
     problems: list[Problem] = []
     config, sentences = try_read_session(folder, allow_outside)
@@ -103,7 +108,7 @@ def foresee(folder: Path, allow_outside: bool = False) -> Foresight:
             return None
 
     _attempt_inputs(config, attempt)
-    tracing_bytes = None if problems else attempt(_run_up_to_tracing, config)
+    tracing_bytes = None if problems else attempt(_run_up_to_tracing, config, device, shared)
     if problems:        # a stage stops at its first fault: say those of the other photos too
         _attempt_photos(config, attempt)
     return Foresight(problems, tracing_bytes)
@@ -158,7 +163,7 @@ def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
                     typical_camera_signals(chart_signals, GRID, power_of(light)))
 
 
-def _run_up_to_tracing(config: SessionConfig) -> int | None:
+def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) -> int | None:
     """Run the short stages as a run does, which then keeps them, and what the long ones ask before
     they begin; bytes that tracing will take, where something is left to trace.
     """
@@ -166,12 +171,12 @@ def _run_up_to_tracing(config: SessionConfig) -> int | None:
     long = next(name for name in states if name in LONG_STAGES)
     if states[long] == "done":
         return None
-    stored = run_stages(config, device=DEVICE, only=None, force=False,
-                        progress=lambda stage, done, what: None, before=long).stored
+    stored = run_stages(config, device=device, only=None, force=False,
+                        progress=lambda stage, done, what: None, before=long, shared=shared).stored
     if config.flat:
         return None
     from spectrabox.session.stages.reconstruct_stage import require_invertible
-    return require_invertible(config, stored, DEVICE)
+    return require_invertible(config, stored, device)
 
 
 def _reflectances(config: SessionConfig) -> list[SpectrumTable]:

@@ -19,6 +19,7 @@ from spectrabox.session.command_line import (
     stop_on_signals,
 )
 from spectrabox.session.commands import (
+    batch,
     camera,
     capture,
     compare,
@@ -38,8 +39,8 @@ from spectrabox.session.commands import (
 app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
                   pretty_exceptions_enable=False, rich_markup_mode=None,
                   context_settings={"help_option_names": ["-h", "--help"]})
-for subject in (session, flat, rehearse, draws, capture, geometry, camera, sampling, match, meter,
-                page, compare, spectrum):
+for subject in (session, batch, flat, rehearse, draws, capture, geometry, camera, sampling, match,
+                meter, page, compare, spectrum):
     subject.register(app)
 
 

@@ -32,7 +32,8 @@ Outside = Annotated[bool, typer.Option("--allow-outside",
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda: where Mitsuba renders.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
 SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
-                          "rehearse", "draws", "compare", "catalogue"),
+                          "rehearse", "draws"),
+            "Many sessions": ("batch", "compare", "catalogue"),
             "Photos and cameras": ("develop", "chart", "camera", "geometry"),
             "Instruments and spectral files": ("meter", "spectrum"),
             "The spectra behind a signal": ("sample", "uplift", "match", "plan", "prior"),
@@ -107,7 +108,7 @@ def command(as_json: bool, debug: bool) -> Iterator[None]:
              "correct its name, or change its permissions",
              EnvironmentProblem.exit_code if error.errno in DISK_TROUBLE else InputError.exit_code)
     except (KeyboardInterrupt, Exception) as error:
-        stop = _interrupt_behind(error)
+        stop = interrupt_behind(error)
         if stop is None:
             raise
         fail(as_json, STOPPED, getattr(stop, "exit_code", INTERRUPTED))
@@ -127,21 +128,24 @@ def last_resort(as_json: bool, debug: bool) -> Iterator[None]:
     except BaseException as error:
         if debug:
             raise
-        stop = _interrupt_behind(error)
-        if stop is not None:
-            said, code = STOPPED, getattr(stop, "exit_code", INTERRUPTED)
-        elif isinstance(error, SpectraboxError):
-            said, code = str(error), error.exit_code
-        elif isinstance(error, MemoryError):
-            said, code = NO_MEMORY, EnvironmentProblem.exit_code
-        elif isinstance(error, OSError) and error.errno in DISK_TROUBLE:
-            said, code = f"{NOT_WRITTEN} ({error.strerror})", EnvironmentProblem.exit_code
-        else:
-            said, code = (f"unexpected {type(error).__name__}: {error}; run again with --debug and "
-                          "report what it shows"), 1
+        stop = interrupt_behind(error)
+        said, code = said_of(error) if stop is None \
+            else (STOPPED, getattr(stop, "exit_code", INTERRUPTED))
         with contextlib.suppress(typer.Exit):
             fail(as_json, said, code)
         sys.exit(code)
+
+
+def said_of(error: BaseException) -> tuple[str, int]:
+    """Any error but an interrupt as one sentence, and the exit code that it means."""
+    if isinstance(error, SpectraboxError):
+        return str(error), error.exit_code
+    if isinstance(error, MemoryError):
+        return NO_MEMORY, EnvironmentProblem.exit_code
+    if isinstance(error, OSError) and error.errno in DISK_TROUBLE:
+        return f"{NOT_WRITTEN} ({error.strerror})", EnvironmentProblem.exit_code
+    return (f"unexpected {type(error).__name__}: {error}; run again with --debug and report what "
+            "it shows"), 1
 
 
 @contextlib.contextmanager
@@ -165,7 +169,7 @@ def flushed_output() -> Iterator[None]:
                 raise EnvironmentProblem(f"{NOT_WRITTEN} ({error.strerror})") from None
 
 
-def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
+def interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
     """The interrupt that an error began as: Dr.Jit wraps a Ctrl-C that falls into the tracing of a
     loop in an error of its own.
     """

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_schema import SessionConfig
@@ -12,8 +13,10 @@ from spectrabox.session.stages.order import stages_of
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.open_photos import OpenPhotos
+from spectrabox.session.store.shared_stages import made_once, share
 from spectrabox.session.store.store import (
     StoredStage,
+    copy_stage,
     load_stage,
     save_stage,
     stage_folder,
@@ -33,8 +36,8 @@ class StageState:
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """The stages of a run: stored results by name, and which were made now ("run") or still held
-    ("kept").
+    """The stages of a run: stored results by name, and which were made now ("run"), made by another
+    session with the same inputs ("copied") or still held ("kept").
     """
 
     stored: dict[str, StoredStage]
@@ -80,7 +83,8 @@ def stale_stages(config: SessionConfig) -> tuple[list[str], str]:
 
 
 def run_stages(config: SessionConfig, *, device: str, only: str | None, force: bool,
-               progress: StageProgress, before: str | None = None) -> FinishedRun:
+               progress: StageProgress, before: str | None = None,
+               shared: Path | None = None) -> FinishedRun:
     """Run every stage whose inputs changed; results are replaced stage by stage, each whole.
 
     Parameters
@@ -92,6 +96,8 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
         Run also what is up to date.
     before : str, optional
         Stage at which to stop, itself not run.
+    shared : Path, optional
+        Folder where sessions that have a calibration in common keep it.
 
     Raises
     ------
@@ -123,9 +129,13 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
         else:
             if stored is not None and stored.damage:
                 progress(name, 0.0, f"made again: its stored results are damaged ({stored.damage})")
-            finished.stored[name] = _run_stage(config, name, key, inputs, device,
-                                               finished.stored, progress, photos)
-            finished.states[name] = "run"
+            with made_once(shared, name, as_stored(key)) as copied:
+                finished.stored[name] = (
+                    _run_stage(config, name, key, inputs, device, finished.stored, progress, photos)
+                    if copied is None else _copied(config, name, key, inputs, copied, progress))
+                if copied is None:
+                    share(shared, name, finished.stored[name])
+            finished.states[name] = "run" if copied is None else "copied"
     return finished
 
 
@@ -165,4 +175,15 @@ def _run_stage(config: SessionConfig, name: str, key: Key, inputs: InputFiles, d
     finished = load_stage(config.results_folder, name)
     assert finished is not None
     progress(name, 1.0, f"{finished.seconds:.1f} s")
+    return finished
+
+
+def _copied(config: SessionConfig, name: str, key: Key, inputs: InputFiles, made: StoredStage,
+            progress: StageProgress) -> StoredStage:
+    with stage_folder(config.results_folder, name) as folder:
+        copy_stage(made, folder)
+        inputs.require_unchanged(key.get("files", ()))
+    finished = load_stage(config.results_folder, name)
+    assert finished is not None
+    progress(name, 1.0, "as another session made it")
     return finished

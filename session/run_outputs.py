@@ -13,6 +13,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.progress_display import StageProgress
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.made_from import digests_of
 from spectrabox.session.store.provenance import PACKAGES, versions
@@ -49,6 +50,25 @@ def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | N
               for name in ("report", "spectra")}
     return RunOutputs({**stored.facts["facts"], **report, "stages": stages},
                       f"{stored.facts['text']}\nreport: {report['report']}")
+
+
+def outputs_of_run(config: SessionConfig, finished: FinishedRun, command_line: list[str],
+                   device: str, progress: StageProgress) -> RunOutputs:
+    """What lies beside the results of a run that has just ended, written where it is not there.
+
+    Parameters
+    ----------
+    command_line, device
+        As of ``rewritten_outputs``.
+    """
+    outputs = kept_outputs(config, finished)
+    if outputs is not None:
+        progress("report", 1.0, "up to date")
+        return outputs
+    progress("report", 0.0, "")
+    outputs = rewritten_outputs(config, finished, command_line, device)
+    progress("report", 1.0, outputs.facts["report"])
+    return outputs
 
 
 def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],

@@ -23,9 +23,10 @@ def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
     report : Path
         Of report.html.
     """
-    agreement = results.reconstruction.agreement
+    agreement, verdict = results.reconstruction.agreement, judge(results)
     return {"report": str(report), "spectra": str(report.with_name("spectra.csv")),
-            "verdict": judge(results).status.name.lower(), "stages": results.stages,
+            "verdict": verdict.status.name.lower(), "says": verdict.says,
+            "stages": results.stages,
             "materials": [_material_facts(material, results) for material in results.materials],
             "surfaces": [{"name": name, "ratio": [float(value) for value in ratio]}
                          for name, ratio in zip(agreement.names, agreement.ratio, strict=True)],

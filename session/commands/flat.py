@@ -92,7 +92,7 @@ def _run(folder: Path, quiet: bool) -> tuple[dict[str, Any], str]:
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import run_stages
     from spectrabox.session.progress_display import progress_display, with_time_left
-    from spectrabox.session.run_outputs import kept_outputs, rewritten_outputs
+    from spectrabox.session.run_outputs import outputs_of_run
     from spectrabox.session.stages.order import all_stages
     from spectrabox.session.store.session_lock import only_writer
     config = read_session(folder)
@@ -101,9 +101,7 @@ def _run(folder: Path, quiet: bool) -> tuple[dict[str, Any], str]:
         progress = with_time_left(show)
         finished = run_stages(config, device="cpu", only=None, force=False, progress=progress)
         words = ["spectrabox", "flat", config.session.name]
-        outputs = kept_outputs(config, finished) or rewritten_outputs(config, finished, words,
-                                                                      "not needed")
-        progress("report", 1.0, outputs.facts["report"])
+        outputs = outputs_of_run(config, finished, words, "not needed", progress)
     return dict(outputs.facts), outputs.text
 
 

@@ -236,7 +236,7 @@ def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_o
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import load_finished, run_stages
     from spectrabox.session.progress_display import progress_display, with_time_left
-    from spectrabox.session.run_outputs import kept_outputs, rewritten_outputs
+    from spectrabox.session.run_outputs import outputs_of_run
     from spectrabox.session.stages.order import all_stages, stages_in_order, stages_of
     from spectrabox.session.store.session_lock import only_writer
 
@@ -258,13 +258,7 @@ def execute(folder: Path, *, only: str | None, force: bool, device: str, allow_o
                               "run without --only for the report"]))
             return
         finished = load_finished(config) if only is not None else finished
-        outputs = kept_outputs(config, finished)
-        if outputs is not None:
-            progress("report", 1.0, "up to date")
-        else:
-            progress("report", 0.0, "")
-            command_line = ["spectrabox", "run", folder.name, "--device", device,
-                            *(["--force"] if force else []), *(["--only", only] if only else [])]
-            outputs = rewritten_outputs(config, finished, command_line, device)
-            progress("report", 1.0, outputs.facts["report"])
+        command_line = ["spectrabox", "run", folder.name, "--device", device,
+                        *(["--force"] if force else []), *(["--only", only] if only else [])]
+        outputs = outputs_of_run(config, finished, command_line, device, progress)
     answer(as_json, outputs.facts, outputs.text)

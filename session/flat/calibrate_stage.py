@@ -57,7 +57,9 @@ def calibrate_photos(task: StageTask) -> dict[str, Any]:
         assert made.prior_fit is not None
         records["notes"] += _shadow_notes(shown[0], made, session_chart(config).names)
         if number == 0:
-            records |= {"predicted": made.predicted, "irradiance": made.prior_fit.photos[0].field,
+            lit = np.full(len(made.predicted), np.nan)      # patches that are left out: not known
+            lit[photos[0].used] = made.prior_fit.photos[0].field
+            records |= {"predicted": made.predicted, "irradiance": lit,
                         "prior": made.prior_standing,
                         "model error": np.array(made.prior_fit.patch_error),
                         "left out": left_out_patches(made, reference)}

@@ -27,8 +27,10 @@ def flat_facts(results: FlatResults, report: Path) -> dict[str, Any]:
     report : Path
         Of report.html.
     """
+    verdict = judge_flat(results)
     return {"report": str(report), "spectra": str(report.with_name("spectra.csv")),
-            "verdict": judge_flat(results).status.name.lower(), "stages": results.stages,
+            "verdict": verdict.status.name.lower(), "says": verdict.says,
+            "stages": results.stages,
             "regions": [_region(region, results) for region in results.materials],
             "left_out": None if results.chart is None or results.chart.left_out is None
             else left_out_facts(results.chart.left_out, results.chart.layout.names),

@@ -96,7 +96,8 @@ def chart_result(config: SessionConfig, run: FinishedRun) -> ChartResult | None:
     if chart is None:
         return None
     predicted, irradiance = chart_fit_of(run.stored)
-    return ChartResult(chart[0], chart[1], predicted, irradiance / irradiance.max(),
+    return ChartResult(chart[0], chart[1], predicted,
+                       irradiance / np.fmax.reduce(irradiance),
                        config.results_folder / "chart" / "overlay.png", session_chart(config),
                        left_out_of(run.stored), prior_standing_of(run.stored))
 

@@ -14,6 +14,7 @@ from spectrabox.radiometry.files import require_no_link, sweep_unfinished, writa
 from spectrabox.session.store.store import sweep_stage
 
 RUN, OUTPUTS = ".run.lock", ".outputs.lock"     # among the results
+BATCH = ".batch.lock"                           # in a batch's own folder
 
 
 @contextlib.contextmanager
@@ -52,6 +53,22 @@ def outputs_writer(folder: Path) -> Iterator[None]:
         yield
 
 
+@contextlib.contextmanager
+def sole_batch(out: Path) -> Iterator[None]:
+    """Be the only batch that uses a folder, which is made.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If another process does, saying which; if the folder cannot be written.
+    """
+    require_no_link(out)
+    with _held(out, BATCH, "spectrabox batch", wait=False, where="uses this folder of a batch"):
+        for inside in (out, *(each for each in out.iterdir() if each.is_dir())):
+            sweep_unfinished(inside)
+        yield
+
+
 def sweep(folder: Path, stages: tuple[str, ...]) -> None:
     """Remove what killed runs left in a session, and finish what they cut short."""
     results = folder / "results"
@@ -62,7 +79,8 @@ def sweep(folder: Path, stages: tuple[str, ...]) -> None:
 
 
 @contextlib.contextmanager
-def _held(results: Path, name: str, command: str, wait: bool) -> Iterator[None]:
+def _held(results: Path, name: str, command: str, wait: bool,
+          where: str = "works in this session") -> Iterator[None]:
     try:
         import fcntl
     except ImportError:     # Windows: there a file that is open cannot be replaced in any case
@@ -75,8 +93,8 @@ def _held(results: Path, name: str, command: str, wait: bool) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
         except BlockingIOError:
-            raise EnvironmentProblem(f"{_owner(handle)} works in this session; wait for it, or "
-                                     "stop it: two runs would write over each other") from None
+            raise EnvironmentProblem(f"{_owner(handle)} {where}; wait for it, or stop it: two "
+                                     "would write over each other") from None
         except OSError:         # a file system without locks: better a run than none
             yield
             return

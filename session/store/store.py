@@ -167,6 +167,22 @@ def save_stage(folder: Path, key: dict[str, Any], records: dict[str, Any], secon
         (folder / FACTS).write_text(json.dumps(facts, indent=1, sort_keys=True), encoding="utf-8")
 
 
+def copy_stage(stored: StoredStage, folder: Path) -> None:
+    """Copy a stage's files into the (temporary) folder of another place.
+
+    Parameters
+    ----------
+    stored : StoredStage
+        Undamaged.
+    folder : Path
+        From ``stage_folder``, which writes the checksums.
+    """
+    with writable(folder.parent):
+        for path in stored.folder.iterdir():
+            if path.name != SUMS:
+                shutil.copyfile(path, folder / path.name, follow_symlinks=False)
+
+
 def why_stale(stored: dict[str, Any], current: dict[str, Any]) -> list[str]:
     """What differs between two keys, in words.
 

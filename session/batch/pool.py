@@ -1,0 +1,55 @@
+"""What runs the tasks of a batch: processes of this machine, or a cluster."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from spectrabox.session.batch.tasks import Outcome, Task
+
+
+@dataclass(frozen=True)
+class Lost:
+    """A task whose worker died of it, or beside it."""
+
+    task: Task
+    why: str
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A task and what came of its session."""
+
+    task: Task
+    outcome: Outcome
+
+
+class Pool(Protocol):
+    """Workers, open between the two ends of a ``with`` block."""
+
+    @property
+    def about(self) -> str:
+        """A line for the operator; empty where there is nothing to say."""
+
+    @property
+    def workers(self) -> int:
+        """How many tasks run at once."""
+
+    @property
+    def budget_bytes(self) -> int | None:
+        """Memory of all workers together; None where it is not known."""
+
+    @property
+    def largest_bytes(self) -> int | None:
+        """Memory that one task may take; None where it is not known."""
+
+    def start(self, task: Task) -> None:
+        """Give a task to a worker that has none."""
+
+    def wait(self) -> list[Finished | Lost]:
+        """What came of tasks that have ended; waits for the first.
+
+        Raises
+        ------
+        EnvironmentProblem
+            If the workers are out of reach.
+        """

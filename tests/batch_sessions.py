@@ -1,0 +1,36 @@
+"""Small sessions for batches: one paint beside a chart, which all have in common."""
+import shutil
+
+from flat_example import HEAD, regions_toml, write_flat
+
+from spectrabox.radiometry.files import sha256_of
+from spectrabox.session.batch.manifest import made_by
+from spectrabox.session.batch.tasks import Order
+
+KEPT = {".npz", ".csv", ".xml", ".png"}
+
+
+def write_session(folder):
+    """A session of flat samples with two regions."""
+    folder.mkdir(parents=True)
+    write_flat(folder)
+    text = HEAD + regions_toml(("white_wall", "red_wall"))
+    (folder / "session.toml").write_text(text, encoding="utf-8")
+    return folder
+
+
+def copies(session, folder, names):
+    """Copies of a session under other names, without results."""
+    return [shutil.copytree(session, folder / name, ignore=shutil.ignore_patterns(
+        "results", "report.html", "spectra.csv", "materials.csv", "spdx")) for name in names]
+
+
+def results_of(folder):
+    """Digests of all that a run leaves, but for what says when and how fast it was made."""
+    return {path.relative_to(folder).as_posix(): sha256_of(path)
+            for path in sorted(folder.rglob("*")) if path.suffix in KEPT
+            and not path.is_relative_to(folder / "photos")}
+
+
+def order_of(folders, out, made=None):
+    return Order(tuple(folders), out, "cpu", False, made_by() if made is None else made)

@@ -1,0 +1,425 @@
+"""Many sessions: each as 'run' makes it, whatever happens to the others or to a worker."""
+import dataclasses
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from batch_sessions import copies, order_of, results_of, write_session
+
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.session.batch.batch import kept_outcomes, run_batch
+from spectrabox.session.batch.folders import session_folders
+from spectrabox.session.batch.manifest import store_outcome, stored_outcome
+from spectrabox.session.batch.needs import PeakMemory, needed_bytes
+from spectrabox.session.batch.page import link, write_page
+from spectrabox.session.batch.pool import Finished, Lost
+from spectrabox.session.batch.processes import open_processes, shares_of_cores
+from spectrabox.session.batch.progress import spoken
+from spectrabox.session.batch.table import batch_facts, batch_text
+from spectrabox.session.batch.tasks import Outcome, Task, do_task
+from spectrabox.session.batch.workers import open_workers
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import run_stages
+from spectrabox.session.run_outputs import rewritten_outputs
+from spectrabox.session.store.session_lock import sole_batch
+from spectrabox.session.store.shared_stages import share
+from spectrabox.session.store.store import load_stage
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def batch(*words, cwd):
+    """The command as an operator types it."""
+    return subprocess.Popen([sys.executable, "-m", "spectrabox", "batch", *map(str, words)],
+                            cwd=cwd, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            env=os.environ | {"PYTHONPATH": str(ROOT)})
+
+
+def process_at(folder, limit_s=120):
+    """Number of the process that works in a session, once one does."""
+    end = time.monotonic() + limit_s
+    while time.monotonic() < end:
+        try:
+            return json.loads((folder / "results" / ".run.lock").read_text())["process"]
+        except (OSError, ValueError):
+            time.sleep(0.01)
+    raise AssertionError(f"nobody worked in {folder}")
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """A session that 'run' has made by itself."""
+    folder = write_session(tmp_path_factory.mktemp("one") / "as run")
+    config = read_session(folder)
+    finished = run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None)
+    rewritten_outputs(config, finished, ["spectrabox", "run"], "cpu")
+    return folder
+
+
+def with_shared(order, session):
+    """The order, after a batch that has made a session's calibration."""
+    config = read_session(session)
+    for stage in ("chart", "calibrate"):
+        share(order.out / "shared", stage, load_stage(config.results_folder, stage))
+    return order
+
+
+class Here:
+    """A pool that does its tasks in this process, one after the other."""
+
+    about, budget_bytes, largest_bytes = "", None, None
+
+    def __init__(self, work=do_task, workers=1, **limits):
+        self.work, self.workers, self.tasks = work, workers, []
+        vars(self).update(limits)
+        self.started, self.at_once = [], []
+
+    def start(self, task):
+        self.tasks.append(task)
+        self.started.append(task)
+        self.at_once.append(len(self.tasks))
+
+    def wait(self):
+        task = self.tasks.pop(0)
+        made = self.work(task)
+        return [made if isinstance(made, Lost) else Finished(task, made)]
+
+
+def stand_in(task):
+    """The outcome of a session that nobody has run."""
+    return Outcome(str(task.folder), "ready" if task.look else "done", verdict="pass",
+                   needed_bytes=task.needed_bytes)
+
+
+# ---- as 'run' makes them
+
+def test_a_batch_makes_what_run_makes_and_the_calibration_once(session, tmp_path):
+    folders = copies(session, tmp_path, ["a", "b b", "ä"])
+    (tmp_path / "list.txt").write_text("# of today\nb b\n\nä\nnone\n", encoding="utf-8")
+    done = batch("a", "--list", "list.txt", "--workers", 2, "--device", "cpu", "--json",
+                 cwd=tmp_path)
+    out, said = done.communicate()
+    assert done.returncode == 3, said
+    facts = json.loads(out)
+    assert facts["counts"] == {"pass": 3, "warn": 0, "fail": 0, "could not be run": 1}
+    assert [Path(each["folder"]).name for each in facts["sessions"]] == ["a", "b b", "ä", "none"]
+    assert "session.toml is missing" in facts["sessions"][3]["says"]
+    assert facts["sessions"][3]["exit_code"] == 3
+    assert {line.split()[0] for line in said.splitlines()} == {"batch", "PASS", "ERROR"}
+    for folder in folders:
+        assert results_of(folder) == results_of(session)
+    states = [{stage["name"]: stage["state"] for stage in each["stages"]}
+              for each in facts["sessions"][:3]]
+    for stage in ("chart", "calibrate"):
+        assert sorted(each[stage] for each in states) == ["copied", "copied", "run"]
+    for each in facts["sessions"][:3]:
+        # what was foreseen of memory is kept to, and is no fantasy
+        assert each["needed_bytes"] / 4 < each["peak_bytes"] < each["needed_bytes"]
+
+    again = batch("a", "b b", "ä", "--quiet", cwd=tmp_path)
+    out, said = again.communicate()
+    assert (again.returncode, said) == (0, "")
+    assert "3 sessions: 3 pass; 3 were done before" in out
+
+
+def test_what_is_done_is_not_run_again_until_something_changes(session, tmp_path):
+    folders = copies(session, tmp_path, ["a", "b"])
+    order = with_shared(order_of(folders, tmp_path / "out"), session)
+    assert [each.verdict for each in run_batch(order, folders, Here())] == ["pass", "pass"]
+    assert list(kept_outcomes(order)) == folders
+    os.utime(folders[0] / "photos" / "sample.dng", ns=(0, 0))
+    assert list(kept_outcomes(order)) == folders[1:]
+    (folders[1] / "report.html").unlink()
+    assert kept_outcomes(order) == {}
+    outcomes = list(run_batch(order, folders, Here()))
+    assert {state for each in outcomes for state, _ in each.stages.values()} == {"kept"}
+    assert (folders[1] / "report.html").is_file()
+    assert list(kept_outcomes(order)) == folders
+    assert kept_outcomes(dataclasses.replace(order, made_by="another program")) == {}
+    path = next((order.out / "sessions").iterdir())
+    for damaged in ("", "[]", "{}", "[" * 100_000, path.read_text().replace('"of"', '"off"')):
+        path.write_text(damaged, encoding="utf-8")
+        assert len(kept_outcomes(order)) == 1
+
+
+def test_a_shared_calibration_that_was_damaged_is_made_again(session, tmp_path):
+    folders = copies(session, tmp_path, ["a", "b"])
+    order = with_shared(order_of(folders, tmp_path / "out"), session)
+    for stage in (order.out / "shared").glob("ca*"):
+        (stage / "arrays.npz").write_bytes(b"damaged")
+    first, second = run_batch(order, folders, Here())
+    assert [first.stages[stage][0] for stage in ("chart", "calibrate")] == ["copied", "run"]
+    assert second.stages["calibrate"][0] == "copied"
+    for folder in folders:
+        assert results_of(folder) == results_of(session)
+
+
+def test_a_session_that_differs_shares_nothing_with_it(session, tmp_path):
+    folders = copies(session, tmp_path, ["a", "b"])
+    text = (folders[1] / "session.toml").read_text(encoding="utf-8")
+    (folders[1] / "session.toml").write_text(text + "[chart]\nleave_out = [3]\n", encoding="utf-8")
+    order = with_shared(order_of(folders, tmp_path / "out"), session)
+    outcomes = list(run_batch(order, folders, Here()))
+    assert [each.says for each in outcomes if each.state == "failed"] == []
+    assert [each.stages["calibrate"][0] for each in outcomes] == ["copied", "run"]
+    assert [each.stages["chart"][0] for each in outcomes] == ["copied", "copied"]
+
+
+# ---- workers that die, and Ctrl-C
+
+def test_a_worker_killed_costs_its_task_only(session, tmp_path):
+    folders = copies(session, tmp_path, ["a", "b"])
+    order = order_of(folders, tmp_path / "out")
+    with open_processes(2) as pool:
+        outcomes = run_batch(order, folders, _Killing(pool, folders[0]))
+        assert sorted(each.verdict for each in outcomes) == ["pass", "pass"]
+    for folder in folders:
+        assert results_of(folder) == results_of(session)
+
+
+class _Killing:
+    """A pool of which the worker in one session is killed the first time."""
+
+    def __init__(self, pool, folder):
+        self._pool, self._folder, self.lost = pool, folder, []
+
+    def __getattr__(self, name):
+        return getattr(self._pool, name)
+
+    def wait(self):
+        if not self.lost:
+            os.kill(process_at(self._folder), signal.SIGKILL)
+        ended = self._pool.wait()
+        self.lost += [each for each in ended if isinstance(each, Lost)]
+        assert all("signal 9 (SIGKILL)" in each.why for each in self.lost)
+        return ended
+
+
+def test_a_task_is_tried_twice(tmp_path):
+    pool = Here(lambda task: Lost(task, "by signal 9 (SIGKILL)"))
+    order = order_of([tmp_path / "a"], tmp_path / "out", "x")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("spectrabox.session.batch.batch.tried_task",
+                      lambda folder, order: Task(folder, order, False, 1))
+        (outcome,) = run_batch(order, [*order.folders], pool)
+    assert [task.tries for task in pool.started] == [0, 1]
+    assert outcome.state == "failed" and outcome.exit_code == 7
+    assert "its worker died twice, the second time by signal 9 (SIGKILL)" in outcome.says
+
+
+def test_ctrl_c_stops_all_workers_and_the_same_command_goes_on(session, tmp_path):
+    folders = copies(session, tmp_path, ["a", "b"])
+    words = ["a", "b", "--workers", 2, "--device", "cpu"]
+    stopped = batch(*words, cwd=tmp_path)
+    worker = process_at(folders[0])
+    stopped.send_signal(signal.SIGINT)
+    _, said = stopped.communicate(timeout=120)
+    assert stopped.returncode == 130
+    assert "run the same command again to go on" in said and "Traceback" not in said
+    assert not Path(f"/proc/{worker}").exists() or not Path("/proc").is_dir()
+    assert "2 still to be run" in (tmp_path / "batch" / "batch.html").read_text(encoding="utf-8")
+    assert [path for folder in folders for path in folder.rglob(".*.new")] == []
+    going_on = batch(*words, "-q", cwd=tmp_path)
+    out, said = going_on.communicate()
+    assert (going_on.returncode, said) == (0, ""), said
+    assert "2 sessions: 2 pass" in out
+    for folder in folders:
+        assert results_of(folder) == results_of(session)
+
+
+def test_workers_end_with_their_parent(session, tmp_path):
+    folders = copies(session, tmp_path, ["a"])
+    killed = batch("a", "--workers", 1, "--device", "cpu", cwd=tmp_path)
+    worker = process_at(folders[0])
+    killed.kill()
+    killed.communicate()
+    end = time.monotonic() + 60
+    while Path(f"/proc/{worker}").exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not Path(f"/proc/{worker}").exists()
+
+
+# ---- who runs what
+
+def tasks_of(needs, order, look=False):
+    """Patched in place of reading the sessions: a task for each, which needs so much."""
+    each = iter(needs)
+    return lambda folder, order: Task(folder, order, look, next(each))
+
+
+@pytest.mark.parametrize("budget, at_once", [(None, 3), (100, 2), (10, 1)])
+def test_no_more_run_at_once_than_memory_allows(tmp_path, monkeypatch, budget, at_once):
+    order = order_of([tmp_path / str(number) for number in range(6)], tmp_path / "out", "x")
+    monkeypatch.setattr("spectrabox.session.batch.batch.tried_task", tasks_of([40] * 6, order))
+    pool = Here(stand_in, workers=3, budget_bytes=budget)
+    assert len(list(run_batch(order, [*order.folders], pool))) == 6
+    assert max(pool.at_once) == at_once
+
+
+def test_a_scene_is_looked_at_before_it_runs_with_what_it_needs(tmp_path, monkeypatch):
+    order = order_of([tmp_path / "a", tmp_path / "b"], tmp_path / "out", "x")
+    monkeypatch.setattr("spectrabox.session.batch.batch.tried_task",
+                        tasks_of([40, 40], order, look=True))
+    pool = Here(lambda task: dataclasses.replace(stand_in(task), needed_bytes=70)
+                if task.look else stand_in(task))
+    assert len(list(run_batch(order, [*order.folders], pool))) == 2
+    # what has been looked at runs before the next is looked at
+    assert [(task.folder.name, task.look, task.needed_bytes) for task in pool.started] == [
+        ("a", True, 40), ("a", False, 70), ("b", True, 40), ("b", False, 70)]
+
+
+def test_a_session_too_large_for_any_worker_is_one_row(tmp_path, monkeypatch):
+    order = order_of([tmp_path / "a", tmp_path / "b"], tmp_path / "out", "x")
+    monkeypatch.setattr("spectrabox.session.batch.batch.tried_task",
+                        tasks_of([2**30, 2**20], order))
+    outcomes = list(run_batch(order, [*order.folders], Here(stand_in, largest_bytes=2**29)))
+    assert [each.word for each in outcomes] == ["ERROR", "PASS"]
+    assert "1024 MiB of memory are needed and a worker has 512 MiB" in outcomes[0].says
+
+
+def test_a_scene_is_run_as_run_does(captured, finished, tmp_path):
+    config = read_session(finished)
+    rewritten_outputs(config, run_stages(config, device="cpu", only=None, force=False,
+                                         progress=lambda *_: None), ["spectrabox", "run"], "cpu")
+    order = order_of([captured], tmp_path / "out")
+    pool = Here()
+    (outcome,) = run_batch(order, [captured], pool)
+    assert [task.look for task in pool.started] == [True, False]
+    assert pool.started[1].needed_bytes > pool.started[0].needed_bytes \
+        == needed_bytes(config)
+    assert outcome.stages["reconstruct"][0] == "run" and outcome.stages["calibrate"][0] == "kept"
+    assert {name for name, digest in results_of(captured).items()
+            if results_of(finished).get(name) != digest} == set()
+
+
+def test_everything_that_is_wrong_with_a_scene_is_in_its_row(captured, tmp_path):
+    (captured / "photos" / "box.dng").write_bytes(b"no photo")
+    order = order_of([captured], tmp_path / "out")
+    (outcome,) = run_batch(order, [captured], Here())
+    assert outcome.state == "failed" and "box.dng" in outcome.says
+    assert stored_outcome(order.out, captured, order.made_by) is None      # it is tried again
+
+
+def test_a_worker_with_another_program_refuses(session, tmp_path):
+    outcome = do_task(Task(session, order_of([session], tmp_path, "another"), False, 0))
+    assert outcome.exit_code == 7 and "program, packages or kept cameras" in outcome.says
+
+
+@pytest.mark.parametrize("error, said, code", [
+    (MemoryError(), "memory ran out", 7), (ZeroDivisionError("by 0"), "unexpected ZeroDiv", 1)])
+def test_what_nobody_foresaw_is_a_row_too(session, tmp_path, monkeypatch, error, said, code):
+    def fail(*_):
+        raise error
+    monkeypatch.setattr("spectrabox.session.batch.tasks._run", fail)
+    outcome = do_task(Task(session, order_of([session], tmp_path), False, 0))
+    assert outcome.exit_code == code and said in outcome.says
+
+
+def test_one_batch_at_a_time_uses_a_folder(tmp_path):
+    with sole_batch(tmp_path / "out"), \
+            pytest.raises(EnvironmentProblem, match="uses this folder of a batch; wait for it"), \
+            sole_batch(tmp_path / "out"):
+        pass
+
+
+@pytest.mark.parametrize("workers", [2, 3, 5, 70])
+def test_cores_are_shared_out(workers):
+    shares, cores = shares_of_cores(workers), os.sched_getaffinity(0)
+    assert len(shares) == workers and all(share and set(share) <= cores for share in shares)
+    if workers <= len(cores):
+        assert sorted(core for share in shares for core in share) == sorted(cores)
+
+
+# ---- which sessions, and what is said of them
+
+def test_folders_are_taken_once_in_their_order(tmp_path):
+    (tmp_path / "list.txt").write_text("b\n# c\n\n./a\n", encoding="utf-8")
+    named = session_folders([tmp_path / "a" / "..", tmp_path / "a"], tmp_path / "list.txt")
+    assert named == [tmp_path, tmp_path / "a", tmp_path / "b"]
+    with pytest.raises(InputError, match="no session is named"):
+        session_folders([], None)
+    with pytest.raises(InputError, match="cannot be read as a list of sessions"):
+        session_folders([], tmp_path)
+
+
+def test_workers_of_a_cluster_are_its_own(tmp_path):
+    with pytest.raises(InputError, match="has its own; give one of the two"), \
+            open_workers("tcp://localhost:1", 2, 3):
+        pass
+
+
+HOSTILE = "<script>alert(1)</script>"
+
+
+def outcomes_in(folder):
+    return [Outcome(str(folder / "a"), "done", "wall & paint", "pass", "All is well.", 0, 12.5,
+                    str(folder / "a" / "report.html"), {"chart": ("run", 1.0)}, 2**28, 2**27),
+            Outcome(str(folder / HOSTILE), "failed", HOSTILE, "", f"{HOSTILE}\nand more", 3),
+            Outcome(str(folder / "javascript:alert(1)"), "done", "b", "warn", "Glare.", 0, 3.0,
+                    str(folder / "javascript:alert(1)" / "report.html"))]
+
+
+def test_the_page_escapes_and_links(tmp_path):
+    text = write_page(tmp_path / "out", outcomes_in(tmp_path), 5).read_text(encoding="utf-8")
+    assert HOSTILE not in text and "&lt;script&gt;" in text
+    assert 'href="./../a/report.html"' in text and "wall &amp; paint" in text
+    assert 'href="./../javascript%3Aalert%281%29/report.html"' in text
+    assert "2 still to be run" in text
+    assert link(tmp_path / "a b" / "é#.html", tmp_path) == "./a%20b/%C3%A9%23.html"
+
+
+def test_the_page_in_a_browser(browser, tmp_path):
+    outcomes = outcomes_in(tmp_path)
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "report.html").write_text("<title>the report</title>", encoding="utf-8")
+    page = write_page(tmp_path / "out", outcomes, 3)
+    for scheme, width in (("light", 1300), ("dark", 400)):
+        with browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme) as tab:
+            tab.goto(page.as_uri())
+            assert tab.evaluate("document.documentElement.scrollWidth") <= width
+            assert tab.locator("tbody tr").count() == 3
+            colours = tab.eval_on_selector("td.PASS", "cell => getComputedStyle(cell).color")
+            assert colours == {"light": "rgb(44, 122, 75)", "dark": "rgb(116, 210, 154)"}[scheme]
+            tab.get_by_role("link", name="wall & paint").click()
+            assert tab.title() == "the report"
+
+
+def test_script_and_person_are_told(tmp_path):
+    outcomes = outcomes_in(tmp_path)
+    facts = batch_facts(outcomes, 1, tmp_path / "batch.html", 2)
+    assert facts["counts"] == {"pass": 1, "warn": 1, "fail": 0, "could not be run": 1}
+    assert facts["sessions"][0]["stages"] == [{"name": "chart", "state": "run", "seconds": 1.0}]
+    json.dumps(facts, allow_nan=False)
+    text = batch_text(outcomes, 1, tmp_path / "batch.html")
+    assert "3 sessions: 1 pass, 1 warn, 1 could not be run; 1 were done before" in text
+    assert "and more" not in text
+
+
+def test_outcomes_come_back_as_they_were_stored(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "x").write_text("x", encoding="utf-8")
+    state = (tmp_path / "a" / "x").stat()
+    outcome = dataclasses.replace(outcomes_in(tmp_path)[0],
+                                  of={"x": (state.st_size, state.st_mtime_ns)})
+    store_outcome(tmp_path, outcome, "m")
+    back = stored_outcome(tmp_path, tmp_path / "a", "m")
+    assert dataclasses.asdict(back) == json.loads(json.dumps(dataclasses.asdict(outcome)))
+    assert stored_outcome(tmp_path, tmp_path / "a", "n") is None
+
+
+@pytest.mark.parametrize("seconds, said", [(7.4, "7 s"), (200, "3 min"), (9000, "2.5 h")])
+def test_times_are_spoken_in_a_fitting_unit(seconds, said):
+    assert spoken(seconds) == said
+
+
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="no Linux: peaks unknown")
+def test_the_peak_of_memory_is_that_of_the_task():
+    first = PeakMemory()
+    bytearray(200 * 2**20)
+    with_array = first.peak()
+    assert with_array - PeakMemory().peak() > 150 * 2**20

@@ -1,0 +1,122 @@
+"""Batches on a Dask cluster: the bits of plain processes, whoever dies on the way."""
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from batch_sessions import copies, order_of, results_of, write_session
+from test_batch import process_at
+
+from spectrabox.radiometry.errors import EnvironmentProblem
+from spectrabox.session.batch.batch import kept_outcomes, run_batch
+from spectrabox.session.batch.processes import open_processes
+from spectrabox.session.batch.workers import open_workers
+
+pytest.importorskip("distributed", reason="no Dask here: pip install 'spectrabox[cluster]'")
+ROOT = Path(__file__).resolve().parent.parent
+# Dask closes sockets and event loops when they are collected
+pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning",
+                                        "ignore::pytest.PytestUnraisableExceptionWarning")
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """A session that plain processes have made."""
+    folder = write_session(tmp_path_factory.mktemp("one") / "as processes")
+    order = order_of([folder], folder.parent / "out")
+    with open_processes(1) as pool:
+        (outcome,) = run_batch(order, [folder], pool)
+    assert outcome.state == "done"
+    return folder
+
+
+def test_a_cluster_makes_the_bits_of_processes_though_a_worker_is_killed(session, tmp_path):
+    folders = copies(session, tmp_path, ["a", "b"])
+    order = order_of(folders, tmp_path / "out")
+    with open_workers("local", 1, len(folders)) as pool:
+        assert pool.workers == 1 and pool.about.startswith("dashboard: http")
+        outcomes = run_batch(order, folders, KillingOnce(pool, folders[0]))
+        assert [(each.state, each.says) for each in outcomes if each.state != "done"] == []
+    for folder in folders:
+        assert results_of(folder) == results_of(session)
+
+
+class KillingOnce:
+    """A pool of which the worker in one session is killed the first time."""
+
+    def __init__(self, pool, folder):
+        self._pool, self._folder, self._killed = pool, folder, False
+
+    def __getattr__(self, name):
+        return getattr(self._pool, name)
+
+    def wait(self):
+        if not self._killed:
+            os.kill(process_at(self._folder), signal.SIGKILL)
+            self._killed = True
+        return self._pool.wait()
+
+
+@pytest.fixture
+def dask(tmp_path):
+    """A function that starts a scheduler with one worker; all are gone at the end."""
+    started = []
+
+    def start():
+        file = tmp_path / f"scheduler {len(started)}.json"
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+        for words in (("distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1",
+                       "--dashboard-address", "127.0.0.1:0", "--scheduler-file", str(file)),
+                      ("distributed.cli.dask_worker", "--scheduler-file", str(file), "--nthreads",
+                       "1", "--memory-limit", "2GiB", "--no-dashboard", "--no-nanny")):
+            started.append(subprocess.Popen([sys.executable, "-m", *words], env=environment,
+                                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+            end = time.monotonic() + 60
+            while not file.exists() and time.monotonic() < end:
+                time.sleep(0.05)
+        return json.loads(file.read_text())["address"], *started[-2:]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_a_scheduler_that_dies_costs_nothing_that_is_stored(session, tmp_path, dask):
+    folders = copies(session, tmp_path, ["a", "b"])
+    order = order_of(folders, tmp_path / "out")
+    address, scheduler, worker = dask()
+    with pytest.raises(EnvironmentProblem, match="the same command again to go on"), \
+            open_workers(address, None, 2) as pool:
+        assert pool.largest_bytes == 2 * 2**30
+        for outcome in run_batch(order, folders, pool):
+            assert outcome.says.startswith("The chart")
+            scheduler.kill()
+    worker.kill()
+    worker.wait()
+    done = kept_outcomes(order)
+    assert len(done) == 1
+    address, _, _ = dask()
+    with open_workers(address, None, 1) as pool:
+        (outcome,) = run_batch(order, [each for each in folders if each not in done], pool)
+    assert outcome.state == "done", outcome.says
+    for folder in folders:
+        assert results_of(folder) == results_of(session)
+
+
+def test_a_scheduler_that_is_not_there_is_one_sentence(monkeypatch):
+    monkeypatch.setattr("spectrabox.session.batch.cluster.CONNECTING_S", 0.5)
+    with pytest.raises(EnvironmentProblem, match="no workers can be reached through tcp"), \
+            open_workers("tcp://127.0.0.1:1", None, 1):
+        pass
+
+
+def test_without_dask_the_answer_is_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(EnvironmentProblem, match=r"pip install 'spectrabox\[cluster\]'"), \
+            open_workers("local", None, 1):
+        pass
