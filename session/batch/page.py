@@ -11,7 +11,7 @@ from markupsafe import Markup
 from spectrabox.radiometry.files import whole_file
 from spectrabox.session.batch.table import counts
 from spectrabox.session.batch.tasks import Outcome
-from spectrabox.session.report.page import TEMPLATES, rendered
+from spectrabox.session.report.page import TEMPLATES, templates
 
 FILE = "batch.html"
 # the status whose colours a row has
@@ -33,9 +33,9 @@ def write_page(out: Path, outcomes: Sequence[Outcome], sessions: int) -> Path:
              "link": None if each.report is None else link(Path(each.report), out),
              "status": SHOWN[each.verdict], "word": each.word, "seconds": each.seconds,
              "says": each.says.splitlines()} for each in outcomes]
-    text = rendered("batch.html.j2", {
-        "rows": rows, "sessions": sessions, "counts": counts(outcomes),
-        "style": Markup((TEMPLATES / "report.css").read_text())})
+    text = templates().get_template("batch.html.j2").render(
+        rows=rows, sessions=sessions, counts=counts(outcomes),
+        style=Markup((TEMPLATES / "report.css").read_text()))
     with whole_file(page) as unfinished:
         unfinished.write_bytes(text.encode("utf-8", "backslashreplace"))
     return page

@@ -102,18 +102,23 @@ def rendered(template: str, content: dict[str, Any], numbers: dict[str, Any]) ->
     numbers : dict
         Of its data; what is plotted, and digests of the pictures, are added.
     """
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True,
-                                     trim_blocks=True, lstrip_blocks=True,
-                                     undefined=jinja2.StrictUndefined)
-    environment.filters.update(FILTERS)
-    environment.globals["of"] = of
     written = json_for_script(numbers | {
         "plots": {drawing.name: drawing.facts for drawing in drawings_in(content)},
         "pictures": {name: picture_digest(uri) for name, uri in content["pictures"].items()}})
     common = {"numbers": written, "style": Markup((TEMPLATES / "report.css").read_text()),
               "script": Markup((TEMPLATES / "report.js").read_text()),
               "check_script": Markup((TEMPLATES / "check.js").read_text())}
-    return RenderedReport(environment.get_template(template).render(content | common), written)
+    return RenderedReport(templates().get_template(template).render(content | common), written)
+
+
+def templates() -> jinja2.Environment:
+    """What all pages are made by: it escapes whatever is not Markup."""
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True,
+                                     trim_blocks=True, lstrip_blocks=True,
+                                     undefined=jinja2.StrictUndefined)
+    environment.filters.update(FILTERS)
+    environment.globals["of"] = of
+    return environment
 
 
 def pictures_of(results: CommonResults) -> dict[str, str]:
