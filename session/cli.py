@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import copy
+import gc
 import io
 import os
 import sys
@@ -34,6 +35,8 @@ from spectrabox.session.commands import (
     session,
     spectrum,
 )
+
+OBJECTS_BEFORE_GC = 200_000     # about 20 MB of them; 700 by default
 
 # rich_markup_mode None: its panels cost --help twice the time.
 app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
@@ -78,8 +81,11 @@ def main() -> None:
     # Pydantic looks for plugins in every installed package; none may change what a file says.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # BLAS splits its sums by the cores: on one thread the bits are the same on any machine, and the
-    # threads of small products would only wait for each other.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # threads of small products would only wait for each other. NumPy and SciPy have one each, which
+    # look here when they are loaded.
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    # Looking for cycles takes a twentieth of what a command takes, and most commands leave none.
+    gc.set_threshold(OBJECTS_BEFORE_GC)
     debug = "--debug" in sys.argv
     if not debug:
         warnings.simplefilter("ignore")     # lines of our code, which tell an operator nothing

@@ -20,8 +20,8 @@ class Stage:
         """Records of the stage by name, the same to the last bit on any number of cores."""
         from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
         function = getattr(importlib.import_module(self.module), self.function)
-        importlib.import_module("scipy.linalg")  # brings its own BLAS, which is limited too
-        with threadpool_limits(1, user_api="blas"):  # BLAS splits its sums by the cores
+        # BLAS splits its sums by the cores; SciPy's own, where it is loaded later, asks `main`
+        with threadpool_limits(1, user_api="blas"):
             records: dict[str, Any] = function(task)
         return records
 

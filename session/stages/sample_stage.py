@@ -7,7 +7,6 @@ from spectrabox.radiometry.records import SpectrumSamples
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.session.stages.drawing import drawn_and_summarised
 from spectrabox.session.stages.error_budget import measurement_of
-from spectrabox.session.stages.scene_sampling import draw_through_transport
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import calibrations_of, joint_of
 
@@ -27,6 +26,8 @@ def sample_materials(task: StageTask) -> dict[str, Any]:
     jointly: dict[str, SpectrumSamples] = {}
     families = {name: material.families for name, material in task.config.materials.items()}
     if chosen.through == "transport":
+        # with scipy.linalg, a quarter of a second to import
+        from spectrabox.session.stages.scene_sampling import draw_through_transport
         task.progress(0.0, "all materials at once")
         jointly = draw_through_transport(calibrations[0], joint, chosen.draws, seed,
                                          chosen.coefficients, families)
