@@ -19,7 +19,7 @@ from spectrabox.session.report.page import (
 )
 from spectrabox.session.report.shapes.field_whiskers import field_whiskers
 from spectrabox.session.report.svg import band_colours, report_style
-from spectrabox.session.report.tables import input_rows, material_section
+from spectrabox.session.report.tables import input_rows, sections_beside
 from spectrabox.session.report.verdict import Verdict
 
 
@@ -44,20 +44,22 @@ def render_flat_report(results: FlatResults) -> RenderedReport:
 
 
 def _page(results: FlatResults, verdict: Verdict) -> dict[str, Any]:
-    nm = results.signals.grid.nm
     maps = results.picture.maps if results.picture else ()
-    return {
-        "results": results, "verdict": verdict,
-        "pictures": pictures_of(results) | {title: picture_data_uri(path) for title, path in maps},
-        "maps": [title for title, _ in maps],
-        "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
-        "surfaces": {"title": "Regions", "key": "regions", "one": "Region", "fitted": False},
-        "materials": [material_section(number, region, nm, results.signal_bands)
-                      for number, region in enumerate(results.materials, start=1)],
-        "photos": [{"name": photo.name, "figure": flat_figures.photo_figure(f"photo-{i}", photo),
-                    "light": flat_figures.light_figure(f"light-map-{i}", photo),
-                    "whiskers": field_whiskers(photo.light), "regions": photo.light}
-                   for i, photo in enumerate(results.photos, start=1)],
-        "calibration": calibration_section(results, None),
-        "inputs": input_rows(results), "methods": flat_methods(results),
-        }
+    with sections_beside(results.materials, results.signals.grid.nm,
+                         results.signal_bands) as regions:
+        photos = [{"name": photo.name, "regions": photo.light,
+                   "figure": flat_figures.photo_figure(f"photo-{i}", photo),
+                   "light": flat_figures.light_figure(f"light-map-{i}", photo),
+                   "whiskers": field_whiskers(photo.light)}
+                  for i, photo in enumerate(results.photos, start=1)]
+        calibration = calibration_section(results, None)
+        return {
+            "results": results, "verdict": verdict,
+            "pictures": pictures_of(results) | {title: picture_data_uri(path)
+                                                for title, path in maps},
+            "maps": [title for title, _ in maps],
+            "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
+            "surfaces": {"title": "Regions", "key": "regions", "one": "Region", "fitted": False},
+            "materials": regions(), "photos": photos, "calibration": calibration,
+            "inputs": input_rows(results), "methods": flat_methods(results),
+            }

@@ -33,7 +33,7 @@ from spectrabox.session.report.tables import (
     chart_section,
     held_out_rms,
     input_rows,
-    material_section,
+    sections_beside,
     surface_rows,
 )
 from spectrabox.session.report.verdict import Verdict, judge
@@ -130,24 +130,27 @@ def pictures_of(results: CommonResults) -> dict[str, str]:
 
 
 def _page(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
-    return {
-        "results": results, "verdict": verdict,
-        "pictures": pictures_of(results) | {f"photo {view.name}": picture_data_uri(
-            view.photo_preview) for view in results.views},
-        "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
-        "materials": [material_section(number, material, results.reconstruction.grid.nm,
-                                       results.signal_bands)
-                      for number, material in enumerate(results.materials, start=1)],
-        "surfaces": {"title": "Materials", "key": "materials", "one": "Material", "fitted": True},
-        "agreement": _agreement_section("", results.reconstruction, results.calibration,
-                                        results.bands),
-        "views": _view_sections(results),
-        "calibration": calibration_section(results, scale_words(results.light_scale)),
-        "geometry": geometry_section(results.geometry, {"": results.photo_preview} | {
-            view.name: view.photo_preview for view in results.views}),
-        "loss": loss_figure("loss", results.reconstruction.loss_history),
-        "inputs": input_rows(results), "methods": methods_text(results),
-        }
+    with sections_beside(results.materials, results.reconstruction.grid.nm,
+                         results.signal_bands) as materials:
+        agreement = _agreement_section("", results.reconstruction, results.calibration,
+                                       results.bands)
+        views, loss = _view_sections(results), loss_figure("loss",
+                                                           results.reconstruction.loss_history)
+        calibration = calibration_section(results, scale_words(results.light_scale))
+        geometry = geometry_section(results.geometry, {"": results.photo_preview} | {
+            view.name: view.photo_preview for view in results.views})
+        return {
+            "results": results, "verdict": verdict,
+            "pictures": pictures_of(results) | {f"photo {view.name}": picture_data_uri(
+                view.photo_preview) for view in results.views},
+            "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
+            "materials": materials(),
+            "surfaces": {"title": "Materials", "key": "materials", "one": "Material",
+                         "fitted": True},
+            "agreement": agreement, "views": views, "calibration": calibration,
+            "geometry": geometry, "loss": loss,
+            "inputs": input_rows(results), "methods": methods_text(results),
+            }
 
 
 def _agreement_section(name: str, made: Reconstruction, calibration: Calibration,

@@ -39,6 +39,9 @@ class Drawing(Markup):
         drawing.facts = {"title": title, "sha256": drawing_digest(fragment), "axes": axes}
         return drawing
 
+    def __getnewargs__(self) -> tuple[Any, ...]:    # a second process hands it over
+        return str(self), self.name, self.facts["title"], self.facts["axes"]
+
 
 def drawing_digest(fragment: str) -> str:
     """SHA-256 of what is seen of a drawing: places, shapes, styles and texts, in their order.
