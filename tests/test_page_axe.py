@@ -1,0 +1,90 @@
+"""axe-core on the page that ``open`` serves, in every state that an operator meets, light and dark.
+"""
+import pytest
+from flat_example import write_flat
+from served_page import TOKEN, served
+from test_report_screens import CONTRASTS
+from typer.testing import CliRunner
+
+from spectrabox.session.cli import app
+
+MAX_WAIT_MS = 120_000
+SCHEMES = ("light", "dark")
+
+
+@pytest.fixture(scope="module")
+def axe():
+    return pytest.importorskip("axe_playwright_python.sync_playwright",
+                               reason="axe-core: pip install axe-playwright-python").Axe()
+
+
+@pytest.fixture
+def judged(browser, axe):
+    """A function that opens an address and gives the page, and another that asks axe-core."""
+    context = browser.new_context(viewport={"width": 1400, "height": 1000})
+    context.set_default_timeout(MAX_WAIT_MS)
+    page = context.new_page()
+
+    def open_page(address, photo=True):
+        page.goto(f"{address}/?token={TOKEN}")
+        page.wait_for_selector("body[data-photo]" if photo else "#photos li")
+        return page
+
+    def nothing_serious():
+        for scheme in SCHEMES:
+            page.emulate_media(color_scheme=scheme)
+            page.wait_for_timeout(100)
+            found = axe.run(page, options={"resultTypes": ["violations", "passes"]}).response
+            assert len(found["passes"]) > 10        # it did look
+            serious = {each["id"]: [node["html"][:200] for node in each["nodes"][:3]]
+                       for each in found["violations"]
+                       if each["impact"] in ("serious", "critical", "moderate")}
+            assert serious == {}, scheme
+            faint = [each for each in page.evaluate(CONTRASTS) if each[0] < 4.5]
+            assert faint == [], scheme
+    yield open_page, nothing_serious
+    context.close()
+
+
+def test_axe_finds_nothing_in_an_empty_session(tmp_path, judged):
+    open_page, nothing_serious = judged
+    assert CliRunner().invoke(app, ["new", str(tmp_path / "s"), "--template", "flat"]
+                              ).exit_code == 0
+    with served(tmp_path / "s") as (address, _):
+        page = open_page(address, photo=False)
+        assert "not there yet" in page.inner_text("#photos")
+        nothing_serious()
+
+
+def test_axe_finds_nothing_while_marking_running_and_reading(tmp_path, judged):
+    open_page, nothing_serious = judged
+    session = write_flat(tmp_path / "s")
+    coming = tmp_path / "coming"
+    coming.mkdir()
+    with served(session, coming) as (address, _):
+        page = open_page(address)
+        page.wait_for_selector("#marks li")
+        for mode in ("region", "chart", "reference"):
+            page.click(f'[data-mode="{mode}"]')
+            page.focus("#canvas")
+            page.keyboard.press("Enter")            # a point is set, and can be cleared
+            page.wait_for_selector("#clear:not([hidden])")
+            nothing_serious()
+        page.click("#run")
+        page.wait_for_selector("#stop:not([disabled])")
+        page.wait_for_selector("#log:not(:empty)")
+        nothing_serious()
+        page.wait_for_selector("#progress:has-text('verdict')")
+        page.frame_locator("#report-frame").locator("h1").first.wait_for()
+        (coming / "broken.dng").write_bytes(b"no photo")
+        page.wait_for_selector("#watched >> text=broken.dng")
+        nothing_serious()
+
+
+def test_axe_finds_nothing_on_a_telephone(tmp_path, judged):
+    open_page, nothing_serious = judged
+    with served(write_flat(tmp_path / "s")) as (address, _):
+        page = open_page(address)
+        page.set_viewport_size({"width": 400, "height": 800})
+        nothing_serious()
+        assert page.evaluate("document.documentElement.scrollWidth") <= 400
