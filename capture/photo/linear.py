@@ -96,23 +96,9 @@ def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,
     """
     step = tile_step(frame.cfa, frame.file)
     bands = int(frame.cfa.max()) + 1
-    height, width = (side // step for side in frame.mosaic.shape)
-    signal = np.empty((height, width, bands), np.float32)
-    dark_part = None if dark_variance is None or noise is None else np.zeros_like(signal)
     positions = _positions(frame, step)
-
-    def develop(rows: slice) -> None:
-        signal[rows] = 0
-        for position in positions:
-            samples, pixels = position.within(rows, height, width)
-            level = np.float32(position.black) if dark is None else dark[samples]
-            plane = np.subtract(frame.mosaic[samples], level, dtype=np.float32)
-            plane *= np.float32(position.per_dn)
-            signal[pixels] += plane
-            if dark_part is not None and dark_variance is not None:
-                dark_part[pixels] += dark_variance[samples] * np.float32(position.per_dn**2)
-
-    _over_rows(develop, height, frame.cfa.shape[0] // step)
+    signal, dark_part = _developed(frame, positions, dark,
+                                   None if noise is None else dark_variance)
     variance_of_rounding = np.zeros(bands)
     for position in positions:
         variance_of_rounding[position.band] += position.per_dn**2
@@ -132,6 +118,42 @@ def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,
     if dark_part is not None:
         variance += dark_part
     return _image(frame, signal, variance, saturated, float(step), PhotoKind.RAW)
+
+
+def signal_alone(frame: RawFrame) -> np.ndarray:
+    """The signal (H, W, K) of ``linear_image``, float32, without its noise and what is clipped.
+
+    Raises
+    ------
+    InputError
+        As ``linear_image``.
+    """
+    signal, _ = _developed(frame, _positions(frame, tile_step(frame.cfa, frame.file)), None, None)
+    _require_above_black(frame, signal)
+    return signal
+
+
+def _developed(frame: RawFrame, positions: list[_Position], dark: np.ndarray | None,
+               dark_variance: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
+    """Signal (H, W, K), and the variance that the dark frame adds, where it is given."""
+    step = positions[0].step
+    height, width = (side // step for side in frame.mosaic.shape)
+    signal = np.empty((height, width, int(frame.cfa.max()) + 1), np.float32)
+    dark_part = None if dark_variance is None else np.zeros_like(signal)
+
+    def develop(rows: slice) -> None:
+        signal[rows] = 0
+        for position in positions:
+            samples, pixels = position.within(rows, height, width)
+            level = np.float32(position.black) if dark is None else dark[samples]
+            plane = np.subtract(frame.mosaic[samples], level, dtype=np.float32)
+            plane *= np.float32(position.per_dn)
+            signal[pixels] += plane
+            if dark_part is not None and dark_variance is not None:
+                dark_part[pixels] += dark_variance[samples] * np.float32(position.per_dn**2)
+
+    _over_rows(develop, height, frame.cfa.shape[0] // step)
+    return signal, dark_part
 
 
 def full_colour_image(frame: FullColourFrame) -> LinearImage:

@@ -12,6 +12,29 @@ SAMPLES = 500_000  # enough to find a percentile
 
 
 def preview_rgb8(image: LinearImage, factor: int = 1) -> np.ndarray:
+    """As ``signal_rgb8``, of a linear image."""
+    return signal_rgb8(image.signal, factor)
+
+
+def whites(signal: np.ndarray) -> tuple[float, ...]:
+    """What is shown as full brightness of each band of ``shown_bands``.
+
+    Parameters
+    ----------
+    signal : (H, W, K) array
+    """
+    stride = max(1, int(np.sqrt(signal[..., 0].size / SAMPLES)))
+    return tuple(max(float(np.percentile(signal[::stride, ::stride, band], WHITE_PERCENTILE)),
+                     MIN_WHITE) for band in shown_bands(signal.shape[2]))
+
+
+def shown_bands(bands: int) -> tuple[int, int, int]:
+    """The first, the middle and the last band, which stand for red, green and blue."""
+    return 0, bands // 2, bands - 1
+
+
+def signal_rgb8(signal: np.ndarray, factor: int = 1,
+                white: tuple[float, ...] | None = None) -> np.ndarray:
     """Picture (H, W, 3) uint8, sRGB-encoded, each band scaled to its own brightest parts.
 
     The scaling removes the green cast of camera signal and lifts underexposed photos; colours are
@@ -19,20 +42,19 @@ def preview_rgb8(image: LinearImage, factor: int = 1) -> np.ndarray:
 
     Parameters
     ----------
-    image : LinearImage
+    signal : (H, W, K) array
+        Linear.
     factor : int
         By which the picture is smaller: each of its pixels is the mean of so many squared; rows and
         columns that fill none are left out.
+    white : tuple of float or None
+        Of ``whites``, of the photo that this is a part of; None: of this itself.
     """
-    bands = image.signal.shape[2]
-    shown = (0, bands // 2, bands - 1)
-    stride = max(1, int(np.sqrt(image.signal[..., 0].size / SAMPLES)))
-    height, width = (size // factor for size in image.signal.shape[:2])
+    height, width = (size // factor for size in signal.shape[:2])
     picture = np.empty((height, width, 3), np.uint8)
-    for channel, band in enumerate(shown):
-        plane = image.signal[..., band]
-        white = max(float(np.percentile(plane[::stride, ::stride], WHITE_PERCENTILE)), MIN_WHITE)
-        picture[..., channel] = _encoded(_reduced(plane, factor), white)
+    brightest = whites(signal) if white is None else white
+    for channel, band in enumerate(shown_bands(signal.shape[2])):
+        picture[..., channel] = _encoded(_reduced(signal[..., band], factor), brightest[channel])
     return picture
 
 
@@ -41,8 +63,10 @@ def _reduced(plane: np.ndarray, factor: int) -> np.ndarray:
     if factor == 1:
         return plane
     height, width = (size // factor for size in plane.shape)
-    whole = plane[:height * factor, :width * factor]
-    return np.asarray(whole.reshape(height, factor, width, factor).mean(axis=(1, 3)))
+    total = np.zeros((height, width), np.float32)
+    for row, column in np.ndindex(factor, factor):      # three times as fast as a mean over axes
+        total += plane[row:height * factor:factor, column:width * factor:factor]
+    return total / np.float32(factor**2)
 
 
 def _encoded(plane: np.ndarray, white: float) -> np.ndarray:

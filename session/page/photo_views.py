@@ -1,44 +1,58 @@
 """Photos for the page: a picture for the eye, parts of it, and signals under the pointer."""
 from __future__ import annotations
 
-import io
 import tempfile
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from spectrabox.capture.develop.developed import open_any
-from spectrabox.capture.photo.image_files import write_png
-from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.capture.photo.image_files import is_image_file, write_jpeg, write_png
+from spectrabox.capture.photo.linear import signal_alone, tile_step
+from spectrabox.capture.photo.preview import signal_rgb8, whites
+from spectrabox.capture.photo.raw import decode
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records import RawFrame
 
 MAX_OPEN = 3            # photos kept decoded
 MAX_SIDE = 1600         # px, of the picture that is shown whole
 MAX_CROP = 800          # px, of a part
+FileKey = tuple[Path, int, int]         # with its time and its length
+Kept = TypeVar("Kept")
 
 
 @dataclass(frozen=True)
 class OpenPhoto:
-    """A decoded photo, and the picture of it whose pixels are its own."""
+    """A photo's signal, without what takes longer: its noise and where it is clipped."""
 
-    image: LinearImage
-    rgb8: np.ndarray
+    signal: np.ndarray      # (H, W, K) linear
+    step: float             # pixels of the sensor a side of one of these
+    white: tuple[float, ...]    # what is shown as full brightness of each band
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height in pixels of the sensor."""
-        height, width = self.image.signal.shape[:2]
-        return round(width * self.image.sensor_step), round(height * self.image.sensor_step)
+        height, width = self.signal.shape[:2]
+        return round(width * self.step), round(height * self.step)
+
+    def cell(self, x: float, y: float) -> tuple[int, int] | None:
+        """Row and column of a pixel of the sensor; None outside the photo."""
+        row, column = int((y + 0.5) / self.step), int((x + 0.5) / self.step)
+        height, width = self.signal.shape[:2]
+        inside = 0 <= row < height and 0 <= column < width and x > -0.5 and y > -0.5
+        return (row, column) if inside else None
 
 
 class PhotoViews:
     """Photos that are shown, each decoded once while its file is unchanged."""
 
     def __init__(self) -> None:
-        self._open: dict[tuple[Path, int, int], OpenPhoto] = {}
+        self._photos: dict[FileKey, OpenPhoto] = {}
+        self._clipped: dict[FileKey, np.ndarray] = {}
         self._lock = threading.Lock()
 
     def photo(self, path: Path) -> OpenPhoto:
@@ -49,23 +63,27 @@ class PhotoViews:
         InputError
             If it cannot be read.
         """
-        try:
-            found = path.stat()
-        except OSError as error:
-            raise InputError(f"{path.name} cannot be read ({error.strerror})") from None
-        key = (path, found.st_mtime_ns, found.st_size)
+        key = _key(path)
         with self._lock:        # of two that ask for one photo the second waits for it
-            if key not in self._open:
-                image = open_any(path, not_linear=True)
-                kept = list(self._open.items())[-(MAX_OPEN - 1):]
-                self._open = {**dict(kept), key: OpenPhoto(image, preview_rgb8(image))}
-            return self._open[key]
+            return _kept(self._photos, key, lambda: _opened(path))
+
+    def clipped(self, path: Path) -> np.ndarray:
+        """Which bands (H, W, K) of a photo are clipped; worked out when it is first asked for.
+
+        Raises
+        ------
+        InputError
+            If it cannot be read.
+        """
+        key = _key(path)
+        with self._lock:
+            return _kept(self._clipped, key, lambda: open_any(path, not_linear=True).saturated)
 
     def whole(self, path: Path) -> bytes:
-        """PNG of the photo, at most ``MAX_SIDE`` pixels a side."""
+        """JPEG of the photo, at most ``MAX_SIDE`` pixels a side."""
         photo = self.photo(path)
-        factor = max(1, int(np.ceil(max(photo.rgb8.shape[:2]) / MAX_SIDE)))
-        return png(photo.rgb8 if factor == 1 else preview_rgb8(photo.image, factor))
+        factor = max(1, int(np.ceil(max(photo.signal.shape[:2]) / MAX_SIDE)))
+        return encoded(signal_rgb8(photo.signal, factor, photo.white), write_jpeg, ".jpg")
 
     def part(self, path: Path, left: float, top: float, side: float) -> bytes:
         """PNG of a square of the photo, its pixels as they are.
@@ -76,17 +94,18 @@ class PhotoViews:
             In pixels of the sensor; what lies outside the photo is black.
         """
         photo = self.photo(path)
-        step = photo.image.sensor_step
-        first_row, first_column = round(top / step), round(left / step)
-        count = min(max(round(side / step), 1), MAX_CROP)
+        first_row, first_column = round(top / photo.step), round(left / photo.step)
+        count = min(max(round(side / photo.step), 1), MAX_CROP)
         cut = np.zeros((count, count, 3), np.uint8)
-        height, width = photo.rgb8.shape[:2]
-        rows = np.arange(max(first_row, 0), min(first_row + count, height))
-        columns = np.arange(max(first_column, 0), min(first_column + count, width))
-        if rows.size and columns.size:
-            cut[np.ix_(rows - first_row, columns - first_column)] = photo.rgb8[np.ix_(rows,
-                                                                                      columns)]
-        return png(cut)
+        height, width = photo.signal.shape[:2]
+        rows = slice(max(first_row, 0), min(first_row + count, height))
+        columns = slice(max(first_column, 0), min(first_column + count, width))
+        if rows.start < rows.stop and columns.start < columns.stop:
+            shown = photo.signal[rows, columns]
+            cut[rows.start - first_row:rows.stop - first_row,
+                columns.start - first_column:columns.stop - first_column] = signal_rgb8(
+                    shown, white=photo.white)
+        return encoded(cut, write_png, ".png")
 
     def value(self, path: Path, x: float, y: float) -> dict[str, object]:
         """Signal and clipping of each band at a pixel of the sensor.
@@ -97,20 +116,46 @@ class PhotoViews:
             If it lies outside the photo.
         """
         photo = self.photo(path)
-        step = photo.image.sensor_step
-        row, column = int((y + 0.5) / step), int((x + 0.5) / step)
-        height, width = photo.rgb8.shape[:2]
-        if not (0 <= row < height and 0 <= column < width and x > -0.5 and y > -0.5):
+        at = photo.cell(x, y)
+        if at is None:
             raise InputError(f"({x:.0f}, {y:.0f}) lies outside the photo of {photo.size[0]} x "
                              f"{photo.size[1]} pixels")
-        return {"x": x, "y": y,
-                "signal": [float(value) for value in photo.image.signal[row, column]],
-                "saturated": [bool(value) for value in photo.image.saturated[row, column]]}
+        return {"x": x, "y": y, "signal": [float(value) for value in photo.signal[at]],
+                "saturated": [bool(value) for value in self.clipped(path)[at]]}
 
 
-def png(rgb8: np.ndarray) -> bytes:
-    """A picture (H, W, 3) uint8 as a PNG file in memory."""
+def encoded(rgb8: np.ndarray, write: Callable[[Path, np.ndarray], None], suffix: str) -> bytes:
+    """A picture (H, W, 3) uint8 as a file in memory."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "picture.png"
-        write_png(path, np.ascontiguousarray(rgb8))
-        return io.BytesIO(path.read_bytes()).getvalue()
+        path = Path(folder) / f"picture{suffix}"
+        write(path, np.ascontiguousarray(rgb8))
+        return path.read_bytes()
+
+
+def _key(path: Path) -> FileKey:
+    try:
+        found = path.stat()
+    except OSError as error:
+        raise InputError(f"{path.name} cannot be read ({error.strerror})") from None
+    return path, found.st_mtime_ns, found.st_size
+
+
+def _kept(known: dict[FileKey, Kept], key: FileKey, make: Callable[[], Kept]) -> Kept:
+    """What is known of a file, or made now; of others the latest few are kept."""
+    if key not in known:
+        made = make()
+        for old in list(known)[:-(MAX_OPEN - 1)]:
+            del known[old]
+        known[key] = made
+    return known[key]
+
+
+def _opened(path: Path) -> OpenPhoto:
+    """A raw's signal alone, which takes half the time; any other file as it is opened elsewhere."""
+    if not is_image_file(path):
+        frame = decode(path)
+        if isinstance(frame, RawFrame):
+            signal = signal_alone(frame)
+            return OpenPhoto(signal, float(tile_step(frame.cfa, frame.file)), whites(signal))
+    image = open_any(path, not_linear=True)
+    return OpenPhoto(image.signal, image.sensor_step, whites(image.signal))

@@ -32,6 +32,7 @@ from spectrabox.session.pipeline import stage_states
 HERE = Path(__file__).parent / "static"
 HOST = "127.0.0.1"
 REPORT = "report.html"
+PNG = b"\x89PNG"
 MAX_BODY = 200_000      # bytes of a mark: a polygon of ten thousand corners
 
 
@@ -182,7 +183,8 @@ def page_app(page: SessionPage, token: str) -> Starlette:
             except (KeyError, TypeError, ValueError) as error:
                 return JSONResponse({"error": f"not understood: {error}"}, status_code=400)
             if isinstance(made, bytes):
-                return Response(made, media_type="image/png")
+                return Response(made, media_type="image/png" if made.startswith(PNG)
+                                else "image/jpeg")
             return JSONResponse(made)
         return answer
 
@@ -201,7 +203,7 @@ def page_app(page: SessionPage, token: str) -> Starlette:
         Route("/api/photo", answered(of_photo(lambda path, asked: page.photos.whole(path)))),
         Route("/api/size", answered(of_photo(
             lambda path, asked: {"size": page.photos.photo(path).size,
-                                 "bands": page.photos.photo(path).image.signal.shape[2]}))),
+                                 "bands": page.photos.photo(path).signal.shape[2]}))),
         Route("/api/part", answered(of_photo(lambda path, asked: page.photos.part(
             path, *(float(asked[name]) for name in ("left", "top", "side")))))),
         Route("/api/value", answered(of_photo(lambda path, asked: page.photos.value(
