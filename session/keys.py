@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -105,18 +105,36 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
                                    "seed": config.session.seed},
                       "stages": {last: fingerprint(keys[last])}} | made_by("sample")
     if config.picture is not None:
-        # of the photo's key what changes with the regions is left out: the picture shows none
-        known = {name: _outlines(config)[name] for name in _known(config)}
-        keys["picture"] = _signals_key(config, files) | {
-            "files": files(*views[0].photo_files, *correcting,
-                           *(reference.file for reference in _known(config).values())),
-            "settings": {"picture": _plain(config.picture), "known": known,
-                         "repeatability": _plain(config.repeatability),
-                         "stray light": _plain(config.stray_light),
-                         "seed": config.session.seed} | developing,
-            "stages": {name: fingerprint(keys[name]) for name in ("chart", "calibrate")}
+        own = _flat_picture_key(config, keys, files) if config.flat \
+            else _scene_picture_key(config, keys, scenes, files)
+        keys["picture"] = own | {
+            "files": own["files"] | files(*views[0].photo_files, *correcting),
+            "settings": own["settings"] | {"picture": _plain(config.picture),
+                                           "repeatability": _plain(config.repeatability),
+                                           "stray light": _plain(config.stray_light),
+                                           "seed": config.session.seed} | developing
             } | made_by("picture")
     return keys
+
+
+def _flat_picture_key(config: SessionConfig, keys: Mapping[str, Key], files: Files) -> Key:
+    """What a picture of a flat sample is made from beside its photo.
+
+    Of the photo's key what changes with the regions is left out: the picture shows none.
+    """
+    known = {name: _outlines(config)[name] for name in _known(config)}
+    return {"files": files(*(reference.file for reference in _known(config).values())),
+            "settings": {"known": known},
+            "stages": {name: fingerprint(keys[name]) for name in ("chart", "calibrate")}}
+
+
+def _scene_picture_key(config: SessionConfig, keys: Mapping[str, Key],
+                       scenes: Mapping[str | None, SceneFile], files: Files) -> Key:
+    """What a picture of a scene is made from beside its photo."""
+    named = [name for scene in scenes.values() for name in _named_by(scene, config.folder)]
+    return {"files": files(*scenes, *named, config.camera.lens),
+            "settings": {"engine": config.reconstruct.engine},
+            "stages": {name: fingerprint(keys[name]) for name in ("calibrate", "reconstruct")}}
 
 
 def _renderer() -> dict[str, str]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from spectrabox.sampling.prior.certified import certified_sentence, mostly_in_doubt
 from spectrabox.session.calibration_facts import left_out_facts, light_facts
+from spectrabox.session.picture.picture_results import picture_facts
 from spectrabox.session.report.numbers import family_facts
 from spectrabox.session.report.verdict import judge, median_surface_error
 from spectrabox.session.report.words import percent
@@ -38,6 +39,7 @@ def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
             "left_out": None if results.chart is None or results.chart.left_out is None
             else left_out_facts(results.chart.left_out, results.chart.layout.names),
             "light": light_facts(results.calibration),
+            **({} if results.picture is None else {"picture": picture_facts(results.picture)}),
             "warnings": results.warnings}
 
 
@@ -61,6 +63,8 @@ def run_text(results: SessionResults) -> str:
              f"verdict: {judge(results).status.name}"]
     lines += [f"{material.name}: {certified_sentence(material.families)}"
               for material in results.materials if mostly_in_doubt(material.families)]
+    if results.picture is not None:
+        lines += [results.picture.sentence, *results.picture.notes]
     lines += [f"warning: {sentence}" for sentence in results.warnings]
     return "\n".join(lines)
 

@@ -15,8 +15,8 @@ from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.flat import picture_stage
 from spectrabox.session.flat.outputs import write_flat_outputs
+from spectrabox.session.picture import picture as picture_stage
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.progress_display import with_time_left
 from spectrabox.session.signals import spectra_rows

@@ -41,7 +41,7 @@ class TracedView:
     def variance(self) -> np.ndarray:
         """Variance (R, K) of the signal against the rendering."""
         pixels = np.bincount(self.region[self.region >= 0])
-        rendering = _smoothed(self.traced.relative_variance, self.group, pixels)
+        rendering = smoothed_variance(self.traced.relative_variance, self.group, pixels)
         return self.photo_variance + rendering[:, None] * self.measured**2
 
     @cached_property
@@ -155,11 +155,20 @@ def fit_traced(views: Sequence[TracedView], priors: Sequence[SpectrumPrior],
         return fit
 
 
-def _smoothed(relative_variance: np.ndarray, group: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+def smoothed_variance(relative_variance: np.ndarray, group: np.ndarray,
+                      pixels: np.ndarray) -> np.ndarray:
     """Monte Carlo variance (R,) of each region, half its own and half its surface's.
 
     Few passes know it only roughly. Regions differ in size, so what they share is the variance of
     one pixel's paths.
+
+    Parameters
+    ----------
+    relative_variance : (R,) array
+    group : (R,) int
+        Surface of each region.
+    pixels : (R,) int
+        Of each region.
     """
     of_pixel = relative_variance * pixels
     pooled = np.bincount(group, of_pixel) / np.maximum(np.bincount(group), 1)

@@ -101,7 +101,7 @@ def trace_transport(unit: UnitScene, region: np.ndarray, *, spp: int, seed: int,
     """
     dropped = 0.0
     if exponents is None:
-        exponents, dropped = _exponents(unit, region, seed)
+        exponents, dropped = kept_products(unit, region, seed)
     shape = int(region.max()) + 1, unit.groups, len(exponents)
     require_memory(shape[0], shape[1] * shape[2], passes, len(unit.materials), unit.bounces)
     tracer = Tracer(unit, region, exponents)
@@ -248,12 +248,20 @@ def memory_of_image(pixels: int, products: int) -> int:
     return 28 * coefficients if coefficients <= MAX_IMAGE_COEFFICIENTS else 0
 
 
-def _exponents(unit: UnitScene, region: np.ndarray, seed: int) -> tuple[np.ndarray, float]:
-    """Products up to the scene's bounces, pruned where they are many, and the share of the signal
-    lost at most.
+def kept_products(unit: UnitScene, region: np.ndarray,
+                  seed: int) -> tuple[np.ndarray, float]:
+    """Products (E, M) up to the scene's bounces, pruned where they are many, and the share of the
+    signal lost at most.
 
     One pilot picks the products, another says what is lost: the first has never encountered most of
     what it drops.
+
+    Parameters
+    ----------
+    unit : UnitScene
+    region : (H, W) int
+        0 and above where a pixel counts.
+    seed : int
     """
     exponents = exponents_up_to(len(unit.materials), unit.bounces)
     if len(exponents) <= PRUNE_ABOVE:

@@ -87,9 +87,6 @@ def _picture(config: SessionConfig) -> list[str]:
     section, place = config.picture, f"{FILE_NAME}: picture"
     if section is None:
         return []
-    if not config.flat:
-        return [f"{FILE_NAME}: [picture] is of a flat sample, and this session has a scene; leave "
-                "it out"]
     problems = []
     if section.rect is not None and (len(section.rect) != 4 or _empty(section.rect)):
         problems.append(f"{place}.rect is {list(section.rect)}; two opposite corners [x0, y0, x1, "
@@ -103,10 +100,25 @@ def _picture(config: SessionConfig) -> list[str]:
                         f"{high:g} nm")
     if (wrong := unknown_families(section.families)) is not None:
         problems.append(f"{place}.family: {wrong}")
+    if not config.flat:
+        return problems + _scene_picture(config)
     if not any(not region.photos or FIRST_PHOTO in region.photos
                for region in config.regions.values()):
         problems.append(f"{FILE_NAME}: [picture] shows the photo of [photos], in which no region "
                         "lies; outline one there")
+    return problems
+
+
+def _scene_picture(config: SessionConfig) -> list[str]:
+    """What a picture of a scene cannot take into account."""
+    chosen, problems = config.reconstruct, []
+    if chosen.engine in ("gradient", "per-wavelength"):
+        problems.append(f"{FILE_NAME}: [picture] of a scene needs its light traced; set "
+                        f"reconstruct.engine = \"transport\" in place of {chosen.engine!r}, or "
+                        "leave [picture] out")
+    problems += [f"{FILE_NAME}: [picture] of a scene takes lights and bands as they are stated, "
+                 f"and reconstruct.{name} lets the fit correct them; leave out one of the two"
+                 for name in ("light_error", "mixing_error") if getattr(chosen, name) > 0]
     return problems
 
 

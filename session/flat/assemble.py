@@ -10,13 +10,10 @@ from spectrabox.radiometry.records import SurfaceSignals
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.calibration_facts import light_facts
 from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
-from spectrabox.session.flat.flat_results import (
-    FlatResults,
-    PhotoOfRegions,
-    PictureOfSpectra,
-)
+from spectrabox.session.flat.flat_results import FlatResults, PhotoOfRegions
 from spectrabox.session.flat.region_stage import regions_of
 from spectrabox.session.flat.signals_stage import MODEL, NOISE
+from spectrabox.session.picture.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.scores import score
 from spectrabox.session.stages.assemble import (
@@ -64,7 +61,7 @@ def assemble_flat(config: SessionConfig, run: FinishedRun,
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]}
                 for name, stage in stored.items()],
         photos=[_photo(config, stored, view) for view in config.all_views], signals=signals,
-        light=light_facts(calibration), picture=_picture(config, stored))
+        light=light_facts(calibration), picture=picture_of(config, stored))
 
 
 def _region(config: SessionConfig, signals: SurfaceSignals, stored: Mapping[str, StoredStage],
@@ -87,22 +84,6 @@ def _region(config: SessionConfig, signals: SurfaceSignals, stored: Mapping[str,
         if by_prior and samples.outcome in AS_INTENDED else ()
     return MaterialResult(name, None, *measured, summary, samples, relative_errors(signals, index),
                           truth, scores, shares, families)
-
-
-def _picture(config: SessionConfig,
-             stored: Mapping[str, StoredStage]) -> PictureOfSpectra | None:
-    if "picture" not in stored:
-        return None
-    stage, words = stored["picture"], tuple[str, ...]
-    masked, beyond, unlike = stage.record(np.ndarray, "shares").tolist()
-    width, height = stage.record(np.ndarray, "size").tolist()
-    folder = config.results_folder / "picture"
-    names = [(folder / file).relative_to(config.folder).as_posix()
-             for file in stage.record(words, "files")]
-    previews = [folder / file for file in stage.record(words, "previews")]
-    return PictureOfSpectra(
-        tuple(names), tuple(zip(stage.record(words, "titles"), previews, strict=True)),
-        (width, height), masked, beyond, unlike, float(stage.record(np.ndarray, "mean spread")[0]))
 
 
 def _photo(config: SessionConfig, stored: Mapping[str, StoredStage],

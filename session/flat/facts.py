@@ -10,7 +10,8 @@ import numpy as np
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.colour_difference import lab_from_xyz
 from spectrabox.session.calibration_facts import left_out_facts
-from spectrabox.session.flat.flat_results import FlatResults, PictureOfSpectra
+from spectrabox.session.flat.flat_results import FlatResults
+from spectrabox.session.picture.picture_results import picture_facts
 from spectrabox.session.report.flat_verdict import judge_flat
 from spectrabox.session.report.numbers import family_facts
 from spectrabox.session.report.words import percent
@@ -35,16 +36,10 @@ def flat_facts(results: FlatResults, report: Path) -> dict[str, Any]:
             "left_out": None if results.chart is None or results.chart.left_out is None
             else left_out_facts(results.chart.left_out, results.chart.layout.names),
             "light": results.light,
-            **({} if results.picture is None else {"picture": _picture(results.picture)}),
+            **({} if results.picture is None else {"picture": picture_facts(results.picture)}),
             "warnings": results.warnings,
             "seconds": float(sum(stage["seconds"] for stage in results.stages
                                  if stage["state"] == "run"))}
-
-
-def _picture(picture: PictureOfSpectra) -> dict[str, Any]:
-    return {"files": list(picture.files), "size_px": list(picture.size_px),
-            "masked": picture.masked, "beyond_white": picture.beyond_white,
-            "unlike": picture.unlike, "standard_deviation": picture.standard_deviation}
 
 
 def flat_text(results: FlatResults) -> str:
@@ -64,8 +59,7 @@ def flat_text(results: FlatResults) -> str:
     verdict = judge_flat(results)
     lines = [stream.getvalue().rstrip(), f"verdict: {verdict.status.name}. {verdict.says}"]
     if results.picture is not None:
-        folder = Path(results.picture.files[0]).parent.as_posix()
-        lines.append(f"picture: {len(results.picture.files)} files in {folder}")
+        lines.append(results.picture.sentence)
     lines += [f"warning: {sentence}" for sentence in results.warnings]
     return "\n".join(lines)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.records import SurfaceSignals
+from spectrabox.session.picture.picture_results import PictureOfSpectra
 from spectrabox.session.store.results import CommonResults
 
 
@@ -25,19 +26,6 @@ class PhotoOfRegions:
     light: dict[str, tuple[float, float]]
     # over the photo: light and its relative error, (2, h, w); None where it shows no region
     light_map: np.ndarray | None
-
-
-@dataclass(frozen=True)
-class PictureOfSpectra:
-    """The spectra of every pixel as they lie in the session folder."""
-
-    files: tuple[str, ...]              # names, relative to the session folder
-    maps: tuple[tuple[str, Path], ...]  # title of each map, and a reduced PNG of it
-    size_px: tuple[int, int]            # width and height
-    masked: float                       # share of pixels that are clipped or black
-    beyond_white: float                 # share of pixels brighter than white for certain
-    unlike: float                       # share of pixels unlike what the prior knows
-    standard_deviation: float           # mean over wavelengths and pixels
 
 
 @dataclass(frozen=True, kw_only=True)

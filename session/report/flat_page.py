@@ -6,13 +6,13 @@ from typing import Any
 
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report import flat_figures
-from spectrabox.session.report.figures import picture_data_uri
 from spectrabox.session.report.flat_methods import flat_methods
 from spectrabox.session.report.flat_verdict import judge_flat
 from spectrabox.session.report.numbers import flat_numbers
 from spectrabox.session.report.page import (
     RenderedReport,
     calibration_section,
+    maps_of,
     pictures_of,
     rendered,
     written_whole,
@@ -44,7 +44,6 @@ def render_flat_report(results: FlatResults) -> RenderedReport:
 
 
 def _page(results: FlatResults, verdict: Verdict) -> dict[str, Any]:
-    maps = results.picture.maps if results.picture else ()
     with sections_beside(results.materials, results.signals.grid.nm,
                          results.signal_bands) as regions:
         photos = [{"name": photo.name, "regions": photo.light,
@@ -55,9 +54,8 @@ def _page(results: FlatResults, verdict: Verdict) -> dict[str, Any]:
         calibration = calibration_section(results, None)
         return {
             "results": results, "verdict": verdict,
-            "pictures": pictures_of(results) | {title: picture_data_uri(path)
-                                                for title, path in maps},
-            "maps": [title for title, _ in maps],
+            "pictures": pictures_of(results) | maps_of(results.picture),
+            "picture": results.picture,
             "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
             "surfaces": {"title": "Regions", "key": "regions", "one": "Region", "fitted": False},
             "materials": regions(), "photos": photos, "calibration": calibration,

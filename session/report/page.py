@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Calibration, Reconstruction
+from spectrabox.session.picture.picture_results import PictureOfSpectra
 from spectrabox.session.report import words
 from spectrabox.session.report.checked.cells import of
 from spectrabox.session.report.checked.drawing import drawings_in
@@ -129,6 +130,12 @@ def pictures_of(results: CommonResults) -> dict[str, str]:
     return pictures
 
 
+def maps_of(picture: PictureOfSpectra | None) -> dict[str, str]:
+    """The maps of a picture of spectra, as data URIs by their titles."""
+    return {} if picture is None else {title: picture_data_uri(path)
+                                       for title, path in picture.maps}
+
+
 def _page(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
     with sections_beside(results.materials, results.reconstruction.grid.nm,
                          results.signal_bands) as materials:
@@ -142,7 +149,8 @@ def _page(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
         return {
             "results": results, "verdict": verdict,
             "pictures": pictures_of(results) | {f"photo {view.name}": picture_data_uri(
-                view.photo_preview) for view in results.views},
+                view.photo_preview) for view in results.views} | maps_of(results.picture),
+            "picture": results.picture,
             "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
             "materials": materials(),
             "surfaces": {"title": "Materials", "key": "materials", "one": "Material",

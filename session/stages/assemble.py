@@ -9,6 +9,7 @@ from spectrabox.radiometry.records import Calibration, JointReconstruction
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, spectrum_on_grid
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.picture.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.scores import score
 from spectrabox.session.stages.error_budget import (
@@ -68,7 +69,7 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
         + doubtful_materials(materials),
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name,
                 stage in stored.items()], rehearsal=stored_rehearsal(config),
-        geometry=geometry_of(stored))
+        geometry=geometry_of(stored), picture=picture_of(config, stored))
 
 
 def _material(config: SessionConfig, calibrations: list[Calibration], joint: JointReconstruction,

@@ -27,11 +27,14 @@ class Stage:
 
 
 ROOM, FLAT_ROOM = "spectrabox.session.stages", "spectrabox.session.flat"
+PICTURE_ROOM = "spectrabox.session.picture"
 STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts"),
           "photo": Stage(f"{ROOM}.photo_stage", "bin_object_photos"),
           "calibrate": Stage(f"{ROOM}.calibrate_stage", "calibrate_views"),
           "reconstruct": Stage(f"{ROOM}.reconstruct_stage", "invert_photos"),
           "sample": Stage(f"{ROOM}.sample_stage", "sample_materials")}
+# where the session asks for one
+SCENE_PICTURE = {"picture": Stage(f"{PICTURE_ROOM}.scene_stage", "picture_of_scene")}
 FLAT_STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts"),
                "photo": Stage(f"{FLAT_ROOM}.region_stage", "measure_regions"),
                "calibrate": Stage(f"{FLAT_ROOM}.calibrate_stage", "calibrate_photos"),
@@ -42,7 +45,7 @@ FLAT_STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts"),
 
 def stages_of(flat: bool) -> dict[str, Stage]:
     """The stages of a session of flat samples, or of a scene."""
-    return FLAT_STAGES if flat else STAGES
+    return FLAT_STAGES if flat else STAGES | SCENE_PICTURE
 
 
 def all_stages() -> tuple[str, ...]:

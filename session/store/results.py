@@ -24,6 +24,7 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.sampling.prior.certified import FamilyStanding
 from spectrabox.session.box.geometry_record import SceneGeometry
+from spectrabox.session.picture.picture_results import PictureOfSpectra
 
 # outcomes of a sampler without reservation
 AS_INTENDED = frozenset({Outcome.EXACT, Outcome.FAMILIAR, Outcome.THROUGH_TRANSPORT})
@@ -131,3 +132,4 @@ class SessionResults(CommonResults):
     views: list[ViewResult] = field(default_factory=list)  # photos beyond the first
     geometry: SceneGeometry | None = None       # None where camera and lamp stand as stated
     rehearsal: dict[str, Any] | None = None     # facts of the last one of these results
+    picture: PictureOfSpectra | None = None     # where the session asks for one

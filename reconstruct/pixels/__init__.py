@@ -1,0 +1,1 @@
+"""Light that reaches every pixel of a photo, direct and from all other surfaces."""

@@ -1,0 +1,1 @@
+"""Spectra of every pixel of a photo, of flat samples and of scenes."""

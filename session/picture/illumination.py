@@ -1,0 +1,133 @@
+"""The colours of the light over a picture: a few shapes times maps, and some typical ones.
+
+Light from everywhere else is coloured: each pixel sees reflectances through a response of its own.
+Over a picture these have low rank: light = sum over a of map_a(pixel) shape_a(nm). Pixels whose
+light is alike are brought to that of one typical colour, so that one table of spectra serves them
+all: a signal under one light is predicted under another for the spectrum that is expected behind
+it, and what is then left is the difference of two lights that are alike times the error of that
+expectation.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.cluster.vq import kmeans2, vq
+
+from spectrabox.sampling.prior.mixture import LogitMixture, reflectance_moments
+
+RANK, LEFT_OUT = 8, 5e-4        # shapes at most; share of a light's strength that they may miss
+TYPICAL = 12                    # colours at most
+SAME = 2e-3                     # relative: lights closer than this have one colour
+DRAWN = 4096                    # nodes by which typical colours are chosen
+EXPECTED = 0.01                 # of white: error of the signals of which spectra are expected
+
+
+@dataclass(frozen=True)
+class Illumination:
+    """Light at N nodes: maps times Q shapes, and J typical colours."""
+
+    maps: np.ndarray            # (N, Q)
+    spectra: np.ndarray         # (Q, P) of the shapes
+    shapes: np.ndarray          # (Q, K, 61) signals, of reflectances on the prior's wavelengths
+    typical: np.ndarray         # (J, Q) maps of the typical colours
+    kind: np.ndarray            # (N,) the typical colour of each node
+
+    @property
+    def white(self) -> np.ndarray:
+        """Signal (N, K) of a perfect white at the nodes."""
+        return np.asarray(self.maps @ self.shapes.sum(axis=2))
+
+    @property
+    def responses(self) -> np.ndarray:
+        """Relative response (J, K, 61) under the typical colours; rows sum to 1."""
+        found = np.einsum("jq,qkp->jkp", self.typical, self.shapes)
+        return np.asarray(found / found.sum(axis=2, keepdims=True))
+
+
+@dataclass(frozen=True)
+class Brought:
+    """How signals are brought to the typical colours, for spectra as a prior expects them.
+
+    To first order the expected spectrum is ``mean + gain (signal - response mean)``.
+    """
+
+    light: Illumination
+    mean: np.ndarray            # (Q, K) signals of the prior's mean under each shape
+    gain: np.ndarray            # (J, Q, K, K) and of what a signal adds to it
+    centre: np.ndarray          # (J, K) signal of the prior's mean under the typical colours
+
+    def signals(self, signals: np.ndarray, maps: np.ndarray, kind: np.ndarray) -> np.ndarray:
+        """Signals (n, K) as they would be under the typical colour of each pixel.
+
+        Parameters
+        ----------
+        signals : (n, K) array
+            Relative to white under the pixels' own light.
+        maps : (n, Q) array
+        kind : (n,) int
+        """
+        if len(self.light.typical) == 1 and maps.shape[1] == 1:
+            return signals
+        found = np.empty_like(signals)
+        white = self.light.shapes.sum(axis=2)
+        for number, typical in enumerate(self.light.typical):
+            some = np.flatnonzero(kind == number)
+            away = signals[some] - self.centre[number]
+            under = self.mean + np.einsum("qkl,nl->nqk", self.gain[number], away)
+            own = np.einsum("nq,nqk->nk", maps[some], under) / (maps[some] @ white)
+            found[some] = signals[some] - own + (typical @ under) / (typical @ white)
+        return found
+
+
+def brought_by(light: Illumination, prior: LogitMixture) -> Brought:
+    """How signals under the lights are brought to the typical ones."""
+    mean, covariance = reflectance_moments(prior)
+    responses = light.responses
+    gains = []
+    for response in responses:
+        seen = response @ covariance
+        gain = np.linalg.solve(seen @ response.T + EXPECTED**2 * np.eye(len(response)), seen).T
+        gains.append(np.einsum("qkp,pl->qkl", light.shapes, gain))
+    return Brought(light, light.shapes @ mean, np.array(gains), responses @ mean)
+
+
+def even_light(response: np.ndarray, nodes: int) -> Illumination:
+    """Light of one colour, through a relative response (K, 61), at some number of nodes."""
+    return Illumination(np.ones((nodes, 1)), np.ones((1, 1)), response[None], np.ones((1, 1)),
+                        np.zeros(nodes, np.int32))
+
+
+def illumination(light: np.ndarray, to_signals: np.ndarray) -> Illumination:
+    """Light at nodes as a few shapes times maps.
+
+    Parameters
+    ----------
+    light : (N, P) array
+    to_signals : (K, P, 61) array
+        Signal of light at each wavelength from reflectances on the prior's wavelengths.
+    """
+    strength = np.maximum(light.mean(axis=1, keepdims=True), 1e-30)
+    colours = light / strength
+    _, vectors = np.linalg.eigh(colours.T @ colours)
+    for rank in range(1, RANK + 1):
+        shapes = vectors[:, ::-1][:, :rank].T
+        left = colours - colours @ shapes.T @ shapes
+        if np.sqrt(np.mean(left**2, axis=1)).max() < LEFT_OUT:
+            break
+    maps = colours @ shapes.T
+    typical, kind = _typical(maps)
+    return Illumination(maps * strength, shapes, np.einsum("qp,kpr->qkr", shapes, to_signals),
+                        typical, kind)
+
+
+def _typical(maps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Typical colours (J, Q) and the nearest one (N,) of each node."""
+    size = np.sqrt(np.mean(np.sum(maps**2, axis=1)))
+    if np.sqrt(np.mean((maps - maps.mean(axis=0))**2)) < SAME * size:
+        return maps.mean(axis=0, keepdims=True), np.zeros(len(maps), np.int32)
+    drawn = maps[np.linspace(0, len(maps) - 1, min(len(maps), DRAWN)).astype(int)]
+    centres, kind = kmeans2(drawn, min(TYPICAL, len(drawn)), seed=1, minit="++",
+                            missing="warn")
+    centres = centres[np.unique(kind)]
+    return centres, vq(maps, centres)[0]

@@ -1,0 +1,63 @@
+"""The part of a photo that a picture shows."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import LinearImage
+
+
+@dataclass(frozen=True)
+class Part:
+    """A rectangle of a developed photo."""
+
+    rows: slice
+    columns: slice
+    corners_px: tuple[float, float, float, float]   # left, top, right, bottom, of the photo
+    step: float                                     # of those, to a developed one
+
+    @property
+    def x_px(self) -> np.ndarray:
+        """Columns (W,) in the photo's pixels."""
+        return (np.arange(self.columns.start, self.columns.stop) + 0.5) * self.step - 0.5
+
+    @property
+    def y_px(self) -> np.ndarray:
+        """Rows (H,)."""
+        return (np.arange(self.rows.start, self.rows.stop) + 0.5) * self.step - 0.5
+
+
+def part_of(photo: LinearImage, rect: Sequence[float] | None) -> Part:
+    """The part between two opposite corners [x0, y0, x1, y1]; all of it by default.
+
+    Raises
+    ------
+    InputError
+        If it leaves the photo, or holds fewer than 2 x 2 pixels.
+    """
+    step = photo.sensor_step
+    rows, columns = photo.signal.shape[:2]
+    size = columns * step, rows * step
+    x0, y0, x1, y1 = rect or (-0.5, -0.5, size[0] - 0.5, size[1] - 0.5)
+    left, right = sorted((x0, x1))
+    top, bottom = sorted((y0, y1))
+    if left < -0.5 or top < -0.5 or right > size[0] - 0.5 or bottom > size[1] - 0.5:
+        raise InputError(f"picture.rect leaves photo {photo.source} of {round(size[0])} x "
+                         f"{round(size[1])} pixels; correct its corners")
+    across, down = (slice(int(np.ceil((low + 0.5) / step - 0.5)),
+                          int(np.floor((high + 0.5) / step - 0.5 - 1e-9)) + 1)
+                    for low, high in ((left, right), (top, bottom)))
+    if across.stop - across.start < 2 or down.stop - down.start < 2:
+        raise InputError("picture.rect holds fewer than 2 x 2 pixels; enlarge it")
+    return Part(down, across, (left, top, right, bottom), step)
+
+
+def cut(photo: LinearImage, part: Part) -> LinearImage:
+    """A part of a photo, without a copy of it."""
+    rows, columns = part.rows, part.columns
+    return replace(photo, signal=photo.signal[rows, columns],
+                   variance=photo.variance[rows, columns],
+                   saturated=photo.saturated[rows, columns])

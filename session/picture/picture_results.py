@@ -1,0 +1,70 @@
+"""The spectra of every pixel as report and command line show them."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.picture.unseen import COLOURS, SEEN, WORDS
+
+if TYPE_CHECKING:
+    from spectrabox.session.store.store import StoredStage
+
+
+@dataclass(frozen=True)
+class PictureOfSpectra:
+    """The spectra of every pixel as they lie in the session folder."""
+
+    files: tuple[str, ...]              # names, relative to the session folder
+    maps: tuple[tuple[str, Path], ...]  # title of each map, and a reduced PNG of it
+    size_px: tuple[int, int]            # width and height
+    masked: float                       # share of pixels without a spectrum
+    unseen: tuple[float, ...]           # share of each reason for that, by its code
+    beyond_white: float                 # share of pixels brighter than white for certain
+    unlike: float                       # share of pixels unlike what the prior knows
+    standard_deviation: float           # mean over wavelengths and pixels
+    notes: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """Where the files are."""
+        folder = PurePosixPath(self.files[0]).parent.as_posix()
+        return f"picture: {len(self.files)} files in {folder}"
+
+    @property
+    def reasons(self) -> list[tuple[str, str, float]]:
+        """Words, colour on the map and share of every reason that some pixel has."""
+        return [(words, f"#{bytes(colour).hex()}", share) for code, (words, colour, share)
+                in enumerate(zip(WORDS, COLOURS.tolist(), self.unseen, strict=True))
+                if code != SEEN and share > 0]
+
+
+def picture_of(config: SessionConfig,
+               stored: Mapping[str, StoredStage]) -> PictureOfSpectra | None:
+    """The picture of a finished session; None where it asks for none."""
+    if "picture" not in stored:
+        return None
+    stage, words = stored["picture"], tuple[str, ...]
+    masked, beyond, unlike = stage.record(np.ndarray, "shares").tolist()
+    width, height = stage.record(np.ndarray, "size").tolist()
+    folder = config.results_folder / "picture"
+    names = [(folder / file).relative_to(config.folder).as_posix()
+             for file in stage.record(words, "files")]
+    previews = [folder / file for file in stage.record(words, "previews")]
+    return PictureOfSpectra(
+        tuple(names), tuple(zip(stage.record(words, "titles"), previews, strict=True)),
+        (width, height), masked, tuple(stage.record(np.ndarray, "unseen").tolist()), beyond, unlike,
+        float(stage.record(np.ndarray, "mean spread")[0]), stage.record(words, "notes"))
+
+
+def picture_facts(picture: PictureOfSpectra) -> dict[str, Any]:
+    """The ``--json`` object of a picture."""
+    return {"files": list(picture.files), "size_px": list(picture.size_px),
+            "masked": picture.masked,
+            "masked_because": {words: share for words, _, share in picture.reasons},
+            "beyond_white": picture.beyond_white, "unlike": picture.unlike,
+            "standard_deviation": picture.standard_deviation, "notes": list(picture.notes)}

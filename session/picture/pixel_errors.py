@@ -1,0 +1,131 @@
+"""White at every pixel of a photo, and the errors of the pixels' signals.
+
+Both are known at nodes, and between these by straight lines. What a pixel errs by depends on its
+signal, on white there, and on its noise.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records import Calibration, SurfaceSignals
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.sampling.prior.posterior import mean_and_spread, posterior
+from spectrabox.session.picture.illumination import Brought, Illumination, brought_by
+from spectrabox.session.stages.error_budget import light_covariance, sensitivity_covariance
+from spectrabox.session.stages.inputs import GRID
+
+GUESSED = 0.01          # of white: error of the signals whose spectra the errors are evaluated at
+GUESSED_AT_ONCE = 500
+GUESSED_STILL = 1e-3        # logits: a guess need not be nearer to its mode
+
+
+@dataclass(frozen=True)
+class White:
+    """White at n points, and what is unknown of it."""
+
+    signal: np.ndarray          # (n, K)
+    log: np.ndarray             # (n, K, K) covariance of its logarithm
+    log_and_glare: np.ndarray   # (n, K, K) between its logarithm and the glare
+
+    def repeated(self, count: int) -> White:
+        """The first point ``count`` times."""
+        return White(*(np.repeat(part[:1], count, axis=0)
+                       for part in (self.signal, self.log, self.log_and_glare)))
+
+
+@dataclass(frozen=True, eq=False)
+class PixelErrors:
+    """White and light over a photo, at N nodes, and all else that its pixels' errors depend on."""
+
+    between: Callable[[int, int], csr_array]    # weights (n, N) of the nodes at pixels of some rows
+    white: White                # at the nodes
+    light: Illumination         # at the nodes
+    glare: np.ndarray           # (K,) signal
+    glare_covariance: np.ndarray    # (K, K)
+    veil: np.ndarray            # (K,) signal: standard error of one veil over the whole photo
+    shared: np.ndarray          # (K, K) relative covariance that all pixels share
+    model: np.ndarray           # (K, K) relative covariance that every pixel has for itself
+    calibrations: Sequence[Calibration]     # J, with each of the typical lights
+    fine_responses: np.ndarray  # (J, K, P) on GRID, rows summing to 1
+    prior: LogitMixture
+
+    @cached_property
+    def responses(self) -> np.ndarray:
+        """Relative response (J, K, 61) under the typical lights."""
+        return self.light.responses
+
+    @cached_property
+    def brought(self) -> Brought:
+        """How signals are brought to the typical lights."""
+        return brought_by(self.light, self.prior)
+
+    def white_at(self, weights: csr_array) -> White:
+        """White at the pixels (n) of some weights of the nodes."""
+        logs = np.log(self.white.signal)
+        parts = [(weights @ part.reshape(len(logs), -1)).reshape(-1, *part.shape[1:])
+                 for part in (logs, self.white.log, self.white.log_and_glare)]
+        return White(np.exp(parts[0]), *parts[1:])
+
+    def covariance(self, signals: np.ndarray, white: White, variance: np.ndarray,
+                   kind: int) -> np.ndarray:
+        """Covariance (n, K, K) of signals relative to white, under one of the typical lights.
+
+        As ``at_white``, with what ``by_curves`` adds.
+        """
+        return self.at_white(signals, white, variance) + self.by_curves(signals, kind)
+
+    def at_white(self, signals: np.ndarray, white: White, variance: np.ndarray) -> np.ndarray:
+        """Covariance (n, K, K) of signals by all but the curves of camera and light.
+
+        Parameters
+        ----------
+        signals : (n, K) array
+        white : White
+            Where they were photographed.
+        variance : (n, K) array
+            Of the photo's noise there.
+        """
+        inverse = 1 / white.signal
+        between = signals[:, :, None] * white.log_and_glare * inverse[:, None, :]
+        veil = self.veil * inverse
+        covariance = _outer(signals) * (white.log + self.shared + self.model) \
+            + between + between.transpose(0, 2, 1) \
+            + _outer(inverse) * self.glare_covariance + _outer(veil)
+        own = variance * inverse**2
+        covariance += own[:, :, None] * np.eye(signals.shape[1])
+        return np.asarray((covariance + covariance.transpose(0, 2, 1)) / 2)
+
+    def by_curves(self, signals: np.ndarray, kind: int) -> np.ndarray:
+        """Covariance (n, K, K) of signals by the errors of sensitivities and light, for the spectra
+        that are likely behind, under one of the typical lights.
+        """
+        bands = signals.shape[1]
+        surfaces = SurfaceSignals(
+            tuple(map(str, range(len(signals)))), (False,) * len(signals), GRID,
+            self._guesses(signals, kind), tuple(map(str, range(bands))), np.zeros(bands, int),
+            self.fine_responses[kind], signals, ())
+        calibrations = [self.calibrations[kind]]
+        return np.array([sensitivity_covariance(calibrations, surfaces, index)
+                         + light_covariance(calibrations, surfaces, index)
+                         for index in range(len(signals))]).reshape(-1, bands, bands)
+
+    def _guesses(self, signals: np.ndarray, kind: int) -> np.ndarray:
+        guesses = np.empty((len(signals), GRID.nm.size))
+        to_fine = interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
+        for start in range(0, len(signals), GUESSED_AT_ONCE):
+            some = signals[start:start + GUESSED_AT_ONCE]
+            mixture = posterior(self.prior, self.responses[kind], some,
+                                GUESSED**2 * np.eye(signals.shape[1]), still=GUESSED_STILL)
+            guesses[start:start + len(some)] = mean_and_spread(mixture)[0] @ to_fine.T
+        return guesses
+
+
+def _outer(values: np.ndarray) -> np.ndarray:
+    return np.asarray(values[:, :, None] * values[:, None, :])

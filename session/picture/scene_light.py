@@ -1,0 +1,236 @@
+"""The light on every pixel of a photo of a scene, and the errors of the pixels' signals.
+
+Light from everywhere else depends on the spectra that are looked for: those of some pixels of each
+material, found under the light as it is known so far, give the mean spectrum by which the light is
+found anew, until it stands still.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.light_drift import drift_covariance
+from spectrabox.radiometry.records import Calibration, JointReconstruction
+from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE, surface_covariance
+from spectrabox.reconstruct.pixels.hits import hits_of
+from spectrabox.reconstruct.pixels.pixel_light import PixelLight
+from spectrabox.reconstruct.tracer.unit_scene import UnitScene
+from spectrabox.reconstruct.view import View
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.session.picture.illumination import illumination
+from spectrabox.session.picture.part_of_photo import Part, cut
+from spectrabox.session.picture.picture import LitPixels
+from spectrabox.session.picture.pixel_errors import PixelErrors, White
+from spectrabox.session.picture.unseen import EDGE, PENUMBRA, SEEN
+from spectrabox.session.stages.error_budget import scale_covariances
+from spectrabox.session.stages.inputs import GRID
+from spectrabox.session.stages.reconstruct_stage import drift_of, glare_error
+from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.stages.stored_records import calibrations_of, joint_of
+
+MOST_ROUNDS, STANDS_STILL = 8, 0.002    # the largest relative change of light that is none
+PIXELS_OF_MATERIAL = 256    # by which the mean spectrum of a material is found
+MISPLACED_PX = 0.5          # of a pixel: photo against scene
+PENUMBRA_ERROR = 0.03       # relative, of light that changes quickly: beyond, there is no answer
+DARK = 1e-9                 # of the lamp's strongest wavelength
+
+
+@dataclass(frozen=True, eq=False)
+class SceneOfPicture:
+    """A photo of a scene with its light traced, and all that its pixels' errors depend on."""
+
+    task: StageTask
+    view: View                  # with the photo in full
+    unit: UnitScene
+    traced: PixelLight
+    part: Part
+    edges: np.ndarray           # (H, W) bool: pixels of the photo too near to another surface
+    prior: LogitMixture
+
+    @property
+    def joint(self) -> JointReconstruction:
+        """The reconstruction whose spectra the light begins with."""
+        return joint_of(self.task.stored)
+
+    @property
+    def calibration(self) -> Calibration:
+        """Of the photo."""
+        return calibrations_of(self.task.config, self.task.stored)[0]
+
+    @property
+    def lamps(self) -> np.ndarray:
+        """Spectra (L, P) of the lights that were traced apart."""
+        view = self.view
+        if self.traced.coefficients.shape[1] == 1:
+            return view.light[None]
+        return np.array([view.own_lights.get(name, view.light) for name, in view.light_groups])
+
+    @property
+    def to_signals(self) -> np.ndarray:
+        """Signal (K, P, 61) of light at each wavelength from reflectances of the prior."""
+        scale = self.joint.views[0].light_scale.value
+        sensed = scale * self.view.sensitivities * self.view.grid.weights_nm
+        return np.asarray(sensed[:, :, None] * interpolation_matrix(PRIOR_GRID.nm, GRID.nm))
+
+
+@dataclass(frozen=True, eq=False)
+class FoundLight:
+    """The light on the pixels, and how it was found."""
+
+    pixels: LitPixels
+    changes: tuple[float, ...]      # largest relative change of the light in each round
+
+    @property
+    def sentence(self) -> str:
+        """Whether the light stood still in the end."""
+        rounds, last = len(self.changes), self.changes[-1]
+        if last <= STANDS_STILL:
+            return (f"the picture's light from other surfaces has converged: of {rounds} rounds "
+                    f"the last changed it by {last:.2%} at most")
+        return (f"the picture's light from other surfaces has not converged: after {rounds} rounds "
+                f"it still changes by {last:.1%} in places; near strongly coloured surfaces its "
+                "spectra are less certain than they say")
+
+
+def found_light(scene: SceneOfPicture, progress: Callable[[float], None]) -> FoundLight:
+    """The light on every pixel, with the spectra of the materials that the pixels themselves show.
+    """
+    view, traced = scene.view, scene.traced
+    joint, rng = scene.joint, np.random.default_rng(scene.task.config.session.seed)
+    spectra = np.array([joint.spectra[joint.materials.index(material.name)]
+                        for material in view.scene_materials])
+    unknown = [index for index, material in enumerate(view.scene_materials)
+               if material.reflectance is None]
+    light = traced.on_nodes(spectra, scene.lamps)
+    pixels = _lit(scene, light)
+    chosen = {index: _some_pixels(scene, pixels, index, rng) for index in unknown}
+    changes: list[float] = []
+    while len(changes) < MOST_ROUNDS and (not changes or changes[-1] > STANDS_STILL):
+        for index, some in chosen.items():
+            if some.area.size:
+                spectra[index] = _mean_spectrum(scene, pixels, some)
+        before, light = light, traced.on_nodes(spectra, scene.lamps)
+        shown = ~traced.lamp
+        changes.append(float(np.max(np.abs(light - before)[shown]
+                                    / np.maximum(before[shown], 1e-30), initial=0.0)))
+        pixels = _lit(scene, light)
+        progress(len(changes) / MOST_ROUNDS)
+    return FoundLight(pixels, tuple(changes))
+
+
+@dataclass(frozen=True)
+class _SomePixels:
+    """Some pixels of one material, in the whole photo, and the area that each stands for."""
+
+    row: np.ndarray
+    column: np.ndarray
+    area: np.ndarray
+
+
+def _some_pixels(scene: SceneOfPicture, pixels: LitPixels, material: int,
+                 rng: np.random.Generator) -> _SomePixels:
+    """Pixels spread evenly over what the photo shows of a material."""
+    nodes, part = scene.traced.nodes, scene.part
+    assert pixels.unseen is not None
+    surfaces = [index for index, name in enumerate(scene.view.surface_materials)
+                if name == scene.view.scene_materials[material].name]
+    inside = nodes.surface[part.rows, part.columns]
+    row, column = np.nonzero(np.isin(inside, surfaces) & (pixels.unseen == SEEN)
+                             & ~pixels.photo.saturated.any(axis=2))
+    if row.size > PIXELS_OF_MATERIAL:
+        # one of each stretch of pixels, row by row
+        ends = np.linspace(0, row.size, PIXELS_OF_MATERIAL + 1)
+        some = (ends[:-1] + rng.random(PIXELS_OF_MATERIAL) * np.diff(ends)).astype(int)
+        row, column = row[some], column[some]
+    row, column = row + part.rows.start, column + part.columns.start
+    area = hits_of(scene.unit.scene, scene.view.size, row, column).area if row.size \
+        else np.empty(0)
+    return _SomePixels(row, column, area)
+
+
+def _mean_spectrum(scene: SceneOfPicture, pixels: LitPixels, some: _SomePixels) -> np.ndarray:
+    """Mean (P,) of the spectra of some pixels, weighted by the light that they send on."""
+    photo = scene.view.photo
+    weights = scene.traced.nodes.weights(some.row, some.column)
+    alone = replace(photo, **{name: getattr(photo, name)[some.row, some.column][None]
+                              for name in ("signal", "variance", "saturated")})
+    lit = LitPixels(alone, replace(pixels.errors, between=lambda first, last: weights))
+    rows = lit.rows(0, 1, singly=True)
+    mean, _, _ = lit.one_by_one(rows)
+    light = (weights @ pixels.errors.white.signal).mean(axis=1)
+    weight = some.area * light * rows.seen
+    return np.interp(GRID.nm, PRIOR_GRID.nm, weight @ mean / weight.sum())
+
+
+def _lit(scene: SceneOfPicture, light: np.ndarray) -> LitPixels:
+    """The pixels under a light (N, P) at the nodes."""
+    nodes, part, found = scene.traced.nodes, scene.part, illumination(light, scene.to_signals)
+    white = found.white
+    grey = np.maximum(white.mean(axis=1), 1e-30)
+    uneven = nodes.unevenness(grey, MISPLACED_PX)
+    config, stored = scene.task.config, scene.task.stored
+    drift = drift_of(config, stored)
+    bands = white.shape[1]
+    veil = glare_error(config, stored) * scene.joint.views[0].measured.mean(axis=(0, 1))
+    ambient = config.stray_light.ambient * np.percentile(grey, BRIGHTEST_PERCENTILE) / grey
+    alike = scene.traced.relative_variance + uneven**2 + ambient**2
+    scale = sum(scale_covariances(scene.calibration, scene.joint, 0).values())
+    log = scale + alike[:, None, None] * np.ones((bands, bands))
+    width = part.columns.stop - part.columns.start
+
+    def between(first: int, last: int) -> csr_array:
+        row, column = np.divmod(np.arange(first * width, last * width), width)
+        return nodes.weights(row + part.rows.start, column + part.columns.start)
+
+    typical = found.typical @ found.spectra
+    errors = PixelErrors(
+        between, White(np.maximum(white, 1e-30), log, np.zeros_like(log)), found, np.zeros(bands),
+        np.zeros((bands, bands)), veil,
+        np.zeros((bands, bands)) if drift is None else drift_covariance(drift),
+        _model_covariance(scene), [_under(scene, colour) for colour in typical],
+        _responses(scene, typical), scene.prior)
+    unseen = np.full(nodes.surface.shape, SEEN, np.uint8)
+    region = nodes.region
+    unseen[(uneven > PENUMBRA_ERROR)[region]] = PENUMBRA
+    unseen[scene.edges | (region < 0) | scene.traced.lamp[region]] = EDGE
+    return LitPixels(cut(scene.view.photo, part), errors, unseen[part.rows, part.columns],
+                     highlights=True)
+
+
+def _responses(scene: SceneOfPicture, lights: np.ndarray) -> np.ndarray:
+    """Responses (J, K, P) under lights (J, P); rows sum to 1."""
+    sensed = scene.view.sensitivities * scene.view.grid.weights_nm
+    found = lights[:, None, :] * sensed
+    return np.asarray(found / found.sum(axis=2, keepdims=True))
+
+
+def _under(scene: SceneOfPicture, light: np.ndarray) -> Calibration:
+    """The calibration with the light (P,) that reaches a pixel in place of the lamp's own."""
+    lamp, own = scene.view.light, scene.calibration.light
+    factor = np.interp(own.grid.nm, GRID.nm, light / np.maximum(lamp, DARK * lamp.max()))
+    error = None if own.standard_error is None else own.standard_error * factor
+    return replace(scene.calibration, light=replace(own, values=own.values * factor,
+                                                    standard_error=error))
+
+
+def _model_covariance(scene: SceneOfPicture) -> np.ndarray:
+    """Relative covariance (K, K) by which photo and model disagree: as stated, and as the surfaces
+    of known materials show. Those of others may be painted.
+    """
+    settings = scene.task.config.reconstruct
+    stated = float(np.hypot(settings.surface_error, settings.brightness_error))
+    view = scene.joint.views[0]
+    known = frozenset(name for name, given in zip(view.materials, view.known, strict=True)
+                      if given)
+    own = [index for index, name in enumerate(view.agreement.materials) if name in known]
+    whole = view.agreement
+    agreement = replace(whole, names=tuple(whole.names[index] for index in own),
+                        materials=tuple(whole.materials[index] for index in own),
+                        pixels=whole.pixels[own], ratio=whole.ratio[own], spread=whole.spread[own])
+    within = np.einsum("sk,sl->kl", agreement.spread, agreement.spread) / max(len(own), 1)
+    return surface_covariance(agreement, known, stated) + within
