@@ -39,7 +39,7 @@ class LightNodes:
     @property
     def region(self) -> np.ndarray:
         """Node (H, W) whose cell holds each pixel, -1 where it has none."""
-        row, column = np.indices(self.surface.shape, dtype=np.int32, sparse=True)
+        row, column = np.ogrid[:self.surface.shape[0], :self.surface.shape[1]]
         found = self.node[self.surface, row // self.cell, column // self.cell]
         return np.where(self.surface >= 0, found, -1)
 

@@ -317,7 +317,7 @@ class SamplingSection(Table):
 
 
 class PictureSection(Table):
-    """A picture of spectra: every pixel of the first photo of a flat sample. Off without it."""
+    """A picture of spectra: every pixel of the first photo. Off without it."""
 
     rect: ListOf[float] | None = Field(None, description="[x0, y0, x1, y1]: two opposite corners "
                                        "in pixels of the photo; all of it where left out")

@@ -65,6 +65,7 @@ class Brought:
         signals : (n, K) array
             Relative to white under the pixels' own light.
         maps : (n, Q) array
+            0 where there is no light to tell.
         kind : (n,) int
         """
         if len(self.light.typical) == 1 and maps.shape[1] == 1:
@@ -75,7 +76,8 @@ class Brought:
             some = np.flatnonzero(kind == number)
             away = signals[some] - self.centre[number]
             under = self.mean + np.einsum("qkl,nl->nqk", self.gain[number], away)
-            own = np.einsum("nq,nqk->nk", maps[some], under) / (maps[some] @ white)
+            lit = maps[some] @ white
+            own = np.einsum("nq,nqk->nk", maps[some], under) / np.where(lit > 0, lit, 1.0)
             found[some] = signals[some] - own + (typical @ under) / (typical @ white)
         return found
 
@@ -123,11 +125,12 @@ def illumination(light: np.ndarray, to_signals: np.ndarray) -> Illumination:
 
 def _typical(maps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Typical colours (J, Q) and the nearest one (N,) of each node."""
-    size = np.sqrt(np.mean(np.sum(maps**2, axis=1)))
-    if np.sqrt(np.mean((maps - maps.mean(axis=0))**2)) < SAME * size:
-        return maps.mean(axis=0, keepdims=True), np.zeros(len(maps), np.int32)
-    drawn = maps[np.linspace(0, len(maps) - 1, min(len(maps), DRAWN)).astype(int)]
-    centres, kind = kmeans2(drawn, min(TYPICAL, len(drawn)), seed=1, minit="++",
-                            missing="warn")
+    lit = maps[np.any(maps != 0, axis=1)]
+    size = np.sqrt(np.mean(np.sum(lit**2, axis=1)))
+    if np.abs(lit - lit.mean(axis=0)).max() < SAME * size:
+        return lit.mean(axis=0, keepdims=True), np.zeros(len(maps), np.int32)
+    drawn = lit[np.linspace(0, len(lit) - 1, min(len(lit), DRAWN)).astype(int)]
+    different = len(np.unique(np.rint(drawn / (SAME * size)), axis=0))
+    centres, kind = kmeans2(drawn, min(TYPICAL, different), seed=1, minit="++")
     centres = centres[np.unique(kind)]
     return centres, vq(maps, centres)[0]

@@ -120,7 +120,8 @@ class LitPixels:
         kind = errors.light.kind[_heaviest(weights)] if len(errors.responses) > 1 \
             else np.zeros(len(measured), np.int32)
         signals = errors.brought.signals(measured / white, weights @ errors.light.maps, kind)
-        own_error = np.sqrt(variance)
+        # without a node there is no light to be known
+        own_error = np.sqrt(np.where(variance > 0, variance, 1.0))
         unseen = np.zeros(len(measured), np.uint8) if self.unseen is None \
             else self.unseen[first:last].ravel().copy()
         clipped = self.photo.saturated[first:last].reshape(-1, bands).any(axis=1)
@@ -144,8 +145,17 @@ class LitPixels:
         variance = constant + slope * (signals * there.signal + self.errors.glare)
         return self.errors.at_white(signals, there, variance)
 
-    def one_by_one(self, rows: Rows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mean and standard deviation (n, 61), and unlikeness (n,), each pixel by itself."""
+    def one_by_one(self, rows: Rows, *,
+                   by_curves: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Mean and standard deviation (n, 61), and unlikeness (n,), each pixel by itself.
+
+        Parameters
+        ----------
+        rows : Rows
+            With all that errors of single pixels need.
+        by_curves : bool
+            Whether the errors of sensitivities and light count, which take as long as all else.
+        """
         assert rows.white is not None and rows.variance is not None
         count = len(rows.signals)
         found = np.empty((count, GRID.nm.size)), np.empty((count, GRID.nm.size)), np.empty(count)
@@ -154,7 +164,9 @@ class LitPixels:
             white = rows.white
             there = White(white.signal[some], white.log[some], white.log_and_glare[some])
             signals = rows.within[some]
-            covariance = self.errors.covariance(signals, there, rows.variance[some], kind)
+            covariance = self.errors.at_white(signals, there, rows.variance[some])
+            if by_curves:
+                covariance += self.errors.by_curves(signals, kind)
             made = uplift_signals(self.errors.prior, self.errors.responses[kind], signals,
                                   covariance)
             for whole, part in zip(found, (made.mean, made.standard_deviation, made.unlikeness),

@@ -73,14 +73,6 @@ class PixelErrors:
                  for part in (logs, self.white.log, self.white.log_and_glare)]
         return White(np.exp(parts[0]), *parts[1:])
 
-    def covariance(self, signals: np.ndarray, white: White, variance: np.ndarray,
-                   kind: int) -> np.ndarray:
-        """Covariance (n, K, K) of signals relative to white, under one of the typical lights.
-
-        As ``at_white``, with what ``by_curves`` adds.
-        """
-        return self.at_white(signals, white, variance) + self.by_curves(signals, kind)
-
     def at_white(self, signals: np.ndarray, white: White, variance: np.ndarray) -> np.ndarray:
         """Covariance (n, K, K) of signals by all but the curves of camera and light.
 

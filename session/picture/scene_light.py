@@ -12,70 +12,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.light_drift import drift_covariance
-from spectrabox.radiometry.records import Calibration, JointReconstruction
-from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE, surface_covariance
+from spectrabox.radiometry.records import Calibration, LightScale
+from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
 from spectrabox.reconstruct.pixels.hits import hits_of
-from spectrabox.reconstruct.pixels.pixel_light import PixelLight
-from spectrabox.reconstruct.tracer.unit_scene import UnitScene
-from spectrabox.reconstruct.view import View
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.session.picture.illumination import illumination
-from spectrabox.session.picture.part_of_photo import Part, cut
+from spectrabox.session.picture.known_surfaces import known_surfaces, with_scale
+from spectrabox.session.picture.part_of_photo import cut
 from spectrabox.session.picture.picture import LitPixels
 from spectrabox.session.picture.pixel_errors import PixelErrors, White
+from spectrabox.session.picture.scene_of_picture import SceneOfPicture
+from spectrabox.session.picture.unseen import DARK as NO_LIGHT
 from spectrabox.session.picture.unseen import EDGE, PENUMBRA, SEEN
 from spectrabox.session.stages.error_budget import scale_covariances
 from spectrabox.session.stages.inputs import GRID
 from spectrabox.session.stages.reconstruct_stage import drift_of, glare_error
-from spectrabox.session.stages.stage_task import StageTask
-from spectrabox.session.stages.stored_records import calibrations_of, joint_of
 
 MOST_ROUNDS, STANDS_STILL = 8, 0.002    # the largest relative change of light that is none
 PIXELS_OF_MATERIAL = 256    # by which the mean spectrum of a material is found
 MISPLACED_PX = 0.5          # of a pixel: photo against scene
 PENUMBRA_ERROR = 0.03       # relative, of light that changes quickly: beyond, there is no answer
+UNLIT = 1e-3                # of the median light: changes of less are none
 DARK = 1e-9                 # of the lamp's strongest wavelength
-
-
-@dataclass(frozen=True, eq=False)
-class SceneOfPicture:
-    """A photo of a scene with its light traced, and all that its pixels' errors depend on."""
-
-    task: StageTask
-    view: View                  # with the photo in full
-    unit: UnitScene
-    traced: PixelLight
-    part: Part
-    edges: np.ndarray           # (H, W) bool: pixels of the photo too near to another surface
-    prior: LogitMixture
-
-    @property
-    def joint(self) -> JointReconstruction:
-        """The reconstruction whose spectra the light begins with."""
-        return joint_of(self.task.stored)
-
-    @property
-    def calibration(self) -> Calibration:
-        """Of the photo."""
-        return calibrations_of(self.task.config, self.task.stored)[0]
-
-    @property
-    def lamps(self) -> np.ndarray:
-        """Spectra (L, P) of the lights that were traced apart."""
-        view = self.view
-        if self.traced.coefficients.shape[1] == 1:
-            return view.light[None]
-        return np.array([view.own_lights.get(name, view.light) for name, in view.light_groups])
-
-    @property
-    def to_signals(self) -> np.ndarray:
-        """Signal (K, P, 61) of light at each wavelength from reflectances of the prior."""
-        scale = self.joint.views[0].light_scale.value
-        sensed = scale * self.view.sensitivities * self.view.grid.weights_nm
-        return np.asarray(sensed[:, :, None] * interpolation_matrix(PRIOR_GRID.nm, GRID.nm))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +42,7 @@ class FoundLight:
     """The light on the pixels, and how it was found."""
 
     pixels: LitPixels
+    scale: LightScale               # of the photo, by which they are lit
     changes: tuple[float, ...]      # largest relative change of the light in each round
 
     @property
@@ -107,7 +67,7 @@ def found_light(scene: SceneOfPicture, progress: Callable[[float], None]) -> Fou
     unknown = [index for index, material in enumerate(view.scene_materials)
                if material.reflectance is None]
     light = traced.on_nodes(spectra, scene.lamps)
-    pixels = _lit(scene, light)
+    pixels, scale = _lit(scene, light)
     chosen = {index: _some_pixels(scene, pixels, index, rng) for index in unknown}
     changes: list[float] = []
     while len(changes) < MOST_ROUNDS and (not changes or changes[-1] > STANDS_STILL):
@@ -115,12 +75,17 @@ def found_light(scene: SceneOfPicture, progress: Callable[[float], None]) -> Fou
             if some.area.size:
                 spectra[index] = _mean_spectrum(scene, pixels, some)
         before, light = light, traced.on_nodes(spectra, scene.lamps)
-        shown = ~traced.lamp
-        changes.append(float(np.max(np.abs(light - before)[shown]
-                                    / np.maximum(before[shown], 1e-30), initial=0.0)))
-        pixels = _lit(scene, light)
+        changes.append(_change(light[~traced.lamp], before[~traced.lamp]))
+        pixels, scale = _lit(scene, light)
         progress(len(changes) / MOST_ROUNDS)
-    return FoundLight(pixels, tuple(changes))
+    return FoundLight(pixels, scale, tuple(changes))
+
+
+def _change(light: np.ndarray, before: np.ndarray) -> float:
+    """The largest change of light (N, P), relative to what it was, or to what is dark."""
+    if not light.size:
+        return 0.0
+    return float(np.max(np.abs(light - before) / np.maximum(before, UNLIT * np.median(before))))
 
 
 @dataclass(frozen=True)
@@ -161,25 +126,29 @@ def _mean_spectrum(scene: SceneOfPicture, pixels: LitPixels, some: _SomePixels) 
                               for name in ("signal", "variance", "saturated")})
     lit = LitPixels(alone, replace(pixels.errors, between=lambda first, last: weights))
     rows = lit.rows(0, 1, singly=True)
-    mean, _, _ = lit.one_by_one(rows)
+    mean, _, _ = lit.one_by_one(rows, by_curves=False)
     light = (weights @ pixels.errors.white.signal).mean(axis=1)
     weight = some.area * light * rows.seen
     return np.interp(GRID.nm, PRIOR_GRID.nm, weight @ mean / weight.sum())
 
 
-def _lit(scene: SceneOfPicture, light: np.ndarray) -> LitPixels:
-    """The pixels under a light (N, P) at the nodes."""
-    nodes, part, found = scene.traced.nodes, scene.part, illumination(light, scene.to_signals)
+def _lit(scene: SceneOfPicture, light: np.ndarray) -> tuple[LitPixels, LightScale]:
+    """The pixels under a light (N, P) at the nodes, and the light scale that makes it signals."""
+    nodes, part = scene.traced.nodes, scene.part
+    grey = light @ scene.to_signals.sum(axis=(0, 2))
+    uneven = nodes.unevenness(grey, MISPLACED_PX)
+    seen = known_surfaces(scene, light, uneven < PENUMBRA_ERROR)
+    found = illumination(light, seen.scale.value * scene.to_signals)
     white = found.white
     grey = np.maximum(white.mean(axis=1), 1e-30)
-    uneven = nodes.unevenness(grey, MISPLACED_PX)
     config, stored = scene.task.config, scene.task.stored
     drift = drift_of(config, stored)
     bands = white.shape[1]
     veil = glare_error(config, stored) * scene.joint.views[0].measured.mean(axis=(0, 1))
     ambient = config.stray_light.ambient * np.percentile(grey, BRIGHTEST_PERCENTILE) / grey
     alike = scene.traced.relative_variance + uneven**2 + ambient**2
-    scale = sum(scale_covariances(scene.calibration, scene.joint, 0).values())
+    scale = sum(scale_covariances(scene.calibration, with_scale(scene.joint, seen.scale),
+                                  0).values())
     log = scale + alike[:, None, None] * np.ones((bands, bands))
     width = part.columns.stop - part.columns.start
 
@@ -192,14 +161,15 @@ def _lit(scene: SceneOfPicture, light: np.ndarray) -> LitPixels:
         between, White(np.maximum(white, 1e-30), log, np.zeros_like(log)), found, np.zeros(bands),
         np.zeros((bands, bands)), veil,
         np.zeros((bands, bands)) if drift is None else drift_covariance(drift),
-        _model_covariance(scene), [_under(scene, colour) for colour in typical],
+        seen.covariance, [_under(scene, colour) for colour in typical],
         _responses(scene, typical), scene.prior)
     unseen = np.full(nodes.surface.shape, SEEN, np.uint8)
     region = nodes.region
     unseen[(uneven > PENUMBRA_ERROR)[region]] = PENUMBRA
+    unseen[(found.maps == 0).all(axis=1)[region]] = NO_LIGHT
     unseen[scene.edges | (region < 0) | scene.traced.lamp[region]] = EDGE
     return LitPixels(cut(scene.view.photo, part), errors, unseen[part.rows, part.columns],
-                     highlights=True)
+                     highlights=True), seen.scale
 
 
 def _responses(scene: SceneOfPicture, lights: np.ndarray) -> np.ndarray:
@@ -216,21 +186,3 @@ def _under(scene: SceneOfPicture, light: np.ndarray) -> Calibration:
     error = None if own.standard_error is None else own.standard_error * factor
     return replace(scene.calibration, light=replace(own, values=own.values * factor,
                                                     standard_error=error))
-
-
-def _model_covariance(scene: SceneOfPicture) -> np.ndarray:
-    """Relative covariance (K, K) by which photo and model disagree: as stated, and as the surfaces
-    of known materials show. Those of others may be painted.
-    """
-    settings = scene.task.config.reconstruct
-    stated = float(np.hypot(settings.surface_error, settings.brightness_error))
-    view = scene.joint.views[0]
-    known = frozenset(name for name, given in zip(view.materials, view.known, strict=True)
-                      if given)
-    own = [index for index, name in enumerate(view.agreement.materials) if name in known]
-    whole = view.agreement
-    agreement = replace(whole, names=tuple(whole.names[index] for index in own),
-                        materials=tuple(whole.materials[index] for index in own),
-                        pixels=whole.pixels[own], ratio=whole.ratio[own], spread=whole.spread[own])
-    within = np.einsum("sk,sl->kl", agreement.spread, agreement.spread) / max(len(own), 1)
-    return surface_covariance(agreement, known, stated) + within

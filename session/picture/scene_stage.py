@@ -16,7 +16,8 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.picture.part_of_photo import part_of
 from spectrabox.session.picture.picture import write_picture
-from spectrabox.session.picture.scene_light import SceneOfPicture, found_light
+from spectrabox.session.picture.scene_light import found_light
+from spectrabox.session.picture.scene_of_picture import SceneOfPicture
 from spectrabox.session.stages.reconstruct_stage import drift_of, views_of
 from spectrabox.session.stages.stage_task import StageTask
 
@@ -43,7 +44,7 @@ def picture_of_scene(task: StageTask) -> dict[str, Any]:
     section = task.config.picture
     assert section is not None
     start_mitsuba(task.device)
-    scene = _scene(task)
+    scene = scene_of(task)
     found = found_light(scene, lambda share: task.progress(TRACED + (FOUND - TRACED) * share,
                                                            "light from other surfaces"))
     written = write_picture(found.pixels, section, task.folder,
@@ -51,7 +52,7 @@ def picture_of_scene(task: StageTask) -> dict[str, Any]:
     return {"notes": (found.sentence,), "rounds": np.array(found.changes)} | written
 
 
-def _scene(task: StageTask) -> SceneOfPicture:
+def scene_of(task: StageTask) -> SceneOfPicture:
     """The photo in full, with the light on it traced."""
     config, section = task.config, task.config.picture
     assert section is not None

@@ -1,0 +1,211 @@
+"""A picture of spectra of a scene: patterns on walls, shading and interreflection taken out."""
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from sampling_cameras import surface
+
+from spectrabox.fixtures.painted_box import chequered, painted_truth, write_painted_session
+from spectrabox.fixtures.paints import NM
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.interreflection import products
+from spectrabox.reconstruct.pixels import pixel_light
+from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.picture import scene_light, scene_stage
+from spectrabox.session.picture.unseen import EDGE, PENUMBRA, SEEN
+from spectrabox.session.pipeline import run_stages
+from spectrabox.session.run_outputs import rewritten_outputs
+from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.store.open_photos import OpenPhotos
+
+SIZE = (40, 60)
+SIGMAS_95 = 1.96
+STEP_NM = np.arange(400, 701, 20)
+
+
+def saturated(first):
+    """Four of the test surfaces, the most colourful of some."""
+    every = np.array([surface(NM, first + number) for number in range(40)])
+    return every[np.argsort(-np.ptp(every, axis=1))[:4]]
+
+
+# walls whose light is far from grey
+YELLOW = 0.08 + 0.72 / (1 + np.exp(-(NM - 530) / 12))
+PATTERNS = {"green": chequered(saturated(0), 4, 1), "red": chequered(saturated(40), 4, 2),
+            "cube": chequered(saturated(80), 2, 3)}
+
+
+def run(folder, progress=lambda *_: None):
+    return run_stages(read_session(folder), device="cpu", only=None, force=False, progress=progress)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scene-picture") / "session"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pixel_light, "PATHS_OF_NODE", 400)
+        write_painted_session(folder, PATTERNS, size=SIZE, spp=1024, electrons=2e5,
+                              walls=YELLOW)
+        return folder, run(folder)
+
+
+@pytest.fixture(scope="module")
+def scene(finished):
+    """The traced photo, as the stage has it."""
+    folder, made = finished
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pixel_light, "PATHS_OF_NODE", 400)
+        return scene_stage.scene_of(StageTask(read_session(folder), "cpu", made.stored, folder,
+                                              lambda *_: None, OpenPhotos()))
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return painted_truth(PATTERNS, SIZE)
+
+
+def stored(folder, name):
+    file = oiio.ImageInput.open(str(folder / "results" / "picture" / name))
+    pixels, channels = np.asarray(file.read_image("float")), list(file.spec().channelnames)
+    first = 3 if len(channels) > 3 and channels[0] == "R" else 0    # colours for viewers
+    return pixels[..., first:]
+
+
+def at_step(spectra):
+    return np.array([np.interp(STEP_NM, NM, each) for each in spectra])
+
+
+def scores(found, true):
+    """Mean over pixels of the RMSE, and the share of wavelengths that bands hold."""
+    mean, spread = found
+    off = mean - true
+    return (np.sqrt(np.mean(off**2, axis=1)).mean(),
+            np.mean(np.abs(off) <= SIGMAS_95 * spread))
+
+
+def test_the_bands_of_pixels_hold_their_paints(finished, truth):
+    folder, made = finished
+    mean, spread = (stored(folder, f"{name}.exr") for name in ("mean", "standard_deviation"))
+    some = np.isfinite(mean[..., 0]) & np.isfinite(truth[..., 0])
+    assert some.sum() > 300
+    rmse, held = scores((mean[some][:, ::2], spread[some]), at_step(truth[some]))
+    # twelve surfaces and errors that all pixels share: few independent cases, so one-sided bounds
+    assert rmse < 0.06 and held > 0.9
+    changes = made.stored["picture"].record(np.ndarray, "rounds")
+    assert changes[-1] <= scene_light.STANDS_STILL
+    # a patterned wall sends on other light than one of a single spectrum
+    assert changes[0] > scene_light.STANDS_STILL
+    assert "has converged" in made.stored["picture"].record(tuple[str, ...], "notes")[0]
+
+
+def near_the_walls(lit, truth):
+    """Mean and spread of the pixels next to the back wall's coloured neighbours, and their truth.
+    """
+    width = SIZE[1]
+    rows = lit.rows(0, SIZE[0], singly=True)
+    column = np.tile(np.arange(width), SIZE[0])
+    some = rows.seen & np.isfinite(truth[..., 0]).ravel() \
+        & ((column < width // 4) | (column >= 3 * width // 4))
+    picked = np.flatnonzero(some)[::3]
+    rows = replace(rows, **{name: getattr(rows, name)[picked] for name in (
+        "signals", "kind", "unseen", "place", "own_error", "variance")}, white=type(rows.white)(
+            *(part[picked] for part in vars(rows.white).values())))
+    mean, spread, _ = lit.one_by_one(rows)
+    at = np.searchsorted(GRID.nm, STEP_NM)
+    return (mean[:, at], spread[:, at]), at_step(truth.reshape(-1, NM.size)[picked])
+
+
+def test_light_from_other_walls_counts_with_its_colour(scene, truth, monkeypatch):
+    def scored(scene):
+        return scores(*near_the_walls(scene_light.found_light(scene, lambda _: None).pixels, truth))
+
+    # the light's strength as from a chart, which no light from walls can make up for
+    given = scene_light.found_light(scene, lambda _: None).scale
+    scene = replace(scene, view=replace(scene.view, light_scale=given))
+    whole = scored(scene)
+    made = scene_light.illumination
+    lamp = scene.view.light
+
+    def grey(light, to_signals):
+        return made(light.mean(axis=1, keepdims=True) * lamp / lamp.mean(), to_signals)
+
+    monkeypatch.setattr(scene_light, "illumination", grey)
+    as_grey = scored(scene)
+    monkeypatch.undo()
+    begun = scene.traced.exponents.sum(axis=1) <= 1
+    alone = scored(replace(scene, traced=replace(
+        scene.traced, coefficients=scene.traced.coefficients * begun)))
+    print(whole, as_grey, alone)
+    assert whole[0] < as_grey[0] / 1.2 and whole[0] < alone[0] / 2
+    assert alone[1] < whole[1]
+
+
+def test_what_leaves_a_node_is_its_reflectance_times_its_light(scene):
+    traced = scene.traced
+    spectra = np.random.default_rng(1).uniform(0.1, 0.9, (traced.exponents.shape[1], 7))
+    lamps = np.linspace(0.5, 2, 7)[None]
+    leaves = traced.coefficients[:, 0] @ products(traced.exponents, spectra) * lamps
+    # a pixel beside an edge may show a sliver of the other surface
+    kept = np.unique(traced.nodes.region[(traced.nodes.region >= 0) & ~scene.edges])
+    assert len(kept) > 0.7 * len(leaves) and not traced.lamp[kept].any()
+    found = spectra[traced.own] * traced.on_nodes(spectra, lamps)
+    # sums of a hundred products
+    np.testing.assert_allclose(found[kept], leaves[kept], rtol=1e-10)
+
+
+def test_pixels_at_edges_and_in_penumbra_have_no_spectrum(finished, scene):
+    folder, made = finished
+    mean = stored(folder, "mean.exr")
+    shares = made.stored["picture"].record(np.ndarray, "unseen")
+    assert shares[SEEN] == pytest.approx(np.isfinite(mean[..., 0]).mean())
+    assert shares[EDGE] > 0 and shares[PENUMBRA] > 0
+    assert np.isnan(mean[scene.edges]).all()
+    colours = stored(folder, "mask.png")
+    hidden = (colours != colours[SIZE[0] // 3, SIZE[1] // 2]).any(axis=2)
+    np.testing.assert_array_equal(np.isnan(mean[..., 0]), hidden)
+
+
+def test_the_report_shows_the_picture_and_why_pixels_are_missing(finished):
+    folder, made = finished
+    said = rewritten_outputs(read_session(folder), made, ["spectrabox"], "cpu")
+    picture = json.loads(json.dumps(said.facts))["picture"]
+    assert picture["size_px"] == [SIZE[1], SIZE[0]]
+    assert any("penumbra" in words for words in picture["masked_because"])
+    assert all((folder / file).is_file() for file in picture["files"])
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "Picture of spectra" in page and "has converged" in page and "penumbra" in page
+
+
+def test_another_part_makes_the_picture_again_and_nothing_else(finished, tmp_path, monkeypatch):
+    monkeypatch.setattr(pixel_light, "PATHS_OF_NODE", 100)
+    folder = shutil.copytree(finished[0], tmp_path / "session")
+    text = (folder / "session.toml").read_text(encoding="utf-8")
+    (folder / "session.toml").write_text(text.replace(
+        "[picture]\n", "[picture]\nrect = [4, 20, 35, 51]\n"), encoding="utf-8")
+    said = []
+    states = run(folder, lambda stage, share, what: said.append((stage, share))).states
+    assert states == {"photo": "kept", "calibrate": "kept", "reconstruct": "kept",
+                      "sample": "kept", "picture": "run"}
+    shares = [share for stage, share in said if stage == "picture"]
+    assert shares == sorted(shares) and shares[-1] == 1
+    part, whole = stored(folder, "mean.exr"), stored(finished[0], "mean.exr")
+    assert part.shape[:2] == (16, 16)
+    both = np.isfinite(part[..., 0]) & np.isfinite(whole[10:26, 2:18, 0])
+    assert both.sum() > 60
+    # the same pixels under light that was traced anew, of a quarter as many paths
+    assert np.median(np.abs(part - whole[10:26, 2:18])[both]) < 0.02
+
+
+@pytest.mark.parametrize("more, sentence", [
+    ("[reconstruct]\nengine = \"gradient\"\n", "needs its light traced"),
+    ("[reconstruct]\nlight_error = 0.1\n", "takes lights and bands as they are stated")])
+def test_what_a_picture_of_a_scene_cannot_do_is_said_at_once(finished, tmp_path, more, sentence):
+    text = (finished[0] / "session.toml").read_text(encoding="utf-8")
+    (tmp_path / "session.toml").write_text(text.replace("[reconstruct]\nwidth = 64\n", more),
+                                           encoding="utf-8")
+    with pytest.raises(InputError, match=sentence):
+        read_session(tmp_path)
