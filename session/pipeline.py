@@ -24,6 +24,9 @@ from spectrabox.session.store.store import (
 )
 
 
+PICTURE = "picture"     # the stage that runs only where the session asks for it
+
+
 @dataclass(frozen=True)
 class StageState:
     """Where one stage stands: "done", "stale" (with reasons), "missing" or "not needed"."""
@@ -55,6 +58,8 @@ def stage_states(config: SessionConfig) -> list[StageState]:
     keys, states = stage_keys(config, InputFiles(config)), []
     for name in stages_of(config.flat):
         stored = load_stage(config.results_folder, name)
+        if name not in keys and name == PICTURE and not config.flat:
+            continue
         if name not in keys:
             states.append(StageState(name, "not needed", (), None))
         elif stored is None:
@@ -149,7 +154,7 @@ def load_finished(config: SessionConfig) -> FinishedRun:
     """
     stored = {name: load_stage(config.results_folder, name) for name in stages_of(config.flat)
               if (name != "chart" or config.views_with_chart)
-              and (name != "picture" or config.picture)}
+              and (name != PICTURE or config.picture)}
     missing = [name for name, stage in stored.items() if stage is None]
     if missing:
         raise InputError(f"no results of stage {missing[0]!r} yet: run 'spectrabox run' first")
