@@ -23,7 +23,6 @@ from spectrabox.session.store.store import (
     why_stale,
 )
 
-
 PICTURE = "picture"     # the stage that runs only where the session asks for it
 
 
