@@ -22,6 +22,7 @@ from typing import Any
 
 from benchmarks.planted.chosen_tests import ROOMS, ROOT, nearest_tests
 from benchmarks.planted.mistake import Mistake, listed_mistakes
+from benchmarks.planted.reached_tests import TestMap, map_tests
 from benchmarks.planted.scratch_tree import (
     copied_tree,
     import_libraries,
@@ -32,6 +33,7 @@ from benchmarks.planted.scratch_tree import (
 MAX_S = 400.0       # of processor time, of one test file
 SECONDS_A_LINE = 0.04   # of a test file, before its time is known
 SECONDS_A_SESSION = 4.0  # of each use of a session's results
+STARTS_S = 10.0     # of processor time that tests take beside what they are said to
 ORDER = 20260122    # seed of the order
 
 
@@ -93,19 +95,30 @@ def chosen(file: str, costs: Costs, budget_s: float) -> tuple[list[str], float]:
 
 
 def tried(mistake: Mistake, tree: Path, costs: Costs, budget_s: float, log: Path,
-          tests: list[str] | None = None) -> dict[str, Any]:
-    """What came of one mistake; ``tests`` take the place of the nearest."""
-    if tests is None:
-        tests, cost = chosen(mistake.file, costs, budget_s)
-    else:
+          tests: list[str] | None = None, reached: TestMap | None = None) -> dict[str, Any]:
+    """What came of one mistake; ``tests``, or those that run its lines, take the place of the
+    nearest.
+    """
+    every = False
+    if tests is not None:
         cost = sum(costs.of(test) or 0.0 for test in tests)
+    elif reached is not None:
+        tests, cost, every = reached.within(mistake, budget_s)
+        cost += STARTS_S
+    else:
+        tests, cost = chosen(mistake.file, costs, budget_s)
     if not tests:
+        if reached is not None:
+            return {"mistake": mistake.name, "file": mistake.file, "what": mistake.what,
+                    "blind": mistake.blind, "noticed": False, "by": "no test runs it",
+                    "every": True, "budget_s": budget_s, "processor_s": 0.0}
         raise ValueError(f"no test that passes reaches {mistake.file}")
     with planted(tree, mistake):
         run = run_tests(tree, tests, 3 * cost + 30, log)
     return {"mistake": mistake.name, "file": mistake.file, "what": mistake.what,
             "blind": mistake.blind, "noticed": run.status != 0, "by": run.said if run.status
-            else ", ".join(tests), "budget_s": budget_s, "processor_s": run.processor_s}
+            else ", ".join(tests[:50]), "every": every, "budget_s": budget_s,
+            "processor_s": run.processor_s}
 
 
 def print_shares(results: list[dict[str, Any]]) -> None:
@@ -133,12 +146,15 @@ def main() -> None:
     parser.add_argument("--tests", nargs="+", default=None, metavar="FILE",
                         help="these test files in place of the nearest")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "planted")
+    parser.add_argument("--skip", type=int, default=0, help="leave out so many of the order")
+    parser.add_argument("--reached", action="store_true",
+                        help="tests that run the lines of a mistake, in place of the nearest")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     path = given.out / "results.json"
     results: dict[str, dict[str, Any]] = (
         json.loads(path.read_text(encoding="utf-8")) if path.exists() else {})
-    mistakes = [each for each in all_mistakes(given.lists)
+    mistakes = [each for each in all_mistakes(given.lists)[given.skip:]
                 if given.only in f"{each.file} {each.what}"]
     waiting = [each for each in mistakes if _still_to_try(
         results.get(each.name), given.budget,
@@ -148,10 +164,11 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             tree = copied_tree(Path(folder) / "tree")
             costs = Costs(tree, given.out)
+            reached = _test_map(waiting, given.out) if given.reached else None
             for number, mistake in enumerate(waiting, 1):
                 try:
                     found = tried(mistake, tree, costs, given.budget, given.out / "tests.log",
-                                  given.tests)
+                                  given.tests, reached)
                 except ValueError as error:
                     print(f"{number}/{len(waiting)} refused: {error}", flush=True)
                     continue
@@ -161,6 +178,14 @@ def main() -> None:
                       f"{mistake.file}: {mistake.what} [{found['processor_s']:.0f} s] "
                       f"{found['by'] if found['noticed'] else ''}", flush=True)
     print_shares([results[each.name] for each in mistakes if each.name in results])
+
+
+def _test_map(mistakes: list[Mistake], folder: Path) -> TestMap:
+    """Who runs the lines of mistakes; kept in a folder for later calls."""
+    if not (folder / "told.tsv").exists():
+        with tempfile.TemporaryDirectory() as scratch:
+            map_tests(copied_tree(Path(scratch) / "tree"), mistakes, folder, ["tests"])
+    return TestMap(folder)
 
 
 def _still_to_try(result: dict[str, Any] | None, budget_s: float, again: bool) -> bool:

@@ -29,7 +29,7 @@ from spectrabox.calibrate.chart_equations import (
 from spectrabox.calibrate.prior.prior_fit import held_out_signals, posterior_of_curves
 from spectrabox.calibrate.spline_fit import fit_bands
 from spectrabox.calibrate.trust import sentences
-from spectrabox.capture.chart.patches import sample_patches
+from spectrabox.capture.chart.patches import VARIANCE_LEFT_BY_CLIPPING, sample_patches
 from spectrabox.radiometry import light_drift as drift
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.light_scale import light_drift
@@ -167,6 +167,27 @@ def test_covariance_of_a_patch_is_that_of_its_mean(pixels, tolerance):
                                                          axis2=2), axis=0)
     # means of independent patches
     np.testing.assert_allclose(spread, 1, atol=0.1 + SIGMAS * np.sqrt(2 / len(quads)))
+
+
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (0.03, -0.01), (-0.05, 0.05)])
+def test_uneven_light_changes_nothing_of_what_counts_as_dust(slope):
+    rng, pixels = np.random.default_rng(34), 24
+    # no pixel near 3 sigma: noise has hard ends at 1.35 sigma, dust lies far beyond
+    noise = 0.004 * rng.uniform(-1, 1, (pixels, pixels, 3))
+    dust = np.zeros((pixels, pixels), bool)
+    dust[rng.integers(0, pixels, 9), rng.integers(0, pixels, 9)] = True
+    noise[dust, 1] -= 0.1
+    row, column = np.mgrid[:pixels, :pixels] - (pixels - 1) / 2
+    light = 1 + (slope[0] * row + slope[1] * column)[..., None]
+    quads = np.array([[[0, 0], [pixels - 1, 0], [pixels - 1, pixels - 1], [0, pixels - 1]]], float)
+    found = sample_patches(image(light + noise, 1e-6), ChartDetection(quads, 1.0, False, ""))
+    assert found.pixels[0] == pixels**2 - dust.sum()
+    terms = np.stack([np.ones(row.shape), row, column], axis=-1)[~dust]
+    clean = noise[~dust]
+    left = clean - terms @ np.linalg.lstsq(terms, clean, rcond=None)[0]
+    expected = left.T @ left / (len(left) - 3) / len(left) / VARIANCE_LEFT_BY_CLIPPING
+    # signals are kept as 32-bit floats: 1e-7 of them, beside noise of 4e-3
+    np.testing.assert_allclose(found.covariance_of_mean[0], expected, atol=1e-3 * expected.max())
 
 
 def test_errors_of_a_chart_photo_are_correlated_as_its_bands_are():

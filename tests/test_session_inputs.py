@@ -1,5 +1,6 @@
 """What a stage reads is what its key says, also where files change while a run goes on."""
 import re
+import shutil
 import sys
 
 import pytest
@@ -104,3 +105,18 @@ def test_another_mesh_makes_another_reconstruction_and_leaves_the_chart(captured
     assert one["reconstruct"]["files"][name] != other["reconstruct"]["files"][name]
     assert one["sample"]["stages"] != other["sample"]["stages"]
     assert one["chart"] == other["chart"]
+
+
+def test_the_same_lamps_at_other_places_of_the_scene_make_another_reconstruction(captured):
+    text = (captured / "session.toml").read_text(encoding="utf-8")
+    shutil.copy(captured / "spectra" / "light.csv", captured / "spectra" / "lamp.csv")
+    keys = []
+    for emitter in ("left", "right"):
+        (captured / "session.toml").write_text(text.replace(
+            '[light]\n', f'[light]\nby_id = {{ {emitter} = "spectra/lamp.csv" }}\n'),
+            encoding="utf-8")
+        config = read_session(captured)
+        keys.append(stage_keys(config, InputFiles(config)))
+    changed = {name for name in keys[0]
+               if {**keys[0][name], "stages": {}} != {**keys[1][name], "stages": {}}}
+    assert changed == {"reconstruct"}

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from test_error_budget import calibration, curves_and_covariance, joint
 
+from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.light_drift import LightDrift, drift_covariance
-from spectrabox.radiometry.records import LightScale, StrayLight
+from spectrabox.radiometry.records import LightScale, SpectrumSummary, StrayLight
 from spectrabox.session.stages import calibrate_stage, reconstruct_stage
+from spectrabox.session.stages.drawing import on_finer_grid
 from spectrabox.session.stages.error_budget import signal_covariances
 
 COEFFICIENTS, COVARIANCE = curves_and_covariance()
@@ -113,3 +115,20 @@ def test_stray_light_of_one_photo_is_that_of_no_other():
     np.testing.assert_allclose(found[:3, :3], one[:3, :3])
     np.testing.assert_allclose(found[3:, 3:], one[3:, 3:])
     assert not found[:3, 3:].any() and not found[3:, :3].any()
+
+
+@pytest.mark.parametrize("step", [1.0, 10.0])
+def test_a_summary_on_another_grid_is_the_same_curves(step):
+    nm, curves = np.arange(400.0, 701.0, 5.0), {}
+    for number, name in enumerate(("mean", "standard_deviation", "lower", "upper", "bound_lower",
+                                   "bound_upper")):
+        curves[name] = 0.1 * number + nm / 1e4 * (1 + number)       # straight: exact on any grid
+    summary = SpectrumSummary(grid_from_nm(nm), **curves, level=0.95, conditional_on="",
+                              next_measurement_nm=450.0)
+    other = np.arange(400.0, 701.0, step)
+    found = on_finer_grid(summary, grid_from_nm(other))
+    np.testing.assert_array_equal(found.grid.nm, other)
+    for number, name in enumerate(curves):
+        # round-off of sums near 1
+        np.testing.assert_allclose(getattr(found, name), 0.1 * number + other / 1e4 * (1 + number),
+                                   rtol=1e-13)

@@ -76,14 +76,15 @@ def import_libraries() -> None:
         importlib.import_module(name)
 
 
-def run_tests(tree: Path, tests: Sequence[str], limit_s: float, log: Path) -> TestRun:
-    """Run test files of a tree until the first failure.
+def run_tests(tree: Path, tests: Sequence[str], limit_s: float, log: Path,
+              first_only: bool = True) -> TestRun:
+    """Run tests of a tree until the first failure, or all of them.
 
     Parameters
     ----------
     tree : Path
     tests : sequence of str
-        Paths from the tree's root.
+        Paths from the tree's root, names of tests, options of pytest.
     limit_s : float
         Of processor time, beyond which the run counts as one that does not end.
     log : Path
@@ -92,7 +93,7 @@ def run_tests(tree: Path, tests: Sequence[str], limit_s: float, log: Path) -> Te
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     child = os.fork()
     if not child:
-        _in_the_child(tree, tests, limit_s, log)
+        _in_the_child(tree, ["-x", *tests] if first_only else tests, limit_s, log)
     deadline = time.monotonic() + max(NO_MORE_S, 10 * limit_s)
     while not (ended := os.waitpid(child, os.WNOHANG))[0]:
         if time.monotonic() > deadline:
@@ -122,7 +123,7 @@ def _in_the_child(tree: Path, tests: Sequence[str], limit_s: float, log: Path) -
         for name in [name for name in sys.modules if name.partition(".")[0] == "benchmarks"]:
             del sys.modules[name]
         import pytest
-        status = int(pytest.main(["-x", "-q", "--no-header", "--tb=line", "--durations=10",
+        status = int(pytest.main(["-q", "--no-header", "--tb=line", "--durations=10",
                                   "-p", "no:cacheprovider", *tests]))
     except BaseException:
         traceback.print_exc()

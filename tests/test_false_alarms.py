@@ -1,0 +1,78 @@
+"""Warnings come as often as stated where nothing is wrong: no more often, and no less.
+
+Statistical tests have a significance of 1e-4 each (3.9 sigma), at fixed seeds.
+"""
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from sampling_cameras import seen
+from scipy import stats
+from test_instrument_series import reading
+from test_posterior_laws import SMOOTH, mixture_of
+
+from spectrabox.capture.meter.measurement_series import DRIFT_SIGMA, series_of
+from spectrabox.sampling.further import more_measurements
+from spectrabox.sampling.further.conditioning import Reading
+from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful
+from spectrabox.sampling.prior.mixture import GRID, reflectance
+from spectrabox.sampling.prior.posterior import posterior, unlikeness, with_floor
+
+SIGNIFICANCE = 1e-4
+SIGMAS = stats.norm.isf(SIGNIFICANCE / 2)
+
+
+def assert_uniform(p_values):
+    assert stats.kstest(p_values, "uniform").pvalue > SIGNIFICANCE
+
+
+def assert_share(flags, expected):
+    flags = np.asarray(flags)
+    assert abs(flags.mean() - expected) < SIGMAS * np.sqrt(expected * (1 - expected) / flags.size)
+
+
+@pytest.mark.parametrize("bands, error", [(3, 0.0), (3, 0.01), (6, 0.003)])
+def test_how_surprising_a_signal_of_the_prior_is_follows_chi_square(bands, error):
+    rng, spread = np.random.default_rng(31), 0.05 ** 2 * SMOOTH
+    # logits so near to 0 that the reflectance is linear in them
+    known = mixture_of(GRID.nm, [1.0], np.zeros((1, GRID.nm.size)), [spread])
+    measured = seen(np.full(GRID.nm.size, 0.5), error, bands)
+    truths = reflectance(rng.multivariate_normal(np.zeros(GRID.nm.size), spread, 1500))
+    covariance = with_floor(measured.noise_covariance)
+    signals = truths @ measured.relative_response.T \
+        + rng.multivariate_normal(np.zeros(bands), covariance, len(truths))
+    found = posterior(known, measured.relative_response, signals, measured.noise_covariance)
+    assert_uniform(stats.chi2(bands).sf(found.surprise))
+    limit = SimpleNamespace(familiar_surprise=float(stats.chi2(bands).isf(0.2)))
+    assert_share(unlikeness(limit, found, measured.noise_covariance) > 1, 0.2)
+
+
+@pytest.mark.parametrize("nm, level", [((450.0,), 0.2), ((430.0, 560.0, 650.0), 0.2),
+                                       ((430.0, 560.0, 650.0), 0.03)])
+def test_a_reading_is_doubted_as_often_as_stated(monkeypatch, nm, level):
+    monkeypatch.setattr(more_measurements, "CONTRADICTION", level)
+    rng, middle = np.random.default_rng(32), np.full(GRID.nm.size, 0.5)
+    drawn = rng.multivariate_normal(middle, 0.05**2 * SMOOTH, 3000)
+    # what the other measurements and the prior let expect: here known exactly
+    monkeypatch.setattr(more_measurements, "joined", lambda base, more: base)
+    monkeypatch.setattr(more_measurements, "prior_spectra",
+                        lambda *_: SimpleNamespace(spectra=drawn))
+    base, errors, doubts = seen(middle, 0.01), np.linspace(0.02, 0.04, len(nm)), []
+    for truth in rng.multivariate_normal(middle, 0.05**2 * SMOOTH, 500):
+        values = np.interp(nm, GRID.nm, truth) + errors * rng.standard_normal(len(nm))
+        readings = tuple(Reading.at_wavelength(*each) for each in zip(nm, values, errors,
+                                                                      strict=True))
+        doubts.append(bool(doubtful(base, [MoreMeasurement("the spot", readings)], None, 1)))
+    assert_share(doubts, level)
+
+
+@pytest.mark.parametrize("readings", [4, 9])
+def test_a_steady_lamp_is_said_to_drift_as_often_as_students_t_says(readings):
+    rng, nm = np.random.default_rng(33), np.array([500.0, 510.0, 520.0])
+    # noise far above the 0.5 % that are always allowed
+    series = [series_of([reading(np.full(nm.size, level), nm=nm) for level in levels], "lamp")
+              for levels in 5 + 0.5 * rng.standard_normal((700, readings))]
+    t = np.array([each.relative_drift / each.relative_drift_error for each in series])
+    known = stats.t(readings - 2)
+    assert_uniform(known.cdf(t))
+    assert_share([bool(each.flags) for each in series], 2 * known.sf(DRIFT_SIGMA))
