@@ -4,7 +4,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spectrabox.radiometry.appearance import delta_e00, reflectance_to_srgb, tristimulus
+from spectrabox.radiometry.appearance import (
+    adapted_tristimulus,
+    delta_e00,
+    reflectance_to_srgb,
+    tristimulus,
+)
 
 NM = np.arange(400.0, 701.0, 5.0)
 RED = 0.05 + 0.6 / (1 + np.exp(-(NM - 600) / 10))
@@ -51,3 +56,11 @@ def test_two_greys_differ_by_their_weighted_lightness():
     # White in chromaticity coordinates is rounded nowhere; 1e-3 leaves room for a residual chroma
     # of round-off size.
     assert delta_e00(NM, a * grey, b * grey) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("light", ["A", "D50", "LED-B3"])
+def test_white_stays_white_to_an_eye_that_has_adapted(light):
+    white = np.ones(NM.size)
+    # Bradford's matrix and its inverse: round-off.
+    np.testing.assert_allclose(adapted_tristimulus(NM, light) @ white, tristimulus(NM, white),
+                               rtol=1e-9)

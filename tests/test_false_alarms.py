@@ -8,10 +8,16 @@ import numpy as np
 import pytest
 from sampling_cameras import seen
 from scipy import stats
+from test_error_laws import image
 from test_instrument_series import reading
 from test_posterior_laws import SMOOTH, mixture_of
 
-from spectrabox.capture.meter.measurement_series import DRIFT_SIGMA, series_of
+from spectrabox.capture.meter.measurement_series import (
+    DRIFT_SIGMA,
+    series_of,
+    series_spectrum,
+)
+from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.sampling.further import more_measurements
 from spectrabox.sampling.further.conditioning import Reading
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful
@@ -76,3 +82,31 @@ def test_a_steady_lamp_is_said_to_drift_as_often_as_students_t_says(readings):
     known = stats.t(readings - 2)
     assert_uniform(known.cdf(t))
     assert_share([bool(each.flags) for each in series], 2 * known.sf(DRIFT_SIGMA))
+
+
+@pytest.mark.parametrize("readings", [3, 12])
+def test_the_mean_of_a_series_errs_as_students_t_says(readings):
+    rng, nm = np.random.default_rng(35), np.arange(400.0, 700.0, 1.0)
+    found = [series_spectrum(series_of([reading(values, nm=nm) for values in levels], "lamp"), "x")
+             for levels in 5 + 0.5 * rng.standard_normal((4, readings, nm.size))]
+    t = np.concatenate([(each.values - 5) / each.standard_error for each in found])
+    assert_uniform(stats.t(readings - 1).cdf(t))
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.02])
+def test_the_mean_of_a_region_errs_by_the_noise_of_its_pixels_and_noise_is_not_unevenness(slope):
+    rng, side, count = np.random.default_rng(36), 12, 16
+    truth = np.array([1e-4, 4e-4, 1e-6])
+    light = 1 + slope * (np.arange(side * count) % side - (side - 1) / 2)
+    signal = light[:, None, None] + np.sqrt(truth) * rng.standard_normal(
+        (side * count, side * count, 3))
+    corners = side * np.arange(count)
+    ends = np.array([-0.4, side - 0.6])
+    around = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    outlines = {f"{x} {y}": [x, y] + ends[around] for x in corners for y in corners}
+    found = sample_regions(image(signal, truth), outlines)
+    off = (found.mean - 1) / np.sqrt(np.diagonal(found.covariance_of_mean, axis1=1, axis2=2))
+    assert_uniform(stats.norm.cdf(off).ravel())
+    assert np.all(found.pixels == side**2)
+    # beyond noise there is nothing but chance: a mean square of 144 pixels is known to 12 %
+    assert np.all(np.median(found.scatter, axis=0) < 0.3 * np.sqrt(truth))

@@ -11,6 +11,8 @@ from spectrabox.radiometry.records import Outcome, SpectrumSamples, SurfaceAgree
 from spectrabox.sampling.further.conditioning import Reading, check_agreement
 from spectrabox.sampling.judge.scores import coverage_error
 from spectrabox.session.report.verdict import (
+    Status,
+    _rehearsal,
     median_surface_error,
     root_mean_square,
     worst_entry,
@@ -68,3 +70,12 @@ def test_two_readings_contradict_each_other_by_the_error_of_their_difference(apa
     readings = [Reading.at_wavelength(550.0, value, 0.01) for value in (0.4, 0.4 + apart)]
     with pytest.raises(InputError, match=said):
         check_agreement(grid_from_nm(np.arange(400.0, 701.0, 5.0)), readings)
+
+
+def test_a_rehearsal_is_judged_by_the_material_whose_bands_hold_least():
+    facts = {"level": 0.95, "times": 40, "materials": [
+        {"name": name, "coverage": coverage, "coverage_standard_error": 0.005}
+        for name, coverage in (("good", 0.97), ("poor", 0.88), ("fair", 0.94))]}
+    criterion, = _rehearsal(SimpleNamespace(rehearsal=facts))
+    assert criterion.value == 0.88 and criterion.status is Status.WARN
+    assert "(poor) holds 88.0%" in criterion.says

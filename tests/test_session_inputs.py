@@ -7,6 +7,7 @@ import pytest
 
 from spectrabox.fixtures.object_views import object_mesh, write_ply
 from spectrabox.radiometry.errors import InputError
+from spectrabox.session import keys as keys_module
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.keys import stage_keys
 from spectrabox.session.pipeline import run_stages, stage_states
@@ -120,3 +121,44 @@ def test_the_same_lamps_at_other_places_of_the_scene_make_another_reconstruction
     changed = {name for name in keys[0]
                if {**keys[0][name], "stages": {}} != {**keys[1][name], "stages": {}}}
     assert changed == {"reconstruct"}
+
+
+SECTIONS = {"chart": {"chart", "calibrate"}, "sensitivity": {"calibrate"},
+            "scale": {"reconstruct"}, "repeatability": {"calibrate", "reconstruct"},
+            "stray_light": {"reconstruct"}, "reconstruct": {"reconstruct", "photo"},
+            "sampling": {"sample"}, "drift": {"chart", "photo"}}
+# files have digests in keys; these say nothing to a stage
+NAMES = {"reference", "layout", "scene", "truth", "prior", "source"}
+INSTEAD = {"corners_px": ((0.0, 0.0),) * 4, "method": "smooth", "leave_out": ("white 9.5",),
+           "object_px": (((0.0, 0.0),) * 4,), "chart_px": (((0.0, 0.0),) * 4,)}
+
+
+def otherwise(name, value):
+    """Another value of a setting; None where there is none to be had simply."""
+    if name in INSTEAD:
+        return INSTEAD[name]
+    if isinstance(value, bool):
+        return not value
+    return value + 1 if isinstance(value, int | float) else None
+
+
+def test_every_number_of_session_toml_that_a_stage_takes_makes_its_results_stale(captured,
+                                                                                 monkeypatch):
+    monkeypatch.setattr(keys_module, "stage_code", lambda entries: {stage: {} for stage in entries})
+    config = read_session(captured)
+    files, tried = InputFiles(config), set()
+    before = stage_keys(config, files)
+    for section, stages in SECTIONS.items():
+        table = getattr(config, section)
+        for name in type(table).model_fields:
+            changed = otherwise(name, getattr(table, name))
+            if changed is None or name in NAMES:
+                continue
+            after = stage_keys(config.model_copy(update={
+                section: table.model_copy(update={name: changed})}), files)
+            found = {stage for stage in before if {**before[stage], "stages": {}}
+                     != {**after[stage], "stages": {}}}
+            assert found and found <= stages, f"{section}.{name}: {found}"
+            tried.add(f"{section}.{name}")
+    assert {"chart.corners_px", "sensitivity.relative_error", "sampling.draws",
+            "reconstruct.block_error"} <= tried

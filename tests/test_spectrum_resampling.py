@@ -47,6 +47,16 @@ def test_a_coarser_grid_keeps_the_integral(step):
     assert coarse.sum() * step == pytest.approx(truth, rel=1e-8)
 
 
+@pytest.mark.parametrize("step", [10.0, 20.0, 25.0])
+def test_a_straight_line_keeps_its_mean_in_steps_that_are_cut_at_the_ends(step):
+    line = 2 + (NM - 400) / 100
+    found, _ = resampled(NM, line, np.arange(380.0, 780.1, step), "line")
+    centres = np.arange(380.0, 780.1, step)
+    low, high = np.maximum(centres - step / 2, 380), np.minimum(centres + step / 2, 780)
+    # Sprague is exact for lines, Gauss-Legendre too: round-off.
+    np.testing.assert_allclose(found, 2 + ((low + high) / 2 - 400) / 100, rtol=1e-12)
+
+
 def test_there_and_back_changes_a_smooth_spectrum_little():
     smooth = 1 + 0.5 * np.sin(NM / 60)
     fine, _ = resampled(NM, smooth, np.arange(380.0, 781.0), "x")
