@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from spectrabox.calibrate import light_field
+from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.calibrate.light_field import (
     FLAT_SHARE,
     LightElsewhere,
@@ -17,6 +18,7 @@ from spectrabox.calibrate.light_field import (
 from spectrabox.radiometry.light_drift import LightDrift
 from spectrabox.radiometry.light_scale import DRIFT, REPEATABILITY, ROUNDED_EXPOSURES
 from spectrabox.radiometry.records import ChartWhite, LinearImage, PhotoKind, RegionSamples
+from spectrabox.session.flat import signals_stage
 from spectrabox.session.flat import white_at_regions as module
 from spectrabox.session.flat.errors_of_pixels import PixelErrors, White
 from spectrabox.session.flat.white_at_regions import KNOWN_ERROR, white_at_regions, with_known
@@ -185,3 +187,18 @@ def test_light_over_a_picture_is_the_mixture_of_every_kind_of_lamp(monkeypatch):
                                found.covariance / np.outer(size, size), atol=0.02)
     np.testing.assert_allclose(found.level, LEVEL * np.exp(draws[:, :3].mean(axis=0)), rtol=1e-3)
     np.testing.assert_allclose(found.field, draws[:, 6:].mean(axis=0), atol=1e-3)
+
+
+@pytest.mark.parametrize("photos", [1, 2, 4])
+def test_noise_is_averaged_over_photos_and_what_they_share_is_not(seen, monkeypatch, photos):
+    white = seen()
+    monkeypatch.setattr(signals_stage, "photo_of", lambda *_: OBJECT)
+    config = SimpleNamespace(stray_light=SimpleNamespace(glare=0.01))
+    view, model = SimpleNamespace(name="second"), PatchError(0.01, 0.02)
+    found = signals_stage._errors(SimpleNamespace(stored=None), config,
+                                  [(white, 0, view)] * photos, model, None)
+    np.testing.assert_allclose(found[signals_stage.NOISE], white.noise(0) / photos, rtol=1e-12)
+    for cause, covariance in white.errors(0).items():
+        np.testing.assert_allclose(found[cause], covariance, rtol=1e-12)
+    both = np.outer(white.signal[0], white.signal[0])
+    np.testing.assert_allclose(found[signals_stage.MODEL], both * model.among_bands(3))

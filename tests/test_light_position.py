@@ -78,6 +78,9 @@ def test_a_light_three_centimetres_off_is_found_within_its_standard_error(tmp_pa
     assert np.all(np.abs(found.offset - TRUE_OFFSET_CM) < 3.5 * found.standard_error)
     assert np.all(found.standard_error < 0.5)  # the errors say something: a sixth of the way
     assert abs(found.scale.value - TRUE_SCALE) < 3.5 * found.scale.standard_error
+    # Gauss and Newton: with right slopes one step leaves the bend of the squared distance alone.
+    left = np.linalg.norm(found.offsets[1] - found.offset) / np.linalg.norm(found.offset)
+    assert left < 0.3, left
 
 
 def light_centre(scene):

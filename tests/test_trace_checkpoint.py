@@ -3,6 +3,8 @@ cores.
 """
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.tracer import transport
 from spectrabox.reconstruct.tracer.path_samples import GENERATOR, ShiftedLattice, generating_vector
 from spectrabox.reconstruct.tracer.path_tracer import Tracer
+from spectrabox.reconstruct.tracer.trace_checkpoint import trace_fingerprint
 from spectrabox.reconstruct.tracer.transport import trace_transport
 
 from tests.cornell_problem import WIDTH, scene, view_of
@@ -136,3 +139,18 @@ def test_a_broken_checkpoint_is_not_used(box, short, tmp_path):
     path = tmp_path / "trace.npz"
     path.write_bytes(b"PK\x03\x04 cut short")
     assert np.array_equal(traced(box, checkpoint=path).passes, traced(box).passes)
+
+
+def test_a_trace_is_another_where_any_of_its_inputs_is_another(monkeypatch, mitsuba):
+    monkeypatch.setattr(mitsuba, "traverse", lambda scene: [("lamp.radiance", scene.radiance)])
+    names = SimpleNamespace(id=lambda: "wall", bsdf=lambda: None)
+    scene = SimpleNamespace(shapes=lambda: [names], radiance=np.ones(3))
+    brighter = SimpleNamespace(shapes=lambda: [names], radiance=2 * np.ones(3))
+    arrays = (np.zeros((2, 2)), np.arange(3.0), np.ones(2))
+    made = {trace_fingerprint(scene, (1, "a"), arrays), trace_fingerprint(scene, (2, "a"), arrays),
+            trace_fingerprint(brighter, (1, "a"), arrays),
+            *(trace_fingerprint(scene, (1, "a"), tuple(
+                array + (place == changed) for place, array in enumerate(arrays)))
+              for changed in range(3))}
+    assert len(made) == 6
+    assert trace_fingerprint(scene, (1, "a"), tuple(map(np.copy, arrays))) in made
