@@ -58,7 +58,7 @@ def test_how_surprising_a_signal_of_the_prior_is_follows_chi_square(bands, error
 def test_a_reading_is_doubted_as_often_as_stated(monkeypatch, nm, level):
     monkeypatch.setattr(more_measurements, "CONTRADICTION", level)
     rng, middle = np.random.default_rng(32), np.full(GRID.nm.size, 0.5)
-    drawn = rng.multivariate_normal(middle, 0.05**2 * SMOOTH, 3000)
+    drawn = rng.multivariate_normal(middle, 0.05**2 * SMOOTH, 1500)
     # what the other measurements and the prior let expect: here known exactly
     monkeypatch.setattr(more_measurements, "joined", lambda base, more: base)
     monkeypatch.setattr(more_measurements, "prior_spectra",
