@@ -21,7 +21,8 @@ from spectrabox.radiometry.records import LightScale, WavelengthGrid
 from spectrabox.reconstruct.engines.gradient import cosine_rate
 from spectrabox.reconstruct.rendering.irradiance import CHART_SHAPE
 from spectrabox.reconstruct.rendering.renderer import load_scene
-from spectrabox.reconstruct.scene.scene_file import EMITTED, SceneFile
+from spectrabox.reconstruct.scene.elsewhere import EMITTED
+from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.scene.surfaces import surface_map
 

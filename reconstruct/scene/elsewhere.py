@@ -1,8 +1,8 @@
 """Scenes as other programs write them, brought to the form that the rest of the code reads.
 
-Exporters put BSDFs inside shapes, refer to BSDFs among other things, and place copies of a group of
-shapes as instances. All of it is written out here: every BSDF stands at the top with an id, every
-shape refers to one, and an instance becomes the shapes of its group in their places.
+Exporters put BSDFs inside shapes or give none, refer to BSDFs among other things, and place copies
+of a group of shapes as instances. All of it is written out here: every BSDF stands at the top with
+an id, every shape refers to one, and an instance becomes the shapes of its group in their places.
 """
 from __future__ import annotations
 
@@ -15,6 +15,18 @@ GROUP, INSTANCE = "shapegroup", "instance"
 # of BSDFs: what colours a whole surface, and so cannot be a picture
 COLOURING = ("reflectance", "diffuse_reflectance", "base_color", "specular_reflectance")
 MESHES = ("ply", "obj", "serialized")
+EMITTED = {"area": "radiance", "constant": "radiance", "point": "intensity", "spot": "intensity",
+           "directional": "irradiance", "projector": "irradiance", "directionalarea": "radiance"}
+# its picture gives the radiance by direction; its colours are Mitsuba's, not the light's
+SKY_MAP = "envmap"
+LIGHTS = (*EMITTED, SKY_MAP)
+# BSDFs kept as they are, and the spectrum of each that is estimated
+SPECTRAL_FACTOR = {"plastic": "diffuse_reflectance", "roughplastic": "diffuse_reflectance",
+                   "principled": "base_color", "conductor": "specular_reflectance",
+                   "roughconductor": "specular_reflectance"}
+WRAPPERS = {"blendbsdf": "mixes two BSDFs", "mask": "is partly transparent",
+            "bumpmap": "has bumps by a texture", "normalmap": "has bumps by a texture",
+            "null": "lets all light through"}
 SHAPES = (*MESHES, "rectangle", "cube", "sphere", "disk", "cylinder", "linearcurve", "bsplinecurve",
           "merge", GROUP, INSTANCE)
 
@@ -34,7 +46,8 @@ def written_out(root: ET.Element) -> list[str]:
     """
     problems = _expand_instances(root)
     _lift_bsdfs(root)
-    return problems + _unknown_shapes(root) + _pictures(root)
+    _give_bsdfs(root)
+    return problems + _unknown_shapes(root) + _unknown_lights(root) + _without_spectrum(root)
 
 
 def bsdf_of(shape: ET.Element, bsdf_ids: Iterable[str]) -> str:
@@ -116,16 +129,62 @@ def _unknown_shapes(root: ET.Element) -> list[str]:
             if shape.get("type") not in SHAPES]
 
 
-def _pictures(root: ET.Element) -> list[str]:
-    """BSDFs whose colour is a picture: a material has one spectrum."""
-    used = {node.get("id") for shape in root.iter("shape") for node in shape.findall("ref")}
+def _give_bsdfs(root: ET.Element) -> None:
+    """Name the plain BSDF that Mitsuba gives to a surface without any, one for each."""
+    taken = {node.get("id") for node in root.iter() if node.get("id")}
+    bsdfs = {node.get("id") for node in root.findall("bsdf")}
+    for number, shape in enumerate(list(root.iter("shape")), start=1):
+        if shape.find("emitter") is not None or shape.get("type") in (GROUP, INSTANCE) \
+                or any(node.get("name") == "bsdf" or node.get("id") in bsdfs
+                       or node.get("name") is None for node in shape.findall("ref")):
+            continue
+        identity = f"{shape.get('id') or f'shape_{number}'}_bsdf"
+        while identity in taken:
+            identity += "_"
+        taken.add(identity)
+        ET.SubElement(root, "bsdf", type="diffuse", id=identity)
+        ET.SubElement(shape, "ref", name="bsdf", id=identity)
+
+
+def _unknown_lights(root: ET.Element) -> list[str]:
+    kinds = dict.fromkeys(node.get("type", "") for node in root.iter("emitter"))
+    return [f"emitter type {kind!r} is not supported; use one of {', '.join(LIGHTS)}"
+            for kind in kinds if kind not in LIGHTS]
+
+
+def plain_bsdf(node: ET.Element) -> ET.Element:
+    """The BSDF itself, out of a <bsdf type="twosided"> around it."""
+    inside = node.find("bsdf") if node.get("type") == "twosided" else None
+    return node if inside is None else inside
+
+
+def _without_spectrum(root: ET.Element) -> list[str]:
+    """BSDFs of surfaces that have no one reflectance spectrum to be estimated."""
+    textures = {node.get("id"): node.get("type") for node in root.findall("texture")}
+    used = {node.get("id") for shape in root.iter("shape") if shape.find("emitter") is None
+            for node in shape.findall("ref")}
     problems = []
     for bsdf in root.findall("bsdf"):
         if bsdf.get("id") not in used:
             continue
-        for node in bsdf.iter("texture"):
-            if node.get("type") == "bitmap" and node.get("name") in COLOURING:
-                problems.append(f"the BSDF {bsdf.get('id')!r} is coloured by a picture, and a "
-                                "material has one spectrum: give it a plain reflectance (any "
-                                "value), and surfaces of other paints BSDFs of their own")
+        name, inner = f"the BSDF {bsdf.get('id')!r}", plain_bsdf(bsdf)
+        kind = inner.get("type", "")
+        if len(bsdf.findall("bsdf")) > 1 and bsdf.get("type") == "twosided":
+            problems.append(f"{name} has another BSDF on its back, and a material has one "
+                            "spectrum; give the back a surface of its own")
+        if kind in WRAPPERS:
+            problems.append(f"{name} is of type {kind!r}, which {WRAPPERS[kind]}: put a plain BSDF "
+                            "in its place")
+        elif kind != "diffuse" and kind not in SPECTRAL_FACTOR \
+                and not any(child.get("name") == "reflectance" for child in inner):
+            problems.append(f"{name} is of type {kind!r}, which has no reflectance spectrum to be "
+                            f"estimated; use diffuse, {', '.join(SPECTRAL_FACTOR)}")
+        for node in bsdf.iter():
+            texture = node.get("type") if node.tag == "texture" else \
+                textures.get(node.get("id")) if node.tag == "ref" else None
+            if texture is not None and node.get("name") in COLOURING:
+                what = "a picture" if texture == "bitmap" else f"a texture of type {texture!r}"
+                problems.append(f"{name} is coloured by {what}, and a material has one spectrum: "
+                                "give it a plain reflectance (any value), and surfaces of other "
+                                "paints BSDFs of their own")
     return problems

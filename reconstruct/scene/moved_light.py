@@ -84,8 +84,8 @@ def move_light(root: ET.Element, number: int, offset: np.ndarray) -> None:
     """
     light = list(root.iter("emitter"))[number]
     node = next((shape for shape in root.iter("shape") if light in list(shape)), light)
-    position = next((child for child in node
-                     if child.tag == "point" and child.get("name") == "position"), None)
+    position = next((child for child in node if child.tag in ("point", "vector")
+                     and child.get("name") == "position"), None)
     if position is not None:
         moved = _position(position) + offset
         position.attrib = {"name": "position",

@@ -104,6 +104,9 @@ def _parsed(path: Path, folder: Path) -> ET.Element:
     if root.tag != "scene":
         raise InputError(f"{path.name} is not a Mitsuba scene: its root is <{root.tag}>, <scene> "
                          "is needed")
+    if root.find("include") is not None:
+        raise InputError(f"{path.name} includes other files, whose parts a copy could not change; "
+                         "put what they hold into it")
     named = [node for node in root.iter() if node.get("name") == "filename" or node.get("filename")]
     if named and folder.resolve() != path.parent.resolve():
         raise InputError(f"{path.name} names other files by paths relative to itself; write the "

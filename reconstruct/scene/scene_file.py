@@ -14,21 +14,27 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import is_there
-from spectrabox.reconstruct.scene.elsewhere import bsdf_of, written_out
+from spectrabox.reconstruct.scene.elsewhere import (
+    COLOURING,
+    SPECTRAL_FACTOR,
+    bsdf_of,
+    plain_bsdf,
+    written_out,
+)
 from spectrabox.reconstruct.scene.light_profile import read_profile
+from spectrabox.reconstruct.scene.parts import (
+    Parts,
+    defaults_of,
+    filled_in,
+    found_file,
+    put_together,
+    relative_to_scene,
+)
 
 MAX_DEPTH = 256         # reflections along a path; white walls leave 1e-6 of the light
 MAX_SIDE = 100_000      # pixels of a film
-EMITTED = {"area": "radiance", "constant": "radiance", "point": "intensity", "spot": "intensity",
-           "directional": "irradiance", "projector": "irradiance", "directionalarea": "radiance"}
-# its picture gives the radiance by direction; its colours are Mitsuba's, not the light's
-SKY_MAP = "envmap"
+SHOWN = 5               # files in a sentence
 PROFILE = "profile"     # of an area light: a <string> that names its file; no Mitsuba knows it
-# BSDFs kept as they are, and the spectrum of each that is estimated
-SPECTRAL_FACTOR = {"plastic": "diffuse_reflectance", "roughplastic": "diffuse_reflectance",
-                   "principled": "base_color", "conductor": "specular_reflectance",
-                   "roughconductor": "specular_reflectance"}
 
 
 @dataclass(frozen=True)
@@ -80,27 +86,29 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
         As of ``read_scene``.
     """
     root = _parse(text, path)
-    defaults = {node.get("name", ""): node.get("value", "") for node in root.iter("default")}
+    parts = put_together(root, path, folder)
+    defaults = defaults_of(root)
+    problems = [f"{path.name} {problem}" for problem in parts.problems]
     sensor = root.find("sensor")
     if sensor is None:
-        raise InputError(f"{path.name} has no <sensor>: the scene must hold the camera's pose and "
-                         "field of view")
-    if problems := written_out(root):
-        raise InputError("\n".join(f"{path.name}: {problem}" for problem in problems))
-    files = _named_files(root, path, folder)
+        problems.append(f"{path.name} has no <sensor>: the scene must hold the camera's pose and "
+                        "field of view")
+    problems += [f"{path.name}: {problem}" for problem in written_out(root)]
+    # a picture that is refused is not looked for
+    pictures = [node for texture in root.iter("texture") if texture.get("name") in COLOURING
+                for node in texture.iter("string")] if problems else []
+    files, missing = _named_files(root, path, parts, folder, pictures)
+    lights = list(root.iter("emitter"))
+    if not lights:
+        missing.append(
+            f"{path.name} has no <emitter>: the scene must hold the light at its position")
+    if problems + missing or sensor is None:
+        raise InputError("\n".join(problems + missing))
     _name_everything(root)
     film = sensor.find("film")
     integrator = root.find("integrator")
     width = _integer(film, "width", defaults, 768, path)
     height = _integer(film, "height", defaults, 576, path)
-    lights = list(root.iter("emitter"))
-    if not lights:
-        raise InputError(
-            f"{path.name} has no <emitter>: the scene must hold the light at its position")
-    for light in lights:
-        if light.get("type") not in (*EMITTED, SKY_MAP):
-            raise InputError(f"{path.name}: emitter type {light.get('type')!r} is not supported; "
-                             f"use one of {', '.join((*EMITTED, SKY_MAP))}")
     depth = _integer(integrator, "max_depth", defaults, 8, path)
     if depth > MAX_DEPTH:
         raise InputError(f"{path.name} states max_depth = {depth}; {MAX_DEPTH} is the limit, "
@@ -170,24 +178,46 @@ def _parse(text: str, path: Path) -> ET.Element:
     return root
 
 
-def _named_files(root: ET.Element, path: Path, folder: Path | None) -> tuple[Path, ...]:
-    names = [node.get("value", "") for node in root.iter("string") if node.get("name")
-             in ("filename", PROFILE)]
-    names += [node.get("filename", "") for node in root.iter() if node.get("filename")]
-    names += [node.get("value", "") for node in root.iter("path")]
-    files = []
-    for name in names:
+def _named_files(root: ET.Element, path: Path, parts: Parts, folder: Path | None,
+                 left_out: list[ET.Element]) -> tuple[tuple[Path, ...], list[str]]:
+    """The files that a scene names, which it then names by the way to them, and sentences about
+    those that cannot be used.
+    """
+    defaults, files, problems = defaults_of(root), [*parts.files], []
+    missing: list[str] = []
+    nodes = [(node, "value") for node in root.iter("string") if node.get("name")
+             in ("filename", PROFILE) and node not in left_out]
+    nodes += [(node, "filename") for node in root.iter() if node.get("filename")]
+    for node, attribute in nodes:
+        name = filled_in(node.get(attribute, ""), defaults)
         if "$" in name:
-            raise InputError(f"{path.name} names the file {name!r} through a variable; write its "
-                             "path out")
-        target = (path.parent / name).resolve()
+            problems.append(f"{path.name} names the file {name!r} through a variable; write its "
+                            "path out")
+            continue
+        found = found_file(name, parts.folders)
+        target = (found or path.parent / name).resolve()
         if folder is not None and not target.is_relative_to(folder.resolve()):
-            raise InputError(f"{path.name} names {name!r}, which lies outside the session folder; "
-                             "copy it into scene/")
-        if not is_there(target):
-            raise InputError(f"{path.name} names {name!r}, which is missing")
-        files.append(target)
-    return tuple(files)
+            problems.append(f"{path.name} names {name!r}, which lies outside the session folder; "
+                            "copy it into scene/")
+        elif found is None:
+            missing.append(name)
+        else:
+            files.append(target)
+            if found != path.parent / name or name != node.get(attribute):
+                node.set(attribute, relative_to_scene(target, path))
+    return tuple(dict.fromkeys(file.resolve() for file in files)), problems + _missing(
+        path, [*dict.fromkeys(missing)])
+
+
+def _missing(path: Path, names: list[str]) -> list[str]:
+    """A sentence about files that are not there."""
+    if not names:
+        return []
+    if len(names) == 1:
+        return [f"{path.name} names {names[0]!r}, which is missing"]
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return [f"{path.name} names {len(names)} files that are missing: "
+            f"{', '.join(map(repr, names[:SHOWN]))}{more}"]
 
 
 def _name_everything(root: ET.Element) -> None:
@@ -237,9 +267,3 @@ def light_id(root: ET.Element, light: ET.Element) -> str:
         if light in list(shape):
             return shape.get("id", "")
     return light.get("id", light.get("type", ""))
-
-
-def plain_bsdf(node: ET.Element) -> ET.Element:
-    """The BSDF itself, out of a <bsdf type="twosided"> around it."""
-    inside = node.find("bsdf") if node.get("type") == "twosided" else None
-    return node if inside is None else inside

@@ -9,15 +9,13 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.outside.words import plain
-from spectrabox.reconstruct.scene.scene_file import (
+from spectrabox.reconstruct.scene.elsewhere import (
     EMITTED,
-    PROFILE,
     SKY_MAP,
     SPECTRAL_FACTOR,
-    SceneFile,
-    light_id,
     plain_bsdf,
 )
+from spectrabox.reconstruct.scene.scene_file import PROFILE, SceneFile, light_id
 
 SPECTRUM_TAGS = ("spectrum", "rgb", "texture")
 

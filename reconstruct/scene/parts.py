@@ -1,0 +1,137 @@
+"""A scene in several files, or of an older Mitsuba, brought into one tree as Mitsuba 3 has it.
+
+``<include>`` is replaced by what the file holds, ``<path>`` names folders in which files are looked
+for, ``$NAME`` in a file's name is the <default> of that name, and names of Mitsuba 0.x
+("toWorld", "lookAt") become those of Mitsuba 3 ("to_world", "lookat").
+"""
+from __future__ import annotations
+
+import os
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from spectrabox.radiometry.files import is_there
+
+MAX_INCLUDES = 100
+RENAMED = {"lookAt": "lookat", "srgb": "rgb"}
+CURRENT = "3.0.0"
+
+
+@dataclass
+class Parts:
+    """What is found while the files of a scene are put together."""
+
+    files: list[Path] = field(default_factory=list)         # included
+    folders: list[Path] = field(default_factory=list)       # in which files are looked for
+    inside: Path | None = None                              # where included files must lie
+    problems: list[str] = field(default_factory=list)
+
+
+def put_together(root: ET.Element, scene: Path, inside: Path | None = None) -> Parts:
+    """Replace every <include> and <path> of a <scene>, in place, and bring names up to date.
+
+    Parameters
+    ----------
+    root : Element
+        Is changed.
+    scene : Path
+        Its file.
+    inside : Path, optional
+        Included files must lie in here; None allows any.
+    """
+    parts = Parts(folders=[scene.parent], inside=inside)
+    _upgrade(root)
+    _include(root, parts)
+    return parts
+
+
+def defaults_of(root: ET.Element) -> dict[str, str]:
+    """Values of a scene's <default>s by name; the first of a name counts."""
+    values: dict[str, str] = {}
+    for node in root.iter("default"):
+        values.setdefault(node.get("name", ""), node.get("value", ""))
+    return values
+
+
+def filled_in(text: str, defaults: Mapping[str, str]) -> str:
+    """A value with every $NAME replaced by its default; one that has none stays.
+
+    Parameters
+    ----------
+    text : str
+    defaults : mapping
+    """
+    return re.sub(r"\$(\w+)", lambda name: defaults.get(name[1], name[0]), text)
+
+
+def found_file(name: str, folders: list[Path]) -> Path | None:
+    """The first of some folders' files of a name, None where no folder has one."""
+    return next((folder / name for folder in folders if is_there(folder / name)), None)
+
+
+def _include(root: ET.Element, parts: Parts) -> None:
+    """Replace includes until none is left."""
+    while (node := next((child for child in root if child.tag in ("include", "path")), None)
+           ) is not None:
+        place, defaults = list(root).index(node), defaults_of(root)
+        root.remove(node)
+        if node.tag == "path":
+            folder = parts.folders[0] / filled_in(node.get("value", ""), defaults)
+            parts.folders.append(folder)
+            continue
+        name = filled_in(node.get("filename", ""), defaults)
+        file = found_file(name, parts.folders)
+        if file is None:
+            parts.problems.append(f"includes {name!r}, which is missing; copy it beside the scene")
+            continue
+        if parts.inside is not None and not file.resolve().is_relative_to(parts.inside.resolve()):
+            parts.problems.append(f"includes {name!r}, which lies outside the session folder; copy "
+                                  "it into scene/")
+            continue
+        if len(parts.files) == MAX_INCLUDES:
+            parts.problems.append(f"includes more than {MAX_INCLUDES} files; {name!r} may include "
+                                  "itself")
+            return
+        parts.files.append(file)
+        parts.folders.append(file.parent)
+        if (inside := _scene_of(file, parts)) is not None:
+            _upgrade(inside)
+            for index, child in enumerate(list(inside)):
+                root.insert(place + index, child)
+
+
+def _scene_of(file: Path, parts: Parts) -> ET.Element | None:
+    try:
+        root = ET.fromstring(file.read_text(encoding="utf-8-sig"))
+    except (OSError, ET.ParseError, ValueError, RecursionError) as error:
+        parts.problems.append(f"includes {file.name!r}, which cannot be read: {error}")
+        return None
+    if root.tag != "scene":
+        parts.problems.append(f"includes {file.name!r}, whose root is <{root.tag}>; <scene> is "
+                              "needed")
+        return None
+    return root
+
+
+def _upgrade(root: ET.Element) -> None:
+    """Names of Mitsuba 0.x become those that Mitsuba has since 2.0."""
+    if not re.match(r"[01]\.", root.get("version", "")):
+        return
+    root.set("version", CURRENT)
+    for node in root.iter():
+        node.tag = RENAMED.get(node.tag, node.tag)
+        if "name" in node.attrib and node.tag != "default":
+            node.set("name", _underscored(node.get("name", "")))
+
+
+def _underscored(name: str) -> str:
+    """"toWorld" as "to_world", "intIOR" as "int_ior"."""
+    return re.sub(r"(?<=[a-z0-9])([A-Z]+)", r"_\1", name).lower()
+
+
+def relative_to_scene(file: Path, scene: Path) -> str:
+    """How a scene names a file: by the way from its own folder."""
+    return os.path.relpath(file, scene.parent)
