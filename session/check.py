@@ -32,12 +32,14 @@ from spectrabox.session.stages.inputs import (
     read_sensitivities,
     require_exposed,
 )
+from spectrabox.session.stages.order import stages_of
 from spectrabox.session.stages.scenes import (
     check_aspect,
     read_chart_scene,
     read_session_scene,
     require_materials,
 )
+from spectrabox.session.store.store import load_stage
 
 LONG_STAGES = ("reconstruct", "sample")     # the first of them that a session has is not run
 DEVICE = "cpu"
@@ -167,9 +169,9 @@ def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) 
     """Run the short stages as a run does, which then keeps them, and what the long ones ask before
     they begin; bytes that tracing will take, where something is left to trace.
     """
-    states = {state.name: state.state for state in stage_states(config)}
-    long = next(name for name in states if name in LONG_STAGES)
-    if states[long] == "done":
+    long = next(name for name in stages_of(config.flat) if name in LONG_STAGES)
+    if load_stage(config.results_folder, long) is not None and any(
+            state.name == long and state.state == "done" for state in stage_states(config)):
         return None
     stored = run_stages(config, device=device, only=None, force=False,
                         progress=lambda stage, done, what: None, before=long, shared=shared).stored

@@ -15,12 +15,19 @@ from spectrabox.radiometry.records import Outcome
 from spectrabox.reconstruct import view as view_module
 from spectrabox.reconstruct.engines import per_wavelength, transport_engine
 from spectrabox.reconstruct.engines.gradient import fit_by_gradient
-from spectrabox.reconstruct.engines.transport_engine import trace_view, unit_scene
+from spectrabox.reconstruct.engines.transport_engine import (
+    FEW_SPP,
+    FIRST_SPP,
+    first_trace,
+    require_lit,
+    trace_view,
+    unit_scene,
+)
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
 from spectrabox.reconstruct.scene.regions import block_regions
 from spectrabox.reconstruct.settings import ENGINES
-from spectrabox.reconstruct.tracer.transport import shaded_images
+from spectrabox.reconstruct.tracer.transport import shaded_images, trace_transport
 from spectrabox.reconstruct.view_checks import check_views
 
 from tests.cornell_problem import (
@@ -224,3 +231,32 @@ def test_a_material_that_no_light_reaches_is_refused(tmp_path, photo, quick):
     hidden = scene(tmp_path, text)
     with pytest.raises(InputError, match="no light reaches material 'red'"):
         reconstruct(view_of(hidden), plain_settings(7), silent)
+    with pytest.raises(InputError, match="no light reaches material 'red'"):
+        require_lit([view_of(hidden)], plain_settings(7))
+
+
+def test_light_that_few_paths_miss_is_looked_for_by_all_of_the_first_trace(box, photo, monkeypatch):
+    shot, followed = view_of(box, photo), []
+
+    def traced(*arguments, **settings):
+        made = trace_transport(*arguments, **settings)
+        followed.append(settings["spp"])
+        return replace(made, passes=0 * made.passes) if settings["spp"] == FEW_SPP and dim else made
+
+    monkeypatch.setattr(transport_engine, "trace_transport", traced)
+    dim = False
+    needed = require_lit([shot], plain_settings(7))
+    assert followed == [FEW_SPP]
+    dim = True
+    assert require_lit([shot], plain_settings(7)) == needed > 0
+    assert followed == [FEW_SPP, FEW_SPP, FIRST_SPP]
+
+
+def test_the_few_paths_are_among_those_of_the_first_trace(box, photo):
+    shot = view_of(box, photo)
+    region, _ = block_regions(shot.surface, shot.used)
+    unit = unit_scene(shot, BOUNCES)
+    few, first = (first_trace(unit, region, 7, spp) for spp in (FEW_SPP, FIRST_SPP))
+    # What reaches a region on one of the few paths is among the sums of all: all are positive.
+    assert (first.passes[few.passes > 0] > 0).all()
+    assert np.count_nonzero(few.passes) < np.count_nonzero(first.passes)

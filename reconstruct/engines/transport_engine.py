@@ -34,6 +34,7 @@ from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 from spectrabox.reconstruct.view import View, unknown_materials
 
 FIRST_SPP = 64           # paths per pixel by which the noise is judged
+FEW_SPP = 2              # and by which materials that are lit are seen to be
 MAX_SPP = 1024           # per pixel: where tracing ends, whatever the photo's noise
 IMAGE_SPP, IMAGES = 128, 2  # paths per pixel of the final renderings together, and their number
 
@@ -185,15 +186,17 @@ def trace_view(view: View, unit: UnitScene, region: np.ndarray, seed: int, progr
                           checkpoint)
 
 
-def first_trace(unit: UnitScene, region: np.ndarray, seed: int) -> TracedTransport:
-    """The trace of ``FIRST_SPP`` paths per pixel that tells how many more are needed.
+def first_trace(unit: UnitScene, region: np.ndarray, seed: int,
+                spp: int = FIRST_SPP) -> TracedTransport:
+    """The trace of ``FIRST_SPP`` paths per pixel that tells how many more are needed, or the first
+    few of these paths.
 
     Raises
     ------
     InputError
         As ``trace_transport``.
     """
-    return trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
+    return trace_transport(unit, region, spp=spp, seed=seed)
 
 
 def _traced_enough(view: View, unit: UnitScene, region: np.ndarray, seed: int,
@@ -233,6 +236,8 @@ def nuisances(view: View, settings: InversionSettings) -> Nuisances:
 def require_lit(views: Sequence[View], settings: InversionSettings) -> int:
     """Refuse views that show a material which no light reaches, by the first, short trace of each.
 
+    A material that a few of its paths find lit is lit; only for others all are followed.
+
     Returns
     -------
     int
@@ -247,8 +252,9 @@ def require_lit(views: Sequence[View], settings: InversionSettings) -> int:
     for number, view in enumerate(views):
         region, group = block_regions(view.surface, view.used)
         unit = unit_scene(view, _bounces(view, settings), _tells_lights_apart(view, settings))
-        first = first_trace(unit, region, _seed(number, settings))
-        _require_lit(view, first, group)
+        first = first_trace(unit, region, _seed(number, settings), FEW_SPP)
+        if _unlit(view, first, group):
+            _require_lit(view, first_trace(unit, region, _seed(number, settings)), group)
         passes, regions, groups, products = first.passes.shape
         kept += memory_of(regions, groups * products, passes)
         image = max(image, memory_of_image(region.size, groups * products))
@@ -350,13 +356,21 @@ def require_named_lights(view: View, settings: InversionSettings) -> None:
                          "lights are to be told apart: write <emitter id=...> on each")
 
 
-def _require_lit(view: View, traced: TracedTransport, group: np.ndarray) -> None:
-    """Refuse a material that the camera sees but no light reaches."""
+def _unlit(view: View, traced: TracedTransport, group: np.ndarray) -> list[str]:
+    """Names of the materials that the camera sees but no path brought light from."""
     received = traced.coefficients.sum(axis=1)
     bsdfs = list(view.scene_file.surfaces.values())
+    unlit = []
     for material in view.scene_materials:
         own = np.isin(group, [index for index, bsdf in enumerate(bsdfs) if bsdf == material.bsdf])
         if own.any() and not received[own].any():
-            raise InputError(f"no light reaches material {material.name!r} in "
-                             f"{view.scene_file.path.name}, although the photo shows it lit: "
-                             "check the light's position and the direction its surfaces face")
+            unlit.append(material.name)
+    return unlit
+
+
+def _require_lit(view: View, traced: TracedTransport, group: np.ndarray) -> None:
+    """Refuse a material that the camera sees but no light reaches."""
+    for name in _unlit(view, traced, group):
+        raise InputError(f"no light reaches material {name!r} in "
+                         f"{view.scene_file.path.name}, although the photo shows it lit: "
+                         "check the light's position and the direction its surfaces face")
