@@ -4,7 +4,7 @@ import tomllib
 import pytest
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.page.marks import Mark, MarkedSession, marked, photos_of
+from spectrabox.session.page.marks import Mark, MarkedSession, corner_names, marked, photos_of
 
 FLAT = """# what we photographed on Tuesday
 [photos]
@@ -146,3 +146,24 @@ def test_photos_are_named_by_what_they_are_whatever_else_is_wrong():
                "views": {"warm": {"photo": "d.dng", "chart": 5}, "bad": 3}}
     assert photos_of(written) == {"photo": "a.dng", "chart": "c.dng", "warm": "d.dng"}
     assert photos_of({"photos": 3}) == {}
+
+
+@pytest.mark.parametrize("camera", [
+    None, {}, {"at_mm": [0, 165, 690], "look_at_mm": [0, 165, 0]}, {"corners_px": {}}])
+def test_corners_can_be_marked_before_the_camera_is_known(camera):
+    """The camera of such a session is a fault, and marks are what mends it."""
+    box = {"width_mm": 480, "height_mm": 330, "depth_mm": 400, "walls": {"back": "white"},
+           "objects": [{"name": "block", "shape": "box", "material": "cube",
+                        "size_mm": [120, 120, 120], "at_mm": [-50, 0, -200]}],
+           "lamp": {"at_mm": [50, 270, 380], "radius_mm": 8}}
+    names = corner_names({"scene": {"box": box | ({} if camera is None else {"camera": camera})}})
+    assert len(names) == 16 and names[0] == "back bottom left"
+    assert names[-4:] == [name for name in names if name.startswith("front ")]
+    assert "block front top left" in names
+
+
+@pytest.mark.parametrize("written", [{}, {"scene": 3}, {"scene": {"box": []}},
+                                     {"scene": {"box": {"width_mm": "wide"}}},
+                                     {"scene": {"file": "scene/box.xml"}}])
+def test_without_a_measured_box_no_corner_can_be_named(written):
+    assert corner_names(written) == []

@@ -8,17 +8,19 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomlkit
-from pydantic import Field
+from pydantic import Field, ValidationError
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Array
 
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
+from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.session.config.session_file import session_of_text
 from spectrabox.session.config.session_schema import FILE_NAME, FIRST_PHOTO, by_band
 
 MAX_UNDO = 200
+ANY_CAMERA = CameraTable(at_mm=(0.0, 0.0, 1.0), look_at_mm=(0.0, 0.0, 0.0), fov_deg=40.0)
 DECIMALS = 1            # of a pixel: no hand marks finer
 Pixel = Annotated[ListOf[float], Field(min_length=2, max_length=2)]
 
@@ -147,6 +149,28 @@ def marked(text: str, mark: Mark) -> str:
     else:
         _mark_reference(document, mark, points)
     return tomlkit.dumps(document)
+
+
+def corner_names(written: dict[str, Any]) -> list[str]:
+    """Names of the corners that can be marked, of the box and of boxes in it; none without a box.
+
+    Parameters
+    ----------
+    written : dict
+        As ``tomllib`` gives session.toml. Its camera may be missing or half measured: marks are
+        what it lacks.
+    """
+    scene = written.get("scene")
+    box = scene.get("box") if isinstance(scene, dict) else None
+    if not isinstance(box, dict):
+        return []
+    measures = {name: value for name, value in box.items() if name not in ("camera", "colmap")}
+    try:
+        names = list(BoxTable(**measures, camera=ANY_CAMERA).corner_positions())
+    except (ValidationError, TypeError):
+        return []
+    # those of the opening last: few photos show them
+    return sorted(names, key=lambda name: name.startswith("front "))
 
 
 def photos_of(written: dict[str, Any]) -> dict[str, str]:

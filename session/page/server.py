@@ -23,7 +23,7 @@ from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_file import session_of_text
 from spectrabox.session.page.access import Access
-from spectrabox.session.page.marks import MarkedSession, photos_of
+from spectrabox.session.page.marks import MarkedSession, corner_names, photos_of
 from spectrabox.session.page.photo_views import PhotoViews
 from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.page.shooting import Shooting
@@ -78,7 +78,6 @@ class SessionPage:
         photos = [{"role": role, "file": name, "there": self._inside(name).is_file()}
                   for role, name in photos_of(written).items()
                   if self._is_inside(name)]
-        box = None if config is None or config.box is None else config.box
         return {"name": _name(written, self.folder), "digest": digest, "problems": problems,
                 "photos": photos, "undo": self.marks.can_undo,
                 "marks": {"regions": _regions(written),
@@ -86,7 +85,7 @@ class SessionPage:
                           "box_corners": _at(written, "scene", "box", "camera", "corners_px"),
                           "references": {"chart": _at(written, "drift", "chart_px"),
                                          "object": _at(written, "drift", "object_px")}},
-                "corner_names": [] if box is None else list(box.corner_positions()),
+                "corner_names": corner_names(written),
                 "stages": self._stages(text, bool(problems)), "run": self.run.state(),
                 "report": self._report_stamp(),
                 "shooting": None if self.shooting is None else self.shooting.state()}

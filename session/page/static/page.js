@@ -6,7 +6,7 @@ const HINTS = {
   look: "Wheel zooms, dragging moves. Arrow keys, + and - do the same.",
   region: "Two opposite corners of a rectangle, or with Polygon as many as you like and then Save.",
   chart: "Four corners in the order of the chart: of a ColorChecker dark skin, bluish green, black, white.",
-  box: "Six corners or more, each by its name; then Save.",
+  box: "Six corners or more, each by its name; then Save. A fov_deg in session.toml is taken as known: delete the line if it is not yours.",
   reference: "Four corners of a neutral reference that both photos show.",
 };
 let state = null, role = "", mode = "look", named = [], asking = false, reportStamp = null, size = [1, 1];
