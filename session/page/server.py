@@ -70,7 +70,7 @@ class SessionPage:
     def state(self) -> dict[str, Any]:
         """All that the page shows but for pixels."""
         text, digest = self.marks.read()
-        config, problems = session_of_text(text, self.folder, self._allow_outside)
+        problems = session_of_text(text, self.folder, self._allow_outside)[1]
         try:
             written = tomllib.loads(text)
         except ValueError:
