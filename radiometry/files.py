@@ -5,6 +5,7 @@ import contextlib
 import hashlib
 import os
 import secrets
+import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -140,6 +141,44 @@ def whole_file(path: Path) -> Iterator[Path]:
             unfinished.unlink(missing_ok=True)
 
 
+@contextlib.contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """The name of a folder to be made that takes the place of ``path`` when the block ends well; it
+    vanishes otherwise, also where Ctrl-C or a signal ends the block.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder is made where it is missing.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If it cannot be written, or the path is a link or a file.
+    """
+    with writable(path.parent), \
+            Interruptions(held=True, again_after_s=TIDYING_S) as interruptions:
+        require_no_link(path)
+        if path.is_file():
+            raise EnvironmentProblem(f"{path} cannot be written: it is a file; move it away, or "
+                                     "name another folder")
+        stem = path.with_name(f"{UNFINISHED}{os.getpid()}-{secrets.token_hex(6)}")
+        unfinished, before = (stem.with_suffix(suffix) for suffix in (path.suffix, ".old"))
+        try:
+            with interruptions.released():
+                yield unfinished
+            for file in unfinished.rglob("*"):
+                if file.is_file():
+                    sync(file)
+            if path.exists():
+                path.replace(before)
+            unfinished.replace(path)
+            sync_folder(path.parent)
+        finally:
+            for left in (unfinished, before):
+                shutil.rmtree(left, ignore_errors=True)
+
+
 def require_no_link(path: Path) -> None:
     """Refuse to write through, or in place of, a symbolic link: it may lead anywhere.
 
@@ -157,7 +196,10 @@ def sweep_unfinished(folder: Path) -> None:
     for left in folder.glob(f"{UNFINISHED}*"):
         number = left.name.removeprefix(UNFINISHED).partition("-")[0]
         if number.isdigit() and not _is_running(int(number)):
-            left.unlink(missing_ok=True)
+            if left.is_dir() and not left.is_symlink():
+                shutil.rmtree(left, ignore_errors=True)
+            else:
+                left.unlink(missing_ok=True)
 
 
 def _is_running(process: int) -> bool:

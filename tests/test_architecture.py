@@ -19,6 +19,8 @@ OWNERS = {"serial": ("capture/meter/serial_line.py",),
           "OpenImageIO": ("capture/photo/image_files.py",
                           "capture/photo/image_rows.py",    # what is too large to hold
                           "radiometry/spectra/formats/spectral_exr.py"),    # spectra, no photo
+          "zarr": ("radiometry/spectra/formats/zarr_array.py",),
+          "distributed": ("session/batch/cluster.py",),
           "colour": ("radiometry/",),
           "mitsuba": ("reconstruct/", "fixtures/"),
           "drjit": ("reconstruct/", "fixtures/"),

@@ -131,7 +131,7 @@ def test_dependencies_are_what_is_imported():
                 if name not in sys.stdlib_module_names and name != "spectrabox"}
     stated = {name_of(line) for line in PROJECT["project"]["dependencies"]}
     extras = PROJECT["project"]["optional-dependencies"]
-    asked_for = {name_of(line) for name in ("cluster",) for line in extras[name]} | WITH
+    asked_for = {name_of(line) for name in ("cluster", "zarr") for line in extras[name]} | WITH
     assert imported - stated - asked_for == set(), (
         "imported, but not among the dependencies of pyproject.toml")
     assert (stated | asked_for) - imported == set(), (

@@ -1,4 +1,7 @@
-"""Pictures too large to hold: linear EXR and TIFF read, EXR and PNG written, some rows at a time.
+"""Pictures too large to hold: linear EXR, TIFF and Zarr read, EXR and PNG written, some rows at a
+time.
+
+Of tiles and chunks a band is held: as many rows as one is high.
 """
 from __future__ import annotations
 
@@ -23,13 +26,15 @@ from spectrabox.capture.photo.image_files import (
     require_finite,
 )
 from spectrabox.capture.photo.linear import open_photo
+from spectrabox.radiometry.bands_of_rows import WriteRows, read_by_bands, written_by_bands
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.outside.words import reason_of
+from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr
 
 ROWS_PER_BLOCK = 16     # of a compressed EXR; fewer rows at a time unpack it again and again
 PNG_LEVEL = 2           # of 9: larger by a tenth than at 6, and three times as fast
-WriteRows = Callable[[int, np.ndarray], None]   # first row, pixels (n, W, C)
+TILE_PX = 64            # of one side, of an EXR that is written in tiles
 
 
 @dataclass(frozen=True)
@@ -43,9 +48,11 @@ class PictureRows:
 
 
 def open_rows(path: Path) -> PictureRows:
-    """Linear signal of a linear EXR or TIFF from its file as it is asked for, of a raw from memory.
+    """Linear signal of a linear EXR, TIFF or Zarr array from its file as it is asked for, of a raw
+    from memory.
 
-    Values and order of bands are those of `linear.open_photo`.
+    Values and order of bands are those of `linear.open_photo`; bands of a Zarr array are in its own
+    order, its integers fractions of their full scale.
 
     Parameters
     ----------
@@ -56,13 +63,15 @@ def open_rows(path: Path) -> PictureRows:
     InputError
         As `linear.open_photo`; of values that are NaN only once their rows are read.
     """
+    if path.is_dir():
+        return _zarr_rows(path)
     if not path.is_file() or not is_image_file(path):
         return _held(path)
     as_stored = oiio.ImageSpec()
     # else a TIFF's bands come multiplied by its alpha
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
     file = oiio.ImageInput.open(os.fspath(path), as_stored)
-    if file is None or file.spec().tile_width:
+    if file is None:
         return _held(path)
     spec = file.spec()
     full_scale(path, spec, file.format_name())
@@ -75,7 +84,10 @@ def open_rows(path: Path) -> PictureRows:
 
     def read(first: int, last: int) -> np.ndarray:
         # As floats, integers come as fractions of their full scale.
-        stored = file.read_scanlines(first + spec.y, last + spec.y, 0, 0, spec.nchannels, "float")
+        stored = (file.read_tiles(spec.x, spec.x + spec.width, first + spec.y, last + spec.y,
+                                  spec.z, spec.z + 1, 0, spec.nchannels, "float")
+                  if spec.tile_width else
+                  file.read_scanlines(first + spec.y, last + spec.y, 0, 0, spec.nchannels, "float"))
         if stored is None or file.has_error:
             raise InputError(f"photo {path.name} cannot be read to its end "
                              f"({reason_of(file)}); copy or export it again")
@@ -83,7 +95,25 @@ def open_rows(path: Path) -> PictureRows:
         require_finite(path, signal)
         return signal
 
-    return PictureRows(spec.height, spec.width, len(bands), read)
+    by_bands = read_by_bands(read, spec.height, spec.tile_height) if spec.tile_width else read
+    return PictureRows(spec.height, spec.width, len(bands), by_bands)
+
+
+def _zarr_rows(path: Path) -> PictureRows:
+    picture = open_zarr(path)
+    height, width, bands = picture.shape
+    if bands < 3:
+        raise InputError(f"{path.name} has {bands} band(s); at least 3 are needed")
+    full = np.iinfo(picture.dtype).max if picture.dtype.kind == "u" else 1
+
+    def read(first: int, last: int) -> np.ndarray:
+        signal = picture.read(first, last).astype(np.float32)
+        if full != 1:
+            signal /= np.float32(full)
+        require_finite(path, signal)
+        return signal
+
+    return PictureRows(height, width, bands, read_by_bands(read, height, picture.chunk_rows))
 
 
 def _held(path: Path) -> PictureRows:
@@ -94,7 +124,8 @@ def _held(path: Path) -> PictureRows:
 
 @contextlib.contextmanager
 def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
-             half: bool, attributes: Mapping[str, str] | None = None) -> Iterator[WriteRows]:
+             half: bool, attributes: Mapping[str, str] | None = None, *,
+             tiles: bool = False) -> Iterator[WriteRows]:
     """A function that writes the next rows of an EXR, which is there once all of them are written.
 
     Parameters
@@ -106,6 +137,8 @@ def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
         Half floats, 16 bits; else single floats, 32 bits.
     attributes : dict, optional
         Words of its header.
+    tiles : bool
+        In tiles of ``TILE_PX``, of which programs read what they show; else in scan lines.
 
     Raises
     ------
@@ -118,8 +151,15 @@ def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
     spec.attribute("DateTime", NO_DATE)     # else the time of writing
     for name, words in (attributes or {}).items():
         spec.attribute(name, words)
-    with _rows_of(path, spec, np.float32) as write:
-        yield write
+    if not tiles:
+        with _rows_of(path, spec, np.float32) as write:
+            yield write
+        return
+    spec.tile_width = spec.tile_height = TILE_PX
+    kind = np.dtype(np.float16 if half else np.float32)
+    with _rows_of(path, spec, kind) as write, \
+            written_by_bands(write, (height, width, spec.nchannels), TILE_PX, kind) as take:
+        yield take
 
 
 @contextlib.contextmanager
@@ -143,7 +183,7 @@ def png_rows(path: Path, height: int, width: int, channels: int) -> Iterator[Wri
 
 
 @contextlib.contextmanager
-def _rows_of(path: Path, spec: oiio.ImageSpec, kind: type) -> Iterator[WriteRows]:
+def _rows_of(path: Path, spec: oiio.ImageSpec, kind: Any) -> Iterator[WriteRows]:
     with whole_file(path) as unfinished:
         file = oiio.ImageOutput.create(os.fspath(unfinished))
         if file is None or not file.open(os.fspath(unfinished), spec):
@@ -151,7 +191,9 @@ def _rows_of(path: Path, spec: oiio.ImageSpec, kind: type) -> Iterator[WriteRows
 
         def write(first: int, pixels: np.ndarray) -> None:
             rows: np.ndarray = np.ascontiguousarray(pixels, dtype=kind)
-            if not file.write_scanlines(first, first + len(rows), 0, rows):
+            last = first + len(rows)
+            if not (file.write_tiles(0, spec.width, first, last, 0, 1, rows) if spec.tile_width
+                    else file.write_scanlines(first, last, 0, rows)):
                 raise _unwritten(path, file)
 
         try:

@@ -82,7 +82,7 @@ Truth = Annotated[Path | None, typer.Option(help="File of the measured spectrum,
 
 # of uplift alone
 Image = Annotated[Path, typer.Argument(
-    metavar="IMAGE", help="Linear EXR or TIFF, or a camera raw.")]
+    metavar="IMAGE", help="Linear EXR, TIFF or Zarr array, or a camera raw.")]
 OutFolder = Annotated[Path, typer.Option(
     "-o", "--out", metavar="DIR", help="Folder of the results.")]
 PixelNoise = Annotated[float, typer.Option(help="Relative standard error of a pixel.")]
@@ -92,8 +92,9 @@ Step = Annotated[int, typer.Option(
     help="Nanometres between the mean's wavelengths; twice as far between those of the spread.")]
 Full = Annotated[bool, typer.Option(
     "--full", help="All 61 wavelengths of both in single floats: eight times as large.")]
-PictureFormat = Annotated[Literal["exr", "envi"], typer.Option(
-    "--to", help="exr: spectral EXR; envi: ENVI images of single floats.")]
+PictureFormat = Annotated[Literal["exr", "tiled-exr", "envi", "zarr"], typer.Option(
+    "--to", help="exr: spectral EXR, of scan lines or tiled-exr: of tiles; envi: ENVI images of "
+    "single floats; zarr: Zarr arrays.")]
 
 # of plan alone
 PlannedSession = Annotated[Path | None, typer.Argument(

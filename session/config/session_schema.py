@@ -327,8 +327,9 @@ class PictureSection(Table):
                                     "maps are made")
     step_nm: Literal[5, 10, 15, 20, 25, 30, 50, 60] = Field(
         10, description="between wavelengths of the mean")
-    format: Literal["exr", "envi"] = Field("exr", description="of the spectra: spectral EXR or "
-                                           "ENVI images")
+    format: Literal["exr", "tiled-exr", "envi", "zarr"] = Field(
+        "exr", description="of the spectra: spectral EXR of scan lines or tiles, ENVI images or "
+        "Zarr arrays")
     family: str | ListOf[str] | None = Field(None, description="what the surfaces are, as of a "
                                              "region")
 

@@ -3,8 +3,9 @@
 The mean goes to ``mean.exr`` and the standard deviation to ``standard_deviation.exr``, spectral EXR
 of one layer a wavelength (spectral_layers.py); the mean also has the colours under D65 as channels
 R, G and B (linear sRGB), which any viewer of pictures shows. As ENVI images they are ``mean.hdr``
-and ``standard_deviation.hdr`` with their values beside them. What is in memory does not grow with
-the picture.
+and ``standard_deviation.hdr`` with their values beside them, as Zarr arrays ``mean.zarr`` and
+``standard_deviation.zarr``. What is in memory grows with the width of the picture alone: rows that
+make up a row of tiles or chunks are held.
 """
 from __future__ import annotations
 
@@ -19,12 +20,16 @@ from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
-from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK, WriteRows, exr_rows
+from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK, exr_rows
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
+from spectrabox.radiometry.bands_of_rows import WriteRows
 from spectrabox.radiometry.files import writable
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.envi_cube import VALUES, envi_rows
+from spectrabox.radiometry.spectra.formats.zarr_array import SUFFIX as ZARR
+from spectrabox.radiometry.spectra.formats.zarr_array import zarr_rows
 from spectrabox.radiometry.spectra.spectral_layers import (
+    QUANTITY,
     STANDARD_DEVIATION,
     layer_names,
     layout_attributes,
@@ -36,7 +41,8 @@ GRID_STEP_NM = 5
 SPREAD_STEPS = 2        # the standard deviation changes slowly: every second wavelength is kept
 DAYLIGHT = "D65"
 MEAN, SPREAD = "mean", "standard_deviation"
-Format = Literal["exr", "envi"]
+Format = Literal["exr", "tiled-exr", "envi", "zarr"]
+SUFFIXES = {"exr": ".exr", "tiled-exr": ".exr", "envi": ".hdr", "zarr": ZARR}
 
 Rows = TypeVar("Rows")      # what some rows of a picture are given as
 Spectra = tuple[np.ndarray, ...]    # mean (n, P), standard deviation (n, Q), and what else there is
@@ -67,13 +73,12 @@ class KeptWavelengths:
 
     def paths(self, folder: Path) -> dict[str, Path]:
         """The file of the mean and that of the standard deviation."""
-        suffix = ".hdr" if self.form == "envi" else ".exr"
-        return {name: folder / f"{name}{suffix}" for name in (MEAN, SPREAD)}
+        return {name: folder / f"{name}{SUFFIXES[self.form]}" for name in (MEAN, SPREAD)}
 
     def files(self) -> tuple[str, ...]:
         """Names of all files, with those of the values of ENVI images."""
         names = tuple(path.name for path in self.paths(Path()).values())
-        return names if self.form == "exr" else (*names, MEAN + VALUES, SPREAD + VALUES)
+        return (*names, MEAN + VALUES, SPREAD + VALUES) if self.form == "envi" else names
 
 
 @dataclass(frozen=True)
@@ -125,9 +130,14 @@ def _mean_rows(path: Path, canvas: Canvas[Rows], kept: KeptWavelengths) -> Itera
                        "mean reflectance of every pixel") as write:
             yield write
         return
+    if kept.form == "zarr":
+        with zarr_rows(path, *size, nm, not kept.full,
+                       {QUANTITY: Quantity.REFLECTANCE.name.lower()}) as write:
+            yield write
+        return
     to_srgb = (TO_SRGB @ adapted_tristimulus(nm, DAYLIGHT)).T.astype(np.float32)
     with exr_rows(path, *size, [*"RGB", *layer_names(nm)], not kept.full,
-                  layout_attributes(Quantity.REFLECTANCE)) as write:
+                  layout_attributes(Quantity.REFLECTANCE), tiles=kept.form == "tiled-exr") as write:
         yield lambda first, mean: write(first, np.dstack([mean @ to_srgb, mean]))
 
 
@@ -137,8 +147,10 @@ def _spread_rows(path: Path, canvas: Canvas[Rows], kept: KeptWavelengths) -> Ite
     made = (envi_rows(path, *size, nm, STANDARD_DEVIATION,
                       "standard deviation of the reflectance of every pixel")
             if kept.form == "envi" else
+            zarr_rows(path, *size, nm, not kept.full, {QUANTITY: STANDARD_DEVIATION})
+            if kept.form == "zarr" else
             exr_rows(path, *size, layer_names(nm), not kept.full,
-                     layout_attributes(STANDARD_DEVIATION)))
+                     layout_attributes(STANDARD_DEVIATION), tiles=kept.form == "tiled-exr"))
     with made as write:
         yield write
 

@@ -136,7 +136,8 @@ def sweep_stage(results: Path, stage: str) -> None:
 
 def _seal(folder: Path) -> None:
     """Checksums of a folder's files, as ``sha256sum`` writes and checks them; all on disk."""
-    names = sorted(path.name for path in folder.iterdir())
+    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*")
+                   if path.is_file())
     text = "".join(f"{sha256_of(folder / name)}  {name}\n" for name in names)
     (folder / SUMS).write_text(text, encoding="utf-8")
     for name in (*names, SUMS):
@@ -178,9 +179,8 @@ def copy_stage(stored: StoredStage, folder: Path) -> None:
         From ``stage_folder``, which writes the checksums.
     """
     with writable(folder.parent):
-        for path in stored.folder.iterdir():
-            if path.name != SUMS:
-                shutil.copyfile(path, folder / path.name, follow_symlinks=False)
+        shutil.copytree(stored.folder, folder, symlinks=True, dirs_exist_ok=True,
+                        ignore=shutil.ignore_patterns(SUMS))
 
 
 def why_stale(stored: dict[str, Any], current: dict[str, Any]) -> list[str]:

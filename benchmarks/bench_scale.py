@@ -1,0 +1,199 @@
+"""What sessions and pictures take as they become many and large: the figures of docs/scale.md.
+
+``pictures``: a synthetic picture of repeated tiles through ``spectrabox uplift``: seconds, memory
+and bytes by megapixels. ``sessions``: seconds and bytes of each stage of a session of flat
+samples and of a scene, and what a batch adds to each. ``tasks``: what Dask's scheduler adds to each
+of many empty and sleeping tasks. ``model``: what these say of more than was measured.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from spectrabox.fixtures.demo_session import write_demo_session
+from spectrabox.fixtures.flat_demo import write_flat_demo
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.session.signals.signal_options import response_of_names
+
+CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"
+TILE = 256                  # pixels of a side of the tiles that the synthetic picture repeats
+MACHINE_DAY = 86_400.0
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("part", nargs="*", default=["pictures", "sessions", "tasks", "model"])
+    parser.add_argument("--megapixels", default="10,20")
+    parser.add_argument("--to", default="tiled-exr,zarr")
+    parser.add_argument("--tasks", type=int, default=10_000)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--folder", type=Path, help="where pictures go; a temporary one by default")
+    options = parser.parse_args()
+    for part in options.part:
+        print(f"-- {part}")
+        if part == "pictures":
+            pictures([float(word) for word in options.megapixels.split(",")],
+                     options.to.split(","), options.folder)
+        elif part == "sessions":
+            sessions()
+        elif part == "tasks":
+            tasks(options.tasks, options.workers)
+        elif part == "model":
+            model()
+
+
+# ---- pictures
+
+def pictures(megapixels: list[float], forms: list[str], folder: Path | None) -> None:
+    """One row a picture and format."""
+    print(f"{'Mpixel':>7} {'to':<10} {'s':>8} {'s/Mpixel':>9} {'CPU s/Mpixel':>13} {'MiB':>6} "
+          f"{'bytes/pixel':>12}")
+    for count in megapixels:
+        for form in forms:
+            with tempfile.TemporaryDirectory(dir=folder) as name:
+                path, out = Path(name) / "picture.exr", Path(name) / "out"
+                side = round(1000 * count**0.5)
+                write_repeated(path, side, side)
+                taken, used, peak = timed([
+                    "uplift", str(path), "-o", str(out), "--to", form, "--sensitivity", CAMERA,
+                    "--light", LIGHT, "--json"])
+                written = bytes_in(out)
+                pixels = side * side
+                print(f"{pixels / 1e6:7.1f} {form:<10} {taken:8.1f} {taken / pixels * 1e6:9.2f} "
+                      f"{used / pixels * 1e6:13.2f} {peak / 2**20:6.0f} {written / pixels:12.1f}",
+                      flush=True)
+
+
+def write_repeated(path: Path, height: int, width: int) -> None:
+    """An EXR of tiles, all alike: a chart of measured reflectances, shaded, with 1 % of noise."""
+    reflectances = next(iter(test_reflectances(GRID).values()))[:24]
+    patches = np.clip(reflectances, 0, 1) @ response_of_names(CAMERA, LIGHT).T
+    at = np.arange(TILE)
+    tile = patches.reshape(4, 6, 3)[at[:, None] * 4 // TILE, at * 6 // TILE]
+    noise = 1 + 0.01 * np.random.default_rng(0).standard_normal(tile.shape)
+    tile = (tile * noise * (0.7 + 0.3 * np.cos(6 * at / TILE))[:, None]).astype(np.float16)
+    row = np.ascontiguousarray(np.tile(tile, (1, -(-width // TILE), 1))[:, :width])
+    spec = oiio.ImageSpec(width, height, 3, oiio.HALF)
+    spec.tile_width = spec.tile_height = TILE
+    file = oiio.ImageOutput.create(str(path))
+    assert file.open(str(path), spec), oiio.geterror()
+    for first in range(0, height, TILE):
+        last = min(first + TILE, height)
+        assert file.write_tiles(0, width, first, last, 0, 1, row[:last - first])
+    assert file.close()
+
+
+# ---- sessions
+
+def sessions() -> None:
+    """Seconds and bytes of each stage, and of a batch."""
+    with tempfile.TemporaryDirectory() as name:
+        flat, scene = Path(name) / "flat", Path(name) / "scene"
+        write_flat_demo(flat, 1)
+        write_demo_session(scene, 1)
+        for folder in (flat, scene):
+            taken, used, peak = timed(["run", str(folder), "--device", "cpu", "--quiet"])
+            stages = {path.parent.name: json.loads(path.read_text())["seconds"]
+                      for path in sorted(folder.glob("results/*/facts.json"))}
+            print(f"{folder.name}: {taken:.1f} s ({used:.1f} s of processor), "
+                  f"{peak / 2**20:.0f} MiB; inputs {bytes_in(folder / 'photos') / 2**20:.1f} MiB")
+            for stage, seconds in stages.items():
+                kept = bytes_in(folder / "results" / stage)
+                print(f"  {stage:<12} {seconds:7.2f} s {kept / 2**10:9.0f} KiB")
+            again = timed(["run", str(folder), "--quiet"])[0]
+            print(f"  up to date   {again:7.2f} s, with the start of the program")
+            out = str(Path(name) / "out")
+            first = timed(["batch", str(folder), "--workers", "1", "-o", out, "--quiet"])[0]
+            kept_s = timed(["batch", str(folder), "--workers", "1", "-o", out, "--quiet"])[0]
+            print(f"  batch        {first:7.2f} s up to date, {kept_s:.2f} s by its manifest")
+            shutil.rmtree(out)
+
+
+# ---- the scheduler
+
+def tasks(count: int, workers: int) -> None:
+    """Seconds that Dask adds to each task: empty ones, and ones that sleep, for which the rest of
+    the time is the scheduler's.
+    """
+    import dask
+    from distributed import Client, LocalCluster
+    dask.config.set({"distributed.worker.memory.terminate": False})
+    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None,
+                      silence_logs=50) as cluster, Client(cluster) as client:
+        for words, seconds in (("empty", 0.0), ("sleeping 10 ms", 0.01), ("sleeping 0.1 s", 0.1)):
+            each = count if not seconds else max(round(min(count * seconds, 60) / seconds), 1)
+            started = time.perf_counter()
+            client.gather(client.map(rest, [seconds] * each, range(each), pure=False))
+            taken = time.perf_counter() - started
+            ideal = seconds * each / workers
+            print(f"{each} {words} tasks on {workers} workers: {taken:.1f} s, "
+                  f"{(taken - ideal) / each * 1e3:.2f} ms a task beyond them", flush=True)
+
+
+def rest(seconds: float, number: int) -> int:
+    """A task that uses no processor."""
+    if seconds:
+        time.sleep(seconds)
+    return number
+
+
+# ---- what follows
+
+def model(session_s: float = 8.3, pixel_s: float = 1.0e-6, scheduler_s: float = 1.0e-3,
+          look_s: float = 0.02, written: float = 60.0, disk: float = 2.0e9) -> None:
+    """What sessions and pixels take on many workers.
+
+    Parameters
+    ----------
+    session_s : float
+        Of one core for a session.
+    pixel_s : float
+        Of one core for a pixel.
+    scheduler_s, look_s : float
+        Of the scheduler, and of the command that reads each session first, for a task.
+    written : float
+        Bytes for a pixel.
+    disk : float
+        Bytes a second of the file system that all workers share.
+    """
+    for workers in (1, 10, 100, 1000, 10_000):
+        work, feeding = 10_000 * session_s / workers, 10_000 * (look_s + scheduler_s)
+        pixels, writing = 1e12 * pixel_s / workers, 1e12 * written / disk
+        print(f"{workers:6d} workers: 10 000 sessions {max(work, feeding):9.0f} s "
+              f"({'workers' if work > feeding else 'the command that feeds them'}); 10^12 pixels "
+              f"{max(pixels, writing) / MACHINE_DAY:7.2f} days "
+              f"({'workers' if pixels > writing else 'writing'})")
+
+
+# ---- common
+
+def timed(words: list[str]) -> tuple[float, float, int]:
+    """Seconds, seconds of processor, and bytes of memory at most, of one command."""
+    started = time.perf_counter()
+    process = subprocess.Popen([sys.executable, "-m", "spectrabox", *words],
+                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    taken = time.perf_counter() - started
+    if status:
+        raise SystemExit(f"spectrabox {' '.join(words)} failed")
+    return taken, used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
+
+
+def bytes_in(folder: Path) -> int:
+    """Of all files in a folder."""
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+if __name__ == "__main__":
+    main()

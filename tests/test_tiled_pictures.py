@@ -1,0 +1,250 @@
+"""Pictures of tiles and chunks: what is read and written does not depend on how they are cut."""
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from flat_example import write_flat
+from sampling_cameras import surface
+
+from spectrabox.capture.photo.image_rows import exr_rows, open_rows
+from spectrabox.radiometry.bands_of_rows import read_by_bands, written_by_bands
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.files import UNFINISHED, sweep_unfinished, whole_folder
+from spectrabox.radiometry.spectra.formats import zarr_array
+from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr, zarr_rows
+from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import run_stages
+from spectrabox.session.signals import spectra_rows
+from spectrabox.session.signals.signal_options import response_of_names
+from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
+from spectrabox.session.store.store import load_stage
+
+zarr = pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
+CAMERA, LIGHT, HEIGHT, WIDTH = "Nikon 5100 (NPL)", "D65", 150, 90
+NM = np.array([400.0, 500.0, 700.0])
+
+
+@pytest.fixture(scope="module")
+def image():
+    """Signals (H, W, 3) of a few surfaces under light that falls off, exact in half floats."""
+    response = response_of_names(CAMERA, LIGHT)
+    surfaces = np.array([response @ surface(GRID.nm, seed) for seed in range(6)])
+    shade = np.linspace(0.5, 1, HEIGHT)[:, None, None]
+    return (surfaces[np.arange(WIDTH) % 6] * shade).astype(np.float16).astype(np.float32)
+
+
+def write_picture(path, image, tile=None, kind="half"):
+    """A TIFF or EXR of scan lines, or of tiles (height, width)."""
+    spec = oiio.ImageSpec(image.shape[1], image.shape[0], 3, kind)
+    if tile:
+        spec.tile_height, spec.tile_width = tile
+    file = oiio.ImageOutput.create(str(path))
+    assert file.open(str(path), spec) and file.write_image(image) and file.close()
+    return path
+
+
+def write_zarr(path, image, chunks, **more):
+    array = zarr.create_array(str(path), shape=image.shape, dtype=image.dtype, chunks=chunks,
+                              **more)
+    array[...] = image
+    return path
+
+
+def answer(folder, path, form):
+    request = UpliftRequest(path, folder, CAMERA, LIGHT, None, 0.01, 5, 10, False, form=form)
+    facts = uplift_answer(request, lambda *_: None)[0]
+    return [stored(Path(facts[name])) for name in ("mean", "standard_deviation")]
+
+
+def stored(path):
+    if path.suffix == ".zarr":
+        return np.asarray(zarr.open_array(str(path), mode="r")[...])
+    return np.asarray(oiio.ImageInput.open(str(path)).read_image("half"))
+
+
+INPUTS = {
+    "tiles of 64": lambda path, image: write_picture(path.with_suffix(".exr"), image, (64, 64)),
+    "flat tiles": lambda path, image: write_picture(path.with_suffix(".exr"), image, (16, 32)),
+    "TIFF of tiles": lambda path, image: write_picture(path.with_suffix(".tif"), image, (32, 16),
+                                                       "float"),
+    "Zarr": lambda path, image: write_zarr(path.with_suffix(".zarr"), image, (40, 40, 3)),
+    "Zarr of one band a chunk": lambda path, image: write_zarr(
+        path.with_suffix(".zarr"), image.astype(np.float16), (7, 90, 1)),
+    "Zarr of shards": lambda path, image: write_zarr(path.with_suffix(".zarr"), image, (16, 8, 3),
+                                                     shards=(32, 64, 3))}
+
+
+@pytest.fixture(scope="module")
+def of_scan_lines(image, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lines")
+    return answer(folder / "out", write_picture(folder / "picture.exr", image), "exr")
+
+
+@pytest.mark.parametrize("form", INPUTS)
+def test_the_result_does_not_depend_on_how_the_picture_is_cut(form, image, of_scan_lines, tmp_path):
+    made = answer(tmp_path / "out", INPUTS[form](tmp_path / "picture", image), "exr")
+    for values, others in zip(made, of_scan_lines, strict=True):
+        np.testing.assert_array_equal(values, others)
+
+
+@pytest.mark.parametrize("rows", [1, 48])
+@pytest.mark.parametrize("form", ["tiled-exr", "zarr"])
+def test_tiles_and_chunks_hold_what_scan_lines_hold(form, rows, image, of_scan_lines, tmp_path,
+                                                    monkeypatch):
+    monkeypatch.setattr(spectra_rows, "ROWS_PER_BLOCK", rows)
+    monkeypatch.setattr(spectra_rows, "PIXELS_AT_ONCE", 1)
+    monkeypatch.setattr(zarr_array, "CHUNK_PX", 32)
+    monkeypatch.setattr(zarr_array, "CHUNKS_A_SHARD", 2)
+    path = write_picture(tmp_path / "picture.exr", image, (64, 64))
+    mean, spread = answer(tmp_path / "out", path, form)
+    colours = 3 if form == "zarr" else 0    # of viewers of EXR alone
+    np.testing.assert_array_equal(mean, of_scan_lines[0][..., colours:])
+    np.testing.assert_array_equal(spread, of_scan_lines[1])
+    if form == "tiled-exr":
+        spec = oiio.ImageInput.open(str(tmp_path / "out" / "mean.exr")).spec()
+        assert (spec.tile_width, spec.tile_height) == (64, 64)
+    else:
+        array = zarr.open_array(str(tmp_path / "out" / "mean.zarr"), mode="r")
+        assert array.attrs["wavelengths_nm"] == GRID.nm[::2].tolist()
+        assert array.metadata.dimension_names == ("y", "x", "wavelength")
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16"])
+def test_integers_of_an_array_are_fractions_of_their_full_scale(kind, tmp_path):
+    full = np.iinfo(kind).max
+    image = np.full((4, 5, 3), full // 2, kind)
+    rows = open_rows(write_zarr(tmp_path / "a.zarr", image, (2, 2, 3)))
+    np.testing.assert_array_equal(rows.read(1, 3), np.float32(full // 2) / np.float32(full))
+
+
+@pytest.mark.parametrize("height, band", [(10, 3), (9, 3), (2, 5), (1, 1)])
+@pytest.mark.parametrize("step", [1, 2, 4, 100])
+def test_rows_come_and_go_through_bands_unchanged(height, band, step):
+    whole = np.random.default_rng(0).uniform(size=(height, 4, 2)).astype(np.float32)
+    read, asked, written = [], [], []
+
+    def read_band(first, last):
+        read.append((first, last))
+        return whole[first:last]
+
+    rows = read_by_bands(read_band, height, band)
+    with written_by_bands(lambda first, pixels: written.append((first, pixels.copy())),
+                          whole.shape, band, whole.dtype) as write:
+        for first in range(0, height, step):
+            part = rows(first, min(first + step, height))
+            asked.append(part)
+            write(first, part)
+    np.testing.assert_array_equal(np.concatenate(asked), whole)
+    bands = [(first, min(first + band, height)) for first in range(0, height, band)]
+    assert read == bands                    # each once
+    assert [(first, first + len(pixels)) for first, pixels in written] == bands
+    np.testing.assert_array_equal(np.concatenate([pixels for _, pixels in written]), whole)
+
+
+# ---- what is refused
+
+def test_codecs_that_may_run_code_are_refused(tmp_path, image):
+    path = write_zarr(tmp_path / "a.zarr", image, (64, 64, 3))
+    about = json.loads((path / "zarr.json").read_text())
+    about["codecs"].insert(0, {"name": "numcodecs.pickle", "configuration": {}})
+    (path / "zarr.json").write_text(json.dumps(about))
+    with pytest.raises(InputError, match=r"encoded by numcodecs.pickle, which is not read"):
+        open_zarr(path)
+    inside = {"name": "sharding_indexed", "configuration": {"codecs": [{"name": "evil"}]}}
+    (path / "zarr.json").write_text(json.dumps(about | {"codecs": [inside]}))
+    with pytest.raises(InputError, match=r"encoded by evil, which is not read"):
+        open_zarr(path)
+
+
+@pytest.mark.parametrize("metadata, message", [
+    (None, "no Zarr array of version 3"), ("{", "cannot be read as a Zarr array"),
+    ("[]", "cannot be read as a Zarr array"), ("[" * 100_000, "cannot be read as a Zarr array"),
+    ('{"node_type": "group", "zarr_format": 3}', "holds a group, not one array"),
+    ('{"node_type": "array", "zarr_format": 3, "codecs": []}', "cannot be read as a Zarr array")])
+def test_a_folder_that_is_no_array_is_one_sentence(tmp_path, metadata, message):
+    (tmp_path / "a.zarr").mkdir()
+    if metadata is not None:
+        (tmp_path / "a.zarr" / "zarr.json").write_text(metadata, encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        open_rows(tmp_path / "a.zarr")
+
+
+@pytest.mark.parametrize("image, message", [
+    (np.zeros((4, 4), np.float32), "needed are rows, columns and bands"),
+    (np.zeros((4, 4, 3), bool), "needed are rows, columns and bands"),
+    (np.zeros((4, 4, 2), np.float32), "at least 3 are needed")])
+def test_an_array_of_another_shape_is_refused(tmp_path, image, message):
+    with pytest.raises(InputError, match=message):
+        open_rows(write_zarr(tmp_path / "a.zarr", image, image.shape))
+
+
+def test_a_damaged_chunk_and_a_value_that_is_no_number_are_one_sentence(tmp_path, image):
+    path = write_zarr(tmp_path / "a.zarr", image, (64, 64, 3))
+    (path / "c" / "1" / "0" / "0").write_bytes(b"damaged")
+    rows = open_rows(path)
+    rows.read(0, 64)
+    with pytest.raises(InputError, match=r"a.zarr cannot be read as a Zarr array"):
+        rows.read(64, 70)
+    broken = image.copy()
+    broken[3, 3, 1] = np.nan
+    with pytest.raises(InputError, match=r"1 of 40500 values that are NaN"):
+        open_rows(write_zarr(tmp_path / "b.zarr", broken, (150, 90, 3))).read(0, 10)
+
+
+def test_without_zarr_the_answer_is_what_to_install(tmp_path, monkeypatch, image):
+    path = write_zarr(tmp_path / "a.zarr", image, (64, 64, 3))
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    with pytest.raises(EnvironmentProblem, match=r"pip install 'spectrabox\[zarr\]'"):
+        open_rows(path)
+
+
+def test_a_cut_tile_file_is_one_sentence(tmp_path, image):
+    path = write_picture(tmp_path / "a.tif", image, (32, 16), "float")
+    path.write_bytes(path.read_bytes()[:20_000])
+    with pytest.raises(InputError):
+        rows = open_rows(path)
+        rows.read(0, HEIGHT)
+
+
+# ---- whole or not at all
+
+@pytest.mark.parametrize("form", ["tiled-exr", "zarr"])
+def test_a_picture_that_was_not_written_to_its_end_leaves_nothing(form, tmp_path):
+    make = (zarr_rows(tmp_path / "a.zarr", 300, 8, NM, True, {}) if form == "zarr" else
+            exr_rows(tmp_path / "a.exr", 300, 8, ["R", "G", "B"], True, tiles=True))
+    with pytest.raises(ZeroDivisionError), make as write:
+        write(0, np.zeros((200, 8, 3), np.float32))
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_is_replaced_whole(tmp_path):
+    for number in range(2):
+        with whole_folder(tmp_path / "a.zarr") as folder:
+            folder.mkdir()
+            (folder / str(number)).write_text("x", encoding="utf-8")
+    assert [path.name for path in (tmp_path / "a.zarr").iterdir()] == ["1"]
+    (tmp_path / "file").write_text("x", encoding="utf-8")
+    with pytest.raises(EnvironmentProblem, match="file cannot be written: it is a file"), \
+            whole_folder(tmp_path / "file"):
+        pass
+    (tmp_path / f"{UNFINISHED}999999999-aa.zarr").mkdir()
+    sweep_unfinished(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.zarr", "file"]
+
+
+def test_a_flat_session_keeps_its_picture_as_an_array(tmp_path):
+    (tmp_path / "s").mkdir()
+    folder = write_flat(tmp_path / "s", '[picture]\nrect = [250, 30, 330, 90]\nformat = "zarr"\n')
+    config = read_session(folder)
+    run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None)
+    picture = folder / "results" / "picture"
+    assert load_stage(folder / "results", "picture").damage is None
+    array = zarr.open_array(str(picture / "mean.zarr"), mode="r")
+    assert array.shape == (30, 40, 31) and np.isfinite(np.asarray(array[...])).all()
+    next(path for path in (picture / "mean.zarr").rglob("*") if path.is_file()).write_bytes(b"x")
+    assert load_stage(folder / "results", "picture").damage.startswith("mean.zarr/")
