@@ -10,9 +10,9 @@ from flat_example import write_flat
 from sampling_cameras import surface
 
 from spectrabox.capture.photo.image_rows import exr_rows, open_rows
-from spectrabox.radiometry.bands_of_rows import read_by_bands, written_by_bands
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import UNFINISHED, sweep_unfinished, whole_folder
+from spectrabox.radiometry.outside.bands_of_rows import read_by_bands, written_by_bands
 from spectrabox.radiometry.spectra.formats import zarr_array
 from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr, zarr_rows
 from spectrabox.sampling.prior.mixture import GRID

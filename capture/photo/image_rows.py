@@ -26,9 +26,9 @@ from spectrabox.capture.photo.image_files import (
     require_finite,
 )
 from spectrabox.capture.photo.linear import open_photo
-from spectrabox.radiometry.bands_of_rows import WriteRows, read_by_bands, written_by_bands
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file
+from spectrabox.radiometry.outside.bands_of_rows import WriteRows, read_by_bands, written_by_bands
 from spectrabox.radiometry.outside.words import reason_of
 from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr
 

@@ -22,8 +22,8 @@ import numpy as np
 
 from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK, exr_rows
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
-from spectrabox.radiometry.bands_of_rows import WriteRows
 from spectrabox.radiometry.files import writable
+from spectrabox.radiometry.outside.bands_of_rows import WriteRows
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.envi_cube import VALUES, envi_rows
 from spectrabox.radiometry.spectra.formats.zarr_array import SUFFIX as ZARR

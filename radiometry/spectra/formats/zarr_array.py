@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.bands_of_rows import WriteRows, written_by_bands
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import whole_folder
+from spectrabox.radiometry.outside.bands_of_rows import WriteRows, written_by_bands
 
 SUFFIX, METADATA = ".zarr", "zarr.json"
 CHUNK_PX = 128              # of one side; a chunk holds all bands
