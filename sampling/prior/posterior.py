@@ -67,6 +67,17 @@ class _Seen:
     noise: np.ndarray
 
 
+@dataclass(frozen=True)
+class _Part:
+    """Some pairs of a component and a signal, as n rows."""
+
+    place: tuple[int | slice, int | slice]      # of the rows in arrays (C, T)
+    seen: _Seen                                 # a signal for each row
+    mean: np.ndarray                            # (P,), or (n, P): one for each row
+    covariance: np.ndarray                      # (P, P), or (n, P, P)
+    logits: np.ndarray                          # (n, P), a view
+
+
 def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
               covariance: np.ndarray, start: MixturePosterior | None = None, *,
               still: float = STILL) -> MixturePosterior:
@@ -88,27 +99,29 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     """
     noise = np.broadcast_to(with_floor(covariance), (len(signals), *covariance.shape[-2:]))
     seen = _Seen(relative_response, signals, noise)
-    components = list(zip(prior.means, prior.covariances, strict=True))
-    shape = (len(components), len(signals))
+    shape = (len(prior.means), len(signals))
     logits = np.repeat(prior.means[:, None], len(signals), axis=1) if start is None \
         else start.logits.copy()
-    tried = TRIED if start is None else 1
     variances = np.repeat(np.diagonal(prior.covariances, axis1=1, axis2=2)[:, None], len(signals),
                           axis=1)
     log_weights = np.log(prior.weights)
-    rough = np.array([log_weights[index] + rough_evidence(seen, *component, logits[index], tried)
-                      for index, component in enumerate(components)])
-    score, misfit, surprise = np.full(shape, -np.inf), np.zeros(shape), np.full(shape, np.inf)
-    allowed = allowed_misfit(noise)
-    plain = score.copy()
-    for index, component in enumerate(components):
-        near = np.flatnonzero(rough[index] > rough.max(axis=0) - BEHIND)
-        climb(seen, near, *component, logits[index], STEPS, still)
-        variances[index, near], evidence, misfit[index, near], surprise[index, near] = laplace(
-            seen, near, *component, logits[index, near])
-        plain[index, near] = log_weights[index] + evidence
-        score[index, near] = plain[index, near] \
-            - PENALTY * np.maximum(misfit[index, near] - allowed[near], 0)
+    parts = list(_components_of_signals(prior, seen, logits))
+    tried = TRIED if start is None else 1
+    rough = log_weights[:, None] + np.reshape([rough_evidence(part.seen, part.mean, part.covariance,
+                                                              part.logits, tried)
+                                               for part in parts], shape)
+    plain, misfit, surprise = np.full(shape, -np.inf), np.zeros(shape), np.full(shape, np.inf)
+    close = rough > rough.max(axis=0) - BEHIND
+    for part in parts:
+        near = np.flatnonzero(close[part.place])
+        climb(part.seen, near, part.mean, part.covariance, part.logits, STEPS, still)
+        variance, evidence, off, strange = laplace(part.seen, near, part.mean, part.covariance,
+                                                   part.logits)
+        for found, values in ((variances, variance), (plain, evidence), (misfit, off),
+                              (surprise, strange)):
+            found[part.place][near] = values
+    plain += log_weights[:, None]
+    score = plain - PENALTY * np.maximum(misfit - allowed_misfit(noise), 0)
     weights = np.exp(score - score.max(axis=0))
     weights /= weights.sum(axis=0)
     weights[weights < NEGLIGIBLE] = 0
@@ -116,6 +129,23 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     return MixturePosterior(weights.T, logits, variances, (weights * misfit).sum(axis=0),
                             surprise.min(axis=0), _log_sum(plain)
                             - signals.shape[1] / 2 * np.log(2 * np.pi))
+
+
+def _components_of_signals(prior: LogitMixture, seen: _Seen,
+                           logits: np.ndarray) -> Iterator[_Part]:
+    """All pairs of a component and a signal: a part for each component, its rows the signals; or,
+    for one signal, one part whose rows are the components.
+    """
+    components = len(prior.means)
+    if len(seen.signals) == 1:
+        yield _Part((slice(None), 0), _Seen(seen.relative_response,
+                                            np.repeat(seen.signals, components, axis=0),
+                                            np.repeat(seen.noise, components, axis=0)),
+                    prior.means, prior.covariances, logits[:, 0])
+        return
+    for index in range(components):
+        yield _Part((index, slice(None)), seen, prior.means[index], prior.covariances[index],
+                    logits[index])
 
 
 def _log_sum(logarithms: np.ndarray) -> np.ndarray:
@@ -131,10 +161,12 @@ def with_floor(covariance: np.ndarray) -> np.ndarray:
 
 def climb(seen: _Seen, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray, x: np.ndarray,
           steps: int, still: float = STILL) -> None:
-    """Move logits x (T, P) of some rows towards one component's mode, in place."""
+    """Move logits x (T, P) of some rows towards the mode of one component, or each of its own, in
+    place.
+    """
     active = rows
     for _ in range(steps):
-        gain_base, Q, residual = _linearised(seen, active, mean, covariance, x[active])
+        gain_base, Q, residual = _linearised(seen, active, mean, covariance, x)
         active = _step(x, active, mean, gain_base, np.linalg.solve(Q, residual[..., None]), still)
         if not active.size:
             break
@@ -143,7 +175,7 @@ def climb(seen: _Seen, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarra
 def _step(x: np.ndarray, active: np.ndarray, mean: np.ndarray, gain_base: np.ndarray,
           solved: np.ndarray, still: float = STILL) -> np.ndarray:
     """Move logits x (T, P) of the active rows one step; those (n,) that did not stand still."""
-    step = mean + (solved.transpose(0, 2, 1) @ gain_base)[:, 0] - x[active]
+    step = _own(mean, active, 1) + (solved.transpose(0, 2, 1) @ gain_base)[:, 0] - x[active]
     length = np.abs(step).max(axis=1)
     x[active] += step * np.minimum(1, MAX_STEP / np.maximum(length, STILL))[:, None]
     return active[length > still]
@@ -165,13 +197,15 @@ def rough_evidence(seen: _Seen, mean: np.ndarray, covariance: np.ndarray,
 def laplace(seen: _Seen, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
             x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Variances (n, P), log evidence (n,), largest misfit (n,) and r' Q^-1 r (n,) of some rows at
-    one component's modes x (n, P).
+    the modes among x (T, P).
     """
     gain_base, Q, residual = _linearised(seen, rows, mean, covariance, x)
     solved = np.linalg.solve(Q, np.concatenate([gain_base, residual[..., None]], axis=2))
-    variance = np.diag(covariance) - np.einsum("tkp,tkp->tp", gain_base, solved[..., :-1])
+    variance = np.diagonal(_own(covariance, rows, 2), axis1=-2, axis2=-1) \
+        - np.einsum("tkp,tkp->tp", gain_base, solved[..., :-1])
     surprise = np.einsum("tk,tk->t", residual, solved[..., -1])
-    misfit = np.abs(seen.signals[rows] - reflectance(x) @ seen.relative_response.T).max(axis=1)
+    misfit = np.abs(seen.signals[rows]
+                    - reflectance(x[rows]) @ seen.relative_response.T).max(axis=1)
     return (np.maximum(variance, 1e-8), _log_evidence(Q, residual, solved[..., -1]), misfit,
             surprise)
 
@@ -182,14 +216,20 @@ def _log_evidence(Q: np.ndarray, residual: np.ndarray, solved: np.ndarray) -> np
 
 def _linearised(seen: _Seen, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
                 x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    p = reflectance(x)
+    p, own = reflectance(x[rows]), _own(covariance, rows, 2)
     slope = p * (1 - p)
     jacobian = seen.relative_response * slope[:, None, :]
-    gain_base = (jacobian.reshape(-1, x.shape[1]) @ covariance).reshape(jacobian.shape)
+    gain_base = jacobian @ own if own.ndim > 2 else \
+        (jacobian.reshape(-1, x.shape[1]) @ own).reshape(jacobian.shape)
     Q = gain_base @ jacobian.transpose(0, 2, 1) + seen.noise[rows]
     residual = seen.signals[rows] - p @ seen.relative_response.T \
-        + (slope * (x - mean)) @ seen.relative_response.T
+        + (slope * (x[rows] - _own(mean, rows, 1))) @ seen.relative_response.T
     return gain_base, Q, residual
+
+
+def _own(values: np.ndarray, rows: np.ndarray, dimensions: int) -> np.ndarray:
+    """Of each row where there is one for each, else that of all."""
+    return values[rows] if values.ndim > dimensions else values
 
 
 def mean_and_spread(mixture: MixturePosterior) -> tuple[np.ndarray, np.ndarray]:
