@@ -197,6 +197,23 @@ def test_a_component_far_from_zero_and_one_gives_the_linear_answer():
     np.testing.assert_allclose(found.logits[0, 0], expected, atol=1e-9)
 
 
+def test_a_signal_has_the_posterior_by_itself_that_it_has_among_others(prior):
+    response = response_on(seen(surface(GRID.nm, 1), 0.01), GRID)
+    signals = np.array([surface(GRID.nm, seed) for seed in range(4)]) @ response.T
+    noise = np.array([error**2 * np.eye(3) for error in (0.002, 0.01, 0.01, 0.1)])
+    together = posterior(prior, response, signals, noise)
+    for row in range(len(signals)):
+        alone = posterior(prior, response, signals[row:row + 1], noise[row])
+        # Products are summed in another order: a few eps of logits of up to ten, through matrices
+        # of condition 1e4, and what exp() makes of it.
+        np.testing.assert_allclose(alone.weights[0], together.weights[row], atol=1e-10)
+        np.testing.assert_allclose(alone.logits[:, 0], together.logits[:, row], atol=1e-10)
+        np.testing.assert_allclose(alone.variances[:, 0], together.variances[:, row], atol=1e-10)
+        for number in ("misfit", "surprise", "log_evidence"):
+            np.testing.assert_allclose(getattr(alone, number)[0], getattr(together, number)[row],
+                                       atol=1e-9)
+
+
 def test_quantiles_of_the_mixture_have_their_probability(prior):
     measured = seen(surface(GRID.nm, 3))
     found = posterior(prior, measured.relative_response, measured.signal[None],
