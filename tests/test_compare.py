@@ -1,19 +1,22 @@
 """Sessions over months: a planted drift is found, and nothing else is claimed."""
+import dataclasses
 import json
 import shutil
 import sqlite3
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from flat_example import picture, write_flat
+from test_error_laws import image
 from typer.testing import CliRunner
 
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import SpectrumSummary
+from spectrabox.radiometry.records import PatchSamples, SpectrumSummary
 from spectrabox.session.cli import app
 from spectrabox.session.compare.control_chart import control_chart
 from spectrabox.session.compare.quantities import (
@@ -22,6 +25,8 @@ from spectrabox.session.compare.quantities import (
     SessionQuantities,
     find_sessions,
 )
+from spectrabox.session.compare.quantities import _exposure as exposure
+from spectrabox.session.compare.quantities import _of_chart as of_chart
 from spectrabox.session.compare.surfaces import surface_pairs
 
 GRID = visible_grid(10.0)
@@ -190,3 +195,38 @@ def test_links_are_not_followed_to_sessions_elsewhere(tmp_path):
     assert find_sessions(tmp_path / "lab") == []
     with pytest.raises(InputError):
         find_sessions(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("seconds, iso, f_number", [(0.1, 100.0, 8.0), (0.025, 100.0, 4.0),
+                                                    (0.05, 200.0, 8.0), (0.2, 200.0, 16.0)])
+def test_settings_that_let_in_as_much_light_count_as_one_exposure(seconds, iso, f_number):
+    photo = dataclasses.replace(image(np.ones((1, 1, 3))), exposure_s=seconds, iso=iso,
+                                f_number=f_number)
+    assert exposure(photo) == pytest.approx(0.1 / 64)
+
+
+def test_one_normal_value_in_hundreds_is_out_where_nothing_is_known_of_the_spread():
+    rng = np.random.default_rng(6)
+    out = [len(out_of([a_session(str(number), quantities={"x": Quantity(value, 0.0, 0.0)})
+                       for number, value in enumerate(rng.normal(2, 0.03, 500))]))
+           for _ in range(10)]
+    # 3 deviations: 0.27 %, and a little more, as 500 values know the median deviation to 5 %
+    assert 0.0012 < np.sum(out) / 5000 < 0.0065
+
+
+def test_brightness_and_balance_of_a_chart_err_as_those_of_repeated_photos():
+    rng, truth = np.random.default_rng(7), np.linspace(0.1, 0.9, 24)[:, None] * [1.0, 0.8, 0.5]
+    sigma, config = 0.03 * truth, SimpleNamespace(
+        repeatability=SimpleNamespace(relative_error=0.01))
+    found, stated = [], []
+    for _ in range(400):
+        samples = PatchSamples(truth + sigma * rng.standard_normal(truth.shape),
+                               np.einsum("ik,kl->ikl", sigma**2, np.eye(3)), np.full(24, 100),
+                               np.zeros((24, 3)), np.zeros((24, 3)))
+        quantities = of_chart(samples, image(np.ones((1, 1, 3))), config, {})
+        found.append([one.value for one in quantities.values()])
+        stated.append([one.standard_error for one in quantities.values()])
+    # 400 photos know a deviation to 3.5 %; a band errs a little less beside the mean of all three
+    ratio = np.mean(stated, axis=0) / np.std(found, axis=0)
+    assert ratio[0] == pytest.approx(1, abs=0.14)
+    np.testing.assert_allclose(ratio[1:], np.sqrt(1.5), rtol=0.15)

@@ -185,3 +185,50 @@ def test_truths_are_of_the_stated_families_and_unlike_the_mixture_fitted_to_them
     assert 0.3 < np.mean(truths[:, at[1]] > 1.05 * truths[:, at[0]]) < 0.8
     np.testing.assert_array_equal(true_reflectances(stated, 5, np.random.default_rng(3)),
                                   true_reflectances(stated, 5, np.random.default_rng(3)))
+
+
+def fixed(monkeypatch, module, name, limits, value):
+    """A drawn number set to a value; every other is drawn as before."""
+    drawn = getattr(module, name)
+
+    def of(rng, low, high, count):
+        found = drawn(rng, low, high, count)
+        return np.full_like(found, value) if (low, high) == limits else found
+    monkeypatch.setattr(module, name, of)
+
+
+def test_blood_in_vessels_absorbs_less_than_the_same_blood_spread_out(monkeypatch):
+    """Most where it absorbs most: what lies behind in a vessel gets no light."""
+    found = []
+    for radius_cm in (1e-9, 1e-3, 4e-3):
+        with monkeypatch.context() as patched:
+            fixed(patched, skin, "log_uniform", (5e-4, 4e-3), radius_cm)
+            found.append(skin._layers(np.random.default_rng(3), 50)[1])
+    spread, narrow, wide = found
+    assert np.all(narrow < spread) and np.all(wide < narrow)
+    violet, red = GRID.nm.tolist().index(420), GRID.nm.tolist().index(680)
+    assert np.all(wide[:, violet] / spread[:, violet] < wide[:, red] / spread[:, red])
+
+
+@pytest.mark.parametrize("n", [1.0, 2.0, 3.0])
+def test_solid_ink_looks_the_same_however_far_light_spreads_in_paper(monkeypatch, n):
+    """Yule and Nielsen: where all paper is covered there is nothing to spread to."""
+    class AllCovered:
+        def __init__(self):
+            self.rng = np.random.default_rng(4)
+
+        def beta(self, a, b, size):
+            return np.ones(size)
+
+        def __getattr__(self, name):
+            return getattr(self.rng, name)
+
+    monkeypatch.setattr(printing, "chance", lambda rng, probability, count:
+                        np.ones((count, 1)))
+    fixed(monkeypatch, printing, "uniform", (1, 3), 1.0)
+    expected = printing.halftone(AllCovered(), 30)
+    monkeypatch.undo()
+    monkeypatch.setattr(printing, "chance", lambda rng, probability, count:
+                        np.ones((count, 1)))
+    fixed(monkeypatch, printing, "uniform", (1, 3), n)
+    np.testing.assert_allclose(printing.halftone(AllCovered(), 30), expected, rtol=1e-9)

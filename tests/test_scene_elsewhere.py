@@ -293,3 +293,13 @@ def test_a_scene_of_several_files_is_not_copied_in_part(tmp_path):
     main = written(tmp_path, "scene.xml", CAMERA + '<include filename="lamp.xml"/>')
     with pytest.raises(InputError, match="includes other files, whose parts a copy could not"):
         scene_with_light_moved(main, 0, np.zeros(3), tmp_path)
+
+
+def test_no_two_things_share_an_id_whatever_a_lifted_bsdf_would_be_called(tmp_path):
+    inside = INSIDE.replace("0.5 0.5 0.5", "0.2 0.3 0.4")
+    named = INSIDE.replace("<bsdf ", '<bsdf id="Wall_bsdf" ')
+    found = scene_of(tmp_path, named, FLOOR.format(bsdf='<ref id="Wall_bsdf" name="bsdf"/>'),
+                     FLOOR.replace("Floor", "Wall").format(bsdf=inside))
+    assert found.surfaces["Wall"] != found.surfaces["Floor"] == "Wall_bsdf"
+    ids = [node.get("id") for node in found.root.iter() if node.get("id") and node.tag != "ref"]
+    assert len(ids) == len(set(ids))
