@@ -19,6 +19,7 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples, SpectrumSummary
 from spectrabox.session.cli import app
 from spectrabox.session.compare.control_chart import control_chart
+from spectrabox.session.compare.lasting_shift import lasting_shifts, shift_words
 from spectrabox.session.compare.quantities import (
     BRIGHTNESS,
     Quantity,
@@ -59,7 +60,8 @@ def out_of(sessions):
 
 def test_nothing_is_claimed_of_a_lab_that_is_as_ever():
     rng = np.random.default_rng(1)
-    alarms = sum(bool(out_of(months(rng, 12))) for _ in range(300))
+    labs = [months(rng, 12) for _ in range(300)]
+    alarms = sum(bool(out_of(lab)) or bool(lasting_shifts(lab)) for lab in labs)
     # 12 sessions with 4 quantities each: 1 in 370 of normal values, fewer where spread is stated
     assert alarms <= 12
 
@@ -84,6 +86,61 @@ def test_seven_percent_of_a_lamp_is_found_more_often_than_not():
     rng = np.random.default_rng(3)
     found = [out_of(months(rng, 12, (1.07, 1.07, 1.07))) for _ in range(100)]
     assert np.mean([(7, BRIGHTNESS) in one for one in found]) >= 0.85
+
+
+@pytest.mark.parametrize("last", [3, 5])
+def test_a_lamp_that_stays_five_percent_weaker_is_found(last):
+    """Within what one session scatters, not within what the mean of several does."""
+    rng = np.random.default_rng(5)
+    found = []
+    for _ in range(100):
+        sessions = months(rng, 12 - last) + [
+            moved(one, np.log(0.95)) for one in months(rng, last)]
+        found.append(lasting_shifts(sessions))
+    shifts = [one for lab in found for one in lab if one.quantity == BRIGHTNESS]
+    # 98 and 92 of 100 by this rule alone, of 400 labs: three standard errors of 100 labs less
+    assert len(shifts) >= {5: 93, 3: 83}[last]
+    assert sum(len(lab) for lab in found) - len(shifts) <= 3        # nothing else is claimed
+    sizes = np.array([one.size for one in shifts])
+    # that the shift is the largest of all splits biases it a little: found where chance adds to it
+    assert abs(np.median(sizes) - np.log(0.95)) < 0.008
+    assert np.median([one.first for one in shifts]) == 12 - last
+
+
+def moved(session, off):
+    """The same session with its chart brighter by a logarithm."""
+    one = session.quantities[BRIGHTNESS]
+    quantities = session.quantities | {BRIGHTNESS: Quantity(one.value + off, one.standard_error,
+                                                            one.spread)}
+    return a_session(session.name, quantities=quantities)
+
+
+def test_one_odd_session_is_no_lasting_shift():
+    rng = np.random.default_rng(6)
+    for at in range(12):
+        sessions = months(rng, 12, (0.85, 0.85, 0.85), at)
+        # at either end two sessions make a part: one that is far off is half of it
+        if 2 <= at < 10:
+            assert lasting_shifts(sessions) == []
+
+
+def test_a_lasting_shift_is_said_with_its_first_session_and_its_error():
+    values = [0.0, 0.004, -0.004, 0.002, -0.002, -0.06, -0.055, -0.063, -0.06]
+    sessions = [a_session(f"s{k}", quantities={BRIGHTNESS: Quantity(value, 0.0, 0.01)})
+                for k, value in enumerate(values)]
+    other = [a_session(f"o{k}", camera="B 1", quantities={BRIGHTNESS: Quantity(1.0, 0.0, 0.01)})
+             for k in range(9)]
+    mixed = [one for pair in zip(other, sessions, strict=True) for one in pair]
+    [shift] = lasting_shifts(mixed)
+    assert mixed[shift.first].name == "s5" and mixed[shift.last_before].name == "s4"
+    assert shift.size == pytest.approx(np.mean(values[5:]) - np.mean(values[:5]))
+    assert (shift.before, shift.after) == (5, 4)
+    # the largest difference of two successive ones makes the scatter larger than stated
+    scatter = np.sqrt(np.mean(np.diff(values) ** 2) / 2)
+    assert shift.standard_error == pytest.approx(scatter * np.sqrt(1 / 5 + 1 / 4))
+    assert shift_words(shift, "s5") == ("from s5 on, brightness of the chart differs by -5.9% ± "
+                                        "1.0% from before (5 sessions before, 4 after)")
+    assert lasting_shifts(sessions[:5]) == []           # too few to tell
 
 
 def test_two_sessions_are_told_apart_only_beyond_what_both_repeat():

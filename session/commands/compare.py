@@ -12,6 +12,7 @@ from spectrabox.session.command_line import Debug, Json, Outside, answer, comman
 
 if TYPE_CHECKING:
     from spectrabox.session.compare.control_chart import Verdict
+    from spectrabox.session.compare.lasting_shift import LastingShift
     from spectrabox.session.compare.quantities import SessionQuantities
     from spectrabox.session.compare.surfaces import SurfacePair
 
@@ -23,18 +24,22 @@ def register(app: typer.Typer) -> None:
 
 
 def compare(folders: Annotated[list[Path], typer.Argument(
-                metavar="DIR...", show_default=False, help="Finished sessions, two or more.")],
+                metavar="DIR...", show_default=False, help="Finished sessions, two or more, in the "
+                "order in which they were taken.")],
             allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
     """What changed between sessions: camera, light, chart, and surfaces of one name."""
     with command(as_json, debug):
         from spectrabox.session.compare.control_chart import control_chart
+        from spectrabox.session.compare.lasting_shift import lasting_shifts
         from spectrabox.session.compare.quantities import session_quantities
         from spectrabox.session.compare.surfaces import surface_pairs
         if len(folders) < 2:
             raise InputError("one session cannot be compared; name two or more")
         sessions = [session_quantities(folder, allow_outside) for folder in folders]
         verdicts, pairs = control_chart(sessions), surface_pairs(sessions)
-        answer(as_json, _facts(sessions, verdicts, pairs), _text(sessions, verdicts, pairs))
+        shifts = lasting_shifts(sessions)
+        answer(as_json, _facts(sessions, verdicts, shifts, pairs),
+               _text(sessions, verdicts, shifts, pairs))
 
 
 def catalogue(root: Annotated[Path, typer.Argument(
@@ -48,6 +53,7 @@ def catalogue(root: Annotated[Path, typer.Argument(
         from spectrabox.radiometry.files import writable
         from spectrabox.session.compare.catalogue import write_catalogue
         from spectrabox.session.compare.control_chart import control_chart
+        from spectrabox.session.compare.lasting_shift import lasting_shifts
         from spectrabox.session.compare.quantities import find_sessions, session_quantities
         path = out or root / "sessions.sqlite"
         if path.suffix != ".sqlite":
@@ -63,13 +69,14 @@ def catalogue(root: Annotated[Path, typer.Argument(
         verdicts = control_chart(sessions)
         with writable(path.parent):
             write_catalogue(path, root, sessions, verdicts)
-        facts = {**_facts(sessions, verdicts, []), "file": str(path), "skipped": skipped}
-        answer(as_json, facts, "\n".join([_text(sessions, verdicts, []), *skipped,
+        shifts = lasting_shifts(sessions)
+        facts = {**_facts(sessions, verdicts, shifts, []), "file": str(path), "skipped": skipped}
+        answer(as_json, facts, "\n".join([_text(sessions, verdicts, shifts, []), *skipped,
                                           f"wrote {path}: {len(sessions)} sessions"]))
 
 
 def _facts(sessions: Sequence[SessionQuantities], verdicts: Sequence[Verdict],
-           pairs: Sequence[SurfacePair]) -> dict[str, Any]:
+           shifts: Sequence[LastingShift], pairs: Sequence[SurfacePair]) -> dict[str, Any]:
     return {"sessions": [{"folder": str(one.folder), "name": one.name, "camera": one.camera,
                           "light": one.light, "finished": one.finished,
                           "quantities": {name: {"value": each.value,
@@ -79,6 +86,9 @@ def _facts(sessions: Sequence[SessionQuantities], verdicts: Sequence[Verdict],
             "out": [{"folder": str(sessions[one.session].folder), "quantity": one.quantity,
                      "value": one.value, "middle": one.middle, "limit": one.limit}
                     for one in verdicts if one.out],
+            "shifts": [{"quantity": one.quantity, "from": str(sessions[one.first].folder),
+                        "size": one.size, "standard_error": one.standard_error,
+                        "before": one.before, "after": one.after} for one in shifts],
             "surfaces": [{"surface": one.surface, "folders": [str(sessions[one.first].folder),
                                                               str(sessions[one.second].folder)],
                           "delta_e00": one.delta_e00, "rms": one.rms,
@@ -87,8 +97,9 @@ def _facts(sessions: Sequence[SessionQuantities], verdicts: Sequence[Verdict],
 
 
 def _text(sessions: Sequence[SessionQuantities], verdicts: Sequence[Verdict],
-          pairs: Sequence[SurfacePair]) -> str:
+          shifts: Sequence[LastingShift], pairs: Sequence[SurfacePair]) -> str:
     from spectrabox.session.compare.control_chart import verdict_words
+    from spectrabox.session.compare.lasting_shift import shift_words
     lines = [f"{one.folder}  {one.finished}  {one.camera or 'no chart photo'}, {one.light}"
              for one in sessions]
     for one in pairs:
@@ -99,9 +110,10 @@ def _text(sessions: Sequence[SessionQuantities], verdicts: Sequence[Verdict],
                                             else "within their errors"))
     out = [one for one in verdicts if one.out]
     lines += [verdict_words(one, str(sessions[one.session].folder)) for one in out]
+    lines += [shift_words(one, str(sessions[one.first].folder)) for one in shifts]
     if not verdicts:
         lines.append("no two of these sessions have one camera under one light: brightness and "
                      "colour balance are not compared")
-    elif not out:
+    elif not out and not shifts:
         lines.append("camera, light and chart are as before, within what photos repeat")
     return "\n".join(lines)
