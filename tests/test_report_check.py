@@ -1,4 +1,5 @@
 """Whether a report still shows its data: by its button in a real browser, and by --check."""
+import dataclasses
 import json
 import re
 import shutil
@@ -17,6 +18,7 @@ from spectrabox.session.report.checked.cells import of, shows, value_at
 from spectrabox.session.report.checked.page_check import differences, page_faults
 from spectrabox.session.report.page import write_report
 from spectrabox.session.run_outputs import rewritten_outputs
+from spectrabox.session.store.results import ViewResult
 
 FORMATS = [words.percent, words.signed_percent, words.number, words.fixed, words.exposure,
            lambda value: words.fixed(value, 0), lambda value: words.number(value, 2),
@@ -220,6 +222,18 @@ def test_the_command_names_inputs_that_are_no_longer_those(written, tmp_path):
     (folder / "spectra" / "light.csv").write_text("nothing", encoding="utf-8")
     code, said = checked(folder)
     assert code == 4 and "spectra/light.csv is not as it was" in said
+
+
+def test_further_photos_are_checked_too(browser, tmp_path):
+    results = example_session(tmp_path)
+    view = ViewResult('left/1 ~ "x"', results.bands, results.calibration, results.photo_preview,
+                      results.reconstruction)
+    write_report(dataclasses.replace(results, views=[view]))
+    page, numbers = (tmp_path / "report.html").read_text(encoding="utf-8"), numbers_of(tmp_path)
+    assert "pair-2" in numbers["plots"] and f"photo {view.name}" in numbers["pictures"]
+    assert 'data-of="/views/0/agreement/0/ratio/0"' in page
+    assert page_faults(page, numbers)[1] == []
+    assert asked(browser, tmp_path)[0].startswith("They agree.")
 
 
 def test_differences_are_named_by_pointer():

@@ -140,7 +140,8 @@ def _page(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
     with sections_beside(results.materials, results.reconstruction.grid.nm,
                          results.signal_bands) as materials:
         agreement = _agreement_section("", results.reconstruction, results.calibration,
-                                       results.bands)
+                                       results.bands) | {
+            "surfaces": surface_figure("surfaces", results.reconstruction)}
         views, loss = _view_sections(results), loss_figure("loss",
                                                            results.reconstruction.loss_history)
         calibration = calibration_section(results, scale_words(results.light_scale))
@@ -169,7 +170,7 @@ def _agreement_section(name: str, made: Reconstruction, calibration: Calibration
         "pair": pair_figure(f"pair{name}", made, calibration.sensitivity, bands),
         "residuals": residual_figure(f"residuals{name}", made, bands),
         "limit": residual_limit(residual_maps(made)),
-        "surfaces": surface_figure(f"surfaces{name}", made), "rows": surface_rows(made),
+        "rows": surface_rows(made),
         "bands": list(zip(bands, band_colours(bands), strict=True)),
         "scale": scale_words(made.light_scale),
         }
