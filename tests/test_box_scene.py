@@ -78,6 +78,53 @@ def test_the_template_is_the_scene_that_the_demo_writes_by_hand():
     assert set(our_shape) == {"back_wall", "left_wall", "right_wall", "floor", "ceiling", "block"}
 
 
+def surface_signals(text):
+    """Mean signal of every surface, traced, by name; greys of their own for each paint."""
+    from pathlib import Path
+
+    from spectrabox.radiometry.interreflection import signal
+    from spectrabox.reconstruct.rendering.renderer import load_scene, start_mitsuba
+    from spectrabox.reconstruct.scene.regions import block_regions
+    from spectrabox.reconstruct.scene.scene_xml import scene_xml
+    from spectrabox.reconstruct.scene.surfaces import surface_map
+    from spectrabox.reconstruct.tracer.transport import trace_transport
+    from spectrabox.reconstruct.tracer.unit_scene import UnitScene
+    start_mitsuba("cpu")
+    size, ones = (48, 32), np.ones(2)
+    scene = scene_of_text(text, Path("box.xml"))
+    paints = tuple(dict.fromkeys(scene.surfaces.values()))
+    loaded = load_scene(scene_xml(scene, reflectances=dict.fromkeys(paints, ones), light=ones,
+                                  bands={"one": ones}, range_nm=(400.0, 700.0), size=size))
+    shown = surface_map(loaded, tuple(scene.surfaces), size)
+    region, group = block_regions(shown, np.ones(shown.shape, bool))
+    unit = UnitScene(loaded, {paint: paint for paint in paints}, size, scene.max_depth - 1)
+    traced = trace_transport(unit, region, spp=32, seed=1)
+    grey = {"white": 0.8, "green": 0.3, "red": 0.25, "cube": 0.4}
+    received = signal(traced.coefficients, traced.exponents,
+                      np.array([np.full(2, grey[paint]) for paint in paints]),
+                      np.full((1, 2), 0.5))[:, 0]
+    pixels = np.bincount(region[region >= 0])
+    names = [name.replace("_wall", "") for name in scene.surfaces]
+    return {names[one]: np.average(received[group == one], weights=pixels[group == one])
+            for one in np.unique(group)}
+
+
+def test_the_template_gives_the_demo_s_signals_whatever_the_order_of_its_surfaces():
+    import xml.etree.ElementTree as ET
+    theirs = surface_signals(box_scene((SIZE[1], SIZE[0])))
+    text = box_xml(template_box(), SIZE)
+    root = ET.fromstring(text)
+    shapes = root.findall("shape")
+    for shape in shapes:
+        root.remove(shape)
+    root.extend(reversed(shapes))
+    for ours in (surface_signals(text), surface_signals(ET.tostring(root, encoding="unicode"))):
+        assert set(ours) == set(theirs)
+        # the same paths: what is left is the rounding of places, in cm and in mm
+        np.testing.assert_allclose([ours[name] for name in theirs], list(theirs.values()),
+                                   rtol=2e-3)
+
+
 def test_light_and_chart_stand_to_each_other_as_the_demo_has_them():
     from spectrabox.radiometry.chart import CLASSIC
     from spectrabox.reconstruct.rendering.irradiance import patch_irradiance

@@ -156,6 +156,21 @@ def test_regions_are_blocks_of_one_surface_and_their_means_are_linear():
     assert np.array_equal(region_means(surface[..., None].astype(float), region)[:, 0], group)
 
 
+def test_how_surfaces_are_numbered_does_not_change_the_regions():
+    """Paths are drawn region after region: they must be the same for a scene in another order."""
+    rng = np.random.default_rng(9)
+    surface = np.repeat(np.repeat(rng.integers(-1, 5, (5, 6)), 5, axis=0), 5, axis=1)
+    used = rng.random(surface.shape) > 0.1
+    renumbered = np.array([3, 9, 0, 5, 1, -1])       # the last stands for -1
+    region, group = block_regions(surface, used)
+    other, others = block_regions(renumbered[surface], used)
+    np.testing.assert_array_equal(region, other)
+    np.testing.assert_array_equal(renumbered[group], others)
+    assert len(set(group)) == 1 + np.count_nonzero(np.diff(group))      # surface after surface
+    none, nobody = block_regions(surface, np.zeros_like(used))
+    assert np.all(none == -1) and nobody.size == 0
+
+
 def test_patch_irradiance_follows_the_inverse_square_law(tmp_path):
     path = tmp_path / "chart.xml"
     text = chart_scene_xml((40, 60))

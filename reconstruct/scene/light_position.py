@@ -148,6 +148,9 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
             raise CalibrationError(UNDETERMINED)
         length = max(float(np.linalg.norm(fit.move)), TINY)
         move = fit.move * min(1.0, MAX_MOVE * extent / length)
+        # Back and forth for ever, where kept slopes are a little too flat: half the way is between.
+        if iteration >= NEW_SLOPES and move @ (offsets[-1] - offsets[-2]) < 0:
+            move = move / 2
         offset = offset + move
         offsets.append(offset)
         now = rendered(offset)[0]

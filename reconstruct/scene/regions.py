@@ -16,6 +16,9 @@ MIN_BLOCK = 4           # pixels
 def block_regions(surface: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Region (H, W) of each usable pixel, -1 elsewhere, and the surface (R,) of each region.
 
+    Surface after surface, in the order in which they are met in the picture: paths are drawn region
+    after region, and how a scene numbers its surfaces must not change them.
+
     Parameters
     ----------
     surface : (H, W) int        one surface's index, -1 none or mixed
@@ -23,11 +26,14 @@ def block_regions(surface: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np
     """
     row, column = np.nonzero(used & (surface >= 0))
     block = max(MIN_BLOCK, round(np.sqrt(row.size / MAX_REGIONS)))
-    key = np.stack([surface[row, column], row // block, column // block])
+    known, first, number = np.unique(surface[row, column], return_index=True, return_inverse=True)
+    met = np.argsort(first)
+    rank = np.argsort(met)      # of each known surface
+    key = np.stack([rank[number.ravel()], row // block, column // block])
     names, member = np.unique(key, axis=1, return_inverse=True)
     region = np.full(surface.shape, -1)
     region[row, column] = member.ravel()
-    return region, names[0]
+    return region, known[met][names[0]]
 
 
 def region_means(image: np.ndarray, region: np.ndarray) -> np.ndarray:
