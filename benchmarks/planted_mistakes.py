@@ -164,7 +164,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             tree = copied_tree(Path(folder) / "tree")
             costs = Costs(tree, given.out)
-            reached = _test_map(waiting, given.out) if given.reached else None
+            reached = _test_map(given.out) if given.reached else None
             for number, mistake in enumerate(waiting, 1):
                 try:
                     found = tried(mistake, tree, costs, given.budget, given.out / "tests.log",
@@ -180,9 +180,12 @@ def main() -> None:
     print_shares([results[each.name] for each in mistakes if each.name in results])
 
 
-def _test_map(mistakes: list[Mistake], folder: Path) -> TestMap:
-    """Who runs the lines of mistakes; kept in a folder for later calls."""
+def _test_map(folder: Path) -> TestMap:
+    """Who runs the lines of all mistakes; kept in a folder for later calls."""
     if not (folder / "told.tsv").exists():
+        mistakes = [each for each in all_mistakes() if (ROOT / each.file).exists()
+                    and (ROOT / each.file).read_text(encoding="utf-8").count(each.old) == 1]
+        print("all tests run once, to see which lines each runs", flush=True)
         with tempfile.TemporaryDirectory() as scratch:
             map_tests(copied_tree(Path(scratch) / "tree"), mistakes, folder, ["tests"])
     return TestMap(folder)

@@ -138,7 +138,7 @@ def map_tests(tree: Path, mistakes: Sequence[Mistake], folder: Path,
               tests: Sequence[str]) -> None:
     """Run tests of a tree, which is marked, and keep who ran what in a folder."""
     for name in ("told.tsv", "items.jsonl", "shared.tsv"):
-        (folder / name).unlink(missing_ok=True)
+        (folder / name).write_text("", encoding="utf-8")
     mark_tree(tree, mistakes, folder / "told.tsv")
     (tree / "planted_items.py").write_text(PLUGIN.format(
         log=str(folder / "items.jsonl"), prepared=str(folder / "shared.tsv")),
