@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -28,7 +27,6 @@ from spectrabox.session.signals.signal_options import response_of_names
 
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"
 TILE = 256                  # pixels of a side of the tiles that the synthetic picture repeats
-MACHINE_DAY = 86_400.0
 
 
 def main() -> None:
@@ -111,13 +109,37 @@ def sessions() -> None:
             for stage, seconds in stages.items():
                 kept = bytes_in(folder / "results" / stage)
                 print(f"  {stage:<12} {seconds:7.2f} s {kept / 2**10:9.0f} KiB")
-            again = timed(["run", str(folder), "--quiet"])[0]
-            print(f"  up to date   {again:7.2f} s, with the start of the program")
+            again = timed(["run", str(folder), "--device", "cpu", "--quiet"])
+            print(f"  up to date   {again[0]:7.2f} s ({again[1]:.2f} s of processor), with the "
+                  "start of the program")
             out = str(Path(name) / "out")
-            first = timed(["batch", str(folder), "--workers", "1", "-o", out, "--quiet"])[0]
-            kept_s = timed(["batch", str(folder), "--workers", "1", "-o", out, "--quiet"])[0]
-            print(f"  batch        {first:7.2f} s up to date, {kept_s:.2f} s by its manifest")
+            words = ["batch", str(folder), "--device", "cpu", "--workers", "1", "-o", out,
+                     "--quiet"]
+            for what in ("up to date", "by manifest"):
+                taken, used, _ = timed(words)
+                print(f"  batch, {what:<12} {taken:7.2f} s ({used:.2f} s of processor)")
             shutil.rmtree(out)
+        look_at(flat)
+
+
+def look_at(folder: Path, times: int = 20) -> None:
+    """Seconds of processor that a batch's command takes to give one session to a worker, and to
+    see by the manifest that it is done.
+    """
+    from spectrabox.session.batch.manifest import files_behind, store_outcome, stored_outcome
+    from spectrabox.session.batch.tasks import Order, Outcome, tried_task
+    from spectrabox.session.config.session_file import read_session
+    order = Order((folder,), folder / "out", "cpu", False, "x")
+    store_outcome(order.out, Outcome(str(folder), "done", of=files_behind(read_session(folder))),
+                  "x")
+    for what, work in (("read before its worker starts", lambda: tried_task(folder, order)),
+                       ("seen to be done", lambda: stored_outcome(order.out, folder, "x"))):
+        work()
+        started = time.process_time()
+        for _ in range(times):
+            work()
+        print(f"a session {what}: {(time.process_time() - started) / times * 1e3:.1f} ms of "
+              "processor")
 
 
 # ---- the scheduler
@@ -133,12 +155,13 @@ def tasks(count: int, workers: int) -> None:
                       silence_logs=50) as cluster, Client(cluster) as client:
         for words, seconds in (("empty", 0.0), ("sleeping 10 ms", 0.01), ("sleeping 0.1 s", 0.1)):
             each = count if not seconds else max(round(min(count * seconds, 60) / seconds), 1)
-            started = time.perf_counter()
+            started, used = time.perf_counter(), time.process_time()
             client.gather(client.map(rest, [seconds] * each, range(each), pure=False))
-            taken = time.perf_counter() - started
+            taken, used = time.perf_counter() - started, time.process_time() - used
             ideal = seconds * each / workers
             print(f"{each} {words} tasks on {workers} workers: {taken:.1f} s, "
-                  f"{(taken - ideal) / each * 1e3:.2f} ms a task beyond them", flush=True)
+                  f"{(taken - ideal) / each * 1e3:.2f} ms a task beyond them; scheduler and client "
+                  f"{used / each * 1e3:.2f} ms of processor a task", flush=True)
 
 
 def rest(seconds: float, number: int) -> int:
@@ -150,44 +173,48 @@ def rest(seconds: float, number: int) -> int:
 
 # ---- what follows
 
-def model(session_s: float = 8.3, pixel_s: float = 1.0e-6, scheduler_s: float = 1.0e-3,
-          look_s: float = 0.02, written: float = 60.0, disk: float = 2.0e9) -> None:
-    """What sessions and pixels take on many workers.
+SESSION_S, SCENE_S = 8.0, 12.0      # of one core: flat samples, a box
+FED_S = 2.3e-3 + 1.7e-3             # of one core: a session read, and its task scheduled
+PIXEL_S = 1.8e-6                    # of one core, to Zarr
+WRITTEN, READ = 56, 12              # bytes for a pixel; the picture is read twice
+DISK = 2e9                          # bytes a second: assumed of the file system that all share
+TASK_PIXELS = 4e6                   # of a part of a picture that were a task of its own
 
-    Parameters
-    ----------
-    session_s : float
-        Of one core for a session.
-    pixel_s : float
-        Of one core for a pixel.
-    scheduler_s, look_s : float
-        Of the scheduler, and of the command that reads each session first, for a task.
-    written : float
-        Bytes for a pixel.
-    disk : float
-        Bytes a second of the file system that all workers share.
-    """
+
+def model() -> None:
+    """What sessions and pixels take on many workers, by the figures above."""
     for workers in (1, 10, 100, 1000, 10_000):
-        work, feeding = 10_000 * session_s / workers, 10_000 * (look_s + scheduler_s)
-        pixels, writing = 1e12 * pixel_s / workers, 1e12 * written / disk
-        print(f"{workers:6d} workers: 10 000 sessions {max(work, feeding):9.0f} s "
-              f"({'workers' if work > feeding else 'the command that feeds them'}); 10^12 pixels "
-              f"{max(pixels, writing) / MACHINE_DAY:7.2f} days "
-              f"({'workers' if pixels > writing else 'writing'})")
+        of_sessions = {"workers": 10_000 * SESSION_S / workers,
+                       "the command that feeds them": 10_000 * FED_S}
+        of_pixels = {"workers": 1e12 * PIXEL_S / workers,
+                     "the file system": 1e12 * (WRITTEN + READ) / DISK,
+                     "the scheduler": 1e12 / TASK_PIXELS * FED_S}
+        print(f"{workers:6d} workers: " + "; ".join(
+            f"{what} {max(times.values()) / 3600:9.3f} h ({max(times, key=lambda n: times[n])})"
+            for what, times in (("10 000 sessions", of_sessions), ("10^12 pixels", of_pixels))))
 
 
 # ---- common
 
+# What a process has held at most starts with what its parent held: a small one stands between.
+MEASURED = """
+import resource, subprocess, sys, time
+started = time.perf_counter()
+code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(time.perf_counter() - started, used.ru_utime + used.ru_stime, used.ru_maxrss * 1024)
+sys.exit(code)
+"""
+
+
 def timed(words: list[str]) -> tuple[float, float, int]:
     """Seconds, seconds of processor, and bytes of memory at most, of one command."""
-    started = time.perf_counter()
-    process = subprocess.Popen([sys.executable, "-m", "spectrabox", *words],
-                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    _, status, used = os.wait4(process.pid, 0)
-    taken = time.perf_counter() - started
-    if status:
+    done = subprocess.run([sys.executable, "-c", MEASURED, sys.executable, "-m", "spectrabox",
+                           *words], capture_output=True, text=True, check=False)
+    if done.returncode:
         raise SystemExit(f"spectrabox {' '.join(words)} failed")
-    return taken, used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
+    taken, used, peak = (float(word) for word in done.stdout.split())
+    return taken, used, round(peak)
 
 
 def bytes_in(folder: Path) -> int:
