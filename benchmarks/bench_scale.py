@@ -33,6 +33,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("part", nargs="*", default=["pictures", "sessions", "tasks", "model"])
     parser.add_argument("--megapixels", default="10,20")
+    parser.add_argument("--width", type=int, help="pixels; square by default. Memory grows with "
+                        "the width alone, so that a low picture shows it")
     parser.add_argument("--to", default="tiled-exr,zarr")
     parser.add_argument("--tasks", type=int, default=10_000)
     parser.add_argument("--workers", type=int, default=2)
@@ -42,7 +44,7 @@ def main() -> None:
         print(f"-- {part}")
         if part == "pictures":
             pictures([float(word) for word in options.megapixels.split(",")],
-                     options.to.split(","), options.folder)
+                     options.to.split(","), options.folder, options.width)
         elif part == "sessions":
             sessions()
         elif part == "tasks":
@@ -53,7 +55,8 @@ def main() -> None:
 
 # ---- pictures
 
-def pictures(megapixels: list[float], forms: list[str], folder: Path | None) -> None:
+def pictures(megapixels: list[float], forms: list[str], folder: Path | None,
+             width: int | None) -> None:
     """One row a picture and format."""
     print(f"{'Mpixel':>7} {'to':<10} {'s':>8} {'s/Mpixel':>9} {'CPU s/Mpixel':>13} {'MiB':>6} "
           f"{'bytes/pixel':>12}")
@@ -61,13 +64,14 @@ def pictures(megapixels: list[float], forms: list[str], folder: Path | None) -> 
         for form in forms:
             with tempfile.TemporaryDirectory(dir=folder) as name:
                 path, out = Path(name) / "picture.exr", Path(name) / "out"
-                side = round(1000 * count**0.5)
-                write_repeated(path, side, side)
+                columns = width or round(1000 * count**0.5)
+                rows = round(1e6 * count / columns)
+                write_repeated(path, rows, columns)
                 taken, used, peak = timed([
                     "uplift", str(path), "-o", str(out), "--to", form, "--sensitivity", CAMERA,
                     "--light", LIGHT, "--json"])
                 written = bytes_in(out)
-                pixels = side * side
+                pixels = rows * columns
                 print(f"{pixels / 1e6:7.1f} {form:<10} {taken:8.1f} {taken / pixels * 1e6:9.2f} "
                       f"{used / pixels * 1e6:13.2f} {peak / 2**20:6.0f} {written / pixels:12.1f}",
                       flush=True)
