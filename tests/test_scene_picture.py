@@ -1,6 +1,7 @@
 """A picture of spectra of a scene: patterns on walls, shading and interreflection taken out."""
 import json
 import shutil
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,10 @@ from spectrabox.fixtures.painted_box import chequered, painted_truth, write_pain
 from spectrabox.fixtures.paints import NM
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import products
+from spectrabox.radiometry.records import JointReconstruction
 from spectrabox.reconstruct.pixels import pixel_light
+from spectrabox.reconstruct.rendering.renderer import all_cores
+from spectrabox.reconstruct.rendering.spectral_texture import register_spectral_texture
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.picture import scene_light, scene_stage
@@ -208,3 +212,39 @@ def test_what_a_picture_of_a_scene_cannot_do_is_said_at_once(finished, tmp_path,
                                            encoding="utf-8")
     with pytest.raises(InputError, match=sentence):
         read_session(tmp_path)
+
+
+def test_rendering_the_textures_gives_back_the_photo(finished, scene, truth):
+    folder, made = finished
+    files = made.stored["picture"].record(tuple[str, ...], "files")
+    assert {"texture-left_wall.exr", "texture-right_wall.exr", "textures.xml"} <= set(files)
+    results = folder / "results" / "picture"
+    root = ET.fromstring((results / "textures.xml").read_text(encoding="utf-8"))
+    textures = {node.get("id").split(" of ")[1]: str(results / node.find("texture/string").get(
+        "value")) for node in root}
+    register_spectral_texture()
+    view, size = scene.view, SIZE[::-1]
+    spectra = {material.bsdf: made.stored["reconstruct"].record(
+        JointReconstruction, "joint").spectra[number] if material.reflectance is None
+        else material.reflectance for number, material in enumerate(view.scene_materials)}
+    whole = ET.fromstring(view.xml(spectra, integrator="path"))
+    for shape in whole.findall("shape"):
+        if shape.get("id") in textures:
+            shape.remove(shape.find("ref"))
+            bsdf = ET.SubElement(shape, "bsdf", type="diffuse")
+            texture = ET.SubElement(bsdf, "texture", name="reflectance", type="spectral_picture")
+            ET.SubElement(texture, "string", name="filename", value=textures[shape.get("id")])
+    import mitsuba as mi
+    with all_cores():
+        image = np.array(mi.render(mi.load_string(ET.tostring(whole, encoding="unicode")), spp=256,
+                                   seed=3))
+    scale = scene_light.found_light(scene, lambda _: None).scale.value
+    column = np.arange(size[0])
+    # where fields meet, a texel is not a pixel
+    seen = np.isfinite(stored(folder, "mean.exr")[..., 0]) & np.isfinite(truth[..., 0])
+    walls = seen & ((column < 12) | (column >= 48))
+    ratio = scale * image[walls] / view.photo.signal[walls]
+    assert walls.sum() > 100
+    # noise of photo and rendering is some 5 % of a dark pixel; medians over a hundred of them
+    np.testing.assert_allclose(np.median(ratio, axis=0), 1, atol=0.04)
+    assert np.median(np.abs(ratio - 1)) < 0.08

@@ -182,8 +182,15 @@ def _heaviest(weights: Any) -> np.ndarray:
     return np.asarray(weights.indices.reshape(-1, per_row)[np.arange(at.size), at])
 
 
+def kept_wavelengths(section: PictureSection) -> KeptWavelengths:
+    """Wavelengths and format of a picture's files."""
+    return KeptWavelengths(section.step_nm, form=section.format)
+
+
 def write_picture(pixels: LitPixels, section: PictureSection, folder: Path,
-                  progress: Callable[[float], None]) -> dict[str, Any]:
+                  progress: Callable[[float], None],
+                  besides: Callable[[int, int, Spectra], None] = lambda first, last, made: None
+                  ) -> dict[str, Any]:
     """Write the spectra of all pixels and maps of them.
 
     Parameters
@@ -192,6 +199,9 @@ def write_picture(pixels: LitPixels, section: PictureSection, folder: Path,
     section : PictureSection
     folder : Path
     progress : function of the share that is done
+    besides : function of (first, last, made), optional
+        Takes what is made of some rows: mean (n, P), spread (n, Q), unlikeness (n,), code of
+        unseen.py (n,), and whether they are beyond white.
 
     Returns
     -------
@@ -200,7 +210,7 @@ def write_picture(pixels: LitPixels, section: PictureSection, folder: Path,
         "shares" of pixels without a spectrum, beyond white, and unlike what the prior knows; those
         of each reason for having none as "unseen"; the "mean spread"; the "size" of the picture.
     """
-    kept = KeptWavelengths(section.step_nm, form=section.format)
+    kept = kept_wavelengths(section)
     height, width = pixels.photo.signal.shape[:2]
     maps = maps_of(kept.nm[0], section.bands_nm, section.light, reasons=pixels.unseen is not None)
     reduced = Reduced(height, width, maps)
@@ -217,6 +227,7 @@ def write_picture(pixels: LitPixels, section: PictureSection, folder: Path,
             mean, spread, unlike, unseen, beyond = made
             each, seen = spread.mean(axis=1), unseen == SEEN
             write(first, mean, each, unlike, unseen)
+            besides(first, last, made)
             counts[:] += [(beyond & seen).sum(), (unlike[seen] > 1).sum(), each[seen].sum()]
             reasons[:] += np.bincount(unseen, minlength=reasons.size)
 

@@ -15,9 +15,10 @@ from spectrabox.reconstruct.pixels.pixel_light import trace_pixel_light
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.picture.part_of_photo import part_of
-from spectrabox.session.picture.picture import write_picture
+from spectrabox.session.picture.picture import kept_wavelengths, write_picture
 from spectrabox.session.picture.scene_light import found_light
 from spectrabox.session.picture.scene_of_picture import SceneOfPicture
+from spectrabox.session.picture.textures import Textures
 from spectrabox.session.stages.reconstruct_stage import drift_of, views_of
 from spectrabox.session.stages.stage_task import StageTask
 
@@ -47,9 +48,14 @@ def picture_of_scene(task: StageTask) -> dict[str, Any]:
     scene = scene_of(task)
     found = found_light(scene, lambda share: task.progress(TRACED + (FOUND - TRACED) * share,
                                                            "light from other surfaces"))
+    assert found.pixels.unseen is not None
+    textures = Textures(scene, found.pixels.unseen, kept_wavelengths(section))
     written = write_picture(found.pixels, section, task.folder,
-                            lambda share: task.progress(FOUND + (1 - FOUND) * share, ""))
-    return {"notes": (found.sentence,), "rounds": np.array(found.changes)} | written
+                            lambda share: task.progress(FOUND + (1 - FOUND) * share, ""),
+                            textures.add)
+    files = (*written["files"], *textures.write(task.folder))
+    return written | {"notes": (found.sentence, *textures.notes), "files": files,
+                      "rounds": np.array(found.changes)}
 
 
 def scene_of(task: StageTask) -> SceneOfPicture:

@@ -1,0 +1,313 @@
+"""A spectrum for every pixel of a scene: ``spectrabox run`` with ``[picture]`` on photos of a box
+whose side walls and cube carry patterns of published test colours, against the truth.
+
+Rendered by Mitsuba's own path tracer at 1 nm with blends of plain BSDFs; chart, light and camera as
+of the demo, whose chart calibrates the session. ``mixed``: patterns of any colours and white walls
+between them; ``saturated``: red and green patterns and yellow walls. The light is taken as found,
+the light from other surfaces as grey, and none of it (engine "single-bounce"). ``flat`` is what the
+same pixels would give on a flat sample under the same noise and calibration.
+
+``--megapixels N`` times the picture alone, after its trace, and its memory.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+
+from spectrabox.fixtures import lamp
+from spectrabox.fixtures.demo_photos import (
+    camera_sensitivities,
+    card_light,
+    chart_light,
+    exposure_for,
+    take_photo,
+)
+from spectrabox.fixtures.demo_scenes import box_scene, chart_scene_xml
+from spectrabox.fixtures.painted_box import (
+    SHAPE_OF,
+    Pattern,
+    chequered,
+    painted_light,
+    painted_truth,
+)
+from spectrabox.fixtures.paints import NM, chart_truth, paint
+from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.tables import uplift_signals
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.flat.signals_stage import response_of
+from spectrabox.session.picture import scene_light, scene_stage
+from spectrabox.session.picture.picture import LitPixels
+from spectrabox.session.pipeline import run_stages
+from spectrabox.session.stages.inputs import GRID as FINE
+from spectrabox.session.stages.stored_records import calibrations_of
+
+NM_10 = np.arange(400, 701, 10)
+SIGMAS_95 = 1.96
+FIELDS = {"green": 6, "red": 6, "cube": 3}
+YELLOW = 0.08 + 0.72 / (1 + np.exp(-(NM - 530) / 12))
+TOML = """\
+[photos]
+object = "photos/box.dng"
+chart = "photos/chart.dng"
+flat = "photos/flat.dng"
+[chart]
+scene = "scene/chart.xml"
+[light]
+spectrum = "spectra/light.csv"
+[scene]
+file = "scene/box.xml"
+[materials.white]
+[materials.green]
+[materials.red]
+[materials.cube]
+[sampling]
+draws = 1000
+[picture]
+"""
+
+
+def surfaces() -> np.ndarray:
+    """Published test colours (n, P)."""
+    sets = test_reflectances(grid_from_nm(NM[20:-30]))
+    return np.pad(np.clip(np.vstack(list(sets.values())), 0, 1), ((0, 0), (20, 30)), "edge")
+
+
+def patterns_of(kind: str, seed: int) -> dict[str, Pattern]:
+    """Patterns of both walls and the cube, of four colours each."""
+    every, rng = surfaces(), np.random.default_rng(seed)
+    red = every[:, NM > 600].mean(axis=1) - every[:, NM < 560].mean(axis=1)
+    green = every[:, (NM > 490) & (NM < 570)].mean(axis=1) \
+        - (every[:, NM < 460].mean(axis=1) + every[:, NM > 620].mean(axis=1)) / 2
+    among = {name: np.arange(len(every)) for name in FIELDS}
+    if kind == "saturated":
+        among |= {"red": np.argsort(-red)[:24], "green": np.argsort(-green)[:24]}
+    return {name: chequered(every[rng.choice(among[name], 4, replace=False)], fields, seed)
+            for name, fields in FIELDS.items()}
+
+
+def write_session(folder: Path, kind: str, size: tuple[int, int], spp: int, seed: int) -> None:
+    """Photos, light and scenes of a session whose picture has this size."""
+    for name in ("photos", "spectra", "scene"):
+        (folder / name).mkdir(parents=True)
+    whole = size[0] * 2, size[1] * 2
+    rngs = np.random.default_rng(seed).spawn(5)
+    light, sensitivities = lamp.radiance(NM), camera_sensitivities()
+    nm, radiance, error = lamp.measured(rngs[0])
+    (folder / "spectra/light.csv").write_text(table_text(
+        nm, {"value": radiance, "standard_error": error}, quantity=Quantity.RADIANCE,
+        source="synthetic reading"), encoding="utf-8")
+    (folder / "scene/box.xml").write_text(box_scene(size), encoding="utf-8")
+    (folder / "scene/chart.xml").write_text(chart_scene_xml(size), encoding="utf-8")
+    plain = YELLOW if kind == "saturated" else paint("white_wall")[1]
+    box = painted_light(patterns_of(kind, seed), plain, size=size, spp=spp, seed=seed)
+    box = box.repeat(2, axis=0).repeat(2, axis=1)
+    chart = chart_light(chart_truth(rngs[1]), light, sensitivities, whole)
+    card = card_light(light, sensitivities, whole)
+    for name, shown, target, rng in (("chart", chart, 0.75, rngs[2]), ("flat", card, 0.8, rngs[3]),
+                                     ("box", box, 0.7, rngs[4])):
+        take_photo(folder / f"photos/{name}.dng", shown, exposure_for(shown, target), rng)
+    (folder / "session.toml").write_text(TOML, encoding="utf-8")
+
+
+def run(folder: Path, progress: Callable[[str, float, str], None] = lambda *_: None,
+        **more: Any) -> Any:
+    """As ``spectrabox run``."""
+    return run_stages(read_session(folder), device="cpu",
+                      **{"only": None, "force": False, **more}, progress=progress)
+
+
+def stored(folder: Path, name: str) -> np.ndarray:
+    """Layers (H, W, C) of one of the picture's files."""
+    file = oiio.ImageInput.open(str(folder / "results/picture" / name))
+    layers = [number for number, channel in enumerate(file.spec().channelnames)
+              if channel.startswith("T.")]
+    return np.asarray(file.read_image("float"))[..., layers]
+
+
+def scores(off: np.ndarray, spread: np.ndarray) -> tuple[float, float, float]:
+    """Mean over pixels of the RMSE, its pooled value, and the share that bands hold."""
+    each = np.mean(off**2, axis=1)
+    return (float(np.sqrt(each).mean()), float(np.sqrt(each.mean())),
+            float(np.mean(np.abs(off[:, ::2]) <= SIGMAS_95 * spread)))
+
+
+illumination = scene_light.illumination
+
+
+def as_grey(light: np.ndarray, to_signals: np.ndarray) -> Any:
+    """Light of every pixel as strong as it is, in the lamp's own colour."""
+    own = lamp.radiance(np.linspace(400, 700, light.shape[1]))
+    return illumination(light.mean(axis=1, keepdims=True) * own / own.mean(), to_signals)
+
+
+def flat_scores(folder: Path, finished: Any, pixels: LitPixels, some: np.ndarray,
+                true: np.ndarray, seed: int) -> tuple[float, float, float]:
+    """The same pixels as those of a flat sample: true signals with the noise of each, under the
+    lamp's own light, and the session's calibration.
+    """
+    rows = pixels.rows(0, pixels.photo.signal.shape[0], singly=True)
+    assert rows.white is not None and rows.variance is not None
+    sensed = camera_sensitivities() * lamp.radiance(NM)
+    noise = rows.variance[some] / rows.white.signal[some]**2
+    signals = true @ (sensed / sensed.sum(axis=1, keepdims=True)).T
+    signals += np.sqrt(noise) * np.random.default_rng(seed).standard_normal(signals.shape)
+    signals = np.clip(signals, 1e-4, 1)
+    kind = int(np.bincount(rows.kind[some]).argmax())
+    covariance = noise[:, :, None] * np.eye(3) + pixels.errors.by_curves(signals, kind)
+    calibration = calibrations_of(read_session(folder), finished.stored)[0]
+    response = response_of(calibration) @ interpolation_matrix(GRID.nm, FINE.nm)
+    made = uplift_signals(pixels.errors.prior, response, signals, covariance)
+    at = np.searchsorted(GRID.nm, NM_10)
+    return scores(made.mean[:, at] - at_10(true), made.standard_deviation[:, at[::2]])
+
+
+def at_10(spectra: np.ndarray) -> np.ndarray:
+    """Spectra (n, P) at ``NM`` every 10 nm."""
+    return np.array([np.interp(NM_10, NM, each) for each in spectra])
+
+
+def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
+            folder: Path) -> list[dict[str, Any]]:
+    """RMSE and coverage of the pixels of one photo, under its light as found, as grey, and direct.
+    """
+    write_session(folder, kind, size, spp, seed)
+    truth = painted_truth(patterns_of(kind, seed), size)
+    lit: list[LitPixels] = []
+    found = scene_stage.found_light
+
+    def noted(*given: Any) -> Any:
+        made = found(*given)
+        lit.append(made.pixels)
+        return made
+
+    rows = []
+    scene_stage.found_light = noted     # type: ignore[assignment]
+    try:
+        for light in ("as found", "as grey", "direct only"):
+            if light == "as grey":
+                scene_light.illumination = as_grey      # type: ignore[assignment]
+            if light == "direct only":
+                (folder / "session.toml").write_text(
+                    TOML + '[reconstruct]\nengine = "single-bounce"\n', encoding="utf-8")
+            only = "picture" if light == "as grey" else None
+            finished = run(folder, only=only, force=only is not None)
+            scene_light.illumination = illumination     # type: ignore[assignment]
+            mean, spread = (stored(folder, f"{name}.exr") for name in ("mean",
+                                                                       "standard_deviation"))
+            if light == "as found":
+                seen = np.isfinite(mean[..., 0]) & np.isfinite(truth[..., 0])
+                reasons = finished.stored["picture"].record(np.ndarray, "unseen")
+                rounds = finished.stored["picture"].record(np.ndarray, "rounds")
+                true = truth[seen]
+                some = np.flatnonzero(seen)
+                rows.append({"photo": kind, "seed": seed, "light": "flat, same noise",
+                             "pixels": some.size} | named(flat_scores(
+                                 folder, finished, lit[0], some, true, seed)))
+            both = seen & np.isfinite(mean[..., 0])
+            rows.append({"photo": kind, "seed": seed, "light": light, "pixels": int(both.sum())}
+                        | named(scores(mean[both] - at_10(truth[both]), spread[both])))
+            for name, shape in SHAPE_OF.items():
+                own = both & shown(lit[-1], name, size)
+                if own.any():
+                    rows.append({"photo": kind, "seed": seed, "light": f"  {shape}",
+                                 "pixels": int(own.sum())}
+                                | named(scores(mean[own] - at_10(truth[own]), spread[own])))
+    finally:
+        scene_stage.found_light, scene_light.illumination = found, illumination
+    print(f"{kind}: without a spectrum {1 - reasons[0]:.1%}; changes of the light by rounds "
+          f"{np.round(rounds, 4).tolist()}", file=sys.stderr)
+    return rows
+
+
+def named(values: tuple[float, float, float]) -> dict[str, float]:
+    return dict(zip(("RMSE", "pooled", "held"), values, strict=True))
+
+
+def shown(lit: LitPixels, name: str, size: tuple[int, int]) -> np.ndarray:
+    """Pixels (H, W) that show a pattern's surface: the thirds of the photo serve."""
+    column = np.arange(size[1])[None] / size[1] * np.ones((size[0], 1))
+    return {"green": column < 0.25, "red": column >= 0.75,
+            "cube": (column >= 0.25) & (column < 0.75)}[name]
+
+
+def speed(megapixels: float, folder: Path) -> dict[str, float]:
+    """Seconds of the picture after its trace, of its trace, and memory, of a process of its own."""
+    width = round((1e6 * megapixels * 1.5) ** 0.5)
+    size = round(width / 3) * 2, width
+    subprocess.run([sys.executable, "-m", "benchmarks.bench_scene_picture", "--write", str(folder),
+                    "--size", *map(str, size)], check=True)
+    done = subprocess.run([sys.executable, "-m", "benchmarks.bench_scene_picture", "--time",
+                           str(folder)], check=True, stdout=subprocess.PIPE, text=True)
+    return {"megapixels": size[0] * size[1] / 1e6} | json.loads(done.stdout)
+
+
+def timed(folder: Path) -> dict[str, float]:
+    """Run a session's picture alone."""
+    started: dict[str, tuple[float, float]] = {}
+
+    def note(stage: str, share: float, what: str) -> None:
+        if stage == "picture":
+            started.setdefault("light" if what.startswith("light from") else what,
+                               (time.perf_counter(), time.process_time()))
+
+    run(folder, note, only="picture", force=True)
+    end = time.perf_counter(), time.process_time()
+    begun, lit = started["tracing light"], started["light"]
+    return {"trace s": lit[0] - begun[0], "trace processor s": lit[1] - begun[1],
+            "after it s": end[0] - lit[0], "after it processor s": end[1] - lit[1],
+            "GiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--size", type=int, nargs=2, default=(160, 240), help="rows and columns")
+    parser.add_argument("--spp", type=int, default=1024, help="paths per pixel of the photo")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1])
+    parser.add_argument("--photos", nargs="+", default=["mixed", "saturated"])
+    parser.add_argument("--megapixels", type=float, help="time a picture of this size in place")
+    parser.add_argument("--write", type=Path, help="only write and run a session without picture")
+    parser.add_argument("--time", type=Path, help="only time the picture of such a session")
+    parser.add_argument("--json", action="store_true")
+    asked = parser.parse_args()
+    if asked.write:
+        write_session(asked.write, "mixed", tuple(asked.size), 16, 1)
+        run(asked.write, before="picture")
+        return
+    if asked.time:
+        print(json.dumps(timed(asked.time)))
+        return
+    rows: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        if asked.megapixels:
+            rows.append(speed(asked.megapixels, Path(folder) / "session"))
+        else:
+            for kind in asked.photos:
+                for seed in asked.seeds:
+                    rows += quality(kind, tuple(asked.size), asked.spp, seed,
+                                    Path(folder) / f"{kind}-{seed}")
+    if asked.json:
+        print(json.dumps(rows))
+        return
+    print("".join(f"{name:>19}" for name in rows[0]))
+    for each in rows:
+        print("".join(f"{value:>19}" if isinstance(value, str | int) else f"{value:19.4f}"
+                      for value in each.values()))
+
+
+if __name__ == "__main__":
+    main()
