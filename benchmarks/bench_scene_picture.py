@@ -285,7 +285,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args()
     if asked.write:
-        write_session(asked.write, "mixed", tuple(asked.size), 16, 1)
+        write_session(asked.write, "mixed", tuple(asked.size), 4, 1)
         run(asked.write, before="picture")
         return
     if asked.time:

@@ -29,8 +29,10 @@ from spectrabox.session.stages.error_budget import scale_covariances
 from spectrabox.session.stages.inputs import GRID
 from spectrabox.session.stages.reconstruct_stage import drift_of, glare_error
 
-MOST_ROUNDS, STANDS_STILL = 8, 0.002    # the largest relative change of light that is none
-PIXELS_OF_MATERIAL = 256    # by which the mean spectrum of a material is found
+MOST_ROUNDS, STANDS_STILL = 12, 0.005   # the largest relative change of light that is none
+STEP = 0.65                 # of the way to a new spectrum: brighter walls send on more light, by
+                            # which they are then taken for darker, and whole steps swing about
+PIXELS_OF_MATERIAL = 200    # by which the mean spectrum of a material is found
 MISPLACED_PX = 0.5          # of a pixel: photo against scene
 PENUMBRA_ERROR = 0.03       # relative, of light that changes quickly: beyond, there is no answer
 UNLIT = 1e-3                # of the median light: changes of less are none
@@ -73,7 +75,7 @@ def found_light(scene: SceneOfPicture, progress: Callable[[float], None]) -> Fou
     while len(changes) < MOST_ROUNDS and (not changes or changes[-1] > STANDS_STILL):
         for index, some in chosen.items():
             if some.area.size:
-                spectra[index] = _mean_spectrum(scene, pixels, some)
+                spectra[index] += STEP * (_mean_spectrum(scene, pixels, some) - spectra[index])
         before, light = light, traced.on_nodes(spectra, scene.lamps)
         changes.append(_change(light[~traced.lamp], before[~traced.lamp]))
         pixels, scale = _lit(scene, light)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.light_drift import (
     LightDrift,
     drift_between,
@@ -25,7 +26,7 @@ from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.engines.transport_engine import require_lit
 from spectrabox.reconstruct.inverse_rendering import SINGLE_VIEW, reconstruct_views, settings_for
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.scene.scene_file import SceneFile
+from spectrabox.reconstruct.scene.scene_file import SceneFile, not_plain_products
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
@@ -69,7 +70,9 @@ def invert_photos(task: StageTask) -> dict[str, Any]:
     config, stored = task.config, task.stored
     start_mitsuba(task.device)
     drift = drift_of(config, stored)
-    joint = reconstruct_views(views_of(config, stored, drift), settings_of(config), task.progress,
+    views = views_of(config, stored, drift)
+    _require_picture(config, views)
+    joint = reconstruct_views(views, settings_of(config), task.progress,
                               config.results_folder / TRACE)
     return {"drift": drift, "joint": with_errors(config, stored, drift, joint),
             "geometry": scene_geometry(config)}
@@ -109,11 +112,23 @@ def require_invertible(config: SessionConfig, stored: Mapping[str, StoredStage],
     """
     start_mitsuba(device)
     views = views_of(config, stored, drift_of(config, stored))
+    _require_picture(config, views)
     settings, _ = settings_for(views, settings_of(config))
     if config.sampling.through == "transport":
         alike = settings.engine not in SINGLE_VIEW and not any(view.own_lights for view in views)
         require_one_transport(len(views), alike)
     return None if settings.engine in SINGLE_VIEW else require_lit(views, settings)
+
+
+def _require_picture(config: SessionConfig, views: Sequence[View]) -> None:
+    """Refuse a picture of surfaces that do more to light than to multiply it, before anything is
+    traced.
+    """
+    scene = views[0].scene_file
+    if config.picture is not None and (others := not_plain_products(scene)):
+        raise InputError(f"[picture] takes diffuse surfaces only, and {', '.join(others)} of "
+                         f"{scene.path.name} is coated or glossy: leave [picture] out, or make "
+                         "them diffuse and expect their highlights to be masked")
 
 
 def views_of(config: SessionConfig, stored: Mapping[str, StoredStage],
