@@ -14,7 +14,6 @@ from spectrabox.fixtures.painted_box import chequered, painted_truth, write_pain
 from spectrabox.fixtures.paints import NM
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import products
-from spectrabox.radiometry.records import JointReconstruction
 from spectrabox.reconstruct.pixels import pixel_light
 from spectrabox.reconstruct.rendering.renderer import all_cores
 from spectrabox.reconstruct.rendering.spectral_texture import register_spectral_texture
@@ -225,9 +224,9 @@ def test_rendering_the_textures_gives_back_the_photo(finished, scene, truth):
         "value")) for node in root}
     register_spectral_texture()
     view, size = scene.view, SIZE[::-1]
-    spectra = {material.bsdf: made.stored["reconstruct"].record(
-        JointReconstruction, "joint").spectra[number] if material.reflectance is None
-        else material.reflectance for number, material in enumerate(view.scene_materials)}
+    found = scene_light.found_light(scene, lambda _: None)
+    spectra = {material.bsdf: spectrum for material, spectrum in zip(
+        view.scene_materials, found.spectra, strict=True)}
     whole = ET.fromstring(view.xml(spectra, integrator="path"))
     for shape in whole.findall("shape"):
         if shape.get("id") in textures:
@@ -239,16 +238,22 @@ def test_rendering_the_textures_gives_back_the_photo(finished, scene, truth):
     with all_cores():
         image = np.array(mi.render(mi.load_string(ET.tostring(whole, encoding="unicode")), spp=256,
                                    seed=3))
-    scale = scene_light.found_light(scene, lambda _: None).scale.value
+    scale = found.scale.value
     column = np.arange(size[0])
     # where fields meet, a texel is not a pixel
     seen = np.isfinite(stored(folder, "mean.exr")[..., 0]) & np.isfinite(truth[..., 0])
     walls = seen & ((column < 12) | (column >= 48))
-    ratio = scale * image[walls] / view.photo.signal[walls]
     assert walls.sum() > 50
-    # noise of photo and rendering is some 5 % of a dark pixel; medians over many of them
-    np.testing.assert_allclose(np.median(ratio, axis=0), 1, atol=0.04)
-    assert np.median(np.abs(ratio - 1)) < 0.08
+    # of each paint as a whole: single pixels have noise, and texels lie otherwise than they do
+    _, paint = np.unique(truth[walls][:, ::50], axis=0, return_inverse=True)
+    sums = [np.array([np.bincount(paint.ravel(), band) for band in each[walls].T])
+            for each in (scale * image, view.photo.signal)]
+    ratio = (sums[0] / sums[1])[:, np.bincount(paint.ravel()) >= 5]
+    print(ratio)
+    assert ratio.shape[1] >= 4
+    # means lie nearer to what the prior expects, within the 2 to 3 % by which light may err here
+    assert np.median(np.abs(ratio - 1)) < 0.06
+    assert np.abs(ratio - 1).max() < 0.3
 
 
 def test_a_glossy_surface_is_refused_before_anything_is_traced(finished, tmp_path):

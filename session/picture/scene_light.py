@@ -45,6 +45,7 @@ class FoundLight:
 
     pixels: LitPixels
     scale: LightScale               # of the photo, by which they are lit
+    spectra: np.ndarray             # (M, P) of the materials, by which light is coloured
     changes: tuple[float, ...]      # largest relative change of the light in each round
 
     @property
@@ -80,7 +81,7 @@ def found_light(scene: SceneOfPicture, progress: Callable[[float], None]) -> Fou
         changes.append(_change(light[~traced.lamp], before[~traced.lamp]))
         pixels, scale = _lit(scene, light)
         progress(len(changes) / MOST_ROUNDS)
-    return FoundLight(pixels, scale, tuple(changes))
+    return FoundLight(pixels, scale, spectra, tuple(changes))
 
 
 def _change(light: np.ndarray, before: np.ndarray) -> float:

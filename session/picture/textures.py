@@ -3,9 +3,10 @@
 ``texture-NAME.exr`` holds the mean in the layout of ``mean.exr``, for the texture
 ``spectral_picture`` (reconstruct/rendering/spectral_texture.py), and
 ``texture-NAME-standard_deviation.exr`` what it is known to. A texel is as large as a pixel, and has
-the mean of the pixels that show it. Where none does, the mean spectrum of the surface stands in,
-and its standard deviation is no number. Surfaces whose parts share texture coordinates, as the
-faces of a cube do, have a texture only where one of them is seen.
+the mean of the pixels that show it; holes between these are filled from the nearest one. Beyond,
+the mean spectrum of the surface stands in, and its standard deviation is no number. Surfaces whose
+parts share texture coordinates, as the faces of a cube do, have a texture only where one of them is
+seen.
 """
 from __future__ import annotations
 
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from spectrabox.capture.photo.image_rows import exr_rows
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
@@ -35,6 +37,7 @@ MOST_TEXELS = 8192          # along a side
 FEWEST_PIXELS = 16          # of a surface that gets a texture
 APART = 8.0                 # pixels: texels whose pixels lie further apart are of several parts
 FEW = 0.02                  # of the texels, which may be so at creases
+HOLE = 3.0                  # texels from one that is seen: filled from there
 XML = "textures.xml"
 
 
@@ -137,7 +140,12 @@ class Textures:
             shown, size = texture.count > 0, texture.shape
             count = np.maximum(texture.count, 1)[:, None].astype(np.float32)
             mean, spread = texture.mean / count, texture.spread / count
-            mean[~shown], spread[~shown] = mean[shown].mean(axis=0), np.nan
+            whole = mean[shown].mean(axis=0)
+            away, nearest = distance_transform_edt(~shown.reshape(size), return_indices=True)
+            there = np.ravel_multi_index(tuple(nearest), size).ravel()
+            mean, spread = mean[there], spread[there]
+            beyond = away.ravel() > HOLE
+            mean[beyond], spread[beyond] = whole, np.nan
             names = f"{texture.stem}.exr", f"{texture.stem}-{SPREAD}.exr"
             for name, values, layers, what in (
                     (names[0], np.hstack([mean @ to_srgb, mean]), [*"RGB", *layer_names(nm)],
