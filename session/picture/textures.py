@@ -2,11 +2,11 @@
 
 ``texture-NAME.exr`` holds the mean in the layout of ``mean.exr``, for the texture
 ``spectral_picture`` (reconstruct/rendering/spectral_texture.py), and
-``texture-NAME-standard_deviation.exr`` what it is known to. A texel is as large as a pixel, and has
-the mean of the pixels that show it; holes between these are filled from the nearest one. Beyond,
-the mean spectrum of the surface stands in, and its standard deviation is no number. Surfaces whose
-parts share texture coordinates, as the faces of a cube do, have a texture only where one of them is
-seen.
+``texture-NAME-standard_deviation.exr`` what it is known to. A texel is as large as the finest
+pixels, and has the mean of the pixels that show it; holes between these are filled from the nearest
+one. Beyond, the mean spectrum of the surface stands in, and its standard deviation is no number.
+Surfaces whose parts share texture coordinates, as the faces of a cube do, have a texture only where
+one of them is seen.
 """
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ MOST_TEXELS = 8192          # along a side
 FEWEST_PIXELS = 16          # of a surface that gets a texture
 APART = 8.0                 # pixels: texels whose pixels lie further apart are of several parts
 FEW = 0.02                  # of the texels, which may be so at creases
-HOLE = 3.0                  # texels from one that is seen: filled from there
+FINEST = 10                 # percentile of the pixels' sizes, which that of texels is
+HOLE = 6.0                  # texels from one that is seen: filled from there
 XML = "textures.xml"
 
 
@@ -95,10 +96,9 @@ class Textures:
             beside = _beside(self._number, own)
             if not beside.size or np.ptp(uv, axis=0).min() == 0:
                 continue
-            step = np.abs(hits.uv[beside[:, 0]] - hits.uv[beside[:, 1]])
             apart = np.linalg.norm(hits.point[beside[:, 0]] - hits.point[beside[:, 1]], axis=1)
-            rows, columns = (int(np.clip(round(1 / max(np.percentile(step[:, axis], 75), 1e-9)), 1,
-                                         MOST_TEXELS)) for axis in (1, 0))
+            rows, columns = (_texels(np.abs(np.diff(hits.uv[beside, axis])[:, 0]))
+                             for axis in (1, 0))
             # v runs upwards, rows downwards
             texel = np.clip(((1 - uv[:, 1]) * rows).astype(int), 0, rows - 1) * columns \
                 + np.clip((uv[:, 0] * columns).astype(int), 0, columns - 1)
@@ -178,6 +178,14 @@ def _beside(number: np.ndarray, own: np.ndarray) -> np.ndarray:
         (number[:, :-1], number[:, 1:]), (number[:-1], number[1:]))]
     every = np.vstack(pairs)
     return np.asarray(every[mine[every].all(axis=1)])
+
+
+def _texels(steps: np.ndarray) -> int:
+    """Texels along a side, of the steps (n,) between pixels across and down: as fine as the finest
+    pixels, of those that do go along it.
+    """
+    along = steps[steps > steps.max() / 10]
+    return int(np.clip(round(1 / max(float(np.percentile(along, FINEST)), 1e-9)), 1, MOST_TEXELS))
 
 
 def _several_parts(texel: np.ndarray, point: np.ndarray, pixel: float) -> bool:
