@@ -19,6 +19,7 @@ from scipy.ndimage import distance_transform_edt
 
 from spectrabox.capture.photo.image_rows import exr_rows
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
+from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.outside.names import file_stem
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectral_layers import (
@@ -158,8 +159,7 @@ class Textures:
             _add_bsdf(root, texture, names[0])
         if files:
             ET.indent(root)
-            (folder / XML).write_text(ET.tostring(root, encoding="unicode") + "\n",
-                                      encoding="utf-8")
+            write_text_whole(folder / XML, ET.tostring(root, encoding="unicode") + "\n")
             files.append(XML)
         return tuple(files)
 
