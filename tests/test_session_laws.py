@@ -42,7 +42,7 @@ def test_every_photo_has_the_light_scale_of_its_own_chart(monkeypatch, with_char
         return SimpleNamespace(calibration=dataclasses.replace(
             camera, light_scale=LightScale(states[0].scale, 0.1, None, "chart photo")),
             prior_fit=SimpleNamespace(photos=states, sensitivity=camera.sensitivity),
-            predicted=np.ones((24, 3)), white=None)
+            predicted=np.ones((24, 3)), white=None, prior_standing=None)
 
     for name, replacement in (
             ("read_light", lambda *_: camera.light), ("calibrate_chart", calibrated),
