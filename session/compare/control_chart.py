@@ -12,7 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.session.compare.quantities import Quantity, SessionQuantities
+from spectrabox.session.compare.quantities import (
+    Quantity,
+    SessionQuantities,
+    series_by_setting,
+)
 
 LIMIT = 3.0             # standard deviations: one false alarm in 370 normal values
 NORMAL = 1.4826         # standard deviation of a normal, in median absolute deviations
@@ -45,17 +49,10 @@ def control_chart(sessions: Sequence[SessionQuantities]) -> list[Verdict]:
     list of Verdict
         Of quantities that two or more sessions of one setting have.
     """
-    settings: dict[tuple[str, str], list[int]] = {}
-    for index, session in enumerate(sessions):
-        settings.setdefault(session.setting, []).append(index)
     verdicts = []
-    for members in settings.values():
-        names = dict.fromkeys(name for index in members for name in sessions[index].quantities)
-        for name in names:
-            having = [index for index in members if name in sessions[index].quantities]
-            if len(having) > 1:
-                values = [sessions[index].quantities[name] for index in having]
-                verdicts += _judged(name, having, values)
+    for name, having, values in series_by_setting(sessions):
+        if len(having) > 1:
+            verdicts += _judged(name, having, values)
     return verdicts
 
 

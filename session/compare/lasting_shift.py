@@ -14,7 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.session.compare.quantities import Quantity, SessionQuantities
+from spectrabox.session.compare.quantities import (
+    Quantity,
+    SessionQuantities,
+    series_by_setting,
+)
 
 MIN_PART = 2            # sessions on either side
 MIN_SESSIONS = 6
@@ -45,18 +49,8 @@ def lasting_shifts(sessions: Sequence[SessionQuantities]) -> list[LastingShift]:
     sessions : sequence of SessionQuantities
         In the order in which they were taken.
     """
-    settings: dict[tuple[str, str], list[int]] = {}
-    for index, session in enumerate(sessions):
-        settings.setdefault(session.setting, []).append(index)
-    found = []
-    for members in settings.values():
-        names = dict.fromkeys(name for index in members for name in sessions[index].quantities)
-        for name in names:
-            having = [index for index in members if name in sessions[index].quantities]
-            shift = _shift(name, having, [sessions[index].quantities[name] for index in having])
-            if shift is not None:
-                found.append(shift)
-    return found
+    found = [_shift(*series) for series in series_by_setting(sessions)]
+    return [shift for shift in found if shift is not None]
 
 
 def _shift(name: str, indices: list[int], quantities: list[Quantity]) -> LastingShift | None:

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -187,3 +188,18 @@ def _light_words(light: LightTable) -> str:
     if light.cct is not None:
         return f"{light.cct:g} K"
     return str(light.word or light.file)
+
+
+def series_by_setting(sessions: Sequence[SessionQuantities]
+                      ) -> Iterator[tuple[str, list[int], list[Quantity]]]:
+    """Each quantity of each camera under each light: its name, the indices of the sessions that
+    have it, in their order, and its values.
+    """
+    settings: dict[tuple[str, str], list[int]] = {}
+    for index, session in enumerate(sessions):
+        settings.setdefault(session.setting, []).append(index)
+    for members in settings.values():
+        names = dict.fromkeys(name for index in members for name in sessions[index].quantities)
+        for name in names:
+            having = [index for index in members if name in sessions[index].quantities]
+            yield name, having, [sessions[index].quantities[name] for index in having]
