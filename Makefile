@@ -34,6 +34,7 @@ $(STAMP): requirements.lock pyproject.toml reconstruct/rendering/llvm.py | $(VEN
 demo: $(STAMP)
 	@$(VENV)/bin/spectrabox demo $(DEMO)
 
+test: export PYTHONDONTWRITEBYTECODE =   # commands that tests start need not compile every module anew
 test: $(STAMP)
 	@$(PY) -m pytest -q -n auto --dist loadfile
 

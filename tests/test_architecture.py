@@ -1,8 +1,7 @@
 """The import rule of docs/architecture.md, read from the code's own imports."""
 import ast
+from functools import cache
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = ("capture", "calibrate", "reconstruct", "sampling")
@@ -29,6 +28,7 @@ EXTRA_OWNERS = {("fixtures/demo_photos.py", "colour"), ("fixtures/paints.py", "c
                 ("fixtures/lamp.py", "colour"), ("fixtures/demo_session.py", "colour")}
 
 
+@cache
 def modules():
     return [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
 
@@ -38,39 +38,52 @@ def all_code():
             *sorted((ROOT / "benchmarks").rglob("*.py"))]
 
 
+@cache
+def tree_of(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
 def imports_of(path, top_level_only=False):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    nodes = tree.body if top_level_only else ast.walk(tree)
-    for node in nodes:
+    names = []
+    for node in tree_of(path).body if top_level_only else ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
+            names.append(node.module)
+    return names
 
 
 def name_of(path):
     return path.relative_to(ROOT).as_posix()
 
 
-@pytest.mark.parametrize("path", all_code(), ids=name_of)
-def test_our_packages_are_imported_through_spectrabox(path):
-    for module in imports_of(path):
-        assert module.split(".")[0] not in PACKAGES, (
-            f"{name_of(path)} imports {module}: write spectrabox.{module}, or its classes exist "
-            "twice and the package collides with others of that name")
+def none_of(problems):
+    """One test for all files, since thousands of tests take longer to list than to run."""
+    problems = list(problems)
+    assert not problems, "\n".join(problems)
 
 
-@pytest.mark.parametrize("path", modules(), ids=name_of)
-def test_imports_point_down(path):
-    package = path.relative_to(ROOT).parts[0]
-    for module in imports_of(path):
-        top, _, rest = module.partition(".")
-        ours = rest.split(".")[0]
-        if top == "spectrabox" and ours in PACKAGES and (name_of(path), module) not in EXCEPTIONS:
-            assert ours in MAY_IMPORT[package], (
-                f"{name_of(path)} imports {module}: {package}/ may import only "
-                f"{sorted(MAY_IMPORT[package])}; pass what it needs as a record from session/, or "
-                "move what both need to radiometry/")
+def test_our_packages_are_imported_through_spectrabox():
+    none_of(f"{name_of(path)} imports {module}: write spectrabox.{module}, or its classes exist "
+            "twice and the package collides with others of that name"
+            for path in all_code() for module in imports_of(path)
+            if module.split(".")[0] in PACKAGES)
+
+
+def test_imports_point_down():
+    none_of(f"{name_of(path)} imports {module}: {package}/ may import only "
+            f"{sorted(MAY_IMPORT[package])}; pass what it needs as a record from session/, or "
+            "move what both need to radiometry/"
+            for path in modules() for package in path.relative_to(ROOT).parts[:1]
+            for module in imports_of(path) if not may_import(path, package, module))
+
+
+def may_import(path, package, module):
+    top, _, rest = module.partition(".")
+    ours = rest.split(".")[0]
+    return (top != "spectrabox" or ours not in PACKAGES or ours in MAY_IMPORT[package]
+            or (name_of(path), module) in EXCEPTIONS)
 
 
 def test_the_package_links_to_each_folder_and_holds_nothing_else():
@@ -81,32 +94,29 @@ def test_the_package_links_to_each_folder_and_holds_nothing_else():
         assert link.is_symlink() and str(link.readlink()) == f"../{package}"
 
 
-@pytest.mark.parametrize("room", sorted({path.parent for path in modules()}), ids=name_of)
-def test_a_room_can_be_taken_in_at_a_glance(room):
-    files = [path for path in room.glob("*.py") if path.name != "__init__.py"]
-    assert len(files) <= 18, (
-        f"{name_of(room)} holds {len(files)} files: give those of one job a folder of their own")
-    assert (room / "__init__.py").is_file(), (
-        f"{name_of(room)}/ needs an __init__.py that says what it is for")
+def test_a_room_can_be_taken_in_at_a_glance():
+    rooms = sorted({path.parent for path in modules()})
+    files = {room: [path for path in room.glob("*.py") if path.name != "__init__.py"]
+             for room in rooms}
+    none_of(f"{name_of(room)} holds {len(files[room])} files: give those of one job a folder of "
+            "their own" for room in rooms if len(files[room]) > 18)
+    none_of(f"{name_of(room)}/ needs an __init__.py that says what it is for"
+            for room in rooms if not (room / "__init__.py").is_file())
 
 
-@pytest.mark.parametrize("path", modules(), ids=name_of)
-def test_a_heavy_library_has_one_owner(path):
-    for module in imports_of(path):
-        top = module.split(".")[0]
-        if top in OWNERS and (name_of(path), top) not in EXTRA_OWNERS:
-            assert name_of(path).startswith(OWNERS[top]), (
-                f"{name_of(path)} imports {top}, which belongs to {' and '.join(OWNERS[top])}: "
-                "call the owner's function instead")
+def test_a_heavy_library_has_one_owner():
+    imported = [(name_of(path), module.split(".")[0]) for path in modules()
+                for module in imports_of(path)]
+    none_of(f"{name} imports {top}, which belongs to {' and '.join(OWNERS[top])}: "
+            "call the owner's function instead" for name, top in imported
+            if top in OWNERS and (name, top) not in EXTRA_OWNERS
+            and not name.startswith(OWNERS[top]))
 
 
-@pytest.mark.parametrize("path", modules(), ids=name_of)
-def test_mitsuba_and_colour_are_not_imported_with_a_module(path):
-    heavy = {"mitsuba", "drjit", "colour"}
-    found = heavy.intersection(module.split(".")[0] for module in imports_of(path,
-                                                                             top_level_only=True))
-    assert not found, (f"{name_of(path)} imports {found} at its top: import it inside the function "
-                       "that needs it")
+def test_mitsuba_and_colour_are_not_imported_with_a_module():
+    none_of(f"{name_of(path)} imports {module} at its top: import it inside the function that "
+            "needs it" for path in modules() for module in imports_of(path, top_level_only=True)
+            if module.split(".")[0] in {"mitsuba", "drjit", "colour"})
 
 
 def test_the_command_line_imports_nothing_heavy_before_a_command_runs():
@@ -117,12 +127,10 @@ def test_the_command_line_imports_nothing_heavy_before_a_command_runs():
     assert not top & {"numpy", "scipy", "mitsuba", "cv2", "rawpy", "matplotlib", "colour"}
 
 
-@pytest.mark.parametrize("path", [path for path in modules() if path.name == "__init__.py"],
-                         ids=name_of)
-def test_a_package_file_holds_a_docstring_only(path):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    assert len(tree.body) == 1 and ast.get_docstring(
-        tree), f"{name_of(path)} must hold its docstring only"
+def test_a_package_file_holds_a_docstring_only():
+    none_of(f"{name_of(path)} must hold its docstring only" for path in modules()
+            if path.name == "__init__.py"
+            and not (len(tree_of(path).body) == 1 and ast.get_docstring(tree_of(path))))
 
 
 WRITES = {"write_text", "write_bytes", "tofile", "save", "savez", "savez_compressed", "savefig",
@@ -156,13 +164,12 @@ def writes_of(node, whole=False):
         yield from writes_of(child, whole)
 
 
-@pytest.mark.parametrize("path", [path for path in modules() if name_of(path) not in OWN_WAY
-                                  and not name_of(path).startswith("fixtures/")], ids=name_of)
-def test_a_file_is_written_whole_or_not_at_all(path):
-    for call in writes_of(ast.parse(path.read_text(encoding="utf-8"))):
-        raise AssertionError(f"{name_of(path)}:{call.lineno} writes a file by itself: do it in a "
-                             "block of radiometry.files.whole_file, which leaves the old one or "
-                             "the new one and follows no link")
+def test_a_file_is_written_whole_or_not_at_all():
+    none_of(f"{name_of(path)}:{call.lineno} writes a file by itself: do it in a block of "
+            "radiometry.files.whole_file, which leaves the old one or the new one and follows no "
+            "link" for path in modules()
+            if name_of(path) not in OWN_WAY and not name_of(path).startswith("fixtures/")
+            for call in writes_of(tree_of(path)))
 
 
 def test_writing_by_oneself_is_seen():
