@@ -134,6 +134,14 @@ def test_a_beam_that_changes_colour_is_noticed():
     assert found.band_difference > 0.1
 
 
+def test_readings_of_a_wall_err_by_the_noise_of_their_pixels():
+    one, other = (wall_cells(photo(BEAMS["reflector"], seed, noise=0.05), wall())
+                  for seed in (1, 2))
+    off = (one.signal - other.signal) ** 2 / (one.variance + other.variance)
+    # some 2600 readings of three bands know a variance to 1.6 %
+    assert off.size > 6000 and off.mean() == pytest.approx(1, abs=0.065)
+
+
 def test_a_traced_wall_gives_the_profile_that_the_tracer_was_given(tmp_path):
     """The path tracer shares neither the sum over the lamp nor the geometry with the fit."""
     from spectrabox.radiometry.interreflection import signal

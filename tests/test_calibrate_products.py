@@ -15,16 +15,28 @@ from spectrabox.calibrate.chart_equations import (
     some_patches,
 )
 from spectrabox.calibrate.left_out import covariance_without, weights_without
-from spectrabox.calibrate.products.lamps import Lamps, all_lamps, blackbodies, daylights, lamps_like
+from spectrabox.calibrate.prior.prior_fit import GAINS
+from spectrabox.calibrate.products.lamps import (
+    Lamps,
+    all_lamps,
+    blackbodies,
+    colour_temperatures,
+    daylights,
+    lamps_like,
+)
+from spectrabox.calibrate.products.light_posterior import light_posterior
 from spectrabox.calibrate.products.product_fit import fit_products, in_curves
 from spectrabox.calibrate.products.product_posterior import (
+    WIDTHS,
     evidence_of_products,
     hypothesis_moments,
     posterior_of_products,
+    shares_without,
     weights_of_components,
 )
 from spectrabox.calibrate.products.product_prior import paired, product_prior
 from spectrabox.radiometry.chart import patch_centres_uv
+from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import LIGHT_KINDS, PatchSamples, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 
@@ -111,6 +123,44 @@ def test_the_posterior_is_that_of_conditioning_on_the_same_signals(found, patch)
     np.testing.assert_allclose(spread, covariance, atol=1e-3 * np.abs(covariance).max())
 
 
+def before(posterior):
+    """Logarithm of the probability of each hypothesis beforehand."""
+    return np.log([dict(WIDTHS)[h.width] * dict(GAINS)[h.gain_sd] for h in posterior.hypotheses])
+
+
+@pytest.mark.parametrize("patch", [0, 17])
+def test_hypotheses_are_as_probable_without_a_patch_as_the_others_make_them(found, patch):
+    photo, posterior = found
+    own = slice(3 * patch, 3 * patch + 3)
+    rows = np.delete(np.arange(72), range(own.start, own.stop))
+    logs = before(posterior) + [np.logaddexp.reduce(dense(photo, posterior, h, rows)[2])
+                                for h in posterior.hypotheses]
+    # determinants of 69 x 69 matrices agree to round-off
+    np.testing.assert_allclose(shares_without(posterior.hypotheses, own),
+                               np.exp(logs - np.logaddexp.reduce(logs)), atol=1e-6)
+
+
+def test_the_band_of_a_light_is_that_of_its_mean_and_covariance(found):
+    _, posterior = found
+    known, own = light_posterior(posterior, GRID), posterior.prior.light
+    mean, covariance = posterior.moments()
+    basis = interpolation_matrix(NODES, GRID.nm)
+    half = 1.6449 * np.sqrt(np.diag(covariance)[own]) @ basis.T / (mean[own] @ basis.T).mean()
+    whole = known.lower > 0
+    # lamps that would be negative somewhere are cut there, and faint components left out
+    np.testing.assert_allclose((known.upper - known.lower)[whole] / 2, half[whole], rtol=0.15)
+    assert whole.mean() > 0.5
+
+
+def test_pairs_of_a_camera_and_a_lamp_count_by_their_lamps():
+    weights = np.arange(1.0, 13) / 78
+    lamps = replace(simulated_lamps(12, 3), weights=weights)
+    known = paired(NODES, np.maximum(cameras(30, 3), 1e-3), np.arange(30) % 12, lamps)
+    np.testing.assert_allclose(np.bincount(known.lamp, known.weights), weights, rtol=1e-12)
+    np.testing.assert_allclose(known.covariance, np.cov(
+        known.components, rowvar=False, aweights=known.weights, ddof=0), atol=1e-12)
+
+
 def test_the_evidence_is_the_sum_over_all_that_was_tried(found):
     photo, posterior = found
     widths = {h.width for h in posterior.hypotheses}
@@ -118,10 +168,7 @@ def test_the_evidence_is_the_sum_over_all_that_was_tried(found):
     logs = [np.logaddexp.reduce(dense(photo, posterior, h, np.arange(72))[2])
             for h in posterior.hypotheses]
     first = posterior.hypotheses[0]
-    from spectrabox.calibrate.prior.prior_fit import GAINS
-    from spectrabox.calibrate.products.product_posterior import WIDTHS
-    shares = [dict(WIDTHS)[h.width] * dict(GAINS)[h.gain_sd] for h in posterior.hypotheses]
-    by_hand = np.array(logs) + np.log(shares)
+    by_hand = np.array(logs) + before(posterior)
     ratios = np.log([h.share / first.share for h in posterior.hypotheses])
     # Determinants of 72 x 72 matrices agree to round-off.
     np.testing.assert_allclose(by_hand - by_hand[0], ratios, atol=1e-6)
@@ -252,6 +299,13 @@ def test_published_daylight_and_filament_are_those_of_the_formulas():
     # CIE A is Planck's law at 2856 K with c2 = 1.435e-2, at 2848 K of today's c2.
     np.testing.assert_allclose(blackbodies(np.array([2856.0]))[0], filament / filament.mean(),
                                rtol=0.01)
+
+
+def test_colour_temperatures_are_those_of_planck_and_of_the_daylights():
+    kelvin = np.array([2500.0, 2856.0, 4000.0, 6500.0])
+    # McCamy's formula is right to some 2 K there; what lies beyond 700 nm is not seen
+    np.testing.assert_allclose(colour_temperatures(blackbodies(kelvin)), kelvin, rtol=0.01)
+    np.testing.assert_allclose(colour_temperatures(daylights(kelvin[2:])), kelvin[2:], rtol=0.01)
 
 
 @pytest.mark.parametrize("said, kinds", [(UnknownLight(), set(LIGHT_KINDS)),

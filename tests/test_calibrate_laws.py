@@ -1,0 +1,358 @@
+"""Laws of calibrations: probabilities that hold, exact small cases, scales that do not matter.
+
+Statistical tests have a significance of 1e-4 each (3.9 sigma), at fixed seeds.
+"""
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from calibrate_cameras import (
+    GRID,
+    cameras,
+    coarse_prior,
+    daylight,
+    led,
+    on_grid,
+    photo,
+    reflectances,
+    samples,
+    signals,
+)
+from scipy import optimize
+
+from spectrabox.calibrate import calibration, colour_matrix
+from spectrabox.calibrate.beam.beam_fit import _jackknife
+from spectrabox.calibrate.calibration import (
+    CalibrationOptions,
+    ChartPhoto,
+    calibrate_chart,
+    calibration_from_curves,
+)
+from spectrabox.calibrate.chart_equations import COMMON_ERRORS, PatchError, mean_error
+from spectrabox.calibrate.colour_matrix import SPREAD, TYPICAL, matrix_deviation, matrix_doubt
+from spectrabox.calibrate.light_field import PicturePoints, _of_distance
+from spectrabox.calibrate.photo_checks import disagreement
+from spectrabox.calibrate.preflight import preflight
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.curve_posterior import nonnegative
+from spectrabox.calibrate.prior.learnt_prior import KEPT_VARIANCE, _leading, within_families
+from spectrabox.calibrate.prior.measured_prior import prior_of_curves
+from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
+from spectrabox.calibrate.products.product_prior import draw_cameras
+from spectrabox.calibrate.sensitivity import fit_with_prior, relative_prediction_covariance
+from spectrabox.calibrate.spline_fit import _solve_nonnegative, _solve_smooth
+from spectrabox.radiometry.records import Quantity, Spectrum
+
+SIGMAS = 3.9
+NM = np.arange(400.0, 701.0, 15.0)
+
+
+def departing(*sds, floor=None, widening=1.0):
+    """A prior of one camera that departs by these shares of each band, equally likely."""
+    mean = np.maximum(cameras(1, 3)[0][:, ::3], 0.02).ravel()
+    count, nothing = len(sds), np.zeros((mean.size, 0))
+    departures = np.array([[0.0, 1.0, sd, 30.0, 0.0, 1.0] for sd in sds])
+    state = mean if floor is None else np.log(mean + floor)
+    return CameraPrior(NM, np.full(count, 1 / count), np.tile(state, (count, 1)),
+                       np.arange(count), np.zeros((count, 2)), departures,
+                       np.full(count, widening), nothing, nothing,
+                       tuple(f"{sd}" for sd in sds), "test", "none", floor)
+
+
+# ---- probabilities and errors of a chart fit -----------------------------------------------------
+
+def test_families_are_as_probable_as_they_are_often_right():
+    """Cameras drawn from two families that differ in how far they depart alone: of those held
+    probable by p, a share p is of that family.
+    """
+    known, surfaces, rng = departing(0.05, 0.065), reflectances(), np.random.default_rng(71)
+    roots = [np.linalg.cholesky(one) for one in known.covariances()]
+    wide, probable = rng.integers(2, size=60), []
+    for family in wide:
+        curves = (known.means[family] + roots[family] @ rng.standard_normal(63)).reshape(3, -1)
+        fine = np.array([np.interp(GRID.nm, NM, curve) for curve in curves])
+        common = rng.choice(COMMON_ERRORS)
+        signal = signals(fine, daylight(), surfaces)
+        shown = photo(signal, daylight(), surfaces, 0.005)
+        noisy = signal * (1 + 0.005 * rng.standard_normal(signal.shape)
+                          + common * rng.standard_normal((24, 1)))
+        found = posterior_of_curves([dataclasses.replace(shown, signal=noisy)], known, GRID,
+                                    model_errors=(0.0003,))
+        probable.append(found.families[1])
+    error = np.sqrt(np.sum(np.array(probable) * (1 - np.array(probable))))
+    assert abs(np.sum(wide - probable)) < SIGMAS * error
+    # the test can tell: most photos leave the family open, and half the Occam term is 2 nats
+    assert np.mean((np.array(probable) > 0.1) & (np.array(probable) < 0.9)) > 0.4
+
+
+def test_an_error_of_a_patch_is_that_of_its_own_and_of_its_common_part():
+    error = PatchError(0.03, 0.04)
+    relative = error.among_bands(3)
+    np.testing.assert_allclose(np.diag(relative), error.whole**2, rtol=1e-12)
+    np.testing.assert_allclose(relative[~np.eye(3, dtype=bool)], 0.04**2, rtol=1e-12)
+    # weights of any sum
+    for scale in (1.0, 0.3):
+        found = mean_error(scale * np.array([1.0, 3.0]), [PatchError(0.0, 0.02), error])
+        assert found == pytest.approx((0.0225, 0.035))
+
+
+@pytest.mark.parametrize("floor", [None, 0.05])
+def test_what_is_added_to_a_curve_is_as_large_whatever_the_state(floor):
+    """Departures of the curves, in the logarithm of which a prior may be: 3 % of the largest."""
+    known = dataclasses.replace(departing(0.0, floor=floor), jitter_sd=0.0,
+                                departures=np.array([[0.03, 30.0, 0.0, 30.0, 0.0, 120.0]]))
+    sd = np.sqrt(np.diag(known.covariances()[0])) * known.slope(known.means[0])
+    np.testing.assert_allclose(sd, 0.03 * known.curves(known.means[0]).max(), rtol=1e-12)
+
+
+def test_measured_curves_are_as_uncertain_as_their_error_is_large():
+    curves = on_grid(cameras(1, 4)[0])
+    one, two = (prior_of_curves(GRID, curves, error).covariances()[0] for error in (0.1, 0.2))
+    # but for what keeps the matrix invertible, a thousandth of the largest
+    np.testing.assert_allclose(two, 4 * one, atol=1e-5)
+
+
+def test_cameras_are_drawn_as_wide_as_a_prior_may_err():
+    known = departing(0.02, widening=1.5)
+    drawn = draw_cameras(known, 4000, np.random.default_rng(72)).reshape(4000, -1)
+    expected = 1.5 * np.sqrt(np.diag(known.covariances()[0]))
+    # 4000 draws know a deviation to 1.1 %
+    np.testing.assert_allclose(drawn.std(axis=0) / expected, 1, atol=SIGMAS * 0.015)
+
+
+def test_variation_within_families_is_pooled_without_bias():
+    rng, sizes = np.random.default_rng(73), (2, 3, 2, 4)
+    groups = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
+    states = rng.standard_normal((sum(sizes), 8000))
+    for group in groups:
+        states[group] += 10 * rng.standard_normal()
+    found = np.sum(within_families(states, groups) ** 2, axis=0)
+    # chi-square of 7 degrees of freedom over 7, 8000 times
+    assert found.mean() == pytest.approx(1, abs=SIGMAS * np.sqrt(2 / 7 / 8000))
+
+
+@pytest.mark.parametrize("sizes", [np.ones(20), np.r_[1.0, 0.02, 0.001], np.geomspace(1, 1e-4, 9)])
+def test_the_leading_directions_hold_what_is_kept_and_none_more(sizes):
+    rows = np.diag(sizes)
+    factors = _leading(rows)
+    kept = np.sum(factors**2) / np.sum(sizes**2)
+    assert kept >= KEPT_VARIANCE
+    least = np.sort(np.sum(factors**2, axis=0))[0]
+    assert kept - least / np.sum(sizes**2) < KEPT_VARIANCE
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_curves_held_above_zero_are_the_most_likely_that_are(seed):
+    """Against non-negative least squares in whitened coordinates."""
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((5, 5))
+    covariance = root @ root.T + 0.2 * np.eye(5)
+    mean = rng.uniform(0.5, 1.5, 5)
+    mean[rng.integers(5)] = -0.4
+    lower = np.linalg.inv(np.linalg.cholesky(covariance))
+    best, _ = optimize.nnls(lower, lower @ mean)
+    found = nonnegative(mean, covariance)
+    # a ridge of 1e-10 of the variance
+    np.testing.assert_allclose(found, best, atol=1e-8)
+    assert not np.allclose(found, np.maximum(mean, 0))
+
+
+def test_only_what_no_photos_light_reaches_is_the_priors_alone():
+    """Two photos, of which one lamp leaves the blue dark: the other shows it."""
+    curves, surfaces = on_grid(cameras(1, 44)[0]), reflectances()
+    yellow = np.where(GRID.nm < 470, 0.0, daylight())
+    shots = [photo(signals(curves, light, surfaces), light, surfaces, 0.01)
+             for light in (yellow, led())]
+    dark = GRID.nm < 465
+    alone = fit_with_prior(shots[:1], coarse_prior(), GRID).prior_share
+    both = fit_with_prior(shots, coarse_prior(), GRID).prior_share
+    assert np.all(alone[:, dark] == 1) and both[2, GRID.nm == 450] < 0.5
+
+
+# ---- scales that do not matter ------------------------------------------------------------------
+
+@pytest.fixture(scope="module")
+def calibrated():
+    """Calibrations of one photo by each method, as shot and with three times the light."""
+    surfaces, power = reflectances(), daylight()
+    rng = np.random.default_rng(74)
+    clean = signals(on_grid(cameras(1, 44)[0]), power, surfaces)
+    clean *= 0.2 / clean.max()
+    signal = clean * (1 + 0.01 * rng.standard_normal(clean.shape))
+    curves = on_grid(cameras(1, 44)[0])
+    made = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibration, "_light_doubts", lambda *_: ((), ()))
+        for method in ("nonnegative", "smooth", "file", "prior"):
+            options = CalibrationOptions("prior" if method == "file" else method, coarse_prior(),
+                                         curves=curves if method == "file" else None)
+            made[method] = []
+            for factor in (1.0, 3.0):
+                shown = ChartPhoto(samples(factor * signal, 0.003), surfaces,
+                                   Spectrum(GRID, power, Quantity.RELATIVE, "lamp"),
+                                   factor * np.full(24, 2.0))
+                made[method].append(calibrate_chart([shown], GRID, options))
+    return made
+
+
+@pytest.mark.parametrize("method", ["nonnegative", "smooth", "file", "prior"])
+def test_more_light_changes_signals_and_their_errors_and_nothing_else(calibrated, method):
+    one, three = calibrated[method]
+    surfaces = reflectances()
+    # a hundredth of a standard error: where a search stops
+    exact = {"rtol": 1e-3, "atol": 1e-6} if method == "prior" else {"rtol": 1e-7, "atol": 1e-12}
+    ours, theirs = (made.calibration.sensitivity for made in (one, three))
+    np.testing.assert_allclose(theirs.curves, ours.curves, **exact)
+    if method != "file":
+        np.testing.assert_allclose(theirs.standard_error, ours.standard_error, **exact)
+    assert three.scale.value == pytest.approx(one.scale.value, rel=exact["rtol"])
+    assert three.scale.standard_error == pytest.approx(one.scale.standard_error, rel=1e-3)
+    np.testing.assert_allclose(three.calibration.relative_covariance,
+                               one.calibration.relative_covariance, rtol=1e-3, atol=1e-9)
+    np.testing.assert_allclose(three.without.predicted(surfaces),
+                               3 * one.without.predicted(surfaces), rtol=exact["rtol"])
+    np.testing.assert_allclose(three.without.error_covariance(surfaces),
+                               9 * one.without.error_covariance(surfaces), rtol=5e-3, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["smooth", "file", "prior"])
+def test_a_patch_errs_from_what_the_others_predict_by_as_much_as_is_stated(calibrated, method):
+    made, surfaces = calibrated[method][0].without, reflectances()
+    off = made.signal - made.predicted(surfaces)
+    stated = np.einsum("ikk->ik", made.error_covariance(surfaces))
+    # 72 numbers know a variance to 17 %; errors of chart and stray light that this photo lacks
+    # make those that are stated by splines wider
+    assert (0.1 if method == "smooth" else 0.4) < np.mean(off**2 / stated) < 1 + SIGMAS * 0.17
+
+
+def test_residuals_that_are_alike_are_an_error_and_no_offset():
+    """The covariance is about zero: a photo that reads all patches 3 % high errs by 3 %."""
+    off = np.array([0.03, -0.01, 0.02])
+    signal = np.full((24, 3), 0.4)
+    signal[-1] = 0.001                  # too dark to have a relative error
+    residuals = np.tile(off, (24, 1))
+    residuals[-1] = 5.0
+    found = relative_prediction_covariance(residuals, samples(signal))
+    np.testing.assert_allclose(found, np.outer(off, off), rtol=1e-12)
+
+
+def test_curves_taken_as_given_err_by_what_is_stated():
+    lamp = Spectrum(GRID, daylight(), Quantity.RELATIVE, "lamp")
+    made = calibration_from_curves(GRID, on_grid(cameras(1, 4)[0]), lamp, 0.04)
+    np.testing.assert_allclose(made.relative_covariance, 0.04**2 * np.eye(3), rtol=1e-12)
+
+
+def test_dark_patches_do_not_decide_how_far_a_photo_disagrees():
+    signal = np.full((24, 3), 0.5)
+    signal[-1] = 0.001
+    held_out = signal.copy()
+    held_out[-1] = 0.002                # twice as bright, and 6.7 % of 3 % of the brightest
+    expected = 0.001 / (0.03 * 0.5) / np.sqrt(24)
+    assert disagreement(signal, held_out) == pytest.approx(expected)
+
+
+# ---- errors of splines ---------------------------------------------------------------------------
+
+def test_noise_three_times_as_large_as_stated_is_told_from_the_residuals():
+    """The covariance of non-negative splines grows with the mean square of the residuals."""
+    rng = np.random.default_rng(75)
+    design, truth = rng.uniform(0, 1, (40, 5)), rng.uniform(1, 2, 5)
+    found = []
+    for _ in range(60):
+        _, covariance = _solve_nonnegative(design, design @ truth + 0.03 * rng.standard_normal(40),
+                                           np.full(40, 0.01))
+        found.append(covariance)
+    exact = 0.03**2 * np.linalg.inv(design.T @ design)
+    # chi-squares of 35 degrees of freedom, 60 times
+    assert np.mean(found, axis=0)[0, 0] / exact[0, 0] == pytest.approx(
+        1, abs=SIGMAS * np.sqrt(2 / 35 / 60))
+
+
+def test_smooth_curves_err_by_the_noise_of_their_patches():
+    """Of 24 coefficients a penalty leaves few free: what is left of the residuals counts by those.
+    """
+    rng, size = np.random.default_rng(76), 24
+    design = np.exp(-0.5 * ((np.arange(size) - np.linspace(0, 23, 24)[:, None]) / 3) ** 2)
+    differences = np.diff(np.eye(size), 2, axis=0)
+    rough = 1e7 * (differences.T @ differences + 1e-9 * np.eye(size))
+    truth = np.full(size, 2.0)          # a straight line, which nothing bends
+    unit = np.linalg.inv(design.T @ design / 0.01**2 + rough)
+    found = []
+    for _ in range(40):
+        signal = design @ truth + 0.02 * rng.standard_normal(24)
+        found.append(_solve_smooth(design, signal, np.full(24, 0.01), roughness=rough)[1])
+    # errors of twice the stated ones; some 20 degrees of freedom, 40 times
+    assert np.mean(found, axis=0)[3, 3] / unit[3, 3] == pytest.approx(
+        4, rel=SIGMAS * np.sqrt(2 / 20 / 40) + 0.05)
+
+
+# ---- before shooting -----------------------------------------------------------------------------
+
+def test_the_band_before_a_photo_is_as_wide_as_the_error_that_it_expects():
+    known = departing(0.08)
+    found = preflight(known, reflectances(), daylight(), GRID)
+    curves = np.array([np.interp(GRID.nm, NM, curve)
+                       for curve in known.means[0].reshape(3, -1)])
+    square = np.mean((found.half_width / 1.645) ** 2, axis=1)
+    np.testing.assert_allclose(np.sqrt(square / np.mean((curves / curves.max()) ** 2, axis=1)),
+                               found.expected_error, rtol=1e-9)
+    noisier = preflight(known, reflectances(), daylight(), GRID, relative_error=0.05)
+    assert np.all(noisier.half_width >= found.half_width * (1 - 1e-9))
+
+
+# ---- a file's colour matrix ----------------------------------------------------------------------
+
+def test_a_camera_that_departs_by_one_spread_everywhere_is_doubted_by_one(monkeypatch):
+    """A mean square over what is free: nine entries, of which a common scale takes up one."""
+    monkeypatch.setattr(colour_matrix, "matrix_deviation", lambda *_: TYPICAL - SPREAD)
+    assert matrix_doubt(np.eye(3), np.ones((3, GRID.nm.size)), GRID) == pytest.approx(9 / 8)
+
+
+def _map(curves):
+    from spectrabox.radiometry.appearance import tristimulus
+    from spectrabox.radiometry.chart import chart_reflectances
+    from spectrabox.radiometry.spectra.named_spectra import light
+    surfaces = chart_reflectances("BabelColor Average", GRID)
+    xyz = np.array([tristimulus(GRID.nm, surface) for surface in surfaces])
+    return xyz, surfaces @ (curves * light("D65", GRID) * GRID.weights_nm).T
+
+
+def test_a_dark_band_deviates_by_shares_of_its_own_brightness():
+    curves = on_grid(cameras(1, 4)[0])
+    factors = np.array([[1.0], [1.0], [0.25]])
+    matrix = np.linalg.lstsq(*_map(curves), rcond=None)[0].T
+    matrix[2] += np.array([0.0, 0.03, -0.03]) * matrix[2].max()
+    bright = matrix_deviation(matrix, curves, GRID)
+    dark = matrix_deviation(factors * matrix, factors * curves, GRID)
+    # a common scale takes up a little of the third row, less where it is dark
+    np.testing.assert_allclose(dark[2], bright[2], atol=0.25 * np.abs(bright[2]).max())
+    assert np.abs(bright[2]).max() > 0.005
+
+
+# ---- light beyond the chart, and a lamp's beam ---------------------------------------------------
+
+def test_a_lens_darkens_the_corners_by_no_more_than_is_held_possible():
+    """The fourth power of a cosine is the square of 1 + tan^2: between none and 60 % of the light
+    is lost at the corner, of which 20 % in the mean.
+    """
+    patches = PicturePoints(1e-6 * np.random.default_rng(1).uniform(size=(24, 2)),
+                            np.zeros((24, 2)))
+    corner = PicturePoints(np.zeros((1, 2)), np.array([[0.6, 0.8]]))
+    (_, with_lens), (_, without) = (
+        _of_distance(6.0, patches, [corner], flat, np.random.default_rng(78))
+        for flat in (False, True))
+    left = np.exp(with_lens - without)[:, 0]
+    assert left.min() >= 0.4 - 1e-4 and left.max() <= 1
+    # 1 - 0.6 u^2 with u uniform: mean 0.8, deviation 0.18, of 400
+    assert left.mean() == pytest.approx(0.8, abs=SIGMAS * 0.18 / 20)
+
+
+def test_a_jackknife_of_a_mean_is_its_standard_error_squared():
+    rng = np.random.default_rng(79)
+    values, group = rng.standard_normal((12, 4)), np.arange(12)
+
+    def without(some):
+        return SimpleNamespace(profile=lambda _: values[~some].mean(axis=0))
+    found = _jackknife(SimpleNamespace(without=without), group, np.arange(4.0))
+    np.testing.assert_allclose(found, values.var(axis=0, ddof=1) / 12, rtol=1e-12)

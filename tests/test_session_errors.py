@@ -1,0 +1,234 @@
+"""Errors that a session adds or hands on: exact small cases and draws.
+
+Statistical tests have a significance of 1e-4 each (3.9 sigma), at fixed seeds.
+"""
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from test_posterior_laws import SMOOTH, mixture_of
+from test_session_laws import drift, views
+
+from spectrabox.calibrate.left_out import PatchesWithout
+from spectrabox.radiometry.light_scale import REPEATABILITY
+from spectrabox.radiometry.records import LightScale
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.session.batch import needs
+from spectrabox.session.flat import errors_of_pixels as flat
+from spectrabox.session.picture import illumination, known_surfaces
+from spectrabox.session.report.verdict import Status, _clipped
+from spectrabox.session.scores import score
+from spectrabox.session.stages import calibrate_stage, reconstruct_stage
+from spectrabox.session.stages.left_out import patches_without
+
+SIGMAS = 3.9
+CURVES = np.exp(-0.5 * ((PRIOR_GRID.nm - np.array([[600.0], [540.0], [460.0]])) / 35) ** 2)
+
+
+# ---- light scales and stray light of several photos ----------------------------------------------
+
+def test_glare_as_stated_and_as_the_chart_shows_are_independent(monkeypatch):
+    monkeypatch.setattr(reconstruct_stage, "chart_glare_of",
+                        lambda _: np.array([0.0, 0.004, 0.0225]))
+    config = SimpleNamespace(stray_light=SimpleNamespace(glare=0.003))
+    found = reconstruct_stage.glare_error(config, {})
+    np.testing.assert_allclose(found**2, 0.003**2 + np.array([0.0, 0.004, 0.0225]) ** 2)
+
+
+def test_a_photo_without_a_chart_takes_that_under_its_own_light():
+    first, same, other, own = views("", "same", "other", "own")
+    first.chart, same.chart, other.chart, own.chart = "chart", None, None, "its chart"
+    other.light = own.light = "another lamp"
+    config = SimpleNamespace(all_views=(first, same, other, own))
+    found = [reconstruct_stage.view_of_chart(config, view) for view in config.all_views]
+    assert found == [first, first, None, own]
+
+
+@pytest.mark.parametrize("photo, measured, causes", [
+    ("chart.dng", False, ()), ("box.dng", False, (REPEATABILITY,)), ("box.dng", True, ())])
+def test_light_and_shutter_repeat_from_photo_to_photo_alone(monkeypatch, photo, measured, causes):
+    """A photo of chart and box in one has nothing to repeat, and a measured drift says it all."""
+    scale = LightScale(5.0, 0.1, None, "chart photo")
+    monkeypatch.setattr(reconstruct_stage, "chart_of", lambda *_: (None, None, None))
+    monkeypatch.setattr(reconstruct_stage, "scale_for_photo", lambda found, *_: found)
+    view = SimpleNamespace(chart="chart", chart_files=("chart.dng",), photo_files=(photo,),
+                           light="lamp", name="")
+    config = SimpleNamespace(all_views=(view,), scale=SimpleNamespace(source="chart"),
+                             repeatability=SimpleNamespace(relative_error=0.02))
+    found = reconstruct_stage.scale_of_view(config, view, None, SimpleNamespace(light_scale=scale),
+                                            {}, drift(False) if measured else None)
+    stated = [(error.cause, error.relative) for error in found.common_errors]
+    assert [cause for cause, _ in stated if cause == REPEATABILITY] == list(causes)
+    assert all(relative == 0.02 for cause, relative in stated if cause == REPEATABILITY)
+
+
+def test_glare_of_the_chart_is_told_where_it_is_beyond_chance_relative_to_the_picture():
+    """Bands 2 and 3 are three errors from 0 and more; the picture's mean is what glare goes by."""
+    state = SimpleNamespace(glare=np.array([0.002, -0.004, 0.009]), glare_error=np.full(3, 1e-3))
+    signal = np.zeros((4, 5, 3))
+    signal[0, 0] = 4.0, 8.0, 12.0           # of means 0.2, 0.4, 0.6
+    chart = (None, None, SimpleNamespace(signal=signal))
+    first = SimpleNamespace(prior_fit=SimpleNamespace(photos=[state]))
+    found = calibrate_stage._certain_glare(first, [chart])
+    np.testing.assert_allclose(found, [0.0, 0.01, 0.015])
+
+
+# ---- patches left out ----------------------------------------------------------------------------
+
+def without(glare, factor=1.0):
+    """Two patches as fits without them see them: curves, glare, and how both err."""
+    rng, response = np.random.default_rng(81), CURVES * factor
+    truth = np.linspace([0.2, 0.6], [0.5, 0.3], PRIOR_GRID.nm.size).T
+    size = 3 * PRIOR_GRID.nm.size + 3
+    root = rng.standard_normal((2, size, 4)) * np.r_[np.full(size - 3, 2e-3 * factor),
+                                                     np.full(3, 0.05 * factor)][:, None]
+    noise = (0.02 * factor) ** 2 * np.eye(3) * np.ones((2, 1, 1))
+    offset = glare * np.ones((2, 3))
+    return PatchesWithout(np.eye(PRIOR_GRID.nm.size), np.ones(PRIOR_GRID.nm.size),
+                          np.repeat(response[None], 2, axis=0), offset,
+                          root @ root.transpose(0, 2, 1), truth @ response.T + offset, noise), truth
+
+
+def test_glare_and_the_unit_of_a_signal_change_nothing_of_a_patch_left_out():
+    known = mixture_of(PRIOR_GRID.nm, [1.0], np.zeros((1, 61)), [SMOOTH])
+    found = [patches_without(patches, PRIOR_GRID, truth, np.zeros(2, bool), known)
+             for patches, truth in (without(0.0), without(3.0), without(0.0, 50.0))]
+    for other in found[1:]:
+        for name in ("mean", "lower", "upper"):
+            # round-off
+            np.testing.assert_allclose(getattr(other, name), getattr(found[0], name), atol=1e-7)
+    assert np.ptp(found[0].mean) > 0.1
+
+
+# ---- light of several colours over a picture -----------------------------------------------------
+
+def test_a_signal_is_brought_to_another_light_exactly_where_spectra_are_as_expected(monkeypatch):
+    """Reflectances that differ by three curves, which three bands tell: what a pixel reads under a
+    mixture of two lights becomes what it would read under the typical one.
+    """
+    rng, nm = np.random.default_rng(82), PRIOR_GRID.nm
+    shapes = np.array([1 + 0 * nm, (nm - 550) / 150])
+    three = np.array([np.ones(61), np.sin(nm / 70), np.cos(nm / 50)])
+    mean = 0.4 + 0.1 * np.sin(nm / 90)
+    monkeypatch.setattr(illumination, "reflectance_moments", lambda _: (mean, three.T @ three))
+    light = illumination.Illumination(
+        np.zeros((1, 2)), shapes, shapes[:, None] * CURVES, np.array([[1.0, 0.8], [1.0, -0.7]]),
+        np.zeros(1, int))
+    kind = rng.integers(2, size=40)
+    # colours near the typical ones, of any strength: what is left is of second order
+    away = np.column_stack([np.zeros(40), rng.uniform(-0.1, 0.1, 40)])
+    maps = rng.uniform(0.5, 2, (40, 1)) * (light.typical[kind] + away)
+    spectra = mean + 0.3 * rng.standard_normal((40, 3)) @ three
+
+    def relative(weights):
+        response = np.einsum("nq,qkp->nkp", weights, light.shapes)
+        return np.einsum("nkp,np->nk", response, spectra) / response.sum(axis=2)
+    own, wanted = relative(maps), relative(light.typical[kind])
+    found = illumination.brought_by(light, None).signals(own, maps, kind)
+    # signals taken to err by 1 % of white, of which reflectances differ by 30 %
+    assert np.abs(found - wanted).max() < 0.1 * np.abs(own - wanted).max()
+    assert np.abs(own - wanted).max() > 0.005
+
+
+# ---- known surfaces of a picture -----------------------------------------------------------------
+
+def surfaces_of(noise, texture, seed):
+    """Twelve surfaces of one known material, of 400 nodes each, whose light is uneven."""
+    rng = np.random.default_rng(seed)
+    number = np.repeat(np.arange(12), 400)
+    clean = 0.2 * CURVES.sum(axis=1) * np.ones((4800, 1))
+    measured = clean * np.exp(texture * rng.standard_normal((4800, 1))) \
+        + noise * clean * rng.standard_normal((4800, 3))
+    names = {f"wall {index}": "paint" for index in range(12)}
+    view = SimpleNamespace(
+        sensitivities=CURVES, grid=SimpleNamespace(weights_nm=np.ones(61)), light_scale=None,
+        scene_file=SimpleNamespace(surfaces=names), surface_materials=["paint"] * 12,
+        scene_materials=[SimpleNamespace(name="paint", reflectance=np.full(61, 0.2))])
+    traced = SimpleNamespace(nodes=SimpleNamespace(keys=[number]),
+                             relative_variance=np.zeros(4800))
+    settings = SimpleNamespace(surface_error=0.01, brightness_error=0.01)
+    scene = SimpleNamespace(
+        view=view, traced=traced, node_signals=(measured, (noise * clean) ** 2),
+        compared=np.ones(4800, bool),
+        task=SimpleNamespace(config=SimpleNamespace(reconstruct=settings)),
+        joint=SimpleNamespace(views=[SimpleNamespace(
+            light_scale=LightScale(1.0, 0.1, None, "photo"))]))
+    return known_surfaces.known_surfaces(scene, np.ones((4800, 61)), np.ones(4800, bool))
+
+
+@pytest.mark.parametrize("texture", [0.0, 0.06])
+def test_noise_of_pixels_is_no_disagreement_of_photo_and_light(texture):
+    plain, noisy = surfaces_of(0.0, texture, 83), surfaces_of(0.1, texture, 83)
+    # 4800 nodes know a variance of 0.1 squared to 2 %; what is below 0 counts as 0
+    np.testing.assert_allclose(np.diag(noisy.covariance - plain.covariance), 0,
+                               atol=SIGMAS * 0.02 * 0.1**2 + 2e-4 * (texture == 0))
+    assert noisy.scale.value == pytest.approx(1, abs=0.01)
+
+
+# ---- white at every pixel of flat samples --------------------------------------------------------
+
+def test_errors_of_white_at_a_pixel_are_those_of_level_field_and_exposure_together(monkeypatch):
+    """Against the linear map from all unknowns to the logarithm of white and the glare."""
+    bands, regions, count, causes = 3, 2, 48, 2
+    size = 2 * bands + regions + count + causes
+    root = 0.01 * np.random.default_rng(84).standard_normal((size, 2 * size))
+    total = root @ root.T
+    found = SimpleNamespace(
+        glare=np.full(bands, 0.01), covariance=total, mean=np.zeros(size),
+        white=np.ones((regions + count, bands)),
+        samples=SimpleNamespace(names=tuple(map(str, range(regions + count)))))
+    kept = {}
+    monkeypatch.setattr(flat, "COLUMNS", 8)
+    monkeypatch.setattr(flat, "white_of_photo", lambda *_: found)
+    monkeypatch.setattr(flat, "response_of", lambda *_: np.ones((bands, 301)))
+    monkeypatch.setattr(flat, "drift_of", lambda *_: None)
+    monkeypatch.setattr(flat, "photo_of",
+                        lambda *_: SimpleNamespace(signal=np.ones((2, 2, bands))))
+    monkeypatch.setattr(flat, "model_error", lambda *_: SimpleNamespace(
+        among_bands=lambda bands: np.zeros((bands, bands))))
+    monkeypatch.setattr(flat, "even_light", lambda *_: None)
+    monkeypatch.setattr(flat, "PixelErrors", lambda between, white, *_: kept.update(white=white))
+    task = SimpleNamespace(stored=None, config=SimpleNamespace(
+        stray_light=SimpleNamespace(glare=0.01)))
+    flat.errors_of_pixels(task, SimpleNamespace(name=""), None, (0.0, 0.0, 80.0, 60.0),
+                          (np.arange(3.0), np.arange(3.0)), None)
+    for node in range(count):
+        rows = np.zeros((2 * bands, size))
+        rows[:, :2 * bands] = np.eye(2 * bands)
+        rows[:bands, 2 * bands + regions + node] = 1
+        rows[:bands, 2 * bands + regions + count:] = 1
+        expected = rows @ total @ rows.T
+        np.testing.assert_allclose(kept["white"].log[node], expected[:bands, :bands], atol=1e-12)
+        np.testing.assert_allclose(kept["white"].log_and_glare[node], expected[:bands, bands:],
+                                   atol=1e-12)
+
+
+# ---- what is counted -----------------------------------------------------------------------------
+
+def test_a_pixel_is_clipped_where_any_band_is():
+    saturated = np.zeros((10, 20, 3), bool)
+    saturated[0, :10, 1] = saturated[0, 5:15, 2] = True
+    found = _clipped(SimpleNamespace(photo=SimpleNamespace(saturated=saturated)))
+    assert found.value == pytest.approx(15 / 200) and found.status is not Status.PASS
+
+
+def test_a_band_is_as_wide_as_it_is_in_the_mean():
+    nm = PRIOR_GRID.nm
+    summary = SimpleNamespace(grid=PRIOR_GRID, mean=np.full(61, 0.4), lower=np.full(61, 0.3),
+                              upper=0.4 + (nm - 400) / 3000, bound_lower=np.zeros(61),
+                              bound_upper=np.ones(61))
+    samples = SimpleNamespace(grid=PRIOR_GRID, spectra=np.full((3, 61), 0.4))
+    assert score(np.full(61, 0.4), None, summary, samples).band_width == pytest.approx(0.15)
+
+
+def test_a_session_needs_memory_for_its_largest_photo_and_what_goes_with_it(monkeypatch):
+    from spectrabox.capture.photo import linear
+    sizes = {"chart": (100, 50), "box": (400, 300), "flat": (400, 300), "dark": (10, 10)}
+    monkeypatch.setattr(linear, "photo_size", sizes.__getitem__)
+    config = SimpleNamespace(
+        path=lambda name: name, photos=SimpleNamespace(flats={"photo": "flat"},
+                                                       dark_files=("dark",)),
+        all_views=[SimpleNamespace(photo_files=("box",), chart_files=("chart",)),
+                   SimpleNamespace(photo_files=("box", "box"), chart_files=("chart",))])
+    pixels = 120_000 + 100 + 2 * 120_000
+    assert needs.needed_bytes(config) == needs.PROGRAM_BYTES + needs.BYTES_A_PIXEL * pixels
