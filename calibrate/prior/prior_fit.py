@@ -297,13 +297,14 @@ def _linearise(photos: list[ChartEquations], designs: list[np.ndarray], start: n
     noise = _noise(photos, PatchError(LINEARISED_AT))
     sigma = np.sqrt(np.diag(noise))
     state, size = start if guess is None else guess, prior.means.shape[1]
+    logarithms = _logarithms(photos, size)
     for _ in range(MAX_ITERATIONS):
         predicted, jacobian = _equations(photos, designs, state, prior)
         linear = measured - predicted + jacobian @ state
         projected = covariance @ jacobian.T
         gain = np.linalg.solve(jacobian @ projected + noise, linear - jacobian @ start)
         step = start + projected @ gain - state
-        step /= max(1.0, np.abs(step[size:]).max() / MAX_STEP)
+        step /= max(1.0, np.abs(step[logarithms]).max() / MAX_STEP)
         if prior.floor is not None:
             step[:size] = np.clip(step[:size], -MAX_LOG_STEP, MAX_LOG_STEP)
         state = state + step
@@ -311,6 +312,13 @@ def _linearise(photos: list[ChartEquations], designs: list[np.ndarray], start: n
             break
     predicted, jacobian = _equations(photos, designs, state, prior)
     return jacobian, measured - predicted + jacobian @ state, state
+
+
+def _logarithms(photos: list[ChartEquations], size: int) -> np.ndarray:
+    """Indices in the state of exposures and field terms: glare is in the unit of the signals."""
+    ends = size + np.cumsum([0, *(1 + nuisance_sd(photo).size for photo in photos)])
+    return np.concatenate([np.arange(end, end + 1 + photo.field_terms.shape[1])
+                           for end, photo in zip(ends, photos, strict=False)])
 
 
 def _log_evidence(covariance: np.ndarray, innovation: np.ndarray) -> float:
