@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import resource
 import shutil
 import subprocess
 import sys
@@ -26,16 +27,21 @@ from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.session.signals.signal_options import response_of_names
 
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"
+TASKS_AT_ONCE = 5000        # given to Dask before the first of them is waited for
 TILE = 256                  # pixels of a side of the tiles that the synthetic picture repeats
 
 
 def main() -> None:
+    if sys.argv[1:2] == ["uplift"]:
+        uplift(*sys.argv[2:])
+        return
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("part", nargs="*", default=["pictures", "sessions", "tasks", "model"])
     parser.add_argument("--megapixels", default="10,20")
     parser.add_argument("--width", type=int, help="pixels; square by default. Memory grows with "
                         "the width alone, so that a low picture shows it")
     parser.add_argument("--to", default="tiled-exr,zarr")
+    parser.add_argument("--low-rank", type=int, help="coefficients a pixel, in place of spectra")
     parser.add_argument("--tasks", type=int, default=10_000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--folder", type=Path, help="where pictures go; a temporary one by default")
@@ -44,7 +50,7 @@ def main() -> None:
         print(f"-- {part}")
         if part == "pictures":
             pictures([float(word) for word in options.megapixels.split(",")],
-                     options.to.split(","), options.folder, options.width)
+                     options.to.split(","), options.folder, options.width, options.low_rank)
         elif part == "sessions":
             sessions()
         elif part == "tasks":
@@ -56,25 +62,44 @@ def main() -> None:
 # ---- pictures
 
 def pictures(megapixels: list[float], forms: list[str], folder: Path | None,
-             width: int | None) -> None:
+             width: int | None, low_rank: int | None) -> None:
     """One row a picture and format."""
-    print(f"{'Mpixel':>7} {'to':<10} {'s':>8} {'s/Mpixel':>9} {'CPU s/Mpixel':>13} {'MiB':>6} "
-          f"{'bytes/pixel':>12}")
+    print(f"{'Mpixel':>7} {'to':<10} {'s':>8} {'CPU s':>8} {'CPU s/Mpixel':>13} {'MiB':>6} "
+          f"{'bytes/pixel':>12}  CPU s/Mpixel of each tenth while it is written")
     for count in megapixels:
         for form in forms:
             with tempfile.TemporaryDirectory(dir=folder) as name:
-                path, out = Path(name) / "picture.exr", Path(name) / "out"
+                path, out, marks = (Path(name) / each for each in ("picture.exr", "out", "marks"))
                 columns = width or round(1000 * count**0.5)
                 rows = round(1e6 * count / columns)
                 write_repeated(path, rows, columns)
-                taken, used, peak = timed([
-                    "uplift", str(path), "-o", str(out), "--to", form, "--sensitivity", CAMERA,
-                    "--light", LIGHT, "--json"])
-                written = bytes_in(out)
-                pixels = rows * columns
-                print(f"{pixels / 1e6:7.1f} {form:<10} {taken:8.1f} {taken / pixels * 1e6:9.2f} "
-                      f"{used / pixels * 1e6:13.2f} {peak / 2**20:6.0f} {written / pixels:12.1f}",
-                      flush=True)
+                taken, used, peak = measured([sys.executable, "-m", __spec__.name, "uplift",
+                                              str(path), str(out), form, str(low_rank or 0),
+                                              str(marks)])
+                pixels = rows * columns / 1e6
+                seconds, errors = json.loads(marks.read_text())
+                tenths = np.diff(seconds)
+                print(f"{pixels:7.1f} {form:<10} {taken:8.1f} {used:8.1f} {used / pixels:13.3f} "
+                      f"{peak / 2**20:6.0f} {bytes_in(out) / pixels / 1e6:12.1f}  "
+                      + " ".join(f"{each / pixels * 10:.2f}" for each in tenths)
+                      + (f"  {errors}" if errors else ""), flush=True)
+
+
+def uplift(image: str, out: str, form: str, low_rank: str, marks: str) -> None:
+    """What the command does, with the seconds of processor at each tenth of the writing, and what
+    a low rank costs.
+    """
+    from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
+    at: list[float] = []
+
+    def progress(stage: str, share: float, message: str) -> None:
+        if stage == "spectra" and (not at or share >= len(at) / 10):
+            at.append(time.process_time())
+
+    request = UpliftRequest(Path(image), Path(out), CAMERA, LIGHT, None, 0.01, 25, 10, False,
+                            form=form, coefficients=int(low_rank) or None)
+    facts, _ = uplift_answer(request, progress)
+    Path(marks).write_text(json.dumps([at, facts.get("errors")]))
 
 
 def write_repeated(path: Path, height: int, width: int) -> None:
@@ -150,7 +175,7 @@ def look_at(folder: Path, times: int = 20) -> None:
 
 def tasks(count: int, workers: int) -> None:
     """Seconds that Dask adds to each task: empty ones, and ones that sleep, for which the rest of
-    the time is the scheduler's.
+    the time is the scheduler's. They are given in parts, so that memory is bounded.
     """
     import dask
     from distributed import Client, LocalCluster
@@ -158,14 +183,19 @@ def tasks(count: int, workers: int) -> None:
     with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None,
                       silence_logs=50) as cluster, Client(cluster) as client:
         for words, seconds in (("empty", 0.0), ("sleeping 10 ms", 0.01), ("sleeping 0.1 s", 0.1)):
-            each = count if not seconds else max(round(min(count * seconds, 60) / seconds), 1)
-            started, used = time.perf_counter(), time.process_time()
-            client.gather(client.map(rest, [seconds] * each, range(each), pure=False))
-            taken, used = time.perf_counter() - started, time.process_time() - used
+            each = count if seconds < 0.1 else min(count, 600)
+            started, parts = time.perf_counter(), [time.process_time()]
+            for first in range(0, each, TASKS_AT_ONCE):
+                numbers = range(first, min(first + TASKS_AT_ONCE, each))
+                client.gather(client.map(rest, [seconds] * len(numbers), numbers, pure=False))
+                parts.append(time.process_time())
+            taken, used = time.perf_counter() - started, np.diff(parts)
             ideal = seconds * each / workers
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
             print(f"{each} {words} tasks on {workers} workers: {taken:.1f} s, "
                   f"{(taken - ideal) / each * 1e3:.2f} ms a task beyond them; scheduler and client "
-                  f"{used / each * 1e3:.2f} ms of processor a task", flush=True)
+                  f"{used.sum() / each * 1e3:.2f} ms of processor a task (first part {used[0]:.1f} "
+                  f"s, last {used[-1]:.1f} s), {peak:.0f} MiB", flush=True)
 
 
 def rest(seconds: float, number: int) -> int:
@@ -212,11 +242,16 @@ sys.exit(code)
 
 
 def timed(words: list[str]) -> tuple[float, float, int]:
-    """Seconds, seconds of processor, and bytes of memory at most, of one command."""
-    done = subprocess.run([sys.executable, "-c", MEASURED, sys.executable, "-m", "spectrabox",
-                           *words], capture_output=True, text=True, check=False)
+    """Seconds, seconds of processor, and bytes of memory at most, of one command of ours."""
+    return measured([sys.executable, "-m", "spectrabox", *words])
+
+
+def measured(words: list[str]) -> tuple[float, float, int]:
+    """The same of any command."""
+    done = subprocess.run([sys.executable, "-c", MEASURED, *words], capture_output=True, text=True,
+                          check=False)
     if done.returncode:
-        raise SystemExit(f"spectrabox {' '.join(words)} failed")
+        raise SystemExit(f"{' '.join(words)} failed")
     taken, used, peak = (float(word) for word in done.stdout.split())
     return taken, used, round(peak)
 

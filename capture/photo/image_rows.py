@@ -28,7 +28,12 @@ from spectrabox.capture.photo.image_files import (
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file
-from spectrabox.radiometry.outside.bands_of_rows import WriteRows, read_by_bands, written_by_bands
+from spectrabox.radiometry.outside.bands_of_rows import (
+    ReadRows,
+    WriteRows,
+    read_by_bands,
+    written_by_bands,
+)
 from spectrabox.radiometry.outside.words import reason_of
 from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr
 
@@ -45,6 +50,7 @@ class PictureRows:
     width: int
     bands: int
     read: Callable[[int, int], np.ndarray]      # (first, last) -> (last - first, W, K) float32
+    rows_at_once: int = 1       # of its tiles or chunks: read and unpacked together
 
 
 def open_rows(path: Path) -> PictureRows:
@@ -67,10 +73,7 @@ def open_rows(path: Path) -> PictureRows:
         return _zarr_rows(path)
     if not path.is_file() or not is_image_file(path):
         return _held(path)
-    as_stored = oiio.ImageSpec()
-    # else a TIFF's bands come multiplied by its alpha
-    as_stored.attribute("oiio:UnassociatedAlpha", 1)
-    file = oiio.ImageInput.open(os.fspath(path), as_stored)
+    file = _opened(path)
     if file is None:
         return _held(path)
     spec = file.spec()
@@ -81,6 +84,47 @@ def open_rows(path: Path) -> PictureRows:
     if len(bands) < 3:
         raise InputError(f"photo {path.name} has {len(bands)} band(s) ({', '.join(names)}); at "
                          "least 3 are needed")
+    return PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands),
+                       spec.tile_height or 1)
+
+
+def open_layers(path: Path, prefix: str, word: str) -> tuple[PictureRows, str]:
+    """The channels of an EXR whose names begin alike, in their order, and one word of its header.
+
+    Parameters
+    ----------
+    path : Path
+    prefix : str
+        Of the channels.
+    word : str
+        Name of an attribute of text; empty where there is none.
+
+    Raises
+    ------
+    InputError
+        If there is no such channel, or the file cannot be read.
+    """
+    file = _opened(path) if path.is_file() and is_image_file(path) else None
+    spec = None if file is None else file.spec()
+    bands = [] if spec is None else [index for index, name in enumerate(channel_names(path, spec))
+                                     if name.startswith(prefix)]
+    if spec is None or not bands:
+        raise InputError(f"{path.name} is no EXR with channels {prefix}...; name the file that was "
+                         "written")
+    return (PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands),
+                        spec.tile_height or 1), str(spec.get_string_attribute(word)))
+
+
+def _opened(path: Path) -> Any:
+    as_stored = oiio.ImageSpec()
+    # else a TIFF's bands come multiplied by its alpha
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)
+    return oiio.ImageInput.open(os.fspath(path), as_stored)
+
+
+def _reader(path: Path, file: Any, bands: Sequence[int]) -> ReadRows:
+    """A function of (first, last) that reads some channels of rows."""
+    spec = file.spec()
 
     def read(first: int, last: int) -> np.ndarray:
         # As floats, integers come as fractions of their full scale.
@@ -95,8 +139,7 @@ def open_rows(path: Path) -> PictureRows:
         require_finite(path, signal)
         return signal
 
-    by_bands = read_by_bands(read, spec.height, spec.tile_height) if spec.tile_width else read
-    return PictureRows(spec.height, spec.width, len(bands), by_bands)
+    return read_by_bands(read, spec.height, spec.tile_height) if spec.tile_width else read
 
 
 def _zarr_rows(path: Path) -> PictureRows:
@@ -113,7 +156,8 @@ def _zarr_rows(path: Path) -> PictureRows:
         require_finite(path, signal)
         return signal
 
-    return PictureRows(height, width, bands, read_by_bands(read, height, picture.chunk_rows))
+    return PictureRows(height, width, bands, read_by_bands(read, height, picture.chunk_rows),
+                       picture.chunk_rows)
 
 
 def _held(path: Path) -> PictureRows:

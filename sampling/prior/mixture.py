@@ -157,13 +157,18 @@ def reflectance(logits: np.ndarray) -> np.ndarray:
 def reflectance_moments(prior: LogitMixture,
                         draws: int = MOMENT_DRAWS) -> tuple[np.ndarray, np.ndarray]:
     """Mean (P,) and covariance (P, P) of a prior's reflectances, from draws at a fixed seed."""
+    spectra = drawn_reflectances(prior, draws)
+    return spectra.mean(axis=0), np.cov(spectra, rowvar=False)
+
+
+def drawn_reflectances(prior: LogitMixture, draws: int) -> np.ndarray:
+    """Reflectances (T, P) of surfaces that are drawn from a prior at a fixed seed."""
     rng = np.random.default_rng(0)
     counts = rng.multinomial(draws, prior.weights / prior.weights.sum())
     logits = [rng.multivariate_normal(mean, covariance.astype(float), count)
               for mean, covariance, count in zip(prior.means, prior.covariances, counts,
                                                  strict=True)]
-    spectra = reflectance(np.vstack(logits))
-    return spectra.mean(axis=0), np.cov(spectra, rowvar=False)
+    return reflectance(np.vstack(logits))
 
 
 def save_prior(path: Path, prior: LogitMixture) -> None:

@@ -230,25 +230,30 @@ def uplift_pixels(table: UpliftTable, signals: np.ndarray) -> tuple[np.ndarray, 
         With all `points_around` the signals.
     signals : (n, 3) array
     """
-    weights = interpolation(table, signals)
+    weights = interpolation(table.row, len(table.mean), signals)
     return weights @ table.mean, weights @ table.standard_deviation
 
 
-def interpolation(table: UpliftTable, signals: np.ndarray) -> csr_array:
-    """Weights (n, L), eight to a row, with which the table's points make up signals (n, 3).
+def interpolation(row: np.ndarray, points: int, signals: np.ndarray) -> csr_array:
+    """Weights (n, L), eight to a row, with which a table's points make up signals (n, 3).
 
     Parameters
     ----------
-    table : UpliftTable
+    row : (side, side, side) array
+        Of each point of the lattice in the table.
+    points : int
+        L, of the table.
     signals : (n, 3) array
     """
-    cell, share = _cell_and_share(signals, table.side)
-    corners = cell[:, None] + CORNERS.astype(np.int32)
-    rows = table.row[tuple(corners.transpose(2, 0, 1))]
-    weights = np.prod(np.where(CORNERS, share[:, None], 1 - share[:, None]), axis=2,
-                      dtype=np.float32)
+    side = len(row)
+    cell, share = _cell_and_share(signals, side)
+    strides = np.array([side**2, side, 1], dtype=np.int32)
+    rows = row.ravel()[(cell @ strides)[:, None] + (CORNERS @ strides).astype(np.int32)]
+    both = np.stack([1 - share, share], axis=1, dtype=np.float32)       # of each axis
+    first, second, third = (both[:, :, axis] for axis in range(3))
+    weights = (first[:, :, None] * second[:, None])[..., None] * third[:, None, None]
     ends = np.arange(0, rows.size + 1, len(CORNERS), dtype=np.int32)
-    return csr_array((weights.ravel(), rows.ravel(), ends), shape=(len(rows), len(table.mean)))
+    return csr_array((weights.ravel(), rows.ravel(), ends), shape=(len(rows), points))
 
 
 def _cell_and_share(signals: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:

@@ -95,6 +95,9 @@ Full = Annotated[bool, typer.Option(
 PictureFormat = Annotated[Literal["exr", "tiled-exr", "envi", "zarr"], typer.Option(
     "--to", help="exr: spectral EXR, of scan lines or tiled-exr: of tiles; envi: ENVI images of "
     "single floats; zarr: Zarr arrays.")]
+LowRank = Annotated[int | None, typer.Option(
+    "--low-rank", metavar="N", help="Of each pixel N coefficients and once their basis, in place "
+    "of spectra: a third as large with 16, and 0.002 off.", show_default=False)]
 
 # of plan alone
 PlannedSession = Annotated[Path | None, typer.Argument(
@@ -196,7 +199,8 @@ def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signal
 def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
            white: White = None, noise: PixelNoise = 0.01, side: Side = 25, step: Step = 10,
            full: Full = False, family: Families = None, to: PictureFormat = "exr",
-           quiet: Quiet = False, as_json: Json = False, debug: Debug = False) -> None:
+           low_rank: LowRank = None, quiet: Quiet = False, as_json: Json = False,
+           debug: Debug = False) -> None:
     """Mean and spread of the spectrum behind every pixel, as spectral EXR or ENVI images."""
     with command(as_json, debug):
         if out.suffix.lower() in (".exr", ".hdr", ".img"):
@@ -205,7 +209,7 @@ def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
         from spectrabox.session.progress_display import progress_display, with_time_left
         from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
         request = UpliftRequest(image, out, sensitivity, light, white, noise, side, step, full,
-                                tuple(family or ()), to)
+                                tuple(family or ()), to, low_rank)
         with progress_display(quiet) as progress:
             facts, text = uplift_answer(request, with_time_left(progress))
         answer(as_json, facts, text)

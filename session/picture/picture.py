@@ -18,7 +18,6 @@ from spectrabox.radiometry.records import LinearImage
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.sampling.prior.tables import (
     MAX_SIGNAL,
-    UpliftTable,
     build_tables,
     interpolation,
     points_around,
@@ -253,7 +252,7 @@ def _preview(folder: Path, shown_map: Map, reduced: Reduced) -> str:
 class _Tables:
     """What signals say where errors are least, and how that changes to where they are largest."""
 
-    least: UpliftTable
+    row: np.ndarray             # (side, side, side) of each point of the lattice
     kept: np.ndarray            # (L, P + Q + 1) mean, standard deviation and unlikeness where least
     change: np.ndarray          # (L, P + Q + 1)
 
@@ -298,7 +297,7 @@ def _tables_of(pixels: LitPixels, kept: KeptWavelengths, wanted: np.ndarray, kin
     low, high = (np.column_stack([table.mean[:, kept.mean],
                                   table.standard_deviation[:, kept.spread],
                                   table.unlikeness]) for table in tables)
-    return _Tables(tables[0], low, high - low)
+    return _Tables(tables[0].row, low, high - low)
 
 
 def _looked_up(kept: KeptWavelengths, tables: Sequence[_Tables], rows: Rows) -> Spectra:
@@ -307,7 +306,7 @@ def _looked_up(kept: KeptWavelengths, tables: Sequence[_Tables], rows: Rows) -> 
     made = np.empty((len(signals), tables[0].kept.shape[1]), np.float32)
     for kind in np.unique(kinds):
         some = np.flatnonzero(kinds == kind)
-        weights = interpolation(tables[kind].least, signals[some])
+        weights = interpolation(tables[kind].row, len(tables[kind].kept), signals[some])
         found = weights @ tables[kind].kept
         found += rows.place[some].astype(np.float32)[:, None] * (weights @ tables[kind].change)
         made[some] = found

@@ -114,7 +114,7 @@ def write_spectra(canvas: Canvas[Rows], folder: Path, kept: KeptWavelengths,
     paths, width = kept.paths(folder), canvas.width
     with writable(folder), _mean_rows(paths[MEAN], canvas, kept) as write_mean, \
             _spread_rows(paths[SPREAD], canvas, kept) as write_spread:
-        for first, last, made in _in_order(canvas):
+        for first, last, made in in_order(canvas):
             write_mean(first, made[0].reshape(last - first, width, -1))
             write_spread(first, made[1].reshape(last - first, width, -1))
             also(first, last, made)
@@ -161,7 +161,7 @@ def row_blocks(height: int, width: int) -> list[tuple[int, int]]:
     return [(first, min(first + rows, height)) for first in range(0, height, rows)]
 
 
-def _in_order(canvas: Canvas[Rows]) -> Iterator[tuple[int, int, Spectra]]:
+def in_order(canvas: Canvas[Rows]) -> Iterator[tuple[int, int, Spectra]]:
     """The spectra of parts of the picture in their order, as many at a time as there are cores."""
     cores = os.cpu_count() or 1
     waiting: deque[tuple[int, int, Future[Spectra]]] = deque()

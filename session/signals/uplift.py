@@ -1,38 +1,38 @@
 """What ``spectrabox uplift`` answers: a picture in, the spectra behind its pixels out.
 
-The picture is read twice, some rows at a time: once for which points of the table it needs, once
-for its spectra. What is in memory does not grow with it.
+What is in memory does not grow with the picture's height.
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from spectrabox.capture.photo.image_rows import PictureRows, open_rows
+from spectrabox.capture.photo.image_rows import open_rows
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior, of_families
-from spectrabox.sampling.prior.tables import (
-    UpliftTable,
-    build_table,
-    interpolation,
-    outside,
-    points_around,
-    uplift_directly,
-)
+from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families
 from spectrabox.session.progress_display import StageProgress
+from spectrabox.session.signals.low_rank_files import low_rank_path, write_low_rank
 from spectrabox.session.signals.signal_options import numbers, response_of_names
 from spectrabox.session.signals.spectra_rows import (
     GRID_STEP_NM,
     Canvas,
     Format,
     KeptWavelengths,
-    Spectra,
     row_blocks,
     write_spectra,
+)
+from spectrabox.session.signals.uplift_plan import (
+    Job,
+    Look,
+    Plan,
+    look,
+    planned,
+    require_sides,
+    together,
 )
 
 
@@ -51,26 +51,11 @@ class UpliftRequest:
     full: bool              # all wavelengths of both, in single floats
     families: tuple[str, ...] = ()      # that the surfaces are said to be of
     form: Format = "exr"
-
-
-@dataclass(frozen=True)
-class _Job:
-    """A picture's signals, relative to white, and what to make of them."""
-
-    picture: PictureRows
-    white: np.ndarray               # (K,)
-    relative_response: np.ndarray   # (K, 61)
-    prior: LogitMixture
-    noise: float
-    kept: KeptWavelengths
-
-    def signals(self, first: int, last: int) -> np.ndarray:
-        """Signals (n, K) of some rows."""
-        return (self.picture.read(first, last) / self.white).reshape(-1, self.picture.bands)
+    coefficients: int | None = None     # of a pixel, in place of its spectra
 
 
 def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict[str, Any], str]:
-    """JSON object and text of ``spectrabox uplift``, which writes two files.
+    """JSON object and text of ``spectrabox uplift``, which writes its files.
 
     Parameters
     ----------
@@ -81,30 +66,80 @@ def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict
     ------
     InputError
     """
-    job = _job(request)
+    job = job_of(request)
+    found = together(_looks(job, progress))
+    plan = planned(job, found, lambda share: progress("table", share, ""))
+    paths = _written(job, plan, request.out, progress)
+    return told(job, plan, paths, found.outside)
+
+
+def _looks(job: Job, progress: StageProgress) -> Iterator[Look]:
     picture = job.picture
-    wanted, beyond = _wanted(job, request.side, progress)
-    canvas = Canvas(picture.height, picture.width, job.signals,
-                    _spectra(job, wanted, request.side, progress))
-    paths = write_spectra(canvas, request.out, job.kept,
-                          lambda share: progress("spectra", share, ""))
+    for first, last in row_blocks(picture.height, picture.width):
+        yield look(job, first, last)
+        progress("signals", last / picture.height, "")
+
+
+def _written(job: Job, plan: Plan, out: Path, progress: StageProgress) -> dict[str, Path]:
+    canvas = Canvas(job.picture.height, job.picture.width, job.signals,
+                    lambda signals: plan.made(job, signals))
+
+    def so_far(share: float) -> None:
+        progress("spectra", share, "")
+
+    if plan.low_rank is None:
+        return write_spectra(canvas, out, job.kept, so_far)
+    return {"low_rank": write_low_rank(canvas, out, job.kept, plan.low_rank, plan.errors or {},
+                                       so_far)}
+
+
+def told(job: Job, plan: Plan, paths: dict[str, Path],
+         beyond: int) -> tuple[dict[str, Any], str]:
+    """JSON object and text of a picture that is written.
+
+    Parameters
+    ----------
+    paths : dict
+        Names to files.
+    beyond : int
+        Pixels outside 0 to 1.
+    """
+    pixels = job.picture.height * job.picture.width
     mean_nm, spread_nm = job.kept.nm
     facts = {**{name: str(path) for name, path in paths.items()},
-             "pixels": picture.height * picture.width, "outside_0_to_1": beyond,
+             "pixels": pixels, "outside_0_to_1": beyond / pixels,
              "wavelengths_nm": mean_nm.tolist(), "standard_deviation_nm": spread_nm.tolist(),
-             "pixel_type": "float" if request.full or request.form == "envi" else "half"}
-    return facts, (f"wrote {paths['mean']} and {paths['standard_deviation']}; "
-                   f"{100 * beyond:.1f} % of pixels lie outside what a reflectance between 0 and 1 "
-                   "can give and were taken at the edge")
+             "pixel_type": "float" if job.kept.full or job.kept.form == "envi" else "half"}
+    text = f"wrote {' and '.join(str(path) for path in paths.values())}; "
+    if plan.low_rank is not None and plan.errors is not None:
+        facts |= {"coefficients": len(plan.low_rank.basis) - 1, "errors": plan.errors}
+        text += _words_of(plan.errors)
+    return facts, text + (f"{100 * beyond / pixels:.1f} % of pixels lie outside what a reflectance "
+                          "between 0 and 1 can give and were taken at the edge")
 
 
-def _job(request: UpliftRequest) -> _Job:
+def _words_of(errors: dict[str, Any]) -> str:
+    mean, spread = errors["mean"], errors["standard_deviation"]
+    return (f"the low rank costs {mean['rms']} rms of the mean, {mean['largest']} at most, and "
+            f"{spread['rms']} and {spread['largest']} of the standard deviation "
+            f"(over {errors['pixels']} pixels); ")
+
+
+def job_of(request: UpliftRequest) -> Job:
+    """The picture of a request, open, and all that its pixels depend on.
+
+    Raises
+    ------
+    InputError
+    """
     span = round(GRID.nm[-1] - GRID.nm[0])
     if request.step_nm < 1 or request.step_nm % GRID_STEP_NM or span % request.step_nm:
         raise InputError(f"--step {request.step_nm} does not divide 400-700 nm into steps of "
                          f"{GRID_STEP_NM} nm; take 5, 10, 15, 20, 25, 30, 50 or 60")
-    if request.side < 3 or request.side % 2 == 0:
-        raise InputError(f"--side {request.side} is not odd and at least 3")
+    require_sides(request.side)
+    kept = KeptWavelengths(request.step_nm, request.full, request.form)
+    if request.coefficients is not None:
+        low_rank_path(request.out, kept)
     relative_response = response_of_names(request.sensitivity, request.light)
     picture = open_rows(request.image)
     if picture.bands != len(relative_response):
@@ -112,44 +147,6 @@ def _job(request: UpliftRequest) -> _Job:
                          f"{len(relative_response)}")
     white = np.ones(picture.bands) if request.white is None \
         else numbers(request.white, picture.bands, "white")
-    return _Job(picture, white.astype(np.float32), relative_response,
-                of_families(load_prior(), request.families), request.noise,
-                KeptWavelengths(request.step_nm, request.full, request.form))
-
-
-def _wanted(job: _Job, side: int, progress: StageProgress) -> tuple[np.ndarray | None, float]:
-    """Points of the table that the picture needs, None where pixels are computed one by one, and
-    the share of pixels outside 0 to 1.
-    """
-    wanted, beyond = np.zeros((side,) * 3, dtype=bool), 0
-    for first, last in row_blocks(job.picture.height, job.picture.width):
-        signals = job.signals(first, last)
-        beyond += int(outside(signals).sum())
-        if job.picture.bands == 3:
-            wanted |= points_around(signals, side)
-        progress("signals", last / job.picture.height, "")
-    pixels = job.picture.height * job.picture.width
-    directly = job.picture.bands != 3 or pixels < wanted.sum()
-    return None if directly else wanted, beyond / pixels
-
-
-def _spectra(job: _Job, wanted: np.ndarray | None, side: int,
-             progress: StageProgress) -> Callable[[np.ndarray], Spectra]:
-    """The function from signals (n, K) to spectra."""
-    def directly(signals: np.ndarray) -> Spectra:
-        mean, spread = uplift_directly(job.prior, job.relative_response,
-                                       np.clip(signals, 0, 1).astype(float), job.noise)
-        return mean[:, job.kept.mean], spread[:, job.kept.spread]
-
-    if wanted is None:
-        return directly
-    table = build_table(job.prior, job.relative_response, job.noise, side, wanted,
-                        lambda share: progress("table", share, ""))
-    both = np.hstack([table.mean[:, job.kept.mean],
-                      table.standard_deviation[:, job.kept.spread]])
-    return lambda signals: _looked_up(table, both, GRID.nm[job.kept.mean].size, signals)
-
-
-def _looked_up(table: UpliftTable, both: np.ndarray, bands: int, signals: np.ndarray) -> Spectra:
-    spectra = interpolation(table, signals) @ both
-    return spectra[:, :bands], spectra[:, bands:]
+    return Job(picture, white.astype(np.float32), relative_response,
+               of_families(load_prior(), request.families), request.noise, request.side, kept,
+               request.coefficients)

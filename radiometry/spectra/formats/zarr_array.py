@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,9 @@ CHUNK_PX = 128              # of one side; a chunk holds all bands
 CHUNKS_A_SHARD = 32         # side by side in one file: thousands of files slow a disk down
 CODECS = {"bytes", "blosc", "crc32c", "gzip", "sharding_indexed", "transpose", "zstd"}
 AXES = ("y", "x", "wavelength")
+WAVELENGTHS = "wavelengths_nm"
+COEFFICIENTS = "coefficients"
+MAX_TABLE = 1_000_000       # values of a small table
 
 
 @dataclass(frozen=True)
@@ -50,12 +53,7 @@ def open_zarr(path: Path) -> ZarrPicture:
     EnvironmentProblem
         If Zarr is not installed.
     """
-    _require_plain(path)
-    zarr = _library()
-    try:
-        array = zarr.open_array(str(path), mode="r")
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise _unreadable(path, error) from None
+    array = _opened(path)
     if array.ndim != 3 or array.dtype.kind not in "fu" or 0 in array.shape:
         raise InputError(f"{path.name} is an array of shape {array.shape} and type {array.dtype}; "
                          "needed are rows, columns and bands of floats or unsigned integers")
@@ -90,23 +88,134 @@ def zarr_rows(path: Path, height: int, width: int, nm: np.ndarray, half: bool,
     EnvironmentProblem
         If it cannot be written, or Zarr is not installed.
     """
-    zarr = _library()
-    kind = np.dtype(np.float16 if half else np.float32)
-    shape = (height, width, nm.size)
+    shape = height, width, nm.size
+    _library()
     with whole_folder(path) as unfinished:
-        array = zarr.create_array(
-            str(unfinished), shape=shape, dtype=kind, dimension_names=AXES,
-            chunks=(CHUNK_PX, CHUNK_PX, nm.size),
-            shards=(CHUNK_PX, CHUNK_PX * CHUNKS_A_SHARD, nm.size),
-            # bytes of one place together: smaller by a fifth, and packed in half the time
-            compressors=zarr.codecs.BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"),
-            attributes={"wavelengths_nm": nm.tolist(), **attributes})
-
-        def write(first: int, band: np.ndarray) -> None:
-            array[first:first + len(band)] = band
-
-        with written_by_bands(write, shape, CHUNK_PX, kind) as take:
+        create_picture(unfinished, shape, half, {WAVELENGTHS: nm.tolist(), **attributes})
+        with _rows_of(unfinished, shape) as take:
             yield take
+
+
+@contextlib.contextmanager
+def low_rank_rows(path: Path, height: int, width: int, half: bool,
+                  tables: Mapping[str, np.ndarray], about: Mapping[str, Any]
+                  ) -> Iterator[WriteRows]:
+    """The same for a group of ``coefficients`` (H, W, N) and small tables beside them.
+
+    Parameters
+    ----------
+    path : Path
+    height, width : int
+    half : bool
+        Of the coefficients.
+    tables : dict
+        Name to array (1 + N, P) of a basis.
+    about : dict
+        Attributes of the group, JSON.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If it cannot be written, or Zarr is not installed.
+    """
+    shape = height, width, len(next(iter(tables.values()))) - 1
+    _library()
+    with whole_folder(path) as unfinished:
+        create_low_rank(unfinished, shape, half, tables, about)
+        with _rows_of(unfinished / COEFFICIENTS, shape) as take:
+            yield take
+
+
+def create_picture(folder: Path, shape: tuple[int, int, int], half: bool,
+                   attributes: Mapping[str, Any], axes: tuple[str, str, str] = AXES) -> None:
+    """An array (H, W, C) of half or single floats that holds zeros until it is written to.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If Zarr is not installed.
+    """
+    zarr = _library()
+    zarr.create_array(
+        str(folder), shape=shape, dtype=np.float16 if half else np.float32, dimension_names=axes,
+        chunks=(CHUNK_PX, CHUNK_PX, shape[2]),
+        shards=(CHUNK_PX, CHUNK_PX * CHUNKS_A_SHARD, shape[2]),
+        # bytes of one place together: smaller by a fifth, and packed in half the time
+        compressors=zarr.codecs.BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"),
+        attributes=dict(attributes))
+
+
+def create_low_rank(folder: Path, shape: tuple[int, int, int], half: bool,
+                    tables: Mapping[str, np.ndarray], about: Mapping[str, Any]) -> None:
+    """A group of ``coefficients``, as ``create_picture`` makes them, and of small tables."""
+    zarr = _library()
+    zarr.create_group(str(folder), attributes=dict(about))
+    create_picture(folder / COEFFICIENTS, shape, half, {}, ("y", "x", "component"))
+    for name, values in tables.items():
+        zarr.create_array(str(folder / name), data=values,
+                          dimension_names=("row", f"{name}_wavelength"))
+
+
+def open_region(folder: Path) -> Callable[[int, int, np.ndarray], None]:
+    """A function of (first row, first column, pixels (n, m, C)) that writes into an array.
+
+    Regions of whole shards are written by several processes at a time.
+    """
+    array = _library().open_array(str(folder), mode="r+")
+
+    def write(row: int, column: int, pixels: np.ndarray) -> None:
+        array[row:row + len(pixels), column:column + pixels.shape[1]] = pixels
+
+    return write
+
+
+def read_group(path: Path, tables: Sequence[str]) -> tuple[dict[str, Any], list[np.ndarray]]:
+    """Attributes of a group, and some of its arrays whole.
+
+    Parameters
+    ----------
+    path : Path
+    tables : sequence of str
+        Names of small arrays (n, P).
+
+    Raises
+    ------
+    InputError
+        If it is no group of version 3, or an array is missing, damaged or large.
+    """
+    try:
+        about = json.loads((path / METADATA).read_text(encoding="utf-8"))
+        if about["node_type"] != "group" or about["zarr_format"] != 3:
+            raise InputError(f"{path.name} is no Zarr group of version 3; name the folder that "
+                             "was written")
+        arrays = [_opened(path / name) for name in tables]
+        if any(array.ndim != 2 or array.size > MAX_TABLE for array in arrays):
+            raise InputError(f"{path.name} holds no small tables under {', '.join(tables)}")
+        return dict(about["attributes"]), [np.asarray(array[...]) for array in arrays]
+    except FileNotFoundError:
+        raise InputError(f"{path} holds no {METADATA}: it is no Zarr group of version 3; name the "
+                         "folder that was written") from None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, RuntimeError) as error:
+        raise _unreadable(path, error) from None
+
+
+def _opened(path: Path) -> Any:
+    _require_plain(path)
+    try:
+        return _library().open_array(str(path), mode="r")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise _unreadable(path, error) from None
+
+
+@contextlib.contextmanager
+def _rows_of(folder: Path, shape: tuple[int, int, int]) -> Iterator[WriteRows]:
+    array = _library().open_array(str(folder), mode="r+")
+
+    def write(first: int, band: np.ndarray) -> None:
+        array[first:first + len(band)] = band
+
+    with written_by_bands(write, shape, CHUNK_PX, array.dtype) as take:
+        yield take
 
 
 def _library() -> Any:
