@@ -18,18 +18,19 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages, stage_states
 
 
-def rewrite_box(folder, exposure_s=None, black_added=0):
-    """The object photo with another stated exposure, or black levels that are stated too high."""
+def rewrite_box(folder, change=lambda mosaic, frame: None, black_added=0, **stated):
+    """The object photo of the same camera with other pixels, black levels stated too high, or
+    another exposure.
+    """
     path = folder / "photos" / "box.dng"
     frame = read_raw(path)
     black = frame.black_level[[0, 0, 1, 1], [0, 1, 0, 1]]
     mosaic = np.array(frame.mosaic)
-    if black_added:
-        mosaic[:40] = np.random.default_rng(1).normal(black.mean(), 3, mosaic[:40].shape).round()
+    change(mosaic, frame)
     path.unlink()
-    stated = {} if exposure_s is None else {"exposure_s": exposure_s}
     write_dng(path, mosaic, black=tuple(black + black_added), white=int(frame.white_level),
-              f_number=frame.f_number, iso=int(frame.iso), **stated)
+              f_number=frame.f_number, iso=int(frame.iso), make="Spectrabox",
+              model="Synthetic 5100", serial="DEMO-1", **stated)
 
 
 def edit(folder, name, *changes):
@@ -42,11 +43,14 @@ def edit(folder, name, *changes):
 
 
 def black_stated_too_high(folder):
-    rewrite_box(folder, Fraction(1, 60), black_added=120)
+    def darken(mosaic, frame):
+        mosaic[:40] = np.random.default_rng(1).normal(frame.black_level.mean(), 3,
+                                                      mosaic[:40].shape).round()
+    rewrite_box(folder, darken, black_added=120)
 
 
 def exposure_not_stated(folder):
-    rewrite_box(folder)
+    rewrite_box(folder, exposure_s=Fraction(0))
 
 
 def glossy_with_the_transport_engine(folder):
@@ -59,6 +63,7 @@ def glossy_with_the_transport_engine(folder):
 
 def draws_through_a_transport_that_is_not_traced(folder):
     edit(folder, "session.toml", ("[reconstruct]\n", '[reconstruct]\nengine = "gradient"\n'),
+         ("steps = 80", "steps = 20"),    # until sampling refuses
          ("[sampling]\n", '[sampling]\nthrough = "transport"\n'))
 
 
@@ -89,30 +94,31 @@ def a_material_that_no_light_reaches(folder):
 
 
 def a_surface_without_a_usable_signal(folder):
-    path = folder / "photos" / "box.dng"
-    frame = read_raw(path)
-    mosaic = np.array(frame.mosaic)
-    mosaic[:, -mosaic.shape[1] // 4:] = int(frame.white_level)      # the red wall and more
-    path.unlink()
-    write_dng(path, mosaic, black=tuple(frame.black_level[[0, 0, 1, 1], [0, 1, 0, 1]]),
-              white=int(frame.white_level), f_number=frame.f_number, iso=int(frame.iso),
-              exposure_s=Fraction(1, 60))
+    def saturate(mosaic, frame):        # the red wall and more
+        mosaic[:, -mosaic.shape[1] // 4:] = int(frame.white_level)
+    rewrite_box(folder, saturate, exposure_s=Fraction(1, 60))
 
 
-FAULTS = (black_stated_too_high, exposure_not_stated, glossy_with_the_transport_engine,
-          draws_through_a_transport_that_is_not_traced, no_chart_in_the_chart_scene,
-          reference_outside_the_photo, lights_without_a_name_to_tell_apart,
-          a_material_that_no_pixel_sees, a_material_that_no_light_reaches,
-          a_surface_without_a_usable_signal)
+FAULTS = {black_stated_too_high: "the black level taken off is too high",
+          exposure_not_stated: "states no exposure time",
+          glossy_with_the_transport_engine: "cube of box.xml is coated or glossy",
+          draws_through_a_transport_that_is_not_traced: "the engine kept no light transport",
+          no_chart_in_the_chart_scene: "no shape with the id 'chart'",
+          reference_outside_the_photo: "reference region 1 leaves the photo",
+          lights_without_a_name_to_tell_apart: "a light without an id",
+          a_material_that_no_pixel_sees: "'cube' fills 0 pixels",
+          a_material_that_no_light_reaches: "no light reaches material 'red'",
+          a_surface_without_a_usable_signal: "'red' fills 128 pixels of the rendered view, 0 of"}
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_check_says_what_run_would_refuse(captured, fault):
+@pytest.mark.parametrize("fault, sentence", FAULTS.items())
+def test_check_says_what_run_would_refuse(captured, fault, sentence):
     fault(captured)
     said = [problem.sentence for problem in find_problems(captured)]
     with pytest.raises(SpectraboxError) as refused:
         run_stages(read_session(captured), device="cpu", only=None, force=False,
                    progress=lambda *_: None)
+    assert sentence in str(refused.value)
     assert set(str(refused.value).splitlines()) <= set(said)
 
 

@@ -4,6 +4,7 @@ numbers beside it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -112,8 +113,9 @@ def rendered(template: str, content: dict[str, Any], numbers: dict[str, Any]) ->
     return RenderedReport(templates().get_template(template).render(content | common), written)
 
 
+@cache
 def templates() -> jinja2.Environment:
-    """What all pages are made by: it escapes whatever is not Markup."""
+    """What all pages are made by, compiled once: it escapes whatever is not Markup."""
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True,
                                      trim_blocks=True, lstrip_blocks=True,
                                      undefined=jinja2.StrictUndefined)
