@@ -7,7 +7,7 @@ import io
 import os
 import sys
 import warnings
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 from typer.main import get_command
@@ -35,6 +35,7 @@ from spectrabox.session.commands import (
     session,
     spectrum,
 )
+from spectrabox.session.leaving import run_and_leave
 
 OBJECTS_BEFORE_GC = 200_000     # about 20 MB of them; 700 by default
 
@@ -98,5 +99,10 @@ def main() -> None:
         get_command(with_only("".join(sys.argv[1:2])))(prog_name="spectrabox")
 
 
+def program() -> NoReturn:
+    """``spectrabox`` as it is installed: ``main``, and out at once."""
+    run_and_leave(main)
+
+
 if __name__ == "__main__":
-    main()
+    program()
