@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.products.lamps import all_lamps
 from spectrabox.calibrate.products.product_fit import WIDENING, fit_products
-from spectrabox.radiometry.records import LIGHT_KINDS
+from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 

@@ -92,7 +92,7 @@ class Spectrum(Record):
 class UnknownLight(Record):
     """A light whose spectrum nobody stated; what is known of it narrows the lamps it may be."""
 
-    kind: str | None = None     # one of LIGHT_KINDS
+    kind: str | None = None     # one of light_words.LIGHT_KINDS
     cct: float | None = None    # correlated colour temperature, K
 
     @property
@@ -101,9 +101,6 @@ class UnknownLight(Record):
         if self.cct is not None:
             return f"unknown light of {self.cct:g} K"
         return "unknown light" if self.kind is None else f"unknown light, {self.kind}"
-
-
-LIGHT_KINDS = ("daylight", "halogen", "led", "fluorescent")
 
 
 # ---- capture -------------------------------------------------------------------------------------
@@ -232,7 +229,7 @@ class LightPosterior(Record):
     """What a chart says of a light by itself whose spectrum nobody stated; of mean 1."""
 
     grid: WavelengthGrid
-    kinds: tuple[str, ...]                          # Q of LIGHT_KINDS
+    kinds: tuple[str, ...]                          # Q of light_words.LIGHT_KINDS
     probabilities: Annotated[np.ndarray, "Q"]
     mean: Annotated[np.ndarray, "P"]
     lower: Annotated[np.ndarray, "P"]               # pointwise band at ``level``

@@ -2,9 +2,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
-from spectrabox.radiometry.records import LearntSpectra
+if TYPE_CHECKING:
+    from spectrabox.radiometry.records import LearntSpectra
 
 # auto: transport, or gradient for glossy materials
 Engine = Literal["auto", "transport", "gradient", "per-wavelength", "single-bounce"]

@@ -207,8 +207,10 @@ def _images(config: SessionConfig) -> dict[str, str]:
 
 def _own_camera(source: SourceTable) -> str | None:
     """Digest of a camera that the operator keeps under a name, outside of every session."""
+    if source.camera is None:
+        return None
     from spectrabox.radiometry.spectra.kept_cameras import own_cameras
-    kept = None if source.camera is None else own_cameras().get(source.camera)
+    kept = own_cameras().get(source.camera)
     return None if kept is None else sha256_of(kept)
 
 

@@ -37,7 +37,8 @@ from spectrabox.calibrate.products.product_posterior import (
 from spectrabox.calibrate.products.product_prior import paired, product_prior
 from spectrabox.radiometry.chart import patch_centres_uv
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import LIGHT_KINDS, PatchSamples, UnknownLight
+from spectrabox.radiometry.records import PatchSamples, UnknownLight
+from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 
 SURFACES = reflectances()

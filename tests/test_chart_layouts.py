@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances, typical_camera_signals
+from spectrabox.radiometry.charts.layout_names import LAYOUT_NAMES
 from spectrabox.radiometry.charts.layouts import LAYOUTS, chart_layout
 from spectrabox.radiometry.charts.left_out import left_out
 from spectrabox.radiometry.charts.references import measured_chart, reference_reflectances
@@ -269,3 +270,7 @@ def test_patches_are_kept_out_by_their_numbers_from_one(numbers):
     for wrong in (0, 25, -1):
         with pytest.raises(InputError, match=f"--leave-out {wrong} is no patch; those of"):
             left_out([wrong], LAYOUTS["ColorChecker Classic"], "--leave-out")
+
+
+def test_every_layout_has_its_name():
+    assert tuple(LAYOUTS) == LAYOUT_NAMES

@@ -15,19 +15,19 @@ from spectrabox.session.pipeline import stage_states
 from spectrabox.session.stages.order import STAGES
 from spectrabox.session.store.stage_code import (
     PACKAGE,
-    contents_of,
+    ImportGraph,
+    PackageFiles,
     files_behind,
-    import_graph,
     imported_files,
     stage_code,
 )
 
 ENTRIES = {name: stage.module for name, stage in STAGES.items()}
-CONTENTS = contents_of(PACKAGE)
+CONTENTS = dict(PackageFiles(PACKAGE))
 
 
 def behind(stage):
-    return files_behind(ENTRIES[stage], import_graph(CONTENTS))
+    return files_behind(ENTRIES[stage], ImportGraph(CONTENTS))
 
 
 def parsed_imports(source):
@@ -127,6 +127,6 @@ def test_every_module_that_a_running_stage_imports_is_known(finished, stage):
               for path in ["/".join(name.split(".")[1:])]
               for file in (f"{path}.py", f"{path}/__init__.py".lstrip("/")) if file in CONTENTS}
     # The reader of session.toml is left out: what it reads is in the key by value.
-    reader = files_behind("spectrabox.session.config.session_file", import_graph(CONTENTS))
+    reader = files_behind("spectrabox.session.config.session_file", ImportGraph(CONTENTS))
     assert f"{module.removeprefix('spectrabox.').replace('.', '/')}.py" in loaded
     assert loaded <= behind(stage) | reader

@@ -26,8 +26,9 @@ from spectrabox.radiometry.published.tables import (
     all_published,
     published_curves,
 )
-from spectrabox.radiometry.records import LIGHT_KINDS, UnknownLight
+from spectrabox.radiometry.records import UnknownLight
 from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 
 GRID = visible_grid(1)
 OBSERVER = "CIE 1931 2 Degree Standard Observer"

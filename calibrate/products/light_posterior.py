@@ -5,7 +5,8 @@ import numpy as np
 
 from spectrabox.calibrate.products.product_posterior import ProductPosterior
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import LIGHT_KINDS, LightPosterior, WavelengthGrid
+from spectrabox.radiometry.records import LightPosterior, WavelengthGrid
+from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 
 LEVEL = 0.9
 NORMAL_QUANTILE = 1.6449

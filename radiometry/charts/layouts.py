@@ -12,9 +12,7 @@ import numpy as np
 
 from spectrabox.radiometry.chart import CLASSIC, Chart, grid_chart, outlined_chart
 from spectrabox.radiometry.charts.layout_file import read_layout
-from spectrabox.radiometry.errors import InputError
-
-LAYOUT_SUFFIX = ".toml"
+from spectrabox.radiometry.charts.layout_names import is_layout_file, layout_name
 
 # The twelve steps from white to black in the middle of the Digital SG, and the last row of a
 # Classic's greys in the fifth column of both SpyderCheckrs.
@@ -56,11 +54,6 @@ LAYOUTS = {chart.name: chart for chart in (CLASSIC, PASSPORT, NANO, DIGITAL_SG, 
                                            SPYDERCHECKR_48)}
 
 
-def is_layout_file(layout: str) -> bool:
-    """Whether an operator named a file and no chart that is sold."""
-    return layout.lower().endswith(LAYOUT_SUFFIX)
-
-
 def chart_layout(layout: str, folder: Path = Path()) -> Chart:
     """The layout of a chart by its name, or from a file.
 
@@ -76,17 +69,5 @@ def chart_layout(layout: str, folder: Path = Path()) -> Chart:
     InputError
         If the name is not known, or the file is no layout.
     """
-    if is_layout_file(layout):
-        return read_layout(folder / layout)
-    known = {_plain(name): chart for name, chart in LAYOUTS.items()}
-    short = {_plain(name.partition(" ")[2]): chart for name, chart in LAYOUTS.items()
-             if name.startswith("ColorChecker")}
-    chart = (short | known).get(_plain(layout))
-    if chart is None:
-        raise InputError(f"chart layout {layout!r} is not known; known are {', '.join(LAYOUTS)}, "
-                         f"or a layout of your own in a file NAME{LAYOUT_SUFFIX}")
-    return chart
-
-
-def _plain(name: str) -> str:
-    return "".join(name.lower().replace("-", "").split())
+    return read_layout(folder / layout) if is_layout_file(layout) \
+        else LAYOUTS[layout_name(layout)]

@@ -14,11 +14,12 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Quantity, Spectrum, WavelengthGrid
+from spectrabox.radiometry.spectra.beside import envi_header_of
 from spectrabox.radiometry.spectra.formats.asd import is_asd, read_asd
 from spectrabox.radiometry.spectra.formats.cgats import is_cgats, read_cgats
 from spectrabox.radiometry.spectra.formats.cxf import is_cxf, read_cxf
 from spectrabox.radiometry.spectra.formats.delimited import read_delimited, table_text
-from spectrabox.radiometry.spectra.formats.envi import envi_header_of, is_envi_header, read_envi
+from spectrabox.radiometry.spectra.formats.envi import is_envi_header, read_envi
 from spectrabox.radiometry.spectra.formats.field_text import is_sed, is_svc, read_sed, read_svc
 from spectrabox.radiometry.spectra.formats.light_meters import (
     is_sekonic,

@@ -5,18 +5,10 @@ from pathlib import Path
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
-from spectrabox.radiometry.records import (
-    LIGHT_KINDS,
-    Quantity,
-    Spectrum,
-    UnknownLight,
-    WavelengthGrid,
-)
+from spectrabox.radiometry.records import Quantity, Spectrum, UnknownLight, WavelengthGrid
+from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS, UNKNOWN, vague_words
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
-
-UNKNOWN = "unknown"
-CCT_KELVIN = (1500.0, 25000.0)      # candles to blue sky
 
 
 def stated_light(word: str, grid: WavelengthGrid) -> Spectrum | UnknownLight:
@@ -73,25 +65,5 @@ def vague_light(word: str) -> UnknownLight | None:
     InputError
         If it is a temperature that no lamp has.
     """
-    if word == UNKNOWN:
-        return UnknownLight()
-    if word in LIGHT_KINDS:
-        return UnknownLight(kind=word)
-    if word.endswith("K") and word[:-1].replace(".", "", 1).isdigit():
-        return light_of_temperature(float(word[:-1]))
-    return None
-
-
-def light_of_temperature(cct: float) -> UnknownLight:
-    """A light of which only the correlated colour temperature (K) is known.
-
-    Raises
-    ------
-    InputError
-        If no lamp has such a temperature.
-    """
-    low, high = CCT_KELVIN
-    if not low <= cct <= high:
-        raise InputError(f"a light of {cct:g} K: correlated colour temperatures run from "
-                         f"{low:g} to {high:g} K")
-    return UnknownLight(cct=cct)
+    said = vague_words(word)
+    return None if said is None else UnknownLight(*said)

@@ -10,8 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.elsewhere import (
@@ -21,7 +20,6 @@ from spectrabox.reconstruct.scene.elsewhere import (
     plain_bsdf,
     written_out,
 )
-from spectrabox.reconstruct.scene.light_profile import read_profile
 from spectrabox.reconstruct.scene.parts import (
     Parts,
     defaults_of,
@@ -30,6 +28,9 @@ from spectrabox.reconstruct.scene.parts import (
     put_together,
     relative_to_scene,
 )
+
+if TYPE_CHECKING:
+    import numpy as np
 
 MAX_DEPTH = 256         # reflections along a path; white walls leave 1e-6 of the light
 MAX_SIDE = 100_000      # pixels of a film
@@ -242,6 +243,7 @@ def _profiles(root: ET.Element, path: Path) -> dict[str, np.ndarray]:
             if light.get("type") != "area":
                 raise InputError(f"{path.name}: only an area light can have a measured profile, "
                                  f"and {light_id(root, light)!r} is of type {light.get('type')!r}")
+            from spectrabox.reconstruct.scene.light_profile import read_profile
             profiles[light_id(root, light)] = read_profile(path.parent / node.get("value", ""))
     return profiles
 

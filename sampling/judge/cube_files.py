@@ -16,11 +16,11 @@ import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.outside.archives import DAMAGE
+from spectrabox.radiometry.spectra.beside import envi_header_of
 from spectrabox.radiometry.spectra.formats.envi import (
     DATA_TYPES,
     ITEM,
     WAVELENGTH_UNITS,
-    envi_header_of,
     is_envi_header,
 )
 from spectrabox.radiometry.spectra.formats.table import number, text_of

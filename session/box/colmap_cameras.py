@@ -4,12 +4,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from spectrabox.calibrate.geometry.lens import Lens, Pose
     from spectrabox.calibrate.geometry.model_in_scene import ModelInScene
 
@@ -54,6 +54,8 @@ def colmap_camera(config: SessionConfig, image: str, size: tuple[int, int]) -> C
     CheckError
         If model and marked corners do not fit.
     """
+    import numpy as np
+
     from spectrabox.calibrate.geometry.colmap_model import for_photo, read_colmap
     from spectrabox.calibrate.geometry.model_in_scene import model_in_scene, pose_in_scene
     assert config.box is not None and config.box.colmap is not None
@@ -77,5 +79,5 @@ def colmap_camera(config: SessionConfig, image: str, size: tuple[int, int]) -> C
 
 
 def _scaled(px: tuple[float, float], scale: np.ndarray) -> tuple[float, float]:
-    x, y = (np.array(px) + 0.5) * scale - 0.5
+    x, y = ((along + 0.5) * by - 0.5 for along, by in zip(px, scale, strict=True))
     return float(x), float(y)

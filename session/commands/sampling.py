@@ -285,11 +285,8 @@ def judge(cube: Cube, truth: Truths = None, column: TruthColumn = None, regions:
         from spectrabox.radiometry.files import write_text_whole
         from spectrabox.radiometry.grid import visible_grid
         from spectrabox.radiometry.records import Quantity
-        from spectrabox.radiometry.spectra.formats.csvw import (
-            metadata_beside,
-            metadata_text,
-            plain_text,
-        )
+        from spectrabox.radiometry.spectra.beside import metadata_beside
+        from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
         from spectrabox.radiometry.spectra.named_spectra import sensitivities
         from spectrabox.radiometry.spectra.spectrum_files import read_table
         from spectrabox.sampling.judge.cube_regions import point_region, read_regions

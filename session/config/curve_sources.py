@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.files import names_a_file
-from spectrabox.radiometry.spectra.stated_light import vague_light
+from spectrabox.radiometry.spectra.light_words import vague_words
 
 FROM_CHART = "chart"                    # of the sensitivities
 
@@ -66,13 +66,13 @@ class LightTable(Table):
     @property
     def stated(self) -> bool:
         """Whether its spectrum is stated, by a file or by a CIE name."""
-        return self.file is not None or (self.word is not None and vague_light(self.word) is None)
+        return self.file is not None or (self.word is not None and vague_words(self.word) is None)
 
 
 def _as_light(written: Any) -> Any:
     if not isinstance(written, str):
         return written
-    by_name = vague_light(written) is not None or not (names_a_file(written) or "/" in written)
+    by_name = vague_words(written) is not None or not (names_a_file(written) or "/" in written)
     return {"word" if by_name else "file": written}
 
 

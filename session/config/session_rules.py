@@ -3,11 +3,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from spectrabox.calibrate.photo_checks import MIN_PATCHES
-from spectrabox.radiometry.grid import VISIBLE_NM
 from spectrabox.radiometry.outside.names import name_fault, sharing_a_file
 from spectrabox.radiometry.outside.words import shortened
-from spectrabox.radiometry.published.tables import LIGHTS, published_names
 from spectrabox.sampling.prior.families.words import unknown_families
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
@@ -74,6 +71,9 @@ def _unknown_lights(config: SessionConfig) -> list[str]:
 
 def _patches(config: SessionConfig) -> list[str]:
     """Patches left out must be on the chart, and leave enough."""
+    if not config.chart.leave_out:
+        return []
+    from spectrabox.calibrate.photo_checks import MIN_PATCHES
     left = 24 - len(set(config.chart.leave_out))
     if wrong := [number for number in config.chart.leave_out if not 1 <= number <= 24]:
         return [f"{FILE_NAME}: chart.leave_out names patch {wrong[0]}; the patches are numbered 1 "
@@ -87,6 +87,8 @@ def _picture(config: SessionConfig) -> list[str]:
     section, place = config.picture, f"{FILE_NAME}: picture"
     if section is None:
         return []
+    from spectrabox.radiometry.grid import VISIBLE_NM
+    from spectrabox.radiometry.published.tables import LIGHTS, published_names
     problems = []
     if section.rect is not None and (len(section.rect) != 4 or _empty(section.rect)):
         problems.append(f"{place}.rect is {list(section.rect)}; two opposite corners [x0, y0, x1, "

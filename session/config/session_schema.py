@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from spectrabox.radiometry.charts.layouts import is_layout_file
+from spectrabox.radiometry.charts.layout_names import is_layout_file
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable

@@ -14,7 +14,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from spectrabox.radiometry.charts.layouts import chart_layout, is_layout_file
+from spectrabox.radiometry.charts.layout_names import is_layout_file
+from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import (
     names_a_file,

@@ -2,10 +2,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage
-from spectrabox.reconstruct.scene.box_scene import chart_xml
 from spectrabox.reconstruct.scene.scene_file import (
     SceneFile,
     check_materials,
@@ -13,6 +12,9 @@ from spectrabox.reconstruct.scene.scene_file import (
     scene_of_text,
 )
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig, ViewInputs
+
+if TYPE_CHECKING:
+    from spectrabox.radiometry.records import LinearImage
 
 BOX_SCENE_NAME, CHART_SCENE_NAME = "scene.xml", "chart-scene.xml"   # made of [scene.box]
 
@@ -50,6 +52,7 @@ def read_chart_scene(config: SessionConfig) -> SceneFile | None:
         return read_scene(config.path(config.chart.scene), _allowed_folder(config))
     if config.box is None or config.box.chart is None:
         return None
+    from spectrabox.reconstruct.scene.box_scene import chart_xml
     return scene_of_text(chart_xml(config.box, config.box.chart),
                          config.folder / CHART_SCENE_NAME, _allowed_folder(config))
 

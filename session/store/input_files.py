@@ -6,8 +6,7 @@ from pathlib import Path
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import FileState, file_state
-from spectrabox.radiometry.spectra.formats.csvw import metadata_beside
-from spectrabox.radiometry.spectra.formats.envi import envi_partner
+from spectrabox.radiometry.spectra.beside import envi_partner, metadata_beside
 from spectrabox.session.config.session_schema import SessionConfig
 
 

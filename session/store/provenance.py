@@ -4,6 +4,7 @@ from __future__ import annotations
 import datetime
 import importlib.metadata
 import platform
+import re
 from typing import Any
 
 from spectrabox.reconstruct.rendering.llvm import llvm_name
@@ -36,6 +37,9 @@ def provenance(command: list[str], seed: int, device: str) -> dict[str, Any]:
 
 def _version(name: str) -> str:
     try:
-        return importlib.metadata.version(name)
+        text = importlib.metadata.distribution(name).read_text("METADATA") or ""
     except importlib.metadata.PackageNotFoundError:
         return "not installed"
+    # as importlib.metadata.version, which also parses the description, of many pages
+    stated = re.search(r"^Version: *(\S+)", text, re.MULTILINE)
+    return stated[1] if stated else importlib.metadata.version(name)

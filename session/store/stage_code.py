@@ -8,6 +8,7 @@ takes half a second; a test compares them with what Python's own parser reads.
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
@@ -32,38 +33,83 @@ def stage_code(entries: Mapping[str, str], package: Path = PACKAGE) -> dict[str,
     package : Path
         Folder of the package.
     """
-    contents = contents_of(package)
-    graph, digests = import_graph(contents), {}
-    hashes = {file: hashlib.sha256(content).digest() for file, content in contents.items()}
+    contents, digests = PackageFiles(package), {}
+    graph, hashes = ImportGraph(contents), dict[str, bytes]()
     for stage, entry in entries.items():
         rooms: dict[str, hashlib._Hash] = {}
         for file in sorted(files_behind(entry, graph)):
+            if file not in hashes:
+                hashes[file] = hashlib.sha256(contents[file]).digest()
             room = rooms.setdefault(file.split("/")[0], hashlib.sha256())
             room.update(file.encode() + hashes[file])
         digests[stage] = {room: digest.hexdigest() for room, digest in rooms.items()}
     return digests
 
 
-def contents_of(package: Path) -> dict[str, bytes]:
-    """Every module and model file, by its path from the package's folder."""
-    # Room by room: a search through the whole package would not follow the links to its rooms.
-    paths = [*package.glob("*" + MODULE)]
-    paths += [path for room in package.iterdir() if room.is_dir() for path in room.rglob("*")
-              if path.suffix in (MODULE, MODEL)]
-    return {path.relative_to(package).as_posix(): path.read_bytes() for path in paths}
+class PackageFiles(Mapping[str, bytes]):
+    """Every module and model file by its path from the package's folder, read where it is asked
+    for: a stage needs half of them.
+
+    Parameters
+    ----------
+    package : Path
+        Folder of the package.
+    """
+
+    def __init__(self, package: Path) -> None:
+        self._package, self._read = package, dict[str, bytes]()
+        # Room by room: a search through the whole package would not follow the links to its rooms.
+        rooms = list(package.iterdir())
+        paths = [str(room) for room in rooms]
+        for room in rooms:
+            paths += [f"{folder}/{name}" for folder, _, names in os.walk(room) for name in names]
+        self._names = frozenset(path[len(str(package)) + 1:] for path in paths
+                                if path.endswith((MODULE, MODEL)))
+
+    def __contains__(self, file: object) -> bool:
+        return file in self._names      # without reading it
+
+    def __getitem__(self, file: str) -> bytes:
+        if file not in self:
+            raise KeyError(file)
+        if file not in self._read:
+            self._read[file] = (self._package / file).read_bytes()
+        return self._read[file]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
 
 
-def import_graph(contents: Mapping[str, bytes]) -> dict[str, frozenset[str]]:
-    """What each file depends on directly."""
-    models: dict[PurePosixPath, set[str]] = {}
-    for file in contents:
-        if file.endswith(MODEL):
-            # a model lies beside the module that reads it, or in a folder of models there
-            for folder in list(PurePosixPath(file).parents)[:2]:
-                models.setdefault(folder, set()).add(file)
-    return {file: frozenset({*imported_files(content.decode(), contents),
-                             *models.get(PurePosixPath(file).parent, ())})
-            if file.endswith(MODULE) else frozenset() for file, content in contents.items()}
+class ImportGraph(dict[str, frozenset[str]]):
+    """What each file depends on directly, found out where it is asked for.
+
+    Parameters
+    ----------
+    contents : mapping
+        Of the files of a package, by name.
+    """
+
+    def __init__(self, contents: Mapping[str, bytes]) -> None:
+        super().__init__()
+        self._contents = contents
+        self._models: dict[str, set[str]] = {}
+        for file in contents:
+            if file.endswith(MODEL):
+                # a model lies beside the module that reads it, or in a folder of models there
+                for folder in list(PurePosixPath(file).parents)[:2]:
+                    self._models.setdefault(str(folder), set()).add(file)
+
+    def __missing__(self, file: str) -> frozenset[str]:
+        if file.endswith(MODULE):
+            imported = imported_files(self._contents[file].decode(), self._contents)
+            self[file] = frozenset({*imported, *self._models.get(file.rpartition("/")[0] or ".",
+                                                                 ())})
+        else:
+            self[file] = frozenset()
+        return self[file]
 
 
 def imported_files(source: str, contents: Mapping[str, bytes]) -> Iterator[str]:
@@ -97,7 +143,7 @@ def files_behind(entry: str, graph: Mapping[str, frozenset[str]]) -> set[str]:
     entry : str
         Name of a module, with its package.
     graph : mapping
-        Of ``import_graph``.
+        As ``ImportGraph``.
     """
     waiting, reached = ["/".join(entry.split(".")[1:]) + MODULE], set()
     while waiting:

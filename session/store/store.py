@@ -24,7 +24,6 @@ from spectrabox.radiometry.files import (
     writable,
 )
 from spectrabox.radiometry.outside.interruption import TIDYING_S, Interruptions
-from spectrabox.session.store.record_files import opened_arrays, pack, save_arrays, unpack
 
 FACTS, ARRAYS, SUMS = "facts.json", "arrays.npz", "SHA256SUMS"
 
@@ -53,6 +52,7 @@ class StoredStage:
         InputError
             If the stored files are damaged.
         """
+        from spectrabox.session.store.record_files import opened_arrays, unpack
         try:
             with opened_arrays(self.folder / ARRAYS) as arrays:
                 return unpack(kind, self.facts["records"][name], arrays)
@@ -160,6 +160,7 @@ def save_stage(folder: Path, key: dict[str, Any], records: dict[str, Any], secon
     more : dict
         Further facts to keep beside them.
     """
+    from spectrabox.session.store.record_files import pack, save_arrays
     arrays: dict[str, Any] = {}
     packed = {name: pack(record, name, arrays) for name, record in records.items()}
     facts = {"key": key, "seconds": round(seconds, 3), **more, "records": packed}

@@ -14,8 +14,8 @@ import numpy as np
 
 from spectrabox.radiometry.outside.words import cell, plain
 from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.beside import metadata_beside
 
-BESIDE = "-metadata.json"
 MAX_BYTES = 10_000_000
 QUANTITY, UNIT, SOURCE = "schema:variableMeasured", "schema:unitText", "dc:source"
 MARKS = re.compile('[,;"#]')    # that some reader of CSV takes for more than a letter
@@ -58,11 +58,6 @@ def metadata_text(file: str, columns: dict[str, np.ndarray], *, quantity: Quanti
                        "dialect": {"delimiter": ",", "header": True, "encoding": "utf-8"},
                        "tableSchema": {"columns": described, "primaryKey": "wavelength_nm"}},
                       indent=1, ensure_ascii=False) + "\n"
-
-
-def metadata_beside(path: Path) -> Path:
-    """Where the metadata of a CSV lie, if there are some."""
-    return path.with_name(path.name + BESIDE)
 
 
 def facts_beside(path: Path) -> dict[str, str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.beside import envi_header_of, envi_values_of
 from spectrabox.radiometry.spectra.formats.table import (
     MAX_VALUES,
     SpectralTable,
@@ -26,18 +27,6 @@ ITEM = re.compile(r"^[ \t]*([A-Za-z][\w \t()-]*?)[ \t]*=[ \t]*(?:\{([^}]*)\}|(.*
 def is_envi_header(content: bytes) -> bool:
     """Whether content is an ENVI header."""
     return content[:200].lstrip(b"\xef\xbb\xbf").startswith(b"ENVI") and b"=" in content
-
-
-def envi_header_of(path: Path) -> Path | None:
-    """The header that belongs to a binary library, if it is beside it."""
-    return next((candidate for candidate in (path.with_suffix(".hdr"),
-                                             path.with_name(path.name + ".hdr"))
-                 if candidate != path and candidate.is_file()), None)
-
-
-def envi_partner(path: Path) -> Path | None:
-    """The other file that is read with a header or a binary library, if it is beside it."""
-    return _values_of(path) if path.suffix.lower() == ".hdr" else envi_header_of(path)
 
 
 def read_envi(content: bytes, path: Path) -> SpectralTable:
@@ -133,15 +122,10 @@ def _both_files(content: bytes, path: Path) -> tuple[Path, bytes, str]:
             raise InputError(f"{path.name} is the binary half of an ENVI library; put its header "
                              f"{path.stem}.hdr beside it")
         return header, content, path.name
-    if (data := _values_of(path)) is None:
+    if (data := envi_values_of(path)) is None:
         raise InputError(f"{path.name} is the header of an ENVI library; put its values "
                          f"{path.stem}.sli beside it")
     return path, _bytes_of(data), data.name
-
-
-def _values_of(header: Path) -> Path | None:
-    return next((data for suffix in (".sli", ".slb", ".lib", "")
-                 if (data := header.with_suffix(suffix)) != header and data.is_file()), None)
 
 
 def _bytes_of(path: Path) -> bytes:
