@@ -4,6 +4,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import spectrabox.session.report.quick_matplotlib  # noqa: F401 - before what draws
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report import flat_figures
 from spectrabox.session.report.flat_methods import flat_methods
@@ -12,6 +13,7 @@ from spectrabox.session.report.numbers import flat_numbers
 from spectrabox.session.report.page import (
     RenderedReport,
     calibration_section,
+    compiled,
     maps_of,
     pictures_of,
     rendered,
@@ -21,6 +23,8 @@ from spectrabox.session.report.shapes.field_whiskers import field_whiskers
 from spectrabox.session.report.svg import band_colours, report_style
 from spectrabox.session.report.tables import input_rows, sections_beside
 from spectrabox.session.report.verdict import Verdict
+
+REPORT = "flat.html.j2"
 
 
 def write_flat_report(results: FlatResults) -> Path:
@@ -40,7 +44,7 @@ def render_flat_report(results: FlatResults) -> RenderedReport:
     """The page as text; every name, note and file name of the session is escaped."""
     with report_style():
         verdict = judge_flat(results)
-        return rendered("flat.html.j2", _page(results, verdict), flat_numbers(results, verdict))
+        return rendered(REPORT, _page(results, verdict), flat_numbers(results, verdict))
 
 
 def _page(results: FlatResults, verdict: Verdict) -> dict[str, Any]:
@@ -52,6 +56,7 @@ def _page(results: FlatResults, verdict: Verdict) -> dict[str, Any]:
                    "whiskers": field_whiskers(photo.light)}
                   for i, photo in enumerate(results.photos, start=1)]
         calibration = calibration_section(results, None)
+        compiled(REPORT)        # while regions are drawn
         return {
             "results": results, "verdict": verdict,
             "pictures": pictures_of(results) | maps_of(results.picture),

@@ -3,6 +3,7 @@ numbers beside it.
 """
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+import spectrabox.session.report.quick_matplotlib  # noqa: F401 - before what draws
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Calibration, Reconstruction
 from spectrabox.session.picture.picture_results import PictureOfSpectra
@@ -42,6 +44,7 @@ from spectrabox.session.report.verdict import Verdict, judge
 from spectrabox.session.store.results import CommonResults, SessionResults
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
+REPORT = "report.html.j2"
 TEMPLATES = Path(__file__).parent / "templates"
 FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
            "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact}
@@ -91,7 +94,7 @@ def render_report(results: SessionResults) -> RenderedReport:
     """The page as text; every name, note and file name of the session is escaped."""
     with report_style():
         verdict = judge(results)
-        return rendered("report.html.j2", _page(results, verdict), report_numbers(results, verdict))
+        return rendered(REPORT, _page(results, verdict), report_numbers(results, verdict))
 
 
 def rendered(template: str, content: dict[str, Any], numbers: dict[str, Any]) -> RenderedReport:
@@ -110,7 +113,16 @@ def rendered(template: str, content: dict[str, Any], numbers: dict[str, Any]) ->
     common = {"numbers": written, "style": Markup((TEMPLATES / "report.css").read_text()),
               "script": Markup((TEMPLATES / "report.js").read_text()),
               "check_script": Markup((TEMPLATES / "check.js").read_text())}
-    return RenderedReport(templates().get_template(template).render(content | common), written)
+    return RenderedReport(compiled(template).render(content | common), written)
+
+
+@functools.cache
+def compiled(template: str) -> jinja2.Template:
+    """One of the templates, and those that it includes; all of them are compiled once."""
+    made = templates()
+    for name in made.list_templates(extensions=["j2"]):
+        made.get_template(name)
+    return made.get_template(template)
 
 
 @cache
@@ -149,6 +161,7 @@ def _page(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
         calibration = calibration_section(results, scale_words(results.light_scale))
         geometry = geometry_section(results.geometry, {"": results.photo_preview} | {
             view.name: view.photo_preview for view in results.views})
+        compiled(REPORT)        # while materials are drawn
         return {
             "results": results, "verdict": verdict,
             "pictures": pictures_of(results) | {f"photo {view.name}": picture_data_uri(
