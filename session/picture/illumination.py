@@ -17,7 +17,7 @@ from scipy.cluster.vq import kmeans2, vq
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance_moments
 
 RANK, LEFT_OUT = 8, 5e-4        # shapes at most; share of a light's strength that they may miss
-TYPICAL = 12                    # colours at most
+TYPICAL = 4                     # colours at most: more change spectra by 1 % of their error
 SAME = 2e-3                     # relative: lights closer than this have one colour
 DRAWN = 4096                    # nodes by which typical colours are chosen
 EXPECTED = 0.01                 # of white: error of the signals of which spectra are expected

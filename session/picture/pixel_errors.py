@@ -12,14 +12,12 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
-from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import Calibration, SurfaceSignals
+from spectrabox.radiometry.records import Calibration
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.posterior import mean_and_spread, posterior
+from spectrabox.session.picture.curve_errors import CurveErrors, curve_errors
 from spectrabox.session.picture.illumination import Brought, Illumination, brought_by
-from spectrabox.session.stages.error_budget import light_covariance, sensitivity_covariance
-from spectrabox.session.stages.inputs import GRID
 
 GUESSED = 0.01          # of white: error of the signals whose spectra the errors are evaluated at
 GUESSED_AT_ONCE = 500
@@ -66,6 +64,12 @@ class PixelErrors:
         """How signals are brought to the typical lights."""
         return brought_by(self.light, self.prior)
 
+    @cached_property
+    def curves(self) -> list[CurveErrors]:
+        """Errors by sensitivities and light under each typical light."""
+        return [curve_errors(calibration, response, PRIOR_GRID.nm) for calibration, response
+                in zip(self.calibrations, self.fine_responses, strict=True)]
+
     def white_at(self, weights: csr_array) -> White:
         """White at the pixels (n) of some weights of the nodes."""
         logs = np.log(self.white.signal)
@@ -98,24 +102,15 @@ class PixelErrors:
         """Covariance (n, K, K) of signals by the errors of sensitivities and light, for the spectra
         that are likely behind, under one of the typical lights.
         """
-        bands = signals.shape[1]
-        surfaces = SurfaceSignals(
-            tuple(map(str, range(len(signals)))), (False,) * len(signals), GRID,
-            self._guesses(signals, kind), tuple(map(str, range(bands))), np.zeros(bands, int),
-            self.fine_responses[kind], signals, ())
-        calibrations = [self.calibrations[kind]]
-        return np.array([sensitivity_covariance(calibrations, surfaces, index)
-                         + light_covariance(calibrations, surfaces, index)
-                         for index in range(len(signals))]).reshape(-1, bands, bands)
+        return self.curves[kind].covariance(signals, self._guesses(signals, kind))
 
     def _guesses(self, signals: np.ndarray, kind: int) -> np.ndarray:
-        guesses = np.empty((len(signals), GRID.nm.size))
-        to_fine = interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
+        guesses = np.empty((len(signals), PRIOR_GRID.nm.size))
         for start in range(0, len(signals), GUESSED_AT_ONCE):
             some = signals[start:start + GUESSED_AT_ONCE]
             mixture = posterior(self.prior, self.responses[kind], some,
                                 GUESSED**2 * np.eye(signals.shape[1]), still=GUESSED_STILL)
-            guesses[start:start + len(some)] = mean_and_spread(mixture)[0] @ to_fine.T
+            guesses[start:start + len(some)] = mean_and_spread(mixture)[0]
         return guesses
 
 
