@@ -112,12 +112,12 @@ def illumination(light: np.ndarray, to_signals: np.ndarray) -> Illumination:
     strength = np.maximum(light.mean(axis=1, keepdims=True), 1e-30)
     colours = light / strength
     _, vectors = np.linalg.eigh(colours.T @ colours)
-    for rank in range(1, RANK + 1):
-        shapes = vectors[:, ::-1][:, :rank].T
-        left = colours - colours @ shapes.T @ shapes
-        if np.sqrt(np.mean(left**2, axis=1)).max() < LEFT_OUT:
-            break
+    shapes = vectors[:, ::-1][:, :RANK].T
     maps = colours @ shapes.T
+    left = np.sum(colours**2, axis=1, keepdims=True) - np.cumsum(maps**2, axis=1)
+    enough = left.max(axis=0) < colours.shape[1] * LEFT_OUT**2
+    rank = int(np.argmax(enough)) + 1 if enough.any() else RANK
+    shapes, maps = shapes[:rank], maps[:, :rank]
     typical, kind = _typical(maps)
     return Illumination(maps * strength, shapes, np.einsum("qp,kpr->qkr", shapes, to_signals),
                         typical, kind)

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
+from scipy.sparse import csr_array
 
 from spectrabox.capture.photo.image_rows import exr_rows
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
@@ -32,7 +33,7 @@ from spectrabox.reconstruct.rendering.spectral_texture import NAME
 from spectrabox.session.picture.picture_maps import DAYLIGHT
 from spectrabox.session.picture.scene_of_picture import SceneOfPicture
 from spectrabox.session.picture.unseen import SEEN
-from spectrabox.session.signals.spectra_rows import SPREAD, KeptWavelengths, Spectra
+from spectrabox.session.signals.spectra_rows import SPREAD, KeptWavelengths, Spectra, row_blocks
 
 MOST_TEXELS = 8192          # along a side
 FEWEST_PIXELS = 16          # of a surface that gets a texture
@@ -45,15 +46,13 @@ XML = "textures.xml"
 
 @dataclass(frozen=True, eq=False)
 class _Texture:
-    """The texture of one surface while pixels are added."""
+    """The texture of one surface."""
 
     surface: str
     bsdf: str
-    texel: np.ndarray           # (n,) of the pixels
+    texel: np.ndarray           # (t,) of those that pixels show, ascending
     shape: tuple[int, int]      # rows and columns
-    count: np.ndarray           # (texels,)
-    mean: np.ndarray            # (texels, P) sums
-    spread: np.ndarray          # (texels, Q)
+    first: int                  # of the t among those of all textures
 
     @property
     def stem(self) -> str:
@@ -79,23 +78,18 @@ class Textures:
         surface = scene.traced.nodes.surface[part.rows, part.columns]
         unknown = [number for number, name in enumerate(view.surface_materials)
                    if name not in view.known]
-        wanted = np.isin(surface, unknown) & (unseen == SEEN)
-        row, column = np.nonzero(wanted)
+        row, column = np.nonzero(np.isin(surface, unknown) & (unseen == SEEN))
         hits = hits_of(scene.unit.scene, view.size, row + part.rows.start,
                        column + part.columns.start)
-        self._number = np.full(surface.shape, -1, np.int32)     # of each pixel among those wanted
-        self._number[row, column] = np.arange(row.size)
-        self._of = surface[row, column]
-        self._textures: dict[int, _Texture] = {}
-        shared = []
-        names = list(view.scene_file.surfaces.items())
+        of = surface[row, column]
+        pairs = _beside(row, column, of, surface.shape)
+        self._texel = np.full(surface.shape, -1, np.int32)      # of each pixel, among all shown
+        self._textures: list[_Texture] = []
+        shared, names, total = [], list(view.scene_file.surfaces.items()), 0
         for number in unknown:
-            own = np.flatnonzero(self._of == number)
-            if own.size < FEWEST_PIXELS:
-                continue
-            uv, point = hits.uv[own], hits.point[own]
-            beside = _beside(self._number, own)
-            if not beside.size or np.ptp(uv, axis=0).min() == 0:
+            own, beside = np.flatnonzero(of == number), pairs[of[pairs[:, 0]] == number]
+            uv = hits.uv[own]
+            if own.size < FEWEST_PIXELS or not beside.size or np.ptp(uv, axis=0).min() == 0:
                 continue
             apart = np.linalg.norm(hits.point[beside[:, 0]] - hits.point[beside[:, 1]], axis=1)
             rows, columns = (_texels(np.abs(np.diff(hits.uv[beside, axis])[:, 0]))
@@ -103,58 +97,46 @@ class Textures:
             # v runs upwards, rows downwards
             texel = np.clip(((1 - uv[:, 1]) * rows).astype(int), 0, rows - 1) * columns \
                 + np.clip((uv[:, 0] * columns).astype(int), 0, columns - 1)
-            if _several_parts(texel, point, float(np.median(apart))):
+            shown, inverse = np.unique(texel, return_inverse=True)
+            if _several_parts(inverse, hits.point[own], float(np.median(apart))):
                 shared.append(names[number][0])
                 continue
-            whole = np.full(row.size, -1)
-            whole[own] = texel
-            total = rows * columns
-            self._textures[number] = _Texture(
-                *names[number], whole, (rows, columns), np.zeros(total, np.int32),
-                np.zeros((total, kept.nm[0].size), np.float32),
-                np.zeros((total, kept.nm[1].size), np.float32))
+            self._texel[row[own], column[own]] = total + inverse
+            self._textures.append(_Texture(*names[number], shown, (rows, columns), total))
+            total += shown.size
+        self._count = np.zeros(total, np.int32)
+        self._sums = tuple(np.zeros((total, nm.size), np.float32) for nm in kept.nm)
         if shared:
             self.notes = (f"no texture of {', '.join(shared)}: several of their parts in the "
                           "photo share texture coordinates",)
 
     def add(self, first: int, last: int, made: Spectra) -> None:
         """Add the spectra of some rows."""
-        number = self._number[first:last].ravel()
+        texel = self._texel[first:last].ravel()
         mean, spread, _, unseen, _ = made
-        for texture in self._textures.values():
-            some = np.flatnonzero((number >= 0) & (unseen == SEEN))
-            texel = texture.texel[number[some]]
-            some, texel = some[texel >= 0], texel[texel >= 0]
-            np.add.at(texture.count, texel, 1)
-            np.add.at(texture.mean, texel, mean[some])
-            np.add.at(texture.spread, texel, spread[some])
+        some = np.flatnonzero((texel >= 0) & (unseen == SEEN))
+        texels, inverse, count = np.unique(texel[some], return_inverse=True, return_counts=True)
+        of_texel = csr_array((np.ones(some.size, np.float32), (inverse, some)),
+                             (texels.size, texel.size))
+        self._count[texels] += count.astype(np.int32)
+        for sums, values in zip(self._sums, (mean, spread), strict=True):
+            sums[texels] += of_texel @ values
 
     def write(self, folder: Path) -> tuple[str, ...]:
         """Write the textures, and the BSDFs that name them; the files' names."""
         files: list[str] = []
         root = ET.Element("scene", version="3.0.0")
-        nm, spread_nm = self.kept.nm
-        to_srgb = (TO_SRGB @ adapted_tristimulus(nm, DAYLIGHT)).T.astype(np.float32)
-        for texture in self._textures.values():
-            if not texture.count.any():
+        for texture in self._textures:
+            own = slice(texture.first, texture.first + texture.texel.size)
+            seen = self._count[own] > 0
+            if not seen.any():
                 continue
-            shown, size = texture.count > 0, texture.shape
-            count = np.maximum(texture.count, 1)[:, None].astype(np.float32)
-            mean, spread = texture.mean / count, texture.spread / count
-            whole = mean[shown].mean(axis=0)
-            away, nearest = distance_transform_edt(~shown.reshape(size), return_indices=True)
-            there = np.ravel_multi_index(tuple(nearest), size).ravel()
-            mean, spread = mean[there], spread[there]
-            beyond = away.ravel() > HOLE
-            mean[beyond], spread[beyond] = whole, np.nan
+            count = self._count[own][seen, None].astype(np.float32)
+            nearest, beyond = _filled(texture.texel[seen], texture.shape)
             names = f"{texture.stem}.exr", f"{texture.stem}-{SPREAD}.exr"
-            for name, values, layers, what in (
-                    (names[0], np.hstack([mean @ to_srgb, mean]), [*"RGB", *layer_names(nm)],
-                     Quantity.REFLECTANCE),
-                    (names[1], spread, layer_names(spread_nm), STANDARD_DEVIATION)):
-                with exr_rows(folder / name, *size, layers, not self.kept.full,
-                              layout_attributes(what)) as write:
-                    write(0, values.reshape(*size, -1))
+            mean, spread = (sums[own][seen] / count for sums in self._sums)
+            self._write(folder / names[0], mean, nearest, beyond, Quantity.REFLECTANCE)
+            self._write(folder / names[1], spread, nearest, beyond, STANDARD_DEVIATION)
             files += names
             _add_bsdf(root, texture, names[0])
         if files:
@@ -163,6 +145,33 @@ class Textures:
             files.append(XML)
         return tuple(files)
 
+    def _write(self, path: Path, values: np.ndarray, nearest: np.ndarray, beyond: np.ndarray,
+               what: Quantity | str) -> None:
+        """Write a texture, some rows at a time: of each texel (h, w) the row of ``values`` that is
+        nearest, and whether it is too far from what is seen.
+        """
+        height, width = nearest.shape
+        nm = self.kept.nm[0 if what is Quantity.REFLECTANCE else 1]
+        layers, elsewhere = layer_names(nm), np.full(nm.size, np.nan, np.float32)
+        if what is Quantity.REFLECTANCE:
+            to_srgb = (TO_SRGB @ adapted_tristimulus(nm, DAYLIGHT)).T.astype(np.float32)
+            elsewhere = np.r_[values.mean(axis=0) @ to_srgb, values.mean(axis=0)]
+            layers, values = [*"RGB", *layers], np.hstack([values @ to_srgb, values])
+        with exr_rows(path, height, width, layers, not self.kept.full,
+                      layout_attributes(what)) as write:
+            for first, last in row_blocks(height, width):
+                block = values[nearest[first:last]]
+                block[beyond[first:last]] = elsewhere
+                write(first, block)
+
+
+def _filled(texel: np.ndarray, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Index (h, w) of the nearest of some texels, and whether it is further than holes are wide."""
+    index = np.full(shape, -1, np.int32)
+    index.ravel()[texel] = np.arange(texel.size)
+    away, nearest = distance_transform_edt(index < 0, return_indices=True)
+    return index[tuple(nearest)], away > HOLE
+
 
 def _add_bsdf(root: ET.Element, texture: _Texture, file: str) -> None:
     bsdf = ET.SubElement(root, "bsdf", type="diffuse", id=f"{texture.bsdf} of {texture.surface}")
@@ -170,14 +179,15 @@ def _add_bsdf(root: ET.Element, texture: _Texture, file: str) -> None:
     ET.SubElement(spectra, "string", name="filename", value=file)
 
 
-def _beside(number: np.ndarray, own: np.ndarray) -> np.ndarray:
-    """Pairs (n, 2) of some pixels that lie beside one another, by their numbers."""
-    mine = np.zeros(int(number.max()) + 2, bool)
-    mine[own] = True        # the last stays False: of pixels without a number
-    pairs = [np.column_stack([one.ravel(), other.ravel()]) for one, other in (
-        (number[:, :-1], number[:, 1:]), (number[:-1], number[1:]))]
-    every = np.vstack(pairs)
-    return np.asarray(every[mine[every].all(axis=1)])
+def _beside(row: np.ndarray, column: np.ndarray, surface: np.ndarray,
+            shape: tuple[int, ...]) -> np.ndarray:
+    """Pairs (m, 2) of pixels (n,) that lie beside one another on one surface, by their numbers."""
+    number = np.full(shape, -1, np.int32)
+    number[row, column] = np.arange(row.size)
+    every = np.vstack([np.column_stack([one.ravel(), other.ravel()]) for one, other in (
+        (number[:, :-1], number[:, 1:]), (number[:-1], number[1:]))])
+    every = every[(every >= 0).all(axis=1)]
+    return np.asarray(every[surface[every[:, 0]] == surface[every[:, 1]]])
 
 
 def _texels(steps: np.ndarray) -> int:
@@ -189,11 +199,10 @@ def _texels(steps: np.ndarray) -> int:
 
 
 def _several_parts(texel: np.ndarray, point: np.ndarray, pixel: float) -> bool:
-    """Whether texels (n,) are shown by points (n, 3) far from each other."""
-    _, inverse, count = np.unique(texel, return_inverse=True, return_counts=True)
-    middle = np.column_stack([np.bincount(inverse, axis) for axis in point.T]) / count[:, None]
-    off = np.linalg.norm(point - middle[inverse], axis=1)
+    """Whether some of the texels 0 to t - 1 are shown (n,) by points (n, 3) far from each other."""
+    count = np.bincount(texel)
+    middle = np.column_stack([np.bincount(texel, axis) for axis in point.T]) / count[:, None]
+    off = np.linalg.norm(point - middle[texel], axis=1)
     worst = np.zeros(count.size)
-    np.maximum.at(worst, inverse, off)
+    np.maximum.at(worst, texel, off)
     return bool(np.mean(worst > APART * pixel) > FEW)
-
