@@ -2,7 +2,9 @@
 import numpy as np
 import pytest
 
-from spectrabox.fixtures import lamp
+from spectrabox.fixtures import demo_photos, flat_sample, lamp, paints
+from spectrabox.fixtures.chart_scene import mosaic
+from spectrabox.fixtures.demo_scenes import CHART_LIGHT_CM, LIGHT_RADIUS_CM
 from spectrabox.fixtures.flat_sample import lamplight
 
 
@@ -28,3 +30,54 @@ def test_a_small_lamp_lights_a_plane_by_the_square_of_its_distance_and_the_cosin
     # light from all sides is the same everywhere
     mixed = lamplight((rows, columns), [(0.3, 0.2, height, 1.7)], ambient=0.25)
     np.testing.assert_allclose(mixed, 0.25 + 0.75 * found, rtol=1e-5)
+
+
+@pytest.mark.parametrize("point", [(0.0, 0.0), (-12.0, 8.0), (14.0, -10.0)])
+def test_a_ball_lights_a_plane_as_the_directions_in_which_it_is_seen(point):
+    """Irradiance over pi times its radiance: the cosines, summed over the ball's solid angle."""
+    to_ball = CHART_LIGHT_CM - np.array([*point, 0.0])
+    distance = np.linalg.norm(to_ball)
+    axis = to_ball / distance
+    side = np.cross(axis, [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    other = np.cross(axis, side)
+    polar = (np.arange(400) + 0.5) / 400 * np.arcsin(LIGHT_RADIUS_CM / distance)
+    angle = 2 * np.pi * (np.arange(60) + 0.5) / 60
+    directions = (np.cos(polar)[:, None, None] * axis + np.sin(polar)[:, None, None]
+                  * (np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * other))
+    solid_angle = np.sin(polar)[:, None] * polar[0] * 2 * 2 * np.pi / 60
+    expected = np.sum(directions[..., 2] * solid_angle) / np.pi
+    # sums over 400 rings
+    assert demo_photos.light_factor(np.array(point)) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("lens", [demo_photos.vignetting,
+                                  lambda size: flat_sample.vignetting(size, 0.85)])
+def test_a_lens_dims_the_corners_as_stated_and_not_the_middle(lens):
+    """As cos^4 does: the square of 1 / (1 + distance^2 / focal^2)."""
+    light = lens((41, 61))
+    assert light[20, 30] == 1 and light[0, 0] == light[-1, -1] == pytest.approx(0.85)
+    y, x = np.mgrid[-20:21, -30:31]
+    bent = light**-0.5 - 1
+    np.testing.assert_allclose(bent / bent[0, 0], (x**2 + y**2) / (20**2 + 30**2), atol=1e-12)
+
+
+def test_charts_differ_from_the_published_one_by_as_much_as_is_stated():
+    rng = np.random.default_rng(1)
+    made = np.array([paints.chart_truth(rng) for _ in range(15)])
+    # 24 patches of 15 charts, smooth over wavelengths: a deviation is known to 4 %
+    apart = (made / made.mean(axis=0)).std(axis=0, ddof=1)
+    assert np.sqrt(np.mean(apart**2)) == pytest.approx(paints.PATCH_DEVIATION, rel=0.16)
+
+
+@pytest.mark.parametrize("read_noise_dn", [2.0, 9.0])
+def test_counts_scatter_by_shot_and_read_noise(read_noise_dn):
+    """Poisson: the variance of the electrons is their number; read noise and rounding on top."""
+    electrons, white, black = 5000.0, 4095.0, 200.0
+    counts = mosaic(np.full((400, 400, 3), 0.4), "RGGB", np.full(4, black), white, electrons,
+                    read_noise_dn, np.random.default_rng(2)).astype(float)
+    gain = (white - black) / electrons
+    expected = gain**2 * 0.4 * electrons + read_noise_dn**2 + 1 / 12
+    # 160 000 pixels know a variance to 0.35 %
+    assert counts.var() == pytest.approx(expected, rel=0.015)
+    assert counts.mean() == pytest.approx(black + 0.4 * (white - black), abs=0.5)

@@ -29,7 +29,7 @@ def diagnose(starts: np.ndarray, ends: np.ndarray, groups: int = 8) -> Diagnosis
     ends : (T, P) array
         Chains with the same start are correlated through it: with n0 different starts that each
         serve T / n0 chains and a correlation rho of start and end, the variance of the mean is that
-        of T / (1 + rho^2 T / n0) independent draws.
+        of T / (1 + rho^2 (T / n0 - 1)) independent draws.
     groups : int
         Number of parts of the chains for the split R-hat (Gelman and Rubin 1992, with halves in
         time replaced by groups of chains, as every chain gives one draw).
@@ -39,7 +39,7 @@ def diagnose(starts: np.ndarray, ends: np.ndarray, groups: int = 8) -> Diagnosis
     spread = starts.std(axis=0) * ends.std(axis=0)
     covariance = np.mean((starts - starts.mean(axis=0)) * (ends - ends.mean(axis=0)), axis=0)
     rho = np.divide(covariance, spread, out=np.zeros_like(spread), where=spread > 1e-12)
-    effective = count / (1 + rho**2 * count / different)
+    effective = count / (1 + rho**2 * max(count / different - 1, 0))
     parts = ends[:count - count % groups].reshape(groups, -1, ends.shape[1])
     within = parts.var(axis=1, ddof=1).mean(axis=0)
     between = parts.mean(axis=1).var(axis=0, ddof=1)

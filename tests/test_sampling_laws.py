@@ -1,0 +1,280 @@
+"""Laws of what is said of one signal or one scene: evidence, draws, and judgements of them.
+
+Statistical tests have a significance of 1e-4 each (3.9 sigma), at fixed seeds.
+"""
+import dataclasses
+
+import numpy as np
+import pytest
+from sampling_cameras import camera, measurement, response, seen
+from scipy import stats
+from test_posterior_laws import SMOOTH, mixture_of
+
+from spectrabox.radiometry.records import LightTransport, Outcome
+from spectrabox.sampling.error_budget import shares_by_cause
+from spectrabox.sampling.further.planner import expected_rmse
+from spectrabox.sampling.judge.identification import ALIKE_NM, identify
+from spectrabox.sampling.judge.scores import curve_band
+from spectrabox.sampling.polytope.diagnostics import diagnose
+from spectrabox.sampling.polytope.refinement import log_evidence
+from spectrabox.sampling.prior.drawn import COARSE, as_drawn
+from spectrabox.sampling.prior.draws import prior_spectra, sample_prior
+from spectrabox.sampling.prior.families.leaves import leaf
+from spectrabox.sampling.prior.families.skin import MOLAR_BLOOD
+from spectrabox.sampling.prior.mixture import GRID, reflectance
+from spectrabox.sampling.prior.posterior import (
+    SIGNAL_FLOOR,
+    mean_and_spread,
+    posterior,
+    width_factors,
+)
+from spectrabox.sampling.prior.summaries import summaries
+from spectrabox.sampling.scene.draws import shared_errors, surprise
+from spectrabox.sampling.scene.posterior import JointProblem, climb, gaussian_of, joint_problem
+
+SIGMAS = stats.norm.isf(0.5e-4)
+
+
+def two_components(apart=1.0, factor=1.0):
+    """Two components on the prior's wavelengths, so narrow that the logit is nearly straight."""
+    tilt = apart * np.linspace(-0.06, 0.06, GRID.nm.size)
+    return mixture_of(GRID.nm, [0.4, 0.6], [-tilt, 1.5 * tilt],
+                      [0.05**2 * SMOOTH, 0.08**2 * SMOOTH], factor)
+
+
+@pytest.mark.parametrize("bands", [1, 2])
+def test_the_evidence_of_a_signal_is_its_density_under_the_mixture(bands):
+    covariance = np.array([[1.0, 0.4], [0.4, 1.0]])
+    known = mixture_of([450.0, 650.0], [0.7, 0.3], [[-0.2, 0.1], [0.2, 0.4]],
+                       [0.1**2 * covariance, 0.2**2 * covariance])
+    rows = np.array([[0.7, 0.3], [0.2, 0.8]])[:bands]
+    signal, noise = np.array([[0.51, 0.54]])[:, :bands], 0.01**2 * np.eye(bands)
+    line, step = np.linspace(-1.6, 1.6, 641, retstep=True)
+    x = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
+    density = sum(weight * stats.multivariate_normal(mean, spread).pdf(x)
+                  for weight, mean, spread in zip(known.weights, known.means, known.covariances,
+                                                  strict=True))
+    likelihood = stats.multivariate_normal(signal[0], noise + SIGNAL_FLOOR**2 * np.eye(bands)).pdf(
+        reflectance(x) @ rows.T)
+    exact = np.log(density @ likelihood * step**2)
+    # Laplace's method errs by the squared spread of 0.2 logits
+    assert posterior(known, rows, signal, noise).log_evidence[0] == pytest.approx(exact, abs=0.02)
+
+
+def test_the_law_that_draws_follow_is_that_of_draws():
+    """Means, deviations and covariances of draws of a mixture whose components lie apart."""
+    known, measured = two_components(factor=1.5), seen(np.full(61, 0.5), 0.004)
+    signals, noise = measured.signal[None], measured.noise_covariance[None]
+    mixture = posterior(known, measured.relative_response, signals, noise)
+    assert 0.2 < mixture.weights[0, 0] < 0.8
+    law, covariance = as_drawn(known, measured.relative_response, signals, noise, mixture)
+    mean, spread = mean_and_spread(law)
+    drawn = sample_prior(measured, 20_000, 5, prior=known).spectra
+    # 20 000 draws know a mean to 0.7 % of a deviation, a deviation to 0.5 %, a covariance to 0.7 %
+    np.testing.assert_allclose(drawn.mean(axis=0), mean[0], atol=0.04 * spread.max())
+    np.testing.assert_allclose(drawn.std(axis=0), spread[0], rtol=0.04)
+    of_draws = np.cov(drawn, rowvar=False)[:, COARSE]
+    size = np.outer(spread[0], spread[0, COARSE])
+    np.testing.assert_allclose(covariance[0] / size, of_draws / size, atol=0.06)
+    # the test can tell: the components lie apart, and are not where the band's middle is
+    between = np.ptp(reflectance(mixture.logits[:, 0]), axis=0).max()
+    assert between > spread.max()
+
+
+def test_a_bent_logit_makes_the_law_of_draws_as_wide_as_draws_are():
+    """Dark surfaces, where the logit bends: the second order counts."""
+    known = mixture_of(GRID.nm, [1.0], np.full((1, 61), -1.6), [0.8**2 * SMOOTH])
+    measured = seen(reflectance(np.linspace(-2.4, -0.8, 61)), 0.0)
+    signals, noise = measured.signal[None], measured.noise_covariance[None]
+    mixture = posterior(known, measured.relative_response, signals, noise)
+    law, _ = as_drawn(known, measured.relative_response, signals, noise, mixture)
+    logits = np.log(drawn := sample_prior(measured, 20_000, 6, prior=known).spectra)
+    logits -= np.log1p(-drawn)
+    skew = law.skews[0, 0]
+    variance = law.variances[0, 0] * np.exp(skew**2) * np.expm1(skew**2) / skew**2
+    # to second order: what is left is of the fourth order in spreads of half a logit
+    np.testing.assert_allclose(logits.std(axis=0), np.sqrt(variance), rtol=0.03)
+
+
+def test_shared_errors_add_up_to_the_covariance_that_is_stated():
+    rng = np.random.default_rng(1)
+    signal, root = rng.uniform(0.1, 0.9, (5, 3)), 0.03 * rng.standard_normal((3, 3))
+    surface = np.array([0, 0, 1, 1, 2])
+    errors = shared_errors(signal, root @ root.T, 0.02, surface, 0.01, 0.04)
+    found = np.einsum("qrk,qsl->rksl", errors, errors)
+    same = (surface[:, None] == surface)[:, None, :, None]
+    relative = (root @ root.T + 0.02**2)[None, :, None, :] + same * (
+        0.01**2 * np.eye(3) + 0.04**2)[None, :, None, :]
+    np.testing.assert_allclose(found, relative * signal[:, :, None, None] * signal, atol=1e-15)
+
+
+def linear_problem(rng, materials=2, size=4, rows=5):
+    """A scene so near to grey that its signals are straight in the logits."""
+    roots = np.stack([scale * np.eye(size) for scale in (2e-3, 2e-3)])
+    reading = rng.uniform(200, 900, (rows, 1, materials))
+    return JointProblem(("a", "b"), np.eye(materials), np.ones((materials, size)), reading,
+                        np.zeros(rows), rng.uniform(0.5, 1.5, (1, size)),
+                        np.zeros((materials, 2)), np.zeros((2, size)), roots)
+
+
+def test_how_surprising_a_scene_is_is_uniform_where_the_prior_holds():
+    rng = np.random.default_rng(2)
+    problem, chances = linear_problem(rng), []
+    zero = (problem.rows.sum(axis=2) * problem.response.sum() / 2)[:, 0]
+    for _ in range(250):
+        z = rng.standard_normal(8)
+        logits = (problem.roots[0] @ z.reshape(2, 4).T).T
+        seen_light = np.einsum("fm,m->f", problem.rows[:, 0],
+                               reflectance(logits) @ problem.response[0])
+        scene = dataclasses.replace(problem, targets=seen_light + rng.standard_normal(zero.size))
+        chances.append(surprise(scene, climb(scene, np.zeros((1, 2), int), np.zeros((1, 8)))))
+    assert stats.kstest(chances, "uniform").pvalue > 1e-4
+
+
+def test_components_of_a_scene_are_as_wide_as_their_families_are_calibrated_to_be():
+    plain = two_components()
+    factors = np.linspace(1.1, 1.8, 61) * np.ones((1, 5, 1))
+    known = dataclasses.replace(plain, band_factors=factors, stated_factors=factors)
+    transport = LightTransport(("a",), np.array([[1]]), np.ones((4, 1)))
+    signal = np.full((4, 3), 0.5)
+    problem = joint_problem(transport, response(3)[1], signal, 0.01 * signal, known)
+    for root, covariance in zip(problem.roots, plain.covariances, strict=False):
+        np.testing.assert_allclose(root @ root.T, np.outer(factors[0, 0], factors[0, 0])
+                                   * covariance, atol=1e-12)
+
+
+def test_one_gaussian_has_the_covariance_of_the_mixture():
+    """Within the components and between them."""
+    known = two_components(apart=3.0)
+    mean, root = gaussian_of(known)
+    second = sum(weight * (covariance + np.outer(at, at)) for weight, at, covariance in zip(
+        known.weights, known.means, known.covariances, strict=True))
+    np.testing.assert_allclose(mean, known.weights @ known.means, atol=1e-12)
+    np.testing.assert_allclose(root @ root.T, second - np.outer(mean, mean), atol=1e-12)
+
+
+@pytest.mark.parametrize("rho, starts", [(0.3, 50), (0.6, 200), (0.9, 2000)])
+def test_the_effective_number_of_chains_is_that_of_their_mean(rho, starts):
+    """Chains with the same start are alike: the scatter of repeated means."""
+    rng, chains = np.random.default_rng(3), 2000
+    means, effective = [], []
+    for _ in range(400):
+        first = rng.standard_normal((starts, 1))
+        ends = rho * first[np.arange(chains) % starts] + np.sqrt(1 - rho**2) \
+            * rng.standard_normal((chains, 1))
+        means.append(ends.mean())
+        effective.append(diagnose(first, ends).effective_samples)
+    # 400 means know their variance to 7 %; correlations of 0.3 with 50 starts are known to a tenth
+    assert np.var(means, ddof=1) * np.mean(effective) == pytest.approx(1, abs=0.3)
+
+
+@pytest.mark.parametrize("coefficients", [7, 13])
+@pytest.mark.parametrize("error", [0.1, 0.2])
+def test_the_evidence_of_a_number_of_coefficients_is_the_density_of_the_signal(coefficients, error):
+    """By draws of uniform coefficients, each with the likelihood of its signal."""
+    A, rng = camera(coefficients), np.random.default_rng(4)
+    operator = measurement(A, A @ np.full(coefficients, 0.75) + [0, 0.03, -0.03], error)
+    signals = rng.uniform(size=(100_000, coefficients)) @ A.T
+    density = stats.multivariate_normal(operator.y, error**2 * np.eye(3)).pdf(signals)
+    # draws know it to 1.2 %; the saddle point of a few uniform numbers errs by less than 0.07 nats
+    assert log_evidence(operator) == pytest.approx(np.log(density.mean()), abs=0.1)
+
+
+def test_a_true_spectrum_is_rejected_as_often_as_stated():
+    """Samples that vary as stated, by smooth curves, beside errors of the library's curves."""
+    rng, grid = np.random.default_rng(5), GRID
+    measured, known = seen(np.full(61, 0.5), 0.003), two_components()
+    library = np.full((400, 61), 0.4)
+    error, variation = np.full(library.shape, 0.02), 0.015
+    alike = np.exp(-((grid.nm[:, None] - grid.nm) / ALIKE_NM)**2 / 2)
+    root = np.linalg.cholesky(alike + 1e-9 * np.eye(61))
+    noise = measured.noise_covariance + SIGNAL_FLOOR**2 * np.eye(3)
+    chances = []
+    for curve in library:
+        own = curve + np.hypot(error[0], variation) * (root @ rng.standard_normal(61))
+        signal = measured.relative_response @ own + rng.multivariate_normal(np.zeros(3), noise)
+        chances.append(identify(dataclasses.replace(measured, signal=signal), curve[None], known,
+                                standard_error=error[:1], variation=variation).p_value[0])
+    assert stats.kstest(chances, "uniform").pvalue > 1e-4
+
+
+@pytest.mark.parametrize("level", [0.5, 0.95])
+def test_a_band_of_curves_holds_that_share_of_whole_draws(level):
+    drawn = np.random.default_rng(6).multivariate_normal(np.zeros(61), SMOOTH, 4000)
+    lower, upper = curve_band(drawn, level)
+    inside = np.all((drawn >= lower) & (drawn <= upper), axis=1).mean()
+    assert inside == pytest.approx(level, abs=1e-3)     # a quantile of the same draws
+
+
+def test_many_signals_are_unfamiliar_where_one_by_one_they_are():
+    """Signals from familiar to strange: those that surprise, and those that nothing fits."""
+    known = dataclasses.replace(mixture_of(GRID.nm, [1.0], np.zeros((1, 61)), [0.15**2 * SMOOTH]),
+                                familiar_surprise=12.0)
+    measured = seen(np.full(61, 0.5), 0.002)
+    steps = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.1, 0.1, 0.1], [0.25, 0.2, 0.25],
+                      [0.3, -0.3, 0.3], [0.12, -0.02, 0.1]])
+    one_by_one = [prior_spectra(dataclasses.replace(measured, signal=measured.signal + step), 10,
+                                1, known).outcome for step in steps]
+    together = summaries(known, measured.relative_response, measured.signal + steps,
+                         {"noise": np.repeat(measured.noise_covariance[None], len(steps), axis=0)},
+                         0.95).outcome
+    near = {Outcome.OUT_OF_REACH: Outcome.TOO_ROUGH}
+    assert [near.get(each, each) for each in one_by_one] == together.tolist()
+    assert Outcome.FAMILIAR in one_by_one and Outcome.UNFAMILIAR in one_by_one
+
+
+def test_what_a_plan_promises_is_the_error_of_the_mean():
+    covariance = SMOOTH * np.outer(*2 * (np.linspace(0.01, 0.2, 61),))
+    drawn = np.random.default_rng(7).multivariate_normal(np.zeros(61), covariance, 4000)
+    # 4000 curves know their mean square to a few per cent, as they are smooth
+    assert expected_rmse(covariance) == pytest.approx(np.sqrt(np.mean(drawn**2)), rel=0.06)
+
+
+def inside_transmission(index, rays=200_000):
+    """Share of light from all directions within a plate that leaves it: Fresnel, all angles."""
+    sine = np.sqrt((np.arange(rays) + 0.5) / rays)      # uniform in sin^2, as Lambert's law
+    leaves = sine * index < 1
+    cosine, outside = np.sqrt(1 - sine[leaves]**2), np.sqrt(1 - (index * sine[leaves])**2)
+    across = (index * cosine - outside) / (index * cosine + outside)
+    along = (index * outside - cosine) / (index * outside + cosine)
+    return np.sum(1 - (across**2 + along**2) / 2) / rays
+
+
+@pytest.mark.parametrize("index", [1.33, 1.5])
+def test_a_plate_that_absorbs_nothing_returns_all_light_and_sends_some_through(index):
+    """Light that runs to and fro within a plate, summed up reflection by reflection; what enters
+    from 40 degrees about the normal is of the first surface alone.
+    """
+    one = np.full(3, index)
+    r, t = leaf(np.ones((1, 1)), np.zeros((1, 3)), one)
+    np.testing.assert_allclose(r + t, 1, atol=1e-4)     # the least absorption is 1e-6
+    out = inside_transmission(index)
+    # of what enters, t out (1 + r^2 + r^4 ...) leaves below, with r = 1 - out
+    entering = t[0, 0] / (out / (1 - (1 - out)**2))
+    cone = np.sqrt((np.arange(20_000) + 0.5) / 20_000) * np.sin(np.deg2rad(40))
+    cosine, inside = np.sqrt(1 - cone**2), np.sqrt(1 - (cone / index)**2)
+    across = (cosine - index * inside) / (cosine + index * inside)
+    along = (index * cosine - inside) / (index * cosine + inside)
+    assert entering == pytest.approx(np.mean(1 - (across**2 + along**2) / 2), rel=1e-3)
+
+
+def test_blood_of_150_grams_a_litre_passes_a_tenth_for_every_unit_of_absorbance():
+    molar = 150 / 64_500        # mol / l of haemoglobin
+    extinction_cm, depth_cm = 53_236.0, 0.004
+    assert np.exp(-MOLAR_BLOOD * extinction_cm * depth_cm) == pytest.approx(
+        10 ** -(extinction_cm * molar * depth_cm))
+
+
+def test_shares_of_causes_are_shares_of_the_variance():
+    """Two independent errors, one three times the other: a tenth and nine tenths."""
+    rng = np.random.default_rng(8)
+    small, large = rng.normal(0, [[0.1]], (20_000, 5)), rng.normal(0, [[0.3]], (20_000, 5))
+    shares = shares_by_cause({"small": small.var(axis=0)[None], "large": large.var(axis=0)[None]})
+    without = 1 - large.var(axis=0).mean() / (small + large).var(axis=0).mean()
+    assert shares["small"][0] == pytest.approx(without, abs=0.01)      # by chance correlation
+
+
+def test_a_band_is_of_the_usual_width_where_95_per_cent_of_a_normal_one_lie_within_it():
+    known = dataclasses.replace(two_components(), width_power=-0.3)
+    spread = 0.12 / (stats.norm.ppf(0.975) - stats.norm.ppf(0.025))
+    assert width_factors(known, np.full((1, 61), spread))[0, 0] == pytest.approx(1, abs=1e-6)
