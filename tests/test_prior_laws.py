@@ -88,6 +88,22 @@ def test_calibrated_bands_hold_what_they_state_and_no_model_is_missed_much_more_
     assert np.mean(surprise <= known.familiar_surprise) == pytest.approx(FAMILIAR, abs=1e-3)
 
 
+def test_calibrated_bands_hold_what_they_state_where_some_wavelengths_are_harder():
+    """Bands that are too narrow in the red: wider there, and no wider than needed over all."""
+    rng, harder = np.random.default_rng(42), np.linspace(0.4, 0.8, GRID.nm.size)
+    found = judgement(rng, harder, 0)
+    parts = [LeftOut("one", "paint", True, False, 1200, found, found)]
+    known = calibrated(dataclasses.replace(
+        mixture_of(GRID.nm, [1.0], np.zeros((1, GRID.nm.size)), [SMOOTH]), families=("paint",)),
+        [dataclasses.replace(part, unstated=dataclasses.replace(
+            found, shares=np.ones((1200, 1)))) for part in parts])
+    inside = found.scores[AT_95] <= known.stated_factors[0, AT_95]
+    assert inside.mean() == pytest.approx(0.95, abs=2e-3)
+    # tenths of wavelengths joined by straight lines, the first wider than it need be; 1200 curves
+    # know a share to 0.6 %
+    np.testing.assert_allclose(inside[:, 10:55].mean(axis=0), 0.95, atol=0.035)
+
+
 @pytest.mark.parametrize("noise", [0.05, 0.2])
 def test_a_certificate_refuses_as_many_signals_as_chance_lets_surprise(noise):
     """Dark truths of the prior's own, whose relative errors are those stated: chi-square of three
