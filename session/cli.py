@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import copy
-import gc
 import io
 import os
 import sys
@@ -17,6 +16,7 @@ from spectrabox.session.command_line import (
     CommandGroup,
     flushed_output,
     last_resort,
+    seldom_look_for_cycles,
     stop_on_signals,
 )
 from spectrabox.session.commands import (
@@ -36,8 +36,6 @@ from spectrabox.session.commands import (
     spectrum,
 )
 from spectrabox.session.leaving import run_and_leave
-
-OBJECTS_BEFORE_GC = 200_000     # about 20 MB of them; 700 by default
 
 # rich_markup_mode None: its panels cost --help twice the time.
 app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
@@ -85,8 +83,7 @@ def main() -> None:
     # threads of small products would only wait for each other. NumPy and SciPy have one each, which
     # look here when they are loaded.
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    # Looking for cycles takes a twentieth of what a command takes, and most commands leave none.
-    gc.set_threshold(OBJECTS_BEFORE_GC)
+    seldom_look_for_cycles()
     debug = "--debug" in sys.argv
     if not debug:
         warnings.simplefilter("ignore")     # lines of our code, which tell an operator nothing

@@ -8,6 +8,7 @@ from spectrabox.session.batch.manifest import made_by
 from spectrabox.session.batch.tasks import Order
 
 KEPT = {".npz", ".csv", ".xml", ".png"}
+FLAT = ("chart", "photo", "calibrate", "signals", "sample")     # stages, in order
 
 
 def write_session(folder):
@@ -23,6 +24,15 @@ def copies(session, folder, names):
     """Copies of a session under other names, without results."""
     return [shutil.copytree(session, folder / name, ignore=shutil.ignore_patterns(
         "results", "report.html", "spectra.csv", "materials.csv", "spdx")) for name in names]
+
+
+def begun(session, folder, names, until):
+    """Copies with the results of the stages before one of them."""
+    folders = copies(session, folder, names)
+    for each in folders:
+        for stage in FLAT[:FLAT.index(until)]:
+            shutil.copytree(session / "results" / stage, each / "results" / stage)
+    return folders
 
 
 def results_of(folder):

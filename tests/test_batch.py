@@ -2,6 +2,7 @@
 import dataclasses
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from batch_sessions import copies, order_of, results_of, write_session
+from batch_sessions import begun, copies, order_of, results_of, write_session
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.batch.batch import kept_outcomes, run_batch
@@ -61,12 +62,24 @@ def session(tmp_path_factory):
     return folder
 
 
-def with_shared(order, session):
-    """The order, after a batch that has made a session's calibration."""
+def with_shared(shared, session):
+    """The folder of what is shared, after a batch that has made a session's calibration."""
     config = read_session(session)
     for stage in ("chart", "calibrate"):
-        share(order.out / "shared", stage, load_stage(config.results_folder, stage))
-    return order
+        share(shared, stage, load_stage(config.results_folder, stage))
+    return shared
+
+
+def calibrated(folder, shared):
+    """States of a session's stages, run as a batch runs them until it is calibrated."""
+    return run_stages(read_session(folder), device="cpu", only=None, force=False,
+                      progress=lambda *_: None, before="signals", shared=shared).states
+
+
+def arrays_of(folder):
+    """Digests of what was calibrated."""
+    return {name: digest for name, digest in results_of(folder).items()
+            if name.startswith(("results/chart", "results/calibrate"))}
 
 
 class Here:
@@ -128,8 +141,8 @@ def test_a_batch_makes_what_run_makes_and_the_calibration_once(session, tmp_path
 
 
 def test_what_is_done_is_not_run_again_until_something_changes(session, tmp_path):
-    folders = copies(session, tmp_path, ["a", "b"])
-    order = with_shared(order_of(folders, tmp_path / "out"), session)
+    folders = [shutil.copytree(session, tmp_path / name) for name in ("a", "b")]
+    order = order_of(folders, tmp_path / "out")
     assert [each.verdict for each in run_batch(order, folders, Here())] == ["pass", "pass"]
     assert list(kept_outcomes(order)) == folders
     os.utime(folders[0] / "photos" / "sample.dng", ns=(0, 0))
@@ -149,25 +162,25 @@ def test_what_is_done_is_not_run_again_until_something_changes(session, tmp_path
 
 def test_a_shared_calibration_that_was_damaged_is_made_again(session, tmp_path):
     folders = copies(session, tmp_path, ["a", "b"])
-    order = with_shared(order_of(folders, tmp_path / "out"), session)
-    for stage in (order.out / "shared").glob("ca*"):
+    shared = with_shared(tmp_path / "shared", session)
+    for stage in shared.glob("ca*"):
         (stage / "arrays.npz").write_bytes(b"damaged")
-    first, second = run_batch(order, folders, Here())
-    assert [first.stages[stage][0] for stage in ("chart", "calibrate")] == ["copied", "run"]
-    assert second.stages["calibrate"][0] == "copied"
+    first, second = (calibrated(folder, shared) for folder in folders)
+    assert [first[stage] for stage in ("chart", "calibrate")] == ["copied", "run"]
+    assert second["calibrate"] == "copied"
     for folder in folders:
-        assert results_of(folder) == results_of(session)
+        assert arrays_of(folder) == arrays_of(session)
 
 
 def test_a_session_that_differs_shares_nothing_with_it(session, tmp_path):
     folders = copies(session, tmp_path, ["a", "b"])
     text = (folders[1] / "session.toml").read_text(encoding="utf-8")
     (folders[1] / "session.toml").write_text(text + "[chart]\nleave_out = [3]\n", encoding="utf-8")
-    order = with_shared(order_of(folders, tmp_path / "out"), session)
-    outcomes = list(run_batch(order, folders, Here()))
-    assert [each.says for each in outcomes if each.state == "failed"] == []
-    assert [each.stages["calibrate"][0] for each in outcomes] == ["copied", "run"]
-    assert [each.stages["chart"][0] for each in outcomes] == ["copied", "copied"]
+    shared = with_shared(tmp_path / "shared", session)
+    states = [calibrated(folder, shared) for folder in folders]
+    assert [each["calibrate"] for each in states] == ["copied", "run"]
+    assert [each["chart"] for each in states] == ["copied", "copied"]
+    assert arrays_of(folders[0]) == arrays_of(session) != arrays_of(folders[1])
 
 
 # ---- workers that die, and Ctrl-C
@@ -213,7 +226,7 @@ def test_a_task_is_tried_twice(tmp_path):
 
 
 def test_ctrl_c_stops_all_workers_and_the_same_command_goes_on(session, tmp_path):
-    folders = copies(session, tmp_path, ["a", "b"])
+    folders = begun(session, tmp_path, ["a", "b"], until="signals")
     words = ["a", "b", "--workers", 2, "--device", "cpu"]
     stopped = batch(*words, cwd=tmp_path)
     worker = process_at(folders[0])
@@ -259,6 +272,15 @@ def test_no_more_run_at_once_than_memory_allows(tmp_path, monkeypatch, budget, a
     pool = Here(stand_in, workers=3, budget_bytes=budget)
     assert len(list(run_batch(order, [*order.folders], pool))) == 6
     assert max(pool.at_once) == at_once
+
+
+def test_no_worker_waits_while_an_outcome_is_stored(tmp_path, monkeypatch):
+    order = order_of([tmp_path / str(number) for number in range(3)], tmp_path / "out", "x")
+    monkeypatch.setattr("spectrabox.session.batch.batch.tried_task", tasks_of([40] * 3, order))
+    pool = Here(stand_in)
+    outcomes = run_batch(order, [*order.folders], pool)
+    assert Path(next(outcomes).folder).name == "0" and len(pool.tasks) == 1
+    assert [Path(each.folder).name for each in outcomes] == ["1", "2"]
 
 
 def test_a_scene_is_looked_at_before_it_runs_with_what_it_needs(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from batch_sessions import copies, order_of, results_of, write_session
+from batch_sessions import begun, copies, order_of, results_of, write_session
 from test_batch import process_at
 
 from spectrabox.radiometry.errors import EnvironmentProblem
@@ -16,7 +16,8 @@ from spectrabox.session.batch.batch import kept_outcomes, run_batch
 from spectrabox.session.batch.processes import open_processes
 from spectrabox.session.batch.workers import open_workers
 
-pytest.importorskip("distributed", reason="no Dask here: pip install 'spectrabox[cluster]'")
+default_client = pytest.importorskip(
+    "distributed", reason="no Dask here: pip install 'spectrabox[cluster]'").default_client
 ROOT = Path(__file__).resolve().parent.parent
 # Dask closes sockets and event loops when they are collected
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning",
@@ -39,6 +40,8 @@ def test_a_cluster_makes_the_bits_of_processes_though_a_worker_is_killed(session
     order = order_of(folders, tmp_path / "out")
     with open_workers("local", 1, len(folders)) as pool:
         assert pool.workers == 1 and pool.about.startswith("dashboard: http")
+        # Dask's own setting of it makes every array anew: half as much processor again
+        assert {*default_client().run(os.getenv, "MALLOC_TRIM_THRESHOLD_").values()} == {None}
         outcomes = run_batch(order, folders, KillingOnce(pool, folders[0]))
         assert [(each.state, each.says) for each in outcomes if each.state != "done"] == []
     for folder in folders:
@@ -87,7 +90,7 @@ def dask(tmp_path):
 
 
 def test_a_scheduler_that_dies_costs_nothing_that_is_stored(session, tmp_path, dask):
-    folders = copies(session, tmp_path, ["a", "b"])
+    folders = begun(session, tmp_path, ["a", "b"], until="signals")
     order = order_of(folders, tmp_path / "out")
     address, scheduler, worker = dask()
     with pytest.raises(EnvironmentProblem, match="the same command again to go on"), \

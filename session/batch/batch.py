@@ -44,7 +44,7 @@ def run_batch(order: Order, waiting: list[Path], pool: Pool) -> Iterator[Outcome
 def _outcomes(order: Order, waiting: list[Path], pool: Pool) -> Iterator[Outcome]:
     # made when they are wanted: a task is known only once its session has been read
     coming = (tried_task(folder, order) for folder in waiting)
-    again, running = deque[Task](), list[Task]()
+    again, running, told = deque[Task](), list[Task](), deque[Outcome]()
     while True:
         while len(running) < pool.workers:
             task = again.popleft() if again else next(coming, None)
@@ -61,6 +61,9 @@ def _outcomes(order: Order, waiting: list[Path], pool: Pool) -> Iterator[Outcome
             else:
                 running.append(task)
                 pool.start(task)
+        # once all workers have something to do: to store and to tell takes a moment
+        yield from told
+        told.clear()
         if not running:
             return
         for ended in pool.wait():
@@ -69,7 +72,7 @@ def _outcomes(order: Order, waiting: list[Path], pool: Pool) -> Iterator[Outcome
             if isinstance(following, Task):
                 again.append(following)
             else:
-                yield following
+                told.append(following)
 
 
 def _fits(pool: Pool, task: Task, running: list[Task]) -> bool:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -16,13 +15,20 @@ from typing import Any
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.outside.free_memory import free_memory
 from spectrabox.session.batch.pool import Finished, Lost
-from spectrabox.session.batch.processes import KEPT_FREE, shares_of_cores
+from spectrabox.session.batch.processes import KEPT_FREE, settle, shares_of_cores
 from spectrabox.session.batch.tasks import Task, do_task
 
 LOCAL = "local"
 CONNECTING_S = 20.0
 LISTENING_S = 2.0       # between two looks whether the scheduler is there
 RETRIES = 1             # of a task whose worker died
+ENVIRONMENT = "distributed.nanny.pre-spawn-environ"
+# What a scheduler and workers of this machine alone do without. Each interval wakes every one of
+# them, on cores that all have a session to work at: the profile, every 10 ms, walks the stack of
+# the session that runs.
+CALM = {"distributed.worker.profile.enabled": False,
+        "distributed.admin.tick.interval": "1s",
+        "distributed.admin.system-monitor.interval": "2s"}
 
 
 class Cluster:
@@ -109,6 +115,8 @@ def open_cluster(address: str, workers: int) -> Iterator[Cluster]:
         stack.enter_context(_silent_loggers())
         budget = None
         if address == LOCAL:
+            stack.enter_context(dask.config.set(CALM | {ENVIRONMENT: _of_workers(
+                dask.config.get(ENVIRONMENT))}))
             free = free_memory()
             budget = None if free is None else round(free * (1 - KEPT_FREE))
             local = stack.enter_context(LocalCluster(
@@ -124,6 +132,16 @@ def open_cluster(address: str, workers: int) -> Iterator[Cluster]:
                                      f"({type(error).__name__}); start a scheduler and workers: "
                                      "dask scheduler, dask worker ADDRESS --nthreads 1") from None
         yield Cluster(client, budget)
+
+
+def _of_workers(environment: dict[str, Any]) -> dict[str, Any]:
+    """What Dask puts into the environment of its workers, but for how memory is given back.
+
+    Dask lets the C library return every freed piece at once, so that the next array is mapped and
+    zeroed anew: a session of flat samples then takes half as much processor again.
+    """
+    return {name: value for name, value in environment.items()
+            if not name.startswith("MALLOC_")}
 
 
 @contextlib.contextmanager
@@ -149,8 +167,6 @@ def _own_cores_plugin(workers: int) -> Any:
         name = "own cores"
 
         def setup(self, worker: Any) -> None:
-            cores = shares_of_cores(workers)[int(worker.name) % workers]
-            if cores:
-                os.sched_setaffinity(0, cores)
+            settle(shares_of_cores(workers)[int(worker.name) % workers])
 
     return OwnCores()

@@ -18,7 +18,7 @@ from multiprocessing.process import BaseProcess
 from spectrabox.radiometry.outside.free_memory import free_memory
 from spectrabox.session.batch.pool import Finished, Lost
 from spectrabox.session.batch.tasks import Task, do_task
-from spectrabox.session.command_line import stop_on_signals
+from spectrabox.session.command_line import seldom_look_for_cycles, stop_on_signals
 
 KEPT_FREE = 0.1         # of the memory: the machine has other work
 ENDING_S = 20.0         # a stopped worker removes what it left half done
@@ -74,8 +74,10 @@ class Processes:
 
     def close(self) -> None:
         """End all workers: those at work as Ctrl-C ends a run, which keeps what is whole."""
-        for worker in (*self._idle, *self._busy):
+        for worker in self._busy:
             worker.process.terminate()
+        for worker in self._idle:
+            worker.process.kill()       # it holds nothing, and need not take itself apart
         for worker in (*self._idle, *self._busy):
             worker.process.join(ENDING_S)
             worker.process.kill()
@@ -106,12 +108,18 @@ def _serve(line: Connection, cores: Sequence[int]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)    # Ctrl-C reaches all; the parent says what ends
     stop_on_signals()
     warnings.simplefilter("ignore")                 # as in the command itself
-    if cores and hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, cores)
+    settle(cores)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
         while True:
             line.send(do_task(line.recv()))
+
+
+def settle(cores: Sequence[int]) -> None:
+    """Make this process a worker: on its own cores, where it has such, and as a command runs."""
+    seldom_look_for_cycles()
+    if cores and hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, cores)
 
 
 def _end_with_parent() -> None:
