@@ -95,6 +95,22 @@ def test_families_are_as_probable_as_they_are_often_right():
     assert np.mean((np.array(probable) > 0.1) & (np.array(probable) < 0.9)) > 0.4
 
 
+def test_how_bright_a_camera_was_measured_changes_nothing():
+    """Two families that are one but for their unit: the exposure is unknown anyhow."""
+    plain, signal = departing(0.0), signals(on_grid(cameras(1, 44)[0]), daylight(), reflectances())
+    rng = np.random.default_rng(92)
+    within = 0.1 * plain.means[0][:, None] * rng.standard_normal((63, 30)) / np.sqrt(30)
+    known = dataclasses.replace(
+        departing(0.0, 0.0), jitter_sd=1e-6, within=within, shares=np.array([[1.0, 0], [9.0, 0]]),
+        means=plain.means * np.array([[1.0], [3.0]]))
+    shown = photo(signal, daylight(), reflectances(), 0.01)
+    found = posterior_of_curves([shown], known, GRID, model_errors=(0.01,))
+    # the second is linearised where the first ended: a hundredth of a nat
+    np.testing.assert_allclose(found.families, 0.5, atol=0.005)
+    one, other = found.covariances[:4], found.covariances[-4:]
+    np.testing.assert_allclose(one, other, rtol=0.02, atol=2e-3 * np.abs(one).max())
+
+
 def test_an_error_of_a_patch_is_that_of_its_own_and_of_its_common_part():
     error = PatchError(0.03, 0.04)
     relative = error.among_bands(3)

@@ -1,4 +1,5 @@
 """What capture refuses and puts back, and cameras of pixels that are not square."""
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,13 +8,21 @@ from geometry_views import TRUE
 
 from spectrabox.calibrate.geometry.lens import pinhole
 from spectrabox.calibrate.geometry.pose import lens_of_focal_length, pose_from_points
-from spectrabox.capture.chart.patches import require_unclipped
+from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.capture.develop.bracket import merge_exposures
+from spectrabox.capture.develop.dark import mean_dark
 from spectrabox.capture.meter.instruments.errors import LineFaultError, UntrustedReadingError
 from spectrabox.capture.meter.instruments.interface import MeterSettings
 from spectrabox.capture.meter.instruments.pr655 import Pr655
 from spectrabox.capture.meter.measurement import READS, _read_twice
 from spectrabox.radiometry.errors import ClippedPhotoError
-from spectrabox.radiometry.records import PatchSamples
+from spectrabox.radiometry.records import (
+    ChartDetection,
+    LinearImage,
+    PatchSamples,
+    PhotoKind,
+    RawFrame,
+)
 
 from tests.test_calibrate_pose import CORNERS, SHIFT, TURN, seen
 
@@ -29,6 +38,49 @@ def test_a_patch_that_is_clipped_in_one_band_is_refused_by_name(band):
     clipped[2, band] = 0.005        # a dead pixel or two
     require_unclipped(PatchSamples(samples.mean, samples.covariance_of_mean, samples.pixels,
                                    clipped, samples.gradient), "abcd", "chart.dng")
+
+
+def linear(signal, variance=1e-8, **more):
+    """A linear image (H, W, 3) of a signal of one value a pixel."""
+    signal = np.repeat(np.asarray(signal, np.float32)[..., None], 3, axis=2)
+    facts = {"sensor_step": 1.0, "exposure_s": 0.01, "iso": 100.0, "f_number": 8.0,
+             "kind": PhotoKind.RAW, "camera": "body", "source": "photo.dng", "sha256": ""} | more
+    return LinearImage(signal=signal, variance=np.full(signal.shape, variance, np.float32),
+                       saturated=np.zeros(signal.shape, bool), **facts)
+
+
+@pytest.mark.parametrize("rise", [0.02, 0.2])
+def test_the_gradient_of_a_patch_is_what_its_light_changes_by_over_it(rise):
+    y, x = np.mgrid[:40, :60]
+    plane = 0.4 * (1 + rise * (x - 29.5) / 59 + 0 * y)
+    quad = np.array([[-0.5, -0.5], [59.5, -0.5], [59.5, 39.5], [-0.5, 39.5]])
+    found = sample_patches(linear(plane), ChartDetection(quad[None], 1.0, False, ""))
+    # single precision
+    np.testing.assert_allclose(found.gradient, rise, rtol=1e-4)
+
+
+def test_black_levels_that_are_off_do_not_change_the_ratio_of_two_exposures():
+    """Half of the picture is too dark to tell in the shorter exposure, where the black level is a
+    tenth of it; in the longer one it is bright enough.
+    """
+    light = np.where(np.arange(60) < 30, 0.005, 0.1) * np.ones((40, 1))
+    short, long = linear(light + 5e-4), linear(8 * light, exposure_s=0.08, source="long.dng")
+    _, notes = merge_exposures([short, long])
+    ratio = float(re.search(r"ratio ([\d.]+) measured", " ".join(notes))[1])
+    assert ratio == pytest.approx(0.8 / 0.1005, rel=1e-4)
+
+
+@pytest.mark.parametrize("frames", [2, 16])
+def test_a_pixel_is_hot_by_the_noise_of_the_mean_of_dark_frames(frames):
+    """Noise of 4 DN a frame: eleven and five standard errors of the mean, of a limit of eight."""
+    rng, shape = np.random.default_rng(93), (60, 80)
+    glow = np.zeros(shape)
+    glow[20, 30], glow[40, 50] = np.array([11.0, 5.0]) * 4 / np.sqrt(frames)
+    shots = [RawFrame(mosaic=np.rint(512 + glow + 4 * rng.standard_normal(shape)).astype(np.uint16),
+                      cfa=np.zeros((1, 1), int), black_level=np.full((1, 1), 512.0),
+                      white_level=16383.0, exposure_s=1.0, iso=100.0, f_number=8.0, camera="body",
+                      file=f"dark {index}", sha256="") for index in range(frames)]
+    assert np.argwhere(mean_dark(shots).hot).tolist() == [[20, 30]]
 
 
 def replying(*replies):
