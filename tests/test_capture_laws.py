@@ -8,13 +8,17 @@ from geometry_views import TRUE
 
 from spectrabox.calibrate.geometry.lens import pinhole
 from spectrabox.calibrate.geometry.pose import lens_of_focal_length, pose_from_points
+from spectrabox.capture.chart.agreement import white_excess
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.capture.chart.reference import TYPICAL_SIGNALS
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import mean_dark
 from spectrabox.capture.meter.instruments.errors import LineFaultError, UntrustedReadingError
 from spectrabox.capture.meter.instruments.interface import MeterSettings
 from spectrabox.capture.meter.instruments.pr655 import Pr655
 from spectrabox.capture.meter.measurement import READS, _read_twice
+from spectrabox.capture.photo.linear import linear_image
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.errors import ClippedPhotoError
 from spectrabox.radiometry.records import (
     ChartDetection,
@@ -40,7 +44,7 @@ def test_a_patch_that_is_clipped_in_one_band_is_refused_by_name(band):
                                    clipped, samples.gradient), "abcd", "chart.dng")
 
 
-def linear(signal, variance=1e-8, **more):
+def image(signal, variance=1e-8, **more):
     """A linear image (H, W, 3) of a signal of one value a pixel."""
     signal = np.repeat(np.asarray(signal, np.float32)[..., None], 3, axis=2)
     facts = {"sensor_step": 1.0, "exposure_s": 0.01, "iso": 100.0, "f_number": 8.0,
@@ -54,7 +58,7 @@ def test_the_gradient_of_a_patch_is_what_its_light_changes_by_over_it(rise):
     y, x = np.mgrid[:40, :60]
     plane = 0.4 * (1 + rise * (x - 29.5) / 59 + 0 * y)
     quad = np.array([[-0.5, -0.5], [59.5, -0.5], [59.5, 39.5], [-0.5, 39.5]])
-    found = sample_patches(linear(plane), ChartDetection(quad[None], 1.0, False, ""))
+    found = sample_patches(image(plane), ChartDetection(quad[None], 1.0, False, ""))
     # single precision
     np.testing.assert_allclose(found.gradient, rise, rtol=1e-4)
 
@@ -64,10 +68,40 @@ def test_black_levels_that_are_off_do_not_change_the_ratio_of_two_exposures():
     tenth of it; in the longer one it is bright enough.
     """
     light = np.where(np.arange(60) < 30, 0.005, 0.1) * np.ones((40, 1))
-    short, long = linear(light + 5e-4), linear(8 * light, exposure_s=0.08, source="long.dng")
+    short, long = image(light + 5e-4), image(8 * light, exposure_s=0.08, source="long.dng")
     _, notes = merge_exposures([short, long])
     ratio = float(re.search(r"ratio ([\d.]+) measured", " ".join(notes))[1])
     assert ratio == pytest.approx(0.8 / 0.1005, rel=1e-4)
+
+
+@pytest.mark.parametrize("added, expected", [((0.05, 0.05, 0.05), 0.05), ((0.05, 0.0, 0.0), 0.0),
+                                             ((0.08, 0.03, 0.05), 0.03)])
+def test_glare_is_what_all_bands_read_more(added, expected):
+    """A lamp's reflection is white: of light on one patch that is coloured its least band counts.
+    """
+    signals = np.array([0.4, 0.7, 0.5]) * TYPICAL_SIGNALS
+    white = CLASSIC.neutrals[0]
+    signals[7] += np.array(added) * signals[white]
+    found = white_excess(signals, TYPICAL_SIGNALS, np.ones(24), white)
+    # one patch of 24 hardly moves the mixture
+    assert found[7] == pytest.approx(expected, abs=0.004)
+    assert np.delete(found, 7).max() < 0.004
+
+
+def raw(mosaic, cfa, name="photo.dng"):
+    return RawFrame(mosaic=np.rint(mosaic).astype(np.uint16), cfa=cfa,
+                    black_level=np.full(cfa.shape, 512.0), white_level=16383.0, exposure_s=1.0,
+                    iso=100.0, f_number=8.0, camera="body", file=name, sha256="")
+
+
+def test_noise_is_that_of_rounding_at_least_however_often_the_tile_is_written():
+    """An even picture: green is the mean of two samples, which err independently by rounding."""
+    rggb, step = np.array([[0, 1], [1, 2]]), 1 / (16383 - 512)
+    for times in ((1, 1), (2, 2), (1, 3)):
+        image = linear_image(raw(np.full((96, 144), 5000), np.tile(rggb, times)))
+        expected = step**2 / 12 * np.array([1, 1 / 2, 1])
+        # the gain of what has no noise is 0
+        np.testing.assert_allclose(image.variance[0, 0], expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize("frames", [2, 16])
@@ -76,10 +110,8 @@ def test_a_pixel_is_hot_by_the_noise_of_the_mean_of_dark_frames(frames):
     rng, shape = np.random.default_rng(93), (60, 80)
     glow = np.zeros(shape)
     glow[20, 30], glow[40, 50] = np.array([11.0, 5.0]) * 4 / np.sqrt(frames)
-    shots = [RawFrame(mosaic=np.rint(512 + glow + 4 * rng.standard_normal(shape)).astype(np.uint16),
-                      cfa=np.zeros((1, 1), int), black_level=np.full((1, 1), 512.0),
-                      white_level=16383.0, exposure_s=1.0, iso=100.0, f_number=8.0, camera="body",
-                      file=f"dark {index}", sha256="") for index in range(frames)]
+    shots = [raw(512 + glow + 4 * rng.standard_normal(shape), np.zeros((1, 1), int),
+                 f"dark {index}") for index in range(frames)]
     assert np.argwhere(mean_dark(shots).hot).tolist() == [[20, 30]]
 
 

@@ -15,7 +15,8 @@ from spectrabox.radiometry.records import LightScale
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.session.batch import needs
 from spectrabox.session.flat import errors_of_pixels as flat
-from spectrabox.session.picture import illumination, known_surfaces
+from spectrabox.session.picture import illumination, known_surfaces, textures
+from spectrabox.session.picture.unseen import SEEN
 from spectrabox.session.report.verdict import Status, _clipped
 from spectrabox.session.scores import score
 from spectrabox.session.stages import calibrate_stage, reconstruct_stage
@@ -163,6 +164,31 @@ def test_noise_of_pixels_is_no_disagreement_of_photo_and_light(texture):
     np.testing.assert_allclose(np.diag(noisy.covariance - plain.covariance), 0,
                                atol=SIGMAS * 0.02 * 0.1**2 + 2e-4 * (texture == 0))
     assert noisy.scale.value == pytest.approx(1, abs=0.01)
+
+
+@pytest.mark.parametrize("shape", [(6, 9), (12, 5)])
+def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(monkeypatch, shape):
+    """u runs to the right and v upwards, rows of a texture downwards."""
+    rows, columns = shape
+    row, column = (each.ravel() for each in np.mgrid[:rows, :columns])
+    u, v = (column + 0.5) / columns, 1 - (row + 0.5) / rows
+    monkeypatch.setattr(textures, "hits_of", lambda *_: SimpleNamespace(
+        uv=np.column_stack([u, v]), point=np.column_stack([u * columns, v * rows, 0 * u])))
+    scene = SimpleNamespace(
+        part=SimpleNamespace(rows=slice(0, rows), columns=slice(0, columns)),
+        view=SimpleNamespace(surface_materials=["paint"], known=(), size=(columns, rows),
+                             scene_file=SimpleNamespace(surfaces={"wall": "bsdf"})),
+        traced=SimpleNamespace(nodes=SimpleNamespace(surface=np.zeros(shape, int))),
+        unit=SimpleNamespace(scene=None))
+    seen, mean = np.full(rows * columns, SEEN), np.column_stack([row, column]).astype(float)
+    made = textures.Textures(scene, seen.reshape(shape), SimpleNamespace(
+        nm=(np.arange(2.0), np.arange(1.0))))
+    for first in range(0, rows, 2):         # some rows at a time
+        part = slice(first * columns, (first + 2) * columns)
+        made.add(first, first + 2, (mean[part], mean[part, :1], None, seen[part], None))
+    texture = made._textures[0]
+    assert texture.shape == shape and np.all(texture.count == 1)
+    np.testing.assert_array_equal(texture.mean, mean)
 
 
 # ---- white at every pixel of flat samples --------------------------------------------------------
