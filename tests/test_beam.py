@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.beam.beam_fit import fit_beam
+from spectrabox.calibrate.beam.beam_fit import _mean_over_bands, fit_beam
 from spectrabox.calibrate.beam.wall import WallCells, WallTable, read_wall, wall_cells
 from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.radiometry.errors import CheckError, InputError
@@ -140,6 +140,19 @@ def test_readings_of_a_wall_err_by_the_noise_of_their_pixels():
     off = (one.signal - other.signal) ** 2 / (one.variance + other.variance)
     # some 2600 readings of three bands know a variance to 1.6 %
     assert off.size > 6000 and off.mean() == pytest.approx(1, abs=0.065)
+
+
+@pytest.mark.parametrize("bands", [1, 3, 6])
+def test_the_mean_over_bands_errs_as_draws_of_it_do(bands):
+    rng = np.random.default_rng(12)
+    level = rng.uniform(0.1, 1, bands)
+    sigma = 0.05 * rng.uniform(0.5, 2, bands)
+    signal = level + sigma * rng.standard_normal((8000, bands))
+    found, variance = _mean_over_bands(WallCells(np.zeros((8000, 2)), signal, np.broadcast_to(
+        sigma**2, signal.shape)), level)
+    # 8000 draws know a variance to 1.6 %
+    assert found.var() / variance[0] == pytest.approx(1, abs=0.065)
+    assert found.mean() == pytest.approx(1, abs=0.01)
 
 
 def test_a_traced_wall_gives_the_profile_that_the_tracer_was_given(tmp_path):

@@ -72,8 +72,7 @@ def fit_beam(cells: WallCells, wall: WallTable) -> BeamProfile:
     if not np.all(level > 0):
         raise CheckError("the rectangle is dark: its mean signal is 0 or less; give a longer "
                          "exposure, or the dark frame of this exposure")
-    reading = (cells.signal / level).mean(axis=1)
-    noise = (cells.variance / level**2).sum(axis=1) / cells.signal.shape[1] ** 2
+    reading, noise = _mean_over_bands(cells, level)
     deviation = np.sqrt(noise + (EVEN * reading) ** 2 + (FLOOR * reading.max()) ** 2)
     lamp = _Lamp(np.array(wall.lamp_at_mm), np.array(wall.lamp_size_mm))
     aimed = np.array(wall.lamp_at_mm[:2] if wall.lamp_look_at_mm is None else wall.lamp_look_at_mm)
@@ -105,6 +104,12 @@ def fit_beam(cells: WallCells, wall: WallTable) -> BeamProfile:
         float(np.sqrt(np.mean((ratio[bright] - 1) ** 2))),
         float(np.max(np.abs(np.array(by_sector) - 1))),
         float(np.max(np.abs(np.array(own) - profile))))
+
+
+def _mean_over_bands(cells: WallCells, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Readings (n,) relative to the level (K,) of each band, and the variance of their noise."""
+    return ((cells.signal / level).mean(axis=1),
+            (cells.variance / level**2).sum(axis=1) / len(level) ** 2)
 
 
 @dataclass(frozen=True)
