@@ -8,7 +8,7 @@ from geometry_views import TRUE
 
 from spectrabox.calibrate.geometry.lens import pinhole
 from spectrabox.calibrate.geometry.pose import lens_of_focal_length, pose_from_points
-from spectrabox.capture.chart.agreement import white_excess
+from spectrabox.capture.chart.agreement import _log_fit, _mixture_fit, white_excess
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.chart.reference import TYPICAL_SIGNALS
 from spectrabox.capture.develop.bracket import merge_exposures
@@ -86,6 +86,20 @@ def test_glare_is_what_all_bands_read_more(added, expected):
     # one patch of 24 hardly moves the mixture
     assert found[7] == pytest.approx(expected, abs=0.004)
     assert np.delete(found, 7).max() < 0.004
+
+
+@pytest.mark.parametrize("power", [0.45, 1.4])
+def test_a_tone_curve_that_is_a_power_changes_nothing_of_how_well_a_chart_is_explained(power):
+    rng = np.random.default_rng(94)
+    noise = 1 + 0.03 * rng.standard_normal((24, 3))
+    signals = np.array([0.4, 0.7, 0.5]) * TYPICAL_SIGNALS * noise
+    ours, theirs = (_log_fit(each, TYPICAL_SIGNALS, CLASSIC) for each in (signals, signals**power))
+    # logarithms of a power are a multiple: round-off
+    assert theirs == pytest.approx((ours[0], power * ours[1]), rel=1e-9)
+    for one, other in zip(_mixture_fit(signals, TYPICAL_SIGNALS, 1.0, CLASSIC),
+                          _mixture_fit(signals**power, TYPICAL_SIGNALS, power, CLASSIC),
+                          strict=True):
+        np.testing.assert_allclose(other, one, rtol=1e-7)
 
 
 def raw(mosaic, cfa, name="photo.dng"):
