@@ -308,6 +308,18 @@ def test_what_the_prior_leaves_is_the_error_after_over_that_before(drawn_photos)
     assert np.ptp(ratio) > 0.1
 
 
+def test_how_far_a_prior_may_err_is_no_part_of_what_a_photo_leaves_of_it():
+    """Errors before and after are widened alike."""
+    shown = photo(signals(on_grid(cameras(1, 44)[0]), led(), reflectances()), led(),
+                  reflectances(), 0.01)
+    one, other = (fit_with_prior([shown], departing(0.1, widening=factor), GRID,
+                                 model_errors=(0.01,)) for factor in (1.0, 1.7))
+    # sizes of the errors of patches are held possible, whose answers differ by little
+    np.testing.assert_allclose(other.prior_share, one.prior_share, rtol=3e-3, atol=1e-9)
+    np.testing.assert_allclose(other.sensitivity.standard_error,
+                               1.7 * one.sensitivity.standard_error, rtol=3e-3, atol=1e-12)
+
+
 # ---- scales that do not matter ------------------------------------------------------------------
 
 @pytest.fixture(scope="module")
@@ -352,6 +364,18 @@ def test_more_light_changes_signals_and_their_errors_and_nothing_else(calibrated
                                3 * one.without.predicted(surfaces), rtol=exact["rtol"])
     np.testing.assert_allclose(three.without.error_covariance(surfaces),
                                9 * one.without.error_covariance(surfaces), rtol=5e-3, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["nonnegative", "smooth", "prior"])
+def test_a_patch_left_out_is_told_alike_wherever_it_is_told(calibrated, method):
+    """As a signal, as a residual, and by the record that later stages predict it with."""
+    made = calibrated[method][0]
+    predicted = made.without.predicted(reflectances())
+    np.testing.assert_allclose(made.held_out, predicted, rtol=1e-9)
+    residual = 1 - predicted / made.without.signal
+    np.testing.assert_allclose(made.calibration.sensitivity.held_out_residuals, residual,
+                               atol=1e-9)
+    assert np.all(made.held_out_delta_e >= 0) and np.abs(residual).max() > 0.01
 
 
 @pytest.mark.parametrize("method", ["smooth", "file", "prior"])
@@ -437,6 +461,38 @@ def test_the_band_before_a_photo_is_as_wide_as_the_error_that_it_expects():
                                found.expected_error, rtol=1e-9)
     noisier = preflight(known, reflectances(), daylight(), GRID, relative_error=0.05)
     assert np.all(noisier.half_width >= found.half_width * (1 - 1e-9))
+
+
+def two_kinds(weights, bright=1.0):
+    """Two measured cameras, of which one was measured brighter, and one unlike them."""
+    mean = departing(0.0).means[0]
+    other = np.roll(mean.reshape(3, -1), 2, axis=1).ravel()
+    within = 0.1 * mean[:, None] * np.random.default_rng(97).standard_normal((63, 30)) / np.sqrt(30)
+    return dataclasses.replace(
+        departing(0.0, 0.0), jitter_sd=1e-6, within=within, weights=np.array(weights),
+        means=np.array([mean, bright * other, mean]), level=np.array([0, 0, 1]),
+        shares=np.array([[1.0, 0], [1.0, 0]]), members=("a", "b", "c"))
+
+
+def test_what_is_expected_of_a_photo_is_the_mean_over_what_is_known_by_weight():
+    variances = [preflight(two_kinds(weights), reflectances(), daylight(), GRID).half_width ** 2
+                 for weights in ([0.8, 0.0, 0.2], [0.0, 0.8, 0.2], [0.6, 0.2, 0.2])]
+    np.testing.assert_allclose(variances[2], 0.75 * variances[0] + 0.25 * variances[1],
+                               rtol=1e-6)
+    assert np.abs(variances[0] / variances[1] - 1).max() > 0.1
+
+
+def test_what_is_expected_of_a_photo_does_not_hang_on_how_bright_a_camera_was_measured():
+    """The only camera measured, in two units; curves that depart by 10 % in either."""
+    known = dataclasses.replace(departing(0.1), jitter_sd=1e-6)
+    brighter = dataclasses.replace(known, means=3 * known.means)
+    beside = dataclasses.replace(
+        known, weights=np.array([0.5, 0.5]), level=np.zeros(2, int), members=("a", "b"),
+        means=np.vstack([3 * known.means, known.means]))
+    found = [preflight(each, reflectances(), daylight(), GRID)
+             for each in (known, brighter, beside)]
+    for other in found[1:]:
+        np.testing.assert_allclose(other.unlike_error, found[0].unlike_error, rtol=1e-3)
 
 
 # ---- a file's colour matrix ----------------------------------------------------------------------

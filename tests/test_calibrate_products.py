@@ -1,5 +1,6 @@
 """Products of sensitivity and an unknown light: exact posteriors, evidence, coverage, left out."""
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from spectrabox.calibrate.products.lamps import (
     lamps_like,
 )
 from spectrabox.calibrate.products.light_posterior import light_posterior
-from spectrabox.calibrate.products.product_fit import fit_products, in_curves
+from spectrabox.calibrate.products.product_fit import _prior_share, fit_products, in_curves
 from spectrabox.calibrate.products.product_posterior import (
     WIDTHS,
     evidence_of_products,
@@ -151,6 +152,37 @@ def test_the_band_of_a_light_is_that_of_its_mean_and_covariance(found):
     # lamps that would be negative somewhere are cut there, and faint components left out
     np.testing.assert_allclose((known.upper - known.lower)[whole] / 2, half[whole], rtol=0.15)
     assert whole.mean() > 0.5
+
+
+def test_kinds_of_lamps_are_as_probable_as_all_their_components_together(found):
+    photo, posterior = found
+    logs = before(posterior)[:, None] + np.array(
+        [dense(photo, posterior, h, np.arange(72))[2] for h in posterior.hypotheses])
+    mass = np.exp(logs - logs.max()).sum(axis=0)
+    expected = np.bincount(posterior.prior.lamps.kind[posterior.prior.lamp], mass,
+                           minlength=len(LIGHT_KINDS)) / mass.sum()
+    np.testing.assert_allclose(light_posterior(posterior, GRID).probabilities, expected, atol=1e-6)
+    # the test can tell: hypotheses differ in what they say of the kinds
+    own = [h.weights @ (posterior.prior.lamps.kind[posterior.prior.lamp] == 1)
+           for h in posterior.hypotheses]
+    assert np.ptp(own) > 1e-3
+
+
+def test_a_photo_that_tells_nothing_leaves_all_of_the_priors_uncertainty(found):
+    """And one that halves every error leaves half of it, at the nodes."""
+    _, posterior = found
+    prior = posterior.prior
+    mass = GRID.weights_nm @ interpolation_matrix(NODES, GRID.nm)
+    curves = prior.components[:, prior.products].reshape(24, 3, 61) * np.exp(
+        prior.components[:, prior.balance])[:, :, None] / mass
+    scaled = curves / curves.max(axis=(1, 2), keepdims=True)
+    covariance = np.cov(scaled.reshape(24, -1), rowvar=False, aweights=prior.weights, ddof=0)
+    basis = SimpleNamespace(basis=interpolation_matrix(NODES, GRID.nm))
+    nodes = np.isin(GRID.nm, NODES)
+    for factor in (1.0, 0.5):
+        share = _prior_share(posterior, basis, factor**2 * covariance, GRID)[:, nodes]
+        told = scaled.std(axis=0) > 1e-3        # elsewhere no camera sees anything
+        np.testing.assert_allclose(share[told], factor, rtol=1e-6)
 
 
 def test_pairs_of_a_camera_and_a_lamp_count_by_their_lamps():

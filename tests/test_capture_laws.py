@@ -1,4 +1,5 @@
 """What capture refuses and puts back, and cameras of pixels that are not square."""
+import dataclasses
 import re
 from types import SimpleNamespace
 
@@ -7,26 +8,36 @@ import pytest
 from geometry_views import TRUE
 
 from spectrabox.calibrate.geometry.lens import pinhole
-from spectrabox.calibrate.geometry.pose import lens_of_focal_length, pose_from_points
+from spectrabox.calibrate.geometry.pose import (
+    _require_one,
+    lens_of_focal_length,
+    pose_from_points,
+)
 from spectrabox.capture.chart.agreement import _log_fit, _mixture_fit, white_excess
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.capture.chart.quality import _exposure_reasons
 from spectrabox.capture.chart.reference import TYPICAL_SIGNALS
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import mean_dark
+from spectrabox.capture.develop.flat_field import smooth_flat
 from spectrabox.capture.meter.instruments.errors import LineFaultError, UntrustedReadingError
 from spectrabox.capture.meter.instruments.interface import MeterSettings
 from spectrabox.capture.meter.instruments.pr655 import Pr655
 from spectrabox.capture.meter.measurement import READS, _read_twice
+from spectrabox.capture.meter.measurement_series import series_spectrum
 from spectrabox.capture.photo.linear import linear_image
 from spectrabox.radiometry.chart import CLASSIC
-from spectrabox.radiometry.errors import ClippedPhotoError
+from spectrabox.radiometry.errors import CheckError, ClippedPhotoError
+from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import (
     ChartDetection,
     LinearImage,
     PatchSamples,
     PhotoKind,
+    Quantity,
     RawFrame,
 )
+from spectrabox.radiometry.spectra.readings import ReadingSeries
 
 from tests.test_calibrate_pose import CORNERS, SHIFT, TURN, seen
 
@@ -102,10 +113,45 @@ def test_a_tone_curve_that_is_a_power_changes_nothing_of_how_well_a_chart_is_exp
         np.testing.assert_allclose(other, one, rtol=1e-7)
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_flat_field_does_not_know_left_from_right_nor_up_from_down(axis):
+    y, x = np.mgrid[:50, :66] / 66
+    card = image(0.7 * np.exp(-0.9 * (x - 0.2) ** 2 - 0.5 * (y - 0.6) ** 2 + 0.3 * x * y**2))
+    turned = dataclasses.replace(card, signal=np.flip(card.signal, axis),
+                                 saturated=np.flip(card.saturated, axis))
+    ours, theirs = smooth_flat(card), smooth_flat(turned)
+    # blocks of one and two pixels lie otherwise from the other side: of the bend over them
+    np.testing.assert_allclose(np.flip(theirs, axis), ours, rtol=5e-4)
+    # what is not a polynomial of fourth order in a card of this shape
+    np.testing.assert_allclose(ours / ours.max(), card.signal / card.signal.max(), rtol=2e-3)
+
+
+@pytest.mark.parametrize("errors, said", [((0.001, 0.2, 0.2), 0), ((0.2, 0.2, 0.2), 1)])
+def test_a_photo_is_too_dark_where_no_band_knows_black(errors, said):
+    """Of a lamp without blue, the blue band knows it least, however long the exposure."""
+    mean, white = np.full((24, 3), 0.5), 0.5
+    mean[-1] = 0.02
+    covariance = np.zeros((24, 3, 3))
+    covariance[-1] = np.diag((0.02 * np.array(errors)) ** 2)
+    samples = PatchSamples(mean, covariance, np.full(24, 100), np.zeros((24, 3)), np.zeros((24, 3)))
+    assert len(_exposure_reasons(samples, CLASSIC.names, white, 23)) == said
+
+
 def raw(mosaic, cfa, name="photo.dng"):
     return RawFrame(mosaic=np.rint(mosaic).astype(np.uint16), cfa=cfa,
                     black_level=np.full(cfa.shape, 512.0), white_level=16383.0, exposure_s=1.0,
                     iso=100.0, f_number=8.0, camera="body", file=name, sha256="")
+
+
+def test_black_that_is_cut_off_is_told_alike_however_often_the_tile_is_written():
+    """Half of all samples below black, of a pattern of one tile and of four."""
+    rng, rggb = np.random.default_rng(95), np.array([[0, 1], [1, 2]])
+    mosaic = np.maximum(512 + 6 * rng.standard_normal((192, 288)), 512)
+    one, four = (linear_image(raw(mosaic, np.tile(rggb, times))) for times in ((1, 1), (2, 2)))
+    np.testing.assert_allclose(four.variance, one.variance, rtol=1e-6)
+    # green of two samples; the share of black of some 10 000 samples tells to a few per cent
+    expected = (6 / (16383 - 512)) ** 2 * np.array([1, 1 / 2, 1])
+    np.testing.assert_allclose(one.variance[0, 0], expected, rtol=0.1)
 
 
 def test_noise_is_that_of_rounding_at_least_however_often_the_tile_is_written():
@@ -127,6 +173,29 @@ def test_a_pixel_is_hot_by_the_noise_of_the_mean_of_dark_frames(frames):
     shots = [raw(512 + glow + 4 * rng.standard_normal(shape), np.zeros((1, 1), int),
                  f"dark {index}") for index in range(frames)]
     assert np.argwhere(mean_dark(shots).hot).tolist() == [[20, 30]]
+
+
+@pytest.mark.parametrize("spread, shared", [(0.3, 0.0), (0.0, 0.04), (0.3, 0.04)])
+def test_a_mean_errs_by_its_scatter_and_by_its_calibration_independently(spread, shared):
+    grid = grid_from_nm(np.array([500.0, 510.0, 520.0]))
+    ones = np.ones(3)
+    series = ReadingSeries(grid, 5 * ones, spread * ones, 0 * ones, 0.0, 0.1, 9,
+                           Quantity.RADIANCE, (), shared * ones)
+    found = series_spectrum(series, "lamp").standard_error
+    np.testing.assert_allclose(found**2, spread**2 / 9 + shared**2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("worse, refused", [(2.0, True), (3.5, False)])
+def test_a_second_pose_counts_up_to_three_standard_errors(worse, refused):
+    """Of eight points whose residuals say a noise of 0.5 pixels; turned by a third of a turn."""
+    noise, best, other = 0.5, np.zeros(6), np.array([0.0, 2.0, 0.0, 0.0, 0.0, 1.0])
+    squares = noise**2 * (2 * 8 - 6)
+    fits = [(best, 1.0, squares), (other, 1.0, squares + (worse * noise) ** 2)]
+    if refused:
+        with pytest.raises(CheckError, match="two poses of the camera explain"):
+            _require_one(fits, 8)
+    else:
+        _require_one(fits, 8)
 
 
 def replying(*replies):

@@ -2,6 +2,7 @@
 
 Statistical tests have a significance of 1e-4 each (3.9 sigma), at fixed seeds.
 """
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,14 +11,14 @@ from test_posterior_laws import SMOOTH, mixture_of
 from test_session_laws import drift, views
 
 from spectrabox.calibrate.left_out import PatchesWithout
-from spectrabox.radiometry.light_scale import REPEATABILITY
+from spectrabox.radiometry.light_scale import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import LightScale
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.session.batch import needs
+from spectrabox.session.batch import needs, processes
 from spectrabox.session.flat import errors_of_pixels as flat
 from spectrabox.session.picture import illumination, known_surfaces, textures
 from spectrabox.session.picture.unseen import SEEN
-from spectrabox.session.report.verdict import Status, _clipped
+from spectrabox.session.report.verdict import Status, _between_photos, _clipped
 from spectrabox.session.scores import score
 from spectrabox.session.stages import calibrate_stage, reconstruct_stage
 from spectrabox.session.stages.left_out import patches_without
@@ -51,7 +52,9 @@ def test_light_and_shutter_repeat_from_photo_to_photo_alone(monkeypatch, photo, 
     """A photo of chart and box in one has nothing to repeat, and a measured drift says it all."""
     scale = LightScale(5.0, 0.1, None, "chart photo")
     monkeypatch.setattr(reconstruct_stage, "chart_of", lambda *_: (None, None, None))
-    monkeypatch.setattr(reconstruct_stage, "scale_for_photo", lambda found, *_: found)
+    told = []       # whether exposure and lamp are measured: then nothing is said of their rounding
+    monkeypatch.setattr(reconstruct_stage, "scale_for_photo",
+                        lambda found, before, after, known: told.append(known) or found)
     view = SimpleNamespace(chart="chart", chart_files=("chart.dng",), photo_files=(photo,),
                            light="lamp", name="")
     config = SimpleNamespace(all_views=(view,), scale=SimpleNamespace(source="chart"),
@@ -60,6 +63,7 @@ def test_light_and_shutter_repeat_from_photo_to_photo_alone(monkeypatch, photo, 
                                             {}, drift(False) if measured else None)
     stated = [(error.cause, error.relative) for error in found.common_errors]
     assert [cause for cause, _ in stated if cause == REPEATABILITY] == list(causes)
+    assert told == [measured]
     assert all(relative == 0.02 for cause, relative in stated if cause == REPEATABILITY)
 
 
@@ -99,6 +103,29 @@ def test_glare_and_the_unit_of_a_signal_change_nothing_of_a_patch_left_out():
             # round-off
             np.testing.assert_allclose(getattr(other, name), getattr(found[0], name), atol=1e-7)
     assert np.ptp(found[0].mean) > 0.1
+
+
+def test_a_patch_is_seen_by_the_fit_without_it_and_not_by_those_without_others():
+    """Two fits whose curves lean to the red and to the blue: each patch alone, and both at once."""
+    known = mixture_of(PRIOR_GRID.nm, [1.0], np.zeros((1, 61)), [SMOOTH])
+    plain, truth = without(0.0)
+    lean = 1 + np.array([[[0.5]], [[-0.5]]]) * (PRIOR_GRID.nm - 550) / 150
+    response = CURVES * lean
+    signal = np.einsum("ikp,ip->ik", response, truth)
+    both = dataclasses.replace(plain, coefficients=response, signal=signal)
+    parts = [dataclasses.replace(both, **{
+        name: getattr(both, name)[index:index + 1]
+        for name in ("coefficients", "offset", "covariance", "signal", "noise")})
+        for index in (0, 1)]
+    found = patches_without(both, PRIOR_GRID, truth, np.zeros(2, bool), known).mean
+    for index, part in enumerate(parts):
+        alone = patches_without(part, PRIOR_GRID, truth[index:index + 1], np.zeros(1, bool), known)
+        # bands of another lean tell of other wavelengths: of second order
+        np.testing.assert_allclose(found[index], alone.mean[0], atol=0.01)
+    # the test can tell: the signals differ by far more
+    own = signal / response.sum(axis=2)
+    common = truth @ (response / response.sum(axis=2, keepdims=True)).mean(axis=0).T
+    assert np.abs(own - common).max() > 0.002
 
 
 # ---- light of several colours over a picture -----------------------------------------------------
@@ -229,6 +256,15 @@ def test_errors_of_white_at_a_pixel_are_those_of_level_field_and_exposure_togeth
                                    atol=1e-12)
 
 
+def test_what_repeating_light_costs_is_its_share_in_the_mean_and_of_the_worst():
+    made = [SimpleNamespace(variance_shares=shares) for shares in (
+        {REPEATABILITY: 0.1, "noise": 0.9}, {REPEATABILITY: 0.4}, {"noise": 1.0})]
+    scale = with_common_error(LightScale(1.0, 0.1, None, "chart photo"), REPEATABILITY, 0.02)
+    found, = _between_photos(SimpleNamespace(light_scale=scale, materials=made))
+    assert "25 % of the variance" in found.says and "up to 40 % of a material" in found.says
+    assert found.value == 0.02
+
+
 # ---- what is counted -----------------------------------------------------------------------------
 
 def test_a_pixel_is_clipped_where_any_band_is():
@@ -245,6 +281,13 @@ def test_a_band_is_as_wide_as_it_is_in_the_mean():
                               bound_upper=np.ones(61))
     samples = SimpleNamespace(grid=PRIOR_GRID, spectra=np.full((3, 61), 0.4))
     assert score(np.full(61, 0.4), None, summary, samples).band_width == pytest.approx(0.15)
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_processes_leave_a_tenth_of_the_free_memory(monkeypatch, workers):
+    monkeypatch.setattr(processes, "free_memory", lambda: 10_000)
+    monkeypatch.setattr(processes, "_started", lambda cores: cores)
+    assert processes.Processes(workers).budget_bytes == 9_000
 
 
 def test_a_session_needs_memory_for_its_largest_photo_and_what_goes_with_it(monkeypatch):

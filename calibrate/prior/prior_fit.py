@@ -197,7 +197,8 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
 def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family: int,
                         relative_error: float, grid: WavelengthGrid, *,
                         spread: np.ndarray) -> np.ndarray:
-    """Covariance (D, D) of the curves that photos like these would leave for one family.
+    """Covariance (D, D) of the curves that photos like these would leave for one family, in the
+    unit of its mean.
 
     Parameters
     ----------
@@ -217,10 +218,10 @@ def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family
     error = PatchError(relative_error)
     candidate = Candidate(0.0, family, GAINS[0][0], error, start, covariance, jacobian,
                           jacobian @ start)
-    _, posterior = _in_curves(prior, *_condition(candidate, _noise(photos, error)),
-                              _whole(designs, prior), photos)
-    size = prior.means.shape[1]
-    return posterior[:size, :size] * prior.widening[prior.level[family]] ** 2
+    whole, size = _whole(designs, prior), prior.means.shape[1]
+    _, posterior = _in_curves(prior, *_condition(candidate, _noise(photos, error)), whole, photos)
+    unit = prior.widening[prior.level[family]] * (whole @ prior.curves(prior.means[family]))
+    return posterior[:size, :size] * unit**2
 
 
 def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: float,
