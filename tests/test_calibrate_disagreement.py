@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 from calibrate_cameras import (
     GRID,
-    cameras,
     daylight,
     led,
     on_grid,
@@ -12,6 +11,7 @@ from calibrate_cameras import (
     samples,
     signals,
 )
+from calibrate_cameras import cameras_at_10_nm as cameras
 
 from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.radiometry.errors import CheckError

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from calibrate_cameras import (
     GRID,
-    cameras,
     daylight,
     led,
     on_grid,
@@ -17,6 +16,7 @@ from calibrate_cameras import (
     samples,
     signals,
 )
+from calibrate_cameras import cameras_at_10_nm as cameras
 from typer.testing import CliRunner
 
 from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart

@@ -306,15 +306,15 @@ def test_a_patch_kept_out_changes_no_curve_whatever_it_reads():
 def test_products_of_simulated_cameras_and_lamps_lie_in_their_bands():
     prior = product_prior(simulated_prior(30), simulated_lamps(60, 3), 1, 900)
     unseen, held, off = cameras(10, 77), [], []
-    basis = np.array([np.interp(GRID.nm, NODES, row) for row in np.eye(61)]).T
+    basis = np.array([np.interp(GRID.nm, prior.nm, row) for row in np.eye(prior.nm.size)]).T
     for number, lamp in enumerate(simulated_lamps(10, 78).spectra):
         product = on_grid(unseen[number]) * lamp * GRID.weights_nm
         true = (product / product.sum(axis=1, keepdims=True)) @ basis
         with threadpool_limits(1, "blas"):
             found = posterior_of_products([shot(unseen[number], lamp, number)], prior)
             mean, covariance = found.moments()
-        mean = mean[prior.products].reshape(3, 61)
-        error = np.sqrt(np.diag(covariance)[prior.products]).reshape(3, 61)
+        mean = mean[prior.products].reshape(3, prior.nm.size)
+        error = np.sqrt(np.diag(covariance)[prior.products]).reshape(3, prior.nm.size)
         held.append(np.mean(np.abs(mean - true) < 1.645 * error))
         off.append(np.linalg.norm(mean - true) / np.linalg.norm(true))
     # 10 photos of about 8 independent readings each: 90 % within 1.645 x sqrt(0.09 / 80) = 6 %,
