@@ -18,6 +18,13 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
+def pytest_xdist_auto_num_workers(config):
+    """One more than there are cores: while a test waits for an instrument or a browser, another
+    calculates.
+    """
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else (os.cpu_count() or 1) + 1
+
+
 @pytest.fixture(scope="session")
 def browser():
     """The distribution's Chromium, driven by Playwright, or a skip with the reason.
