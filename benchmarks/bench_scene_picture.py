@@ -4,8 +4,10 @@ whose side walls and cube carry patterns of published test colours, against the 
 Rendered by Mitsuba's own path tracer at 1 nm with blends of plain BSDFs; chart, light and camera as
 of the demo, whose chart calibrates the session. ``mixed``: patterns of any colours and white walls
 between them; ``saturated``: red and green patterns and yellow walls. The light is taken as found,
-the light from other surfaces as grey, and none of it (engine "single-bounce"). ``flat`` is what the
-same pixels would give on a flat sample under the same noise and calibration.
+the light from other surfaces as grey, and none of it (engine "single-bounce"); the same pixels are
+scored under each, so none is masked as a highlight or penumbra under light that is not the right
+one. Pixels without any light are counted as "no answer". ``flat`` is what the same pixels would
+give on a flat sample under the same noise and calibration.
 
 ``--megapixels N`` times the picture alone, after its trace, and its memory.
 """
@@ -19,6 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +61,8 @@ from spectrabox.session.stages.stored_records import calibrations_of
 
 NM_10 = np.arange(400, 701, 10)
 SIGMAS_95 = 1.96
+SPP_TIMED = 32              # fewer have lone bright pixels, for whose sake the rest is dark
+INDIRECT = (0.3, 0.5)       # shares of the light: pixels with more are scored apart
 FIELDS = {"green": 6, "red": 6, "cube": 3}
 YELLOW = 0.08 + 0.72 / (1 + np.exp(-(NM - 530) / 12))
 TOML = """\
@@ -146,7 +151,7 @@ def scores(off: np.ndarray, spread: np.ndarray) -> tuple[float, float, float]:
             float(np.mean(np.abs(off[:, ::2]) <= SIGMAS_95 * spread)))
 
 
-illumination = scene_light.illumination
+illumination, PENUMBRA_ERROR = scene_light.illumination, scene_light.PENUMBRA_ERROR
 
 
 def as_grey(light: np.ndarray, to_signals: np.ndarray) -> Any:
@@ -191,11 +196,15 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
     found = scene_stage.found_light
 
     def noted(*given: Any) -> Any:
+        """The light; but the first masks no highlights: all lights are scored by the same pixels.
+        """
         made = found(*given)
+        if light != "as found":
+            made = replace(made, pixels=replace(made.pixels, highlights=False))
         lit.append(made.pixels)
         return made
 
-    rows = []
+    answers = {}
     scene_stage.found_light = noted     # type: ignore[assignment]
     try:
         for light in ("as found", "as grey", "direct only"):
@@ -204,41 +213,52 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
             if light == "direct only":
                 (folder / "session.toml").write_text(
                     TOML + '[reconstruct]\nengine = "single-bounce"\n', encoding="utf-8")
+                scene_light.PENUMBRA_ERROR = np.inf
             only = "picture" if light == "as grey" else None
             finished = run(folder, only=only, force=only is not None)
             scene_light.illumination = illumination     # type: ignore[assignment]
             mean, spread = (stored(folder, f"{name}.exr") for name in ("mean",
                                                                        "standard_deviation"))
+            answers[light] = mean, spread
             if light == "as found":
                 seen = np.isfinite(mean[..., 0]) & np.isfinite(truth[..., 0])
                 reasons = finished.stored["picture"].record(np.ndarray, "unseen")
                 rounds = finished.stored["picture"].record(np.ndarray, "rounds")
-                true = truth[seen]
-                some = np.flatnonzero(seen)
-                rows.append({"photo": kind, "seed": seed, "light": "flat, same noise",
-                             "pixels": some.size} | named(flat_scores(
-                                 folder, finished, lit[0], some, true, seed)))
-            both = seen & np.isfinite(mean[..., 0])
-            rows.append({"photo": kind, "seed": seed, "light": light, "pixels": int(both.sum())}
-                        | named(scores(mean[both] - at_10(truth[both]), spread[both])))
-            for name, shape in SHAPE_OF.items():
-                own = both & shown(lit[-1], name, size)
-                if own.any():
-                    rows.append({"photo": kind, "seed": seed, "light": f"  {shape}",
-                                 "pixels": int(own.sum())}
-                                | named(scores(mean[own] - at_10(truth[own]), spread[own])))
+                flat = flat_scores(folder, finished, lit[0], np.flatnonzero(seen), truth[seen],
+                                   seed)
     finally:
         scene_stage.found_light, scene_light.illumination = found, illumination
+        scene_light.PENUMBRA_ERROR = PENUMBRA_ERROR
     print(f"{kind}: without a spectrum {1 - reasons[0]:.1%}; changes of the light by rounds "
           f"{np.round(rounds, 4).tolist()}", file=sys.stderr)
+    indirect = 1 - white_of(lit[-1], size) / white_of(lit[0], size)
+    among = {"": seen, **{f"  {shape}": shown(name, size) for name, shape in SHAPE_OF.items()},
+             **{f"  indirect > {share:.0%}": indirect > share for share in INDIRECT}}
+    rows = [{"photo": kind, "seed": seed, "light": "flat, same noise", "pixels": int(seen.sum()),
+             "no answer": 0} | named(flat)]
+    for light, (mean, spread) in answers.items():
+        for words, some in among.items():
+            both = seen & some & np.isfinite(mean[..., 0])
+            if both.any():
+                rows.append({"photo": kind, "seed": seed, "light": words or light,
+                             "pixels": int(both.sum()), "no answer": int((seen & some).sum()
+                                                                         - both.sum())}
+                            | named(scores(mean[both] - at_10(truth[both]), spread[both])))
     return rows
+
+
+def white_of(pixels: LitPixels, size: tuple[int, int]) -> np.ndarray:
+    """Signal (H, W) of a perfect white at every pixel, mean over bands."""
+    white = pixels.rows(0, size[0], singly=True).white
+    assert white is not None
+    return white.signal.mean(axis=1).reshape(size)
 
 
 def named(values: tuple[float, float, float]) -> dict[str, float]:
     return dict(zip(("RMSE", "pooled", "held"), values, strict=True))
 
 
-def shown(lit: LitPixels, name: str, size: tuple[int, int]) -> np.ndarray:
+def shown(name: str, size: tuple[int, int]) -> np.ndarray:
     """Pixels (H, W) that show a pattern's surface: the thirds of the photo serve."""
     column = np.arange(size[1])[None] / size[1] * np.ones((size[0], 1))
     return {"green": column < 0.25, "red": column >= 0.75,
@@ -285,7 +305,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args()
     if asked.write:
-        write_session(asked.write, "mixed", tuple(asked.size), 4, 1)
+        write_session(asked.write, "mixed", tuple(asked.size), SPP_TIMED, 1)
         run(asked.write, before="picture")
         return
     if asked.time:

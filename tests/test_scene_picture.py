@@ -18,6 +18,7 @@ from spectrabox.reconstruct.pixels import pixel_light
 from spectrabox.reconstruct.rendering.renderer import all_cores
 from spectrabox.reconstruct.rendering.spectral_texture import register_spectral_texture
 from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.tables import uplift_signals
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.picture import scene_light, scene_stage
 from spectrabox.session.picture.unseen import EDGE, PENUMBRA, SEEN
@@ -145,6 +146,32 @@ def test_light_from_other_walls_counts_with_its_colour(scene, truth, monkeypatch
         scene.traced, coefficients=scene.traced.coefficients * begun)))
     assert whole[0] < as_grey[0] / 1.2 and whole[0] < alone[0] / 2
     assert whole[1] > 0.9 and as_grey[1] < whole[1]
+
+
+def test_few_typical_lights_stand_for_the_light_on_every_pixel(scene):
+    """Spectra as of each pixel's own response, of which none are shared."""
+    lit = scene_light.found_light(scene, lambda _: None).pixels
+    rows = lit.rows(0, SIZE[0], singly=True)
+    picked = np.flatnonzero(rows.seen)[::40]
+    errors, light = lit.errors, lit.errors.light
+    maps = errors.between(0, SIZE[0])[picked] @ light.maps
+    own = np.einsum("nq,qkp->nkp", maps, light.shapes)
+    white = own.sum(axis=2)
+    measured = (lit.photo.signal.reshape(-1, 3) - errors.glare)[picked]
+    signals = np.clip(measured / rows.white.signal[picked], 1e-4, 1)
+    covariance = errors.at_white(rows.within, rows.white, rows.variance)[picked]
+    alone = [uplift_signals(errors.prior, response, signal[None], error[None])
+             for response, signal, error in zip(own / white[..., None], signals, covariance,
+                                                strict=True)]
+    shared = [uplift_signals(errors.prior, errors.responses[kind], signal[None], error[None])
+              for kind, signal, error in zip(rows.kind[picked], rows.within[picked], covariance,
+                                             strict=True)]
+    mean, spread = (np.vstack([getattr(each, name) for each in alone])
+                    for name in ("mean", "standard_deviation"))
+    off = np.vstack([each.mean for each in shared]) - mean
+    assert picked.size > 25 and len(light.typical) > 1
+    # measured: 1.1 % of what spectra are known to
+    assert np.sqrt(np.mean(off**2)) < 0.02 * np.sqrt(np.mean(spread**2))
 
 
 def test_what_leaves_a_node_is_its_reflectance_times_its_light(scene):

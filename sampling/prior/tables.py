@@ -31,7 +31,7 @@ from spectrabox.sampling.prior.posterior import (
 SIDE = 25                   # odd, so that grey is on the lattice
 MIN_ROOT = 0.12  # cube root of the darkest middle band; darker signals are taken for as dark
 BEND, MAX_LOG_RATIO = 0.3, 2.6   # log ratio at which the lattice widens, and the largest one
-BATCH = 200
+BATCH = 200                 # signals; few are halved, or one core would have them all
 MAX_SIGNAL = 1.0
 TABLE_STILL = 1e-4          # logits: what a mean is then off by is lost in half floats
 CORNERS = np.array(list(product((0, 1), repeat=3)))
@@ -154,7 +154,8 @@ def relative_errors(signals: np.ndarray, noise: float) -> np.ndarray:
 
 
 def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                   covariance: np.ndarray, progress: Progress = lambda share: None) -> Uplifted:
+                   covariance: np.ndarray, progress: Progress = lambda share: None, *,
+                   still: float = STILL) -> Uplifted:
     """Mean and standard deviation behind signals with errors of their own, each by itself.
 
     They are those of calibrated draws: as wide as the 95 % band, not as the bare mixture.
@@ -168,18 +169,21 @@ def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: 
         Relative to white.
     covariance : (n, K, K) array
     progress : function of the share that is done
+    still : float
+        Change of a logit that ends the way to a mode.
     """
-    return _uplifted(prior, relative_response, signals, [covariance], progress)[0]
+    return _uplifted(prior, relative_response, signals, [covariance], progress, still)[0]
 
 
 def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
               covariances: Sequence[np.ndarray], progress: Progress,
-              still: float = STILL) -> list[Uplifted]:
+              still: float) -> list[Uplifted]:
     """What signals say under each of several errors (n, K, K)."""
-    starts = range(0, len(signals), BATCH)
+    batch = max(min(BATCH, -(-len(signals) // 2)), 1)
+    starts = range(0, len(signals), batch)
 
     def part(start: int) -> list[tuple[np.ndarray, ...]]:
-        rows = slice(start, start + BATCH)
+        rows = slice(start, start + batch)
         made: list[tuple[np.ndarray, ...]] = []
         mixture = None
         for errors in (covariance[rows] for covariance in covariances):
@@ -195,11 +199,11 @@ def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     # Every core has a part of its own: threads within its small products would only wait.
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
         for start, parts in zip(starts, pool.map(part, starts), strict=True):
-            rows = slice(start, start + BATCH)
+            rows = slice(start, start + batch)
             for made, (mean, spread, unlike) in zip(every, parts, strict=True):
                 made.mean[rows], made.standard_deviation[rows] = mean, spread
                 made.unlikeness[rows] = unlike
-            progress(min(start + BATCH, len(signals)) / len(signals))
+            progress(min(start + batch, len(signals)) / len(signals))
     return every
 
 

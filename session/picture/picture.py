@@ -16,6 +16,7 @@ import numpy as np
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.posterior import STILL
 from spectrabox.sampling.prior.tables import (
     MAX_SIGNAL,
     build_tables,
@@ -25,7 +26,7 @@ from spectrabox.sampling.prior.tables import (
 )
 from spectrabox.session.config.session_schema import PictureSection
 from spectrabox.session.picture.picture_maps import Map, Reduced, map_rows, maps_of, shown
-from spectrabox.session.picture.pixel_errors import PixelErrors, White
+from spectrabox.session.picture.pixel_errors import GUESSED_STILL, PixelErrors, White
 from spectrabox.session.picture.unseen import CLIPPED, DARK, HIGHLIGHT, SEEN
 from spectrabox.session.signals.spectra_rows import (
     Canvas,
@@ -145,15 +146,16 @@ class LitPixels:
         return self.errors.at_white(signals, there, variance)
 
     def one_by_one(self, rows: Rows, *,
-                   by_curves: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+                   roughly: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mean and standard deviation (n, 61), and unlikeness (n,), each pixel by itself.
 
         Parameters
         ----------
         rows : Rows
             With all that errors of single pixels need.
-        by_curves : bool
-            Whether the errors of sensitivities and light count, which take as long as all else.
+        roughly : bool
+            As means of many pixels need it: without the errors of sensitivities and light, and no
+            nearer to modes than those need it.
         """
         assert rows.white is not None and rows.variance is not None
         count = len(rows.signals)
@@ -164,10 +166,10 @@ class LitPixels:
             there = White(white.signal[some], white.log[some], white.log_and_glare[some])
             signals = rows.within[some]
             covariance = self.errors.at_white(signals, there, rows.variance[some])
-            if by_curves:
+            if not roughly:
                 covariance += self.errors.by_curves(signals, kind)
             made = uplift_signals(self.errors.prior, self.errors.responses[kind], signals,
-                                  covariance)
+                                  covariance, still=GUESSED_STILL if roughly else STILL)
             for whole, part in zip(found, (made.mean, made.standard_deviation, made.unlikeness),
                                    strict=True):
                 whole[some] = part

@@ -6,7 +6,7 @@ found anew, until it stands still.
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,12 +71,11 @@ def found_light(scene: SceneOfPicture, progress: Callable[[float], None]) -> Fou
                if material.reflectance is None]
     light = traced.on_nodes(spectra, scene.lamps)
     pixels, scale = _lit(scene, light)
-    chosen = {index: _some_pixels(scene, pixels, index, rng) for index in unknown}
+    chosen = _some_pixels(scene, pixels, unknown, rng)
     changes: list[float] = []
     while len(changes) < MOST_ROUNDS and (not changes or changes[-1] > STANDS_STILL):
-        for index, some in chosen.items():
-            if some.area.size:
-                spectra[index] += STEP * (_mean_spectrum(scene, pixels, some) - spectra[index])
+        for index, mean in _mean_spectra(scene, pixels, chosen).items():
+            spectra[index] += STEP * (mean - spectra[index])
         before, light = light, traced.on_nodes(spectra, scene.lamps)
         changes.append(_change(light[~traced.lamp], before[~traced.lamp]))
         pixels, scale = _lit(scene, light)
@@ -93,46 +92,56 @@ def _change(light: np.ndarray, before: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class _SomePixels:
-    """Some pixels of one material, in the whole photo, and the area that each stands for."""
+    """Some pixels (n,) of each material, in the whole photo, and the area that each stands for."""
 
+    material: np.ndarray
     row: np.ndarray
     column: np.ndarray
     area: np.ndarray
 
 
-def _some_pixels(scene: SceneOfPicture, pixels: LitPixels, material: int,
+def _some_pixels(scene: SceneOfPicture, pixels: LitPixels, materials: Sequence[int],
                  rng: np.random.Generator) -> _SomePixels:
-    """Pixels spread evenly over what the photo shows of a material."""
-    nodes, part = scene.traced.nodes, scene.part
+    """Pixels spread evenly over what the photo shows of each material."""
+    view, part = scene.view, scene.part
     assert pixels.unseen is not None
-    surfaces = [index for index, name in enumerate(scene.view.surface_materials)
-                if name == scene.view.scene_materials[material].name]
-    inside = nodes.surface[part.rows, part.columns]
-    row, column = np.nonzero(np.isin(inside, surfaces) & (pixels.unseen == SEEN)
-                             & ~pixels.photo.saturated.any(axis=2))
-    if row.size > PIXELS_OF_MATERIAL:
-        # one of each stretch of pixels, row by row
-        ends = np.linspace(0, row.size, PIXELS_OF_MATERIAL + 1)
-        some = (ends[:-1] + rng.random(PIXELS_OF_MATERIAL) * np.diff(ends)).astype(int)
-        row, column = row[some], column[some]
+    inside = scene.traced.nodes.surface[part.rows, part.columns]
+    usable = (pixels.unseen == SEEN) & ~pixels.photo.saturated.any(axis=2)
+    places = []
+    for material in materials:
+        surfaces = [index for index, name in enumerate(view.surface_materials)
+                    if name == view.scene_materials[material].name]
+        place = np.flatnonzero(np.isin(inside, surfaces) & usable)
+        if place.size > PIXELS_OF_MATERIAL:
+            # one of each stretch of pixels, row by row
+            ends = np.linspace(0, place.size, PIXELS_OF_MATERIAL + 1)
+            place = place[(ends[:-1] + rng.random(PIXELS_OF_MATERIAL) * np.diff(ends)).astype(int)]
+        places.append(place)
+    row, column = np.divmod(np.concatenate([np.empty(0, int), *places]), inside.shape[1])
     row, column = row + part.rows.start, column + part.columns.start
-    area = hits_of(scene.unit.scene, scene.view.size, row, column).area if row.size \
-        else np.empty(0)
-    return _SomePixels(row, column, area)
+    area = hits_of(scene.unit.scene, view.size, row, column).area if row.size else np.empty(0)
+    return _SomePixels(np.repeat(materials, [place.size for place in places]), row, column, area)
 
 
-def _mean_spectrum(scene: SceneOfPicture, pixels: LitPixels, some: _SomePixels) -> np.ndarray:
-    """Mean (P,) of the spectra of some pixels, weighted by the light that they send on."""
+def _mean_spectra(scene: SceneOfPicture, pixels: LitPixels,
+                  some: _SomePixels) -> dict[int, np.ndarray]:
+    """Mean (P,) of the spectra of each material's pixels, weighted by the light that they send on.
+    """
+    if not some.row.size:
+        return {}
     photo = scene.view.photo
     weights = scene.traced.nodes.weights(some.row, some.column)
     alone = replace(photo, **{name: getattr(photo, name)[some.row, some.column][None]
                               for name in ("signal", "variance", "saturated")})
     lit = LitPixels(alone, replace(pixels.errors, between=lambda first, last: weights))
     rows = lit.rows(0, 1, singly=True)
-    mean, _, _ = lit.one_by_one(rows, by_curves=False)
+    mean, _, _ = lit.one_by_one(rows, roughly=True)
     light = (weights @ pixels.errors.white.signal).mean(axis=1)
     weight = some.area * light * rows.seen
-    return np.interp(GRID.nm, PRIOR_GRID.nm, weight @ mean / weight.sum())
+    return {int(material): np.interp(GRID.nm, PRIOR_GRID.nm, weight[own] @ mean[own]
+                                     / weight[own].sum())
+            for material in np.unique(some.material)
+            for own in (some.material == material,) if weight[own].any()}
 
 
 def _lit(scene: SceneOfPicture, light: np.ndarray) -> tuple[LitPixels, LightScale]:
