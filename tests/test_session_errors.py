@@ -13,6 +13,7 @@ from test_session_laws import drift, views
 from spectrabox.calibrate.left_out import PatchesWithout
 from spectrabox.radiometry.light_scale import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import LightScale
+from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.session.batch import needs, processes
 from spectrabox.session.flat import errors_of_pixels as flat
@@ -20,6 +21,7 @@ from spectrabox.session.picture import illumination, known_surfaces, textures
 from spectrabox.session.picture.unseen import SEEN
 from spectrabox.session.report.verdict import Status, _between_photos, _clipped
 from spectrabox.session.scores import score
+from spectrabox.session.signals.spectra_rows import KeptWavelengths
 from spectrabox.session.stages import calibrate_stage, reconstruct_stage
 from spectrabox.session.stages.left_out import patches_without
 
@@ -194,7 +196,7 @@ def test_noise_of_pixels_is_no_disagreement_of_photo_and_light(texture):
 
 
 @pytest.mark.parametrize("shape", [(6, 9), (12, 5)])
-def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(monkeypatch, shape):
+def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(tmp_path, monkeypatch, shape):
     """u runs to the right and v upwards, rows of a texture downwards."""
     rows, columns = shape
     row, column = (each.ravel() for each in np.mgrid[:rows, :columns])
@@ -207,15 +209,16 @@ def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(monkeypatch, sh
                              scene_file=SimpleNamespace(surfaces={"wall": "bsdf"})),
         traced=SimpleNamespace(nodes=SimpleNamespace(surface=np.zeros(shape, int))),
         unit=SimpleNamespace(scene=None))
-    seen, mean = np.full(rows * columns, SEEN), np.column_stack([row, column]).astype(float)
-    made = textures.Textures(scene, seen.reshape(shape), SimpleNamespace(
-        nm=(np.arange(2.0), np.arange(1.0))))
+    seen, mean = np.full(rows * columns, SEEN), np.full((rows * columns, 61), 0.5)
+    mean[:, 0], mean[:, 1] = row / 16, column / 16
+    made = textures.Textures(scene, seen.reshape(shape), KeptWavelengths(5, full=True))
     for first in range(0, rows, 2):         # some rows at a time
         part = slice(first * columns, (first + 2) * columns)
-        made.add(first, first + 2, (mean[part], mean[part, :1], None, seen[part], None))
-    texture = made._textures[0]
-    assert texture.shape == shape and np.all(texture.count == 1)
-    np.testing.assert_array_equal(texture.mean, mean)
+        made.add(first, first + 2, (mean[part], mean[part], None, seen[part], None))
+    made.write(tmp_path)
+    picture, nm = _read(str(tmp_path / "texture-wall.exr"))
+    np.testing.assert_array_equal(nm, PRIOR_GRID.nm)
+    np.testing.assert_array_equal(picture, mean.reshape(*shape, 61))    # sixteenths
 
 
 # ---- white at every pixel of flat samples --------------------------------------------------------
