@@ -14,9 +14,8 @@ from typing import Any
 
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.outside.free_memory import free_memory
-from spectrabox.session.batch.pool import Finished, Lost
+from spectrabox.session.batch.pool import Finished, Lost, Work, do_work
 from spectrabox.session.batch.processes import KEPT_FREE, settle, shares_of_cores
-from spectrabox.session.batch.tasks import Task, do_task
 
 LOCAL = "local"
 CONNECTING_S = 20.0
@@ -44,7 +43,7 @@ class Cluster:
 
     def __init__(self, client: Any, budget_bytes: int | None) -> None:
         self._client = client
-        self._running: dict[Any, Task] = {}
+        self._running: dict[Any, Any] = {}
         self._own_budget = budget_bytes
         self.about = f"dashboard: {client.dashboard_link}"
         self._look()
@@ -58,9 +57,9 @@ class Cluster:
             else self._own_budget
         self.largest_bytes = max((limit for limit, _ in limits), default=None) if known else None
 
-    def start(self, task: Task) -> None:
+    def start(self, task: Work) -> None:
         """Give a task to the scheduler."""
-        self._running[self._client.submit(do_task, task, pure=False)] = task
+        self._running[self._client.submit(do_work, task, pure=False)] = task
 
     def wait(self) -> list[Finished | Lost]:
         """What came of tasks that have ended."""

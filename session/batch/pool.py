@@ -1,26 +1,40 @@
-"""What runs the tasks of a batch: processes of this machine, or a cluster."""
+"""What runs tasks, of a batch or of a picture: processes of this machine, or a cluster."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
-from spectrabox.session.batch.tasks import Outcome, Task
+
+class Work(Protocol):
+    """A task, done on a worker by calling it; whatever goes wrong is in what it returns."""
+
+    @property
+    def tries(self) -> int:
+        """How often a worker died of it, or beside it."""
+
+    def __call__(self) -> Any:
+        """Do it."""
 
 
 @dataclass(frozen=True)
 class Lost:
     """A task whose worker died of it, or beside it."""
 
-    task: Task
+    task: Any                   # Work, as it was started
     why: str
 
 
 @dataclass(frozen=True)
 class Finished:
-    """A task and what came of its session."""
+    """A task and what came of it."""
 
-    task: Task
-    outcome: Outcome
+    task: Any                   # Work, as it was started
+    outcome: Any
+
+
+def do_work(task: Work) -> Any:
+    """What a worker does with a task."""
+    return task()
 
 
 class Pool(Protocol):
@@ -42,7 +56,7 @@ class Pool(Protocol):
     def largest_bytes(self) -> int | None:
         """Memory that one task may take; None where it is not known."""
 
-    def start(self, task: Task) -> None:
+    def start(self, task: Work) -> None:
         """Give a task to a worker that has none."""
 
     def wait(self) -> list[Finished | Lost]:

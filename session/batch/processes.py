@@ -16,8 +16,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
 from spectrabox.radiometry.outside.free_memory import free_memory
-from spectrabox.session.batch.pool import Finished, Lost
-from spectrabox.session.batch.tasks import Task, do_task
+from spectrabox.session.batch.pool import Finished, Lost, Work, do_work
 from spectrabox.session.command_line import seldom_look_for_cycles, stop_on_signals
 
 KEPT_FREE = 0.1         # of the memory: the machine has other work
@@ -45,9 +44,9 @@ class Processes:
         self.budget_bytes = None if free is None else round(free * (1 - KEPT_FREE))
         self.largest_bytes = None       # one alone may always try: it then says what it lacks
         self._idle = [_started(cores) for cores in shares_of_cores(workers)]
-        self._busy: dict[_Worker, Task] = {}
+        self._busy: dict[_Worker, Work] = {}
 
-    def start(self, task: Task) -> None:
+    def start(self, task: Work) -> None:
         """Give a task to an idle worker."""
         worker = self._idle.pop()
         self._busy[worker] = task
@@ -112,7 +111,7 @@ def _serve(line: Connection, cores: Sequence[int]) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
         while True:
-            line.send(do_task(line.recv()))
+            line.send(do_work(line.recv()))
 
 
 def settle(cores: Sequence[int]) -> None:

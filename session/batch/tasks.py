@@ -39,6 +39,10 @@ class Task:
     needed_bytes: int           # of memory, with the program
     tries: int = 0              # how often a worker died of it, or beside it
 
+    def __call__(self) -> Outcome:
+        """Do it, on a worker."""
+        return do_task(self)
+
 
 @dataclass(frozen=True)
 class Outcome:

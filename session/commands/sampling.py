@@ -98,6 +98,13 @@ PictureFormat = Annotated[Literal["exr", "tiled-exr", "envi", "zarr"], typer.Opt
 LowRank = Annotated[int | None, typer.Option(
     "--low-rank", metavar="N", help="Of each pixel N coefficients and once their basis, in place "
     "of spectra: a third as large with 16, and 0.002 off.", show_default=False)]
+TileWorkers = Annotated[int | None, typer.Option(
+    "--workers", min=1, help="Processes that share the picture, and go on where a command ended "
+    "that was stopped; one process on all cores by default. Needs --to zarr.", show_default=False)]
+TileCluster = Annotated[str | None, typer.Option(
+    "--cluster", metavar="ADDRESS", help="A Dask scheduler such as tcp://host:8786, whose workers "
+    "see the same folders; local starts one on this machine. Needs --to zarr.",
+    show_default=False)]
 
 # of plan alone
 PlannedSession = Annotated[Path | None, typer.Argument(
@@ -199,8 +206,8 @@ def sample(sensitivity: Sensitivity, light: Light, signal: Signal = None, signal
 def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
            white: White = None, noise: PixelNoise = 0.01, side: Side = 25, step: Step = 10,
            full: Full = False, family: Families = None, to: PictureFormat = "exr",
-           low_rank: LowRank = None, quiet: Quiet = False, as_json: Json = False,
-           debug: Debug = False) -> None:
+           low_rank: LowRank = None, workers: TileWorkers = None, cluster: TileCluster = None,
+           quiet: Quiet = False, as_json: Json = False, debug: Debug = False) -> None:
     """Mean and spread of the spectrum behind every pixel, as spectral EXR or ENVI images."""
     with command(as_json, debug):
         if out.suffix.lower() in (".exr", ".hdr", ".img"):
@@ -211,7 +218,11 @@ def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
         request = UpliftRequest(image, out, sensitivity, light, white, noise, side, step, full,
                                 tuple(family or ()), to, low_rank)
         with progress_display(quiet) as progress:
-            facts, text = uplift_answer(request, with_time_left(progress))
+            if workers is None and cluster is None:
+                facts, text = uplift_answer(request, with_time_left(progress))
+            else:
+                from spectrabox.session.tiles.picture import tiled_answer
+                facts, text = tiled_answer(request, cluster, workers, with_time_left(progress))
         answer(as_json, facts, text)
 
 

@@ -41,6 +41,7 @@ GRID_STEP_NM = 5
 SPREAD_STEPS = 2        # the standard deviation changes slowly: every second wavelength is kept
 DAYLIGHT = "D65"
 MEAN, SPREAD = "mean", "standard_deviation"
+QUANTITIES = {MEAN: Quantity.REFLECTANCE.name.lower(), SPREAD: STANDARD_DEVIATION}
 Format = Literal["exr", "tiled-exr", "envi", "zarr"]
 SUFFIXES = {"exr": ".exr", "tiled-exr": ".exr", "envi": ".hdr", "zarr": ZARR}
 
@@ -132,7 +133,7 @@ def _mean_rows(path: Path, canvas: Canvas[Rows], kept: KeptWavelengths) -> Itera
         return
     if kept.form == "zarr":
         with zarr_rows(path, *size, nm, not kept.full,
-                       {QUANTITY: Quantity.REFLECTANCE.name.lower()}) as write:
+                       {QUANTITY: QUANTITIES[MEAN]}) as write:
             yield write
         return
     to_srgb = (TO_SRGB @ adapted_tristimulus(nm, DAYLIGHT)).T.astype(np.float32)
@@ -147,7 +148,7 @@ def _spread_rows(path: Path, canvas: Canvas[Rows], kept: KeptWavelengths) -> Ite
     made = (envi_rows(path, *size, nm, STANDARD_DEVIATION,
                       "standard deviation of the reflectance of every pixel")
             if kept.form == "envi" else
-            zarr_rows(path, *size, nm, not kept.full, {QUANTITY: STANDARD_DEVIATION})
+            zarr_rows(path, *size, nm, not kept.full, {QUANTITY: QUANTITIES[SPREAD]})
             if kept.form == "zarr" else
             exr_rows(path, *size, layer_names(nm), not kept.full,
                      layout_attributes(STANDARD_DEVIATION), tiles=kept.form == "tiled-exr"))

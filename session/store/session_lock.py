@@ -13,6 +13,7 @@ from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.files import require_no_link, sweep_unfinished, writable
 from spectrabox.session.store.store import sweep_stage
 
+PICTURE = ".picture.lock"                       # beside the arrays of one that is written
 RUN, OUTPUTS = ".run.lock", ".outputs.lock"     # among the results
 BATCH = ".batch.lock"                           # in a batch's own folder
 
@@ -66,6 +67,21 @@ def sole_batch(out: Path) -> Iterator[None]:
     with _held(out, BATCH, "spectrabox batch", wait=False, where="uses this folder of a batch"):
         for inside in (out, *(each for each in out.iterdir() if each.is_dir())):
             sweep_unfinished(inside)
+        yield
+
+
+@contextlib.contextmanager
+def sole_uplift(out: Path) -> Iterator[None]:
+    """Be the only command that shares out a picture into a folder, which is made.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If another process does, saying which; if the folder cannot be written.
+    """
+    require_no_link(out)
+    with _held(out, PICTURE, "spectrabox uplift", wait=False, where="writes into this folder"):
+        sweep_unfinished(out)
         yield
 
 

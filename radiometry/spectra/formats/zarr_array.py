@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.files import whole_folder
+from spectrabox.radiometry.files import sync, whole_folder
 from spectrabox.radiometry.outside.bands_of_rows import WriteRows, written_by_bands
 
 SUFFIX, METADATA = ".zarr", "zarr.json"
@@ -156,17 +156,29 @@ def create_low_rank(folder: Path, shape: tuple[int, int, int], half: bool,
                           dimension_names=("row", f"{name}_wavelength"))
 
 
-def open_region(folder: Path) -> Callable[[int, int, np.ndarray], None]:
-    """A function of (first row, first column, pixels (n, m, C)) that writes into an array.
+@dataclass(frozen=True)
+class Region:
+    """An array that several processes write to, each into whole shards."""
 
-    Regions of whole shards are written by several processes at a time.
-    """
+    write: Callable[[int, int, np.ndarray], None]       # first row, first column, (n, m, C)
+    sync: Callable[[int, int], None]                    # first and last row: onto the disk
+
+
+def open_region(folder: Path) -> Region:
+    """An array of ``create_picture``, open for writing."""
     array = _library().open_array(str(folder), mode="r+")
+    rows = array.shards[0]
 
     def write(row: int, column: int, pixels: np.ndarray) -> None:
         array[row:row + len(pixels), column:column + pixels.shape[1]] = pixels
 
-    return write
+    def synced(first: int, last: int) -> None:
+        for row in range(first // rows, -(-last // rows)):
+            for path in (folder / "c" / str(row)).rglob("*"):   # the names of the specification
+                if path.is_file():
+                    sync(path)
+
+    return Region(write, synced)
 
 
 def read_group(path: Path, tables: Sequence[str]) -> tuple[dict[str, Any], list[np.ndarray]]:

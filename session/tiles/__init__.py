@@ -1,0 +1,1 @@
+"""One large picture, its rows shared out among the workers of a batch."""

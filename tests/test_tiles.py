@@ -1,0 +1,242 @@
+"""One picture on several workers: the bits of one process, whoever dies on the way."""
+import contextlib
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from sampling_cameras import surface
+
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
+from spectrabox.radiometry.files import UNFINISHED
+from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.session.batch.pool import Finished, Lost
+from spectrabox.session.batch.workers import open_workers
+from spectrabox.session.signals.signal_options import response_of_names
+from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
+from spectrabox.session.tiles import picture as tiles
+from spectrabox.session.tiles.picture import tiled_answer
+
+pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
+CAMERA, LIGHT, HEIGHT, WIDTH, TASKS = "Nikon 5100 (NPL)", "D65", 400, 70, 4
+# Dask closes sockets and event loops when they are collected
+DASK = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning",
+                                  "ignore::pytest.PytestUnraisableExceptionWarning")
+
+
+@pytest.fixture(scope="module")
+def image(tmp_path_factory):
+    """A picture in tiles, of a few surfaces under light that falls off."""
+    matrix = response_of_names(CAMERA, LIGHT)
+    surfaces = np.array([matrix @ surface(GRID.nm, each) for each in range(6)])
+    shade = np.linspace(0.5, 1, HEIGHT)[:, None, None]
+    return write_tiles(tmp_path_factory.mktemp("picture") / "picture.exr",
+                       surfaces[np.arange(WIDTH) % 6] * shade)
+
+
+def write_tiles(path, pixels):
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "half")
+    spec.tile_height = spec.tile_width = 64
+    file = oiio.ImageOutput.create(str(path))
+    assert file.open(str(path), spec)
+    assert file.write_image(pixels.astype(np.float32)) and file.close()
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _one_shard_a_task(monkeypatch):
+    monkeypatch.setattr(tiles, "TASK_PIXELS", 1)
+
+
+def request(image, out, coefficients=None, **more):
+    return UpliftRequest(image, out, CAMERA, LIGHT, None, 0.01, 5, 10, False,
+                         **{"form": "zarr", "coefficients": coefficients} | more)
+
+
+def contents(out):
+    """Bytes of every file, but for the lock."""
+    return {path.relative_to(out).as_posix(): path.read_bytes() for path in sorted(out.rglob("*"))
+            if path.is_file() and path.suffix != ".lock"}
+
+
+def answer(image, out, coefficients=None, workers=None, cluster=None):
+    return tiled_answer(request(image, out, coefficients), cluster, workers, lambda *_: None)[0]
+
+
+class Inline:
+    """A pool of one worker, this process."""
+
+    workers, budget_bytes, largest_bytes, about = 1, None, None, ""
+
+    def __init__(self, outcome):
+        self.outcome, self.ended, self.written = outcome, [], []
+
+    def start(self, task):
+        if task.write:
+            self.written.append(task.first)
+        self.ended.append(self.outcome(self, task))
+
+    def wait(self):
+        ended, self.ended = self.ended, []
+        return ended
+
+
+@pytest.fixture
+def inline(monkeypatch):
+    """A function that makes tasks run here, or end as it is told."""
+    def use(outcome=lambda pool, task: Finished(task, task())):
+        pool = Inline(outcome)
+        monkeypatch.setattr(tiles, "open_workers", lambda *_: contextlib.nullcontext(pool))
+        return pool
+    return use
+
+
+# ---- the same bits
+
+@pytest.mark.parametrize("coefficients", [None, 8], ids=["spectra", "low rank"])
+def test_two_processes_write_the_bits_of_one(coefficients, image, tmp_path):
+    facts, _ = uplift_answer(request(image, tmp_path / "one", coefficients), lambda *_: None)
+    made = answer(image, tmp_path / "two", coefficients, workers=2)
+    assert contents(tmp_path / "two") == contents(tmp_path / "one")
+    assert (made["tasks"], made["done_before"]) == (TASKS, 0)
+    assert made["outside_0_to_1"] == facts["outside_0_to_1"]
+    assert made.get("errors") == facts.get("errors")
+
+
+@pytest.fixture(scope="module")
+def expected(image, tmp_path_factory):
+    """Bytes of what one process writes of spectra."""
+    out = tmp_path_factory.mktemp("one")
+    uplift_answer(request(image, out), lambda *_: None)
+    return contents(out)
+
+
+@DASK
+def test_a_cluster_writes_the_bits_of_one_process(image, expected, tmp_path):
+    pytest.importorskip("distributed", reason="no Dask here: pip install 'spectrabox[cluster]'")
+    answer(image, tmp_path, workers=1, cluster="local")
+    assert contents(tmp_path) == expected
+
+
+def test_a_worker_that_is_killed_costs_its_rows_alone(image, expected, tmp_path, monkeypatch):
+    killed, started = [], []
+
+    class Killing:
+        """The processes of a pool, of which the first at writing is killed."""
+
+        def __init__(self, pool):
+            self.pool = pool
+
+        def __getattr__(self, name):
+            return getattr(self.pool, name)
+
+        def start(self, task):
+            self.pool.start(task)
+            started.append((task.write, task.first))
+            if task.write and not killed:
+                (worker,) = (each for each, at in self.pool._busy.items() if at is task)
+                killed.append(worker.process.pid)
+                os.kill(worker.process.pid, signal.SIGKILL)
+
+    @contextlib.contextmanager
+    def killing(cluster, workers, tasks):
+        with open_workers(cluster, workers, tasks) as pool:
+            yield Killing(pool)
+
+    monkeypatch.setattr(tiles, "open_workers", killing)
+    answer(image, tmp_path, workers=2)
+    assert contents(tmp_path) == expected
+    writes = [first for write, first in started if write]
+    assert len(killed) == 1 and sorted(writes) == sorted([*range(0, HEIGHT, 128), writes[0]])
+
+
+# ---- going on
+
+def test_what_is_done_is_not_done_again(image, expected, tmp_path, inline):
+    def stopped(pool, task):
+        if len(pool.written) == 3:
+            raise EnvironmentProblem("the cluster is gone")
+        return Finished(task, task())
+
+    inline(stopped)
+    with pytest.raises(EnvironmentProblem, match="gone"):
+        answer(image, tmp_path)
+    assert not [path for path in tmp_path.iterdir() if path.suffix == ".zarr"]
+    pool = inline()
+    made = answer(image, tmp_path)
+    assert pool.written == [256, 384] and made["done_before"] == 2
+    assert contents(tmp_path) == expected
+
+
+def test_an_end_that_was_cut_short_is_made_up_for(image, expected, tmp_path, inline, monkeypatch):
+    inline()
+    with monkeypatch.context() as patch:
+        patch.setattr(tiles, "sync_folder", lambda folder: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            answer(image, tmp_path)
+    pool = inline()
+    answer(image, tmp_path)
+    assert pool.written == [] and contents(tmp_path) == expected
+
+
+def test_another_picture_begins_anew(image, tmp_path, inline):
+    inline(lambda pool, task: Finished(task, task()) if len(pool.written) < 2 else 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        answer(image, tmp_path)
+    (before,) = tmp_path.glob(f"{UNFINISHED}tiles-*")
+    pixels = np.full((HEIGHT, WIDTH, 3), 0.25)
+    pool = inline()
+    made = answer(write_tiles(tmp_path / "other.exr", pixels), tmp_path)
+    assert made["done_before"] == 0 and len(pool.written) == TASKS
+    assert not before.exists()
+
+
+def test_a_second_picture_takes_the_place_of_the_first(image, expected, tmp_path, inline):
+    inline()
+    for path in (write_tiles(tmp_path / "p.exr", np.full((HEIGHT, WIDTH, 3), 0.25)), image):
+        answer(path, tmp_path)
+    (tmp_path / "p.exr").unlink()
+    assert contents(tmp_path) == expected
+
+
+# ---- what ends it
+
+def test_rows_whose_worker_dies_twice_are_one_sentence(image, tmp_path, inline):
+    inline(lambda pool, task: Lost(task, "by signal 9 (SIGKILL)"))
+    with pytest.raises(EnvironmentProblem, match="the worker of rows 0 to 128 died twice, the "
+                                                 "second time by signal 9"):
+        answer(image, tmp_path)
+
+
+def test_rows_that_are_wrong_end_the_command_with_their_sentence(tmp_path, inline):
+    pixels = np.full((HEIGHT, WIDTH, 3), 0.25)
+    pixels[300, 3, 1] = np.nan
+    inline()
+    with pytest.raises(SpectraboxError, match="values that are NaN") as refused:
+        answer(write_tiles(tmp_path / "nan.exr", pixels), tmp_path / "out")
+    assert refused.value.exit_code == InputError.exit_code
+
+
+def test_a_worker_with_another_program_is_refused(image, tmp_path, inline, monkeypatch):
+    inline()
+    monkeypatch.setattr(tiles, "made_by", lambda: "another")
+    with pytest.raises(SpectraboxError, match="this worker's program or packages are not those"):
+        answer(image, tmp_path)
+
+
+def test_one_stream_is_not_shared_out(image, tmp_path):
+    with pytest.raises(InputError, match="--to exr is one stream: give --to zarr"):
+        tiled_answer(request(image, tmp_path, form="exr"), None, 2, lambda *_: None)
+
+
+@pytest.mark.parametrize("make, message", [
+    (lambda path: path.write_text("x", encoding="utf-8"), "mean.zarr cannot be written: it is a"),
+    (lambda path: path.symlink_to(Path("elsewhere")), "mean.zarr is a symbolic link")])
+def test_what_is_in_the_way_is_said_before_work_begins(make, message, image, tmp_path, inline):
+    pool = inline()
+    make(tmp_path / "mean.zarr")
+    with pytest.raises(EnvironmentProblem, match=message):
+        answer(image, tmp_path)
+    assert pool.written == []
