@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,9 @@ def main() -> None:
     parser.add_argument("--width", type=int, help="pixels; square by default. Memory grows with "
                         "the width alone, so that a low picture shows it")
     parser.add_argument("--to", default="tiled-exr,zarr")
+    parser.add_argument("--by", default="one", help="who computes a picture: one process on all "
+                        "cores, or a number of workers, processes (2) or Dask's (dask2); commas "
+                        "between several")
     parser.add_argument("--low-rank", type=int, help="coefficients a pixel, in place of spectra")
     parser.add_argument("--tasks", type=int, default=10_000)
     parser.add_argument("--workers", type=int, default=2)
@@ -50,7 +54,8 @@ def main() -> None:
         print(f"-- {part}")
         if part == "pictures":
             pictures([float(word) for word in options.megapixels.split(",")],
-                     options.to.split(","), options.folder, options.width, options.low_rank)
+                     options.to.split(","), options.folder, options.width, options.low_rank,
+                     options.by.split(","))
         elif part == "sessions":
             sessions()
         elif part == "tasks":
@@ -62,12 +67,12 @@ def main() -> None:
 # ---- pictures
 
 def pictures(megapixels: list[float], forms: list[str], folder: Path | None,
-             width: int | None, low_rank: int | None) -> None:
-    """One row a picture and format."""
-    print(f"{'Mpixel':>7} {'to':<10} {'s':>8} {'CPU s':>8} {'CPU s/Mpixel':>13} {'MiB':>6} "
-          f"{'bytes/pixel':>12}  CPU s/Mpixel of each tenth while it is written")
+             width: int | None, low_rank: int | None, by: list[str]) -> None:
+    """One row a picture, format and who computes it. Memory is that of the largest process."""
+    print(f"{'Mpixel':>7} {'to':<10} {'by':<6} {'s':>8} {'CPU s':>8} {'CPU s/Mpixel':>13} "
+          f"{'MiB':>6} {'bytes/pixel':>12}  CPU s/Mpixel of each tenth while it is written")
     for count in megapixels:
-        for form in forms:
+        for form, who in product(forms, by):
             with tempfile.TemporaryDirectory(dir=folder) as name:
                 path, out, marks = (Path(name) / each for each in ("picture.exr", "out", "marks"))
                 columns = width or round(1000 * count**0.5)
@@ -75,17 +80,18 @@ def pictures(megapixels: list[float], forms: list[str], folder: Path | None,
                 write_repeated(path, rows, columns)
                 taken, used, peak = measured([sys.executable, "-m", __spec__.name, "uplift",
                                               str(path), str(out), form, str(low_rank or 0),
-                                              str(marks)])
+                                              who, str(marks)])
                 pixels = rows * columns / 1e6
                 seconds, errors = json.loads(marks.read_text())
-                tenths = np.diff(seconds)
-                print(f"{pixels:7.1f} {form:<10} {taken:8.1f} {used:8.1f} {used / pixels:13.3f} "
-                      f"{peak / 2**20:6.0f} {bytes_in(out) / pixels / 1e6:12.1f}  "
+                tenths = np.diff(seconds) if who == "one" else []    # others are not of this one
+                print(f"{pixels:7.1f} {form:<10} {who:<6} {taken:8.1f} {used:8.1f} "
+                      f"{used / pixels:13.3f} {peak / 2**20:6.0f} "
+                      f"{bytes_in(out) / pixels / 1e6:12.1f}  "
                       + " ".join(f"{each / pixels * 10:.2f}" for each in tenths)
                       + (f"  {errors}" if errors else ""), flush=True)
 
 
-def uplift(image: str, out: str, form: str, low_rank: str, marks: str) -> None:
+def uplift(image: str, out: str, form: str, low_rank: str, by: str, marks: str) -> None:
     """What the command does, with the seconds of processor at each tenth of the writing, and what
     a low rank costs.
     """
@@ -98,7 +104,13 @@ def uplift(image: str, out: str, form: str, low_rank: str, marks: str) -> None:
 
     request = UpliftRequest(Path(image), Path(out), CAMERA, LIGHT, None, 0.01, 25, 10, False,
                             form=form, coefficients=int(low_rank) or None)
-    facts, _ = uplift_answer(request, progress)
+    if by == "one":
+        facts, _ = uplift_answer(request, progress)
+    else:
+        from spectrabox.session.tiles.picture import tiled_answer
+        dask = by.startswith("dask")
+        facts, _ = tiled_answer(request, "local" if dask else None, int(by.removeprefix("dask")),
+                                progress)
     Path(marks).write_text(json.dumps([at, facts.get("errors")]))
 
 

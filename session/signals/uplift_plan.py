@@ -28,6 +28,7 @@ from spectrabox.session.signals.spectra_rows import KeptWavelengths, Spectra
 
 SAMPLED = 65_536            # pixels, evenly over the picture, that tell what a low rank costs
 SAMPLED_DIRECTLY = 2048     # where each takes a millisecond
+PIECE = 16_384              # pixels looked up at a time: more do not stay in the cache
 SUMS = 1e-5                 # of an interpolation in single precision, at most
 
 
@@ -61,8 +62,9 @@ class Look:
 def look(job: Job, first: int, last: int) -> Look:
     """The first reading of some rows."""
     signals = job.signals(first, last)
-    wanted = points_around(signals, job.side) if job.picture.bands == 3 \
-        else np.zeros((job.side,) * 3, dtype=bool)
+    wanted = np.zeros((job.side,) * 3, dtype=bool)
+    for piece in _pieces(signals) if job.picture.bands == 3 else ():
+        wanted |= points_around(piece, job.side)
     width = job.picture.width
     step = _sampling_step(job.picture.height, width)
     # copied: a view would hold all signals of these rows
@@ -77,6 +79,10 @@ def together(looks: Iterable[Look]) -> Look:
         beyond += each.outside
         samples.append(each.sample)
     return Look(wanted, beyond, np.concatenate(samples))
+
+
+def _pieces(signals: np.ndarray) -> list[np.ndarray]:
+    return [signals[start:start + PIECE] for start in range(0, len(signals), PIECE)]
 
 
 def _sampling_step(height: int, width: int) -> int:
@@ -102,7 +108,8 @@ class Plan:
             found = directly(job, signals)
             found = found if self.low_rank is None else self.low_rank.coefficients(found)
         else:
-            found = interpolation(self.row, len(self.columns), signals) @ self.columns
+            found = np.concatenate([interpolation(self.row, len(self.columns), piece) @ self.columns
+                                    for piece in _pieces(signals)])
         bands = job.kept.nm[0].size
         return (found,) if self.low_rank else (found[:, :bands], found[:, bands:])
 
