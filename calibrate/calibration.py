@@ -2,12 +2,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, some_patches
 from spectrabox.calibrate.colour_matrix import matrix_contradicts
@@ -34,6 +32,7 @@ from spectrabox.calibrate.trust import chart_colour_differences, doubts, other_r
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.light_scale import scale_from_signals
+from spectrabox.radiometry.outside.second_process import beside
 from spectrabox.radiometry.records import (
     Calibration,
     CalibrationDoubt,
@@ -165,11 +164,9 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         if isinstance(first.light, UnknownLight):
             prior_fit, posterior, said = _products(fitted, first.light, grid, chosen.prior, apart)
         else:
-            # BLAS is limited here, since what limits it inside would lift that of the other thread
-            with threadpool_limits(1, "blas"), ThreadPoolExecutor(1) as beside:
-                lights = beside.submit(_light_doubts, photos, fitted, grid, chosen.prior)
+            with beside(lambda: _light_doubts(photos, fitted, grid, chosen.prior)) as lights:
                 prior_fit = prior_calibration(fitted, grid, chosen.prior, apart)
-                doubtful, said = lights.result()
+                doubtful, said = lights()
             doubtful = (*doubts(prior_fit), *doubtful)
         said = (*sentences(prior_fit, grid), *said)
         scale, without = scale_of_photo(prior_fit, 0), in_chart_order(prior_fit.without, first.used)

@@ -25,6 +25,7 @@ cameras, ``smooth_prior`` one for cameras of which only smoothness is known.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
@@ -177,8 +178,11 @@ def load_prior(path: Path) -> CameraPrior:
                          "FILE'") from None
 
 
+@cache
 def shipped_prior() -> CameraPrior:
-    """The prior that comes with the project; ``models/rawtoaces39.txt`` names its source."""
+    """The prior that comes with the project, read once in a process; its source is named in
+    ``models/rawtoaces39.txt``.
+    """
     with resources.as_file(resources.files("spectrabox.calibrate.prior") / "models"
                            / SHIPPED) as path:
         return load_prior(path)

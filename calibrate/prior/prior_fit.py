@@ -49,6 +49,7 @@ MAX_ITERATIONS = 10
 CONVERGED = 0.1              # largest change of a signal an iteration, in standard errors
 MAX_LOG_STEP = 1.0           # of the logarithm of a curve an iteration
 MAX_STEP = 0.5               # of a log exposure or field term an iteration: exp() of more runs away
+LARGE = 1e300                # beyond the square of any whitened innovation
 NEGLIGIBLE = 1e-4            # share of a component below which it is left out
 
 
@@ -113,6 +114,7 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
     basis = interpolation_matrix(prior.nm, grid.nm)
     designs = [unlit_design(photo, basis) for photo in photos]
     noises = {error: _noise(photos, error) for error in patch_errors(model_errors)}
+    noise_of_errors = np.array(list(noises.values()))
     spreads = prior.covariances()
     # a prior without cameras knows nothing of gains either
     gains = GAINS if prior.between.size else ((0.0, 1.0),)
@@ -126,10 +128,10 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
         for shared in (start, covariance, jacobian, linear):
             shared.flags.writeable = False  # else every candidate below would copy it
         log_share = float(np.log(prior.weights[family] * share))
-        candidates += [Candidate(log_share
-                                 + _log_evidence(projected + noise, linear - jacobian @ start),
-                                 family, gain_sd, error, start, covariance, jacobian, linear)
-                       for error, noise in noises.items()]
+        evidence = _log_evidence(projected + noise_of_errors, linear - jacobian @ start)
+        candidates += [Candidate(log_share + float(said), family, gain_sd, error, start,
+                                 covariance, jacobian, linear)
+                       for error, said in zip(noises, evidence, strict=True)]
     return _mixture(candidates, noises, basis, prior, _whole(designs, prior), photos)
 
 
@@ -322,14 +324,26 @@ def _logarithms(photos: list[ChartEquations], size: int) -> np.ndarray:
                            for end, photo in zip(ends, photos, strict=False)])
 
 
-def _log_evidence(covariance: np.ndarray, innovation: np.ndarray) -> float:
-    """Log density of the innovation, up to a constant; -inf where round-off left no density."""
+def _log_evidence(covariances: np.ndarray, innovation: np.ndarray) -> np.ndarray:
+    """Log density (E,) of the innovation (Y,) under each of (E, Y, Y) covariances, up to a
+    constant; -inf where round-off left no density.
+
+    The innovation is a last row of the matrix that is factorised: the factor's last row is then the
+    innovation whitened, whatever the last element of the matrix.
+    """
+    size = innovation.size
+    bordered = np.empty((len(covariances), size + 1, size + 1))
+    bordered[:, :size, :size] = covariances
+    bordered[:, size, :size] = bordered[:, :size, size] = innovation
+    bordered[:, size, size] = LARGE
     try:
-        lower = np.linalg.cholesky(covariance)
+        lower = np.linalg.cholesky(bordered)
     except np.linalg.LinAlgError:
-        return -np.inf
-    whitened = np.linalg.solve(lower, innovation)
-    return float(-0.5 * whitened @ whitened - np.log(np.diag(lower)).sum())
+        if len(covariances) == 1:
+            return np.array([-np.inf])
+        return np.concatenate([_log_evidence(one[None], innovation) for one in covariances])
+    logs = np.log(np.diagonal(lower[:, :size, :size], axis1=1, axis2=2)).sum(axis=1)
+    return np.asarray(-0.5 * np.square(lower[:, size, :size]).sum(axis=1) - logs)
 
 
 def _condition(candidate: Candidate, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,6 +8,7 @@ import pickle
 import select
 import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterator
 from typing import BinaryIO, NoReturn, TypeVar
@@ -23,8 +24,9 @@ def beside(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
     """Begin ``work`` in a second process; the block is given a function that waits for its result.
 
     The second process is a copy of this one (fork), so that nothing is imported or handed over.
-    Where there is none, with one core or another system than Linux, or where it fails in any way,
-    the function does the work here, and raises what it raises.
+    Where there is none, with one core, another system than Linux or in another thread than the main
+    one (a second process would be without those that may hold what it waits for), or where it fails
+    in any way, the function does the work here, and raises what it raises.
 
     Parameters
     ----------
@@ -32,7 +34,8 @@ def beside(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
         Changes nothing, and gives what pickle takes. It may not use threads that others began:
         the copy has none of them.
     """
-    if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2:
+    if (sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2
+            or threading.current_thread() is not threading.main_thread()):
         yield work
         return
     reading, writing = os.pipe()

@@ -16,6 +16,9 @@ ROOT_2_PI = np.sqrt(2 * np.pi)
 STEPS = 40                  # most of them
 STILL = 1e-4                # of a deviation: the error after such a step is of the order of 1e-7
 TINY = 1e-30
+# of the logarithm of erfc(z) e^(z^2) / t by powers of t = 1 / (1 + z / 2)
+TAIL = (-1.26551223, 1.00002368, 0.37409196, 0.09678418, -0.18628806, 0.27886807, -1.13520398,
+        1.48851587, -0.82215223, 0.17087277)
 
 
 def quantiles(weights: np.ndarray, centres: np.ndarray, deviations: np.ndarray,
@@ -32,8 +35,6 @@ def quantiles(weights: np.ndarray, centres: np.ndarray, deviations: np.ndarray,
     probability : float
         Between 0 and 1.
     """
-    from scipy.special import ndtr  # 0.2 s to import, for those who ask for bands without draws
-
     weights, centres, deviations = (values.astype(np.float32)
                                     for values in (weights, centres, deviations))
     skews = None if skews is None else skews.astype(np.float32)
@@ -47,7 +48,7 @@ def quantiles(weights: np.ndarray, centres: np.ndarray, deviations: np.ndarray,
     still = STILL * np.einsum("nc,ncp->np", weights, deviations)
     for _ in range(STEPS):
         z, slope = unstretched((x[:, None] - centres) / deviations, skews)
-        beyond = np.maximum(np.einsum("nc,ncp->np", weights, ndtr(side * z)), TINY)
+        beyond = np.maximum(np.einsum("nc,ncp->np", weights, normal_below(side * z)), TINY)
         above = (beyond < tail) == (side > 0)       # the quantile lies above x
         low, high = np.where(above, x, low), np.where(above, high, x)
         density = np.einsum("nc,ncp->np", weights, np.exp(-0.5 * z * z) * slope / deviations)
@@ -59,6 +60,25 @@ def quantiles(weights: np.ndarray, centres: np.ndarray, deviations: np.ndarray,
         if arrived:
             break
     return x.astype(float)
+
+
+def normal_below(z: np.ndarray) -> np.ndarray:
+    """Probability that a standard normal variable is less than z.
+
+    Within 1.2e-7 of itself, below 0 [Press et al. 1992, Numerical Recipes, Sec. 6.2, erfcc]; in
+    single precision 2e-6 as far as four deviations. Only to import SciPy's takes as long as to
+    find many bands.
+    """
+    away = np.abs(z) * z.dtype.type(np.sqrt(0.5))
+    t = 1 / (1 + away / 2)
+    tail = np.full_like(t, TAIL[-1])
+    for coefficient in TAIL[-2::-1]:
+        tail *= t
+        tail += coefficient
+    tail -= away * away
+    np.exp(tail, out=tail)
+    tail *= t / 2
+    return np.where(z < 0, tail, 1 - tail)
 
 
 def stretched(z: float, skews: np.ndarray | None) -> float | np.ndarray:

@@ -69,6 +69,9 @@ def summaries(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
         return _batch(prior, relative_response, signals[rows],
                       {name: covariance[rows] for name, covariance in causes.items()}, level)
 
+    if len(signals) <= BATCH:
+        with threadpool_limits(1, "blas"):
+            return part(0)
     # Every core has a part of its own: threads within its small products would only wait.
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
         parts = list(pool.map(part, range(0, len(signals), BATCH)))

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from spectrabox.radiometry.chart import Chart
     from spectrabox.radiometry.records import (
         Calibration,
+        LeftOutPatches,
         PatchSamples,
         Spectrum,
         UnknownLight,
@@ -43,29 +44,36 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     InputError
         If the photos are not of the same bands, or one of the files cannot be read.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     import numpy as np
 
-    from spectrabox.calibrate.calibration import ChartPhoto
     from spectrabox.radiometry.charts.left_out import left_out
     from spectrabox.radiometry.charts.references import reference_reflectances
     from spectrabox.radiometry.spectra.stated_light import stated_light
     from spectrabox.session.camera.patch_files import read_patches
-    charts: list[ChartPhoto] = []
-    names: list[tuple[str, ...]] = []
     known_lights = {name: stated_light(name, grid) for name in lights}
     layout_of = read_layout(layout)
     kept_out = left_out(leave_out, layout_of, "--leave-out")
     named_charts: list[str | None] = list(references) or [None]
     known_charts = {name: reference_reflectances(name, layout_of, grid)
                     for name in named_charts}
-    for index, photo in enumerate(photos):
+    chart_of = [known_charts[named_charts[index if len(named_charts) > 1 else 0]]
+                for index in range(len(photos))]
+    places = [corners[index if len(corners) > 1 else 0] if corners else None
+              for index in range(len(photos))]
+    with ThreadPoolExecutor(1) as beside:
+        loading = beside.submit(_load_what_fits)
+        found = [_patches_of_picture(photo, at, layout_of, reflectances, grid) if decode
+                 else read_patches(photo, layout_of)
+                 for photo, at, reflectances in zip(photos, places, chart_of, strict=True)]
+        loading.result()
+    from spectrabox.calibrate.calibration import ChartPhoto
+    charts: list[ChartPhoto] = []
+    names: list[tuple[str, ...]] = []
+    for index, (photo, (measured, bands)) in enumerate(zip(photos, found, strict=True)):
         light = lights[index if len(lights) > 1 else 0]
-        reference = named_charts[index if len(named_charts) > 1 else 0]
-        places = corners[index if len(corners) > 1 else 0] if corners else None
-        measured, bands = (
-            _patches_of_picture(photo, places, layout_of, known_charts[reference], grid) if decode
-            else read_patches(photo, layout_of))
-        charts.append(ChartPhoto(measured, known_charts[reference], known_lights[light],
+        charts.append(ChartPhoto(measured, chart_of[index], known_lights[light],
                                  kept_out=kept_out, chart=layout_of))
         names.append(bands)
         if any(np.array_equal(measured.mean, chart.samples.mean) for chart in charts[:-1]):
@@ -77,6 +85,17 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
                              f"{', '.join(names[0])}; all photos must be of one camera, its bands "
                              "in the same order")
     return tuple(charts), names[0]
+
+
+def _load_what_fits() -> None:
+    """Import and read what the fit takes: LibRaw and OpenCV, at work meanwhile, leave Python free.
+    """
+    import spectrabox.calibrate.curve_band
+    import spectrabox.session.stages.left_out  # noqa: F401
+    from spectrabox.calibrate.prior.camera_prior import shipped_prior
+    from spectrabox.sampling.prior.mixture import load_prior
+    shipped_prior()
+    load_prior()
 
 
 def known_light(word: str, grid: WavelengthGrid) -> Spectrum:
@@ -197,10 +216,10 @@ def require_outputs(outputs: list[Path], inputs: list[Path]) -> None:
                              "another name")
 
 
-def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthGrid,
-             photo: ChartPhoto) -> dict[str, Any]:
-    """A calibration as plain numbers for a script (docs/json.md, ``camera fit``); ``photo`` is the
-    first.
+def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthGrid, chart: Chart,
+             left_out: LeftOutPatches) -> dict[str, Any]:
+    """A calibration as plain numbers for a script (docs/json.md, ``camera fit``); ``left_out`` is
+    of the first photo, which shows ``chart``.
     """
     from spectrabox.calibrate.curve_band import LEVEL
     from spectrabox.session.calibration_facts import (
@@ -208,7 +227,6 @@ def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthG
         left_out_sentence,
         posterior_facts,
     )
-    from spectrabox.session.stages.left_out import left_out_patches
     fit, joint = result.calibration.sensitivity, result.prior_fit
     facts: dict[str, Any] = {
         "wavelengths_nm": grid.nm.tolist(), "sensitivities": fit.curves.tolist(),
@@ -222,8 +240,7 @@ def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthG
         "light_scale_standard_error": result.scale.standard_error,
         "method": fit.method, "checks": list(result.calibration.checks),
         "outcome": fit.outcome.value}
-    left_out = left_out_patches(result, photo.reflectances)
-    facts["left_out"] = left_out_facts(left_out, photo.chart.names)
+    facts["left_out"] = left_out_facts(left_out, chart.names)
     facts["checks"].append(left_out_sentence(left_out))
     facts["doubts"] = [doubt.value for doubt in result.calibration.doubts]
     known = result.calibration.light_posterior
