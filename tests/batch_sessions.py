@@ -12,10 +12,10 @@ FLAT = ("chart", "photo", "calibrate", "signals", "sample")     # stages, in ord
 
 
 def write_session(folder):
-    """A session of flat samples with two regions."""
+    """A session of flat samples with one region."""
     folder.mkdir(parents=True)
     write_flat(folder)
-    text = HEAD + regions_toml(("white_wall", "red_wall"))
+    text = HEAD + regions_toml(("red_wall",))
     (folder / "session.toml").write_text(text, encoding="utf-8")
     return folder
 
