@@ -1,5 +1,6 @@
 """A run with nothing changed keeps report and spectra as they are, after looking at them."""
 import json
+import shutil
 
 import pytest
 
@@ -13,11 +14,20 @@ FILES = ("report.html", "spectra.csv", "spectra.csv-metadata.json", "materials.x
          "materials.csv", "comparison.exr", "comparison.png")
 
 
+pytestmark = pytest.mark.usefixtures("figures_undrawn")
+
+
+@pytest.fixture(scope="module")
+def _reported(_finished, tmp_path_factory):
+    folder = shutil.copytree(_finished, tmp_path_factory.mktemp("reported") / "box")
+    call("run", folder)
+    return folder
+
+
 @pytest.fixture
-def reported(finished):
+def reported(_reported, tmp_path):
     """A finished session with its report."""
-    call("run", finished)
-    return finished
+    return shutil.copytree(_reported, tmp_path / "reported" / "box")
 
 
 def run_again(folder):
