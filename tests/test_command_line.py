@@ -22,6 +22,8 @@ from spectrabox.session.command_line import SUBJECTS, command
 
 ROOT = Path(__file__).resolve().parent.parent
 
+pytestmark = pytest.mark.usefixtures("figures_undrawn")
+
 
 def call(*arguments):
     outcome = CliRunner().invoke(app, [str(argument) for argument in arguments])

@@ -147,6 +147,7 @@ def reader(_finished, tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.usefixtures("figures_undrawn")
 @pytest.mark.parametrize("page", [page for page, blocks in RUN.items() if blocks])
 def test_the_blocks_of_a_page_run_one_after_the_other(page, reader):
     names = {"__name__": "page"}

@@ -8,6 +8,8 @@ from spectrabox.session.cli import app
 from spectrabox.session.commands import meter
 from spectrabox.session.stages.order import STAGES, stages_in_order
 
+pytestmark = pytest.mark.usefixtures("figures_undrawn")
+
 
 def call(*words):
     return CliRunner().invoke(app, [str(word) for word in words])

@@ -23,6 +23,8 @@ from spectrabox.session.pipeline import run_stages
 from spectrabox.session.stages.stored_records import samples_of, signals_of
 from spectrabox.session.store.session_lock import only_writer
 
+pytestmark = pytest.mark.usefixtures("light_as_stated")
+
 C2_NM_K = 1.438777e7        # second radiation constant
 FILTER = 1 / (1 + np.exp((NM - 570) / 12))      # transmission of a glass that keeps red away
 SECOND = {"warm": NM**-5.0 / np.expm1(C2_NM_K / NM / 2856),

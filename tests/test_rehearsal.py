@@ -18,6 +18,8 @@ from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
 from spectrabox.session.stages.stored_records import joint_of
 from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal, too_narrow
 
+pytestmark = pytest.mark.usefixtures("figures_undrawn")
+
 TIMES, FEW = 20, 6
 
 

@@ -29,6 +29,8 @@ from spectrabox.session.stages.stored_records import (
     reconstruction_of,
 )
 
+pytestmark = pytest.mark.usefixtures("light_as_stated")
+
 SIZE = (208, 312)
 # of the box's white back wall and, in the chart photo, a patch
 CARD = [[[100, 60], [200, 60], [200, 120], [100, 120]]]
