@@ -5,8 +5,10 @@ One variant per process; nothing of Mitsuba is touched at import time.
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any
 
@@ -15,6 +17,7 @@ import numpy as np
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm, writable_home
 
+STARTING = threading.Lock()
 CPU_VARIANT, GPU_VARIANT = "llvm_ad_spectral", "cuda_ad_spectral"
 
 
@@ -33,7 +36,7 @@ def start_mitsuba(device: str = "auto") -> ModuleType:
     """
     if device != "cuda":
         ensure_llvm()  # before drjit is imported: it reads the variable once
-    with writable_home():
+    with STARTING, writable_home():
         return _started(device)
 
 
@@ -49,12 +52,33 @@ def _started(device: str) -> ModuleType:
     if mi.variant() not in (None, variant):
         raise EnvironmentProblem(f"this process already renders with {mi.variant()}; start a new "
                                  f"one for {variant}")
-    mi.set_variant(variant)
+    with _written_when_called(dr):
+        mi.set_variant(variant)
     mi.set_log_level(mi.LogLevel.Error)
     if variant == CPU_VARIANT:
         # with more, gradients are added in the order in which threads end: not reproducible
         dr.set_thread_count(1)
     return mi
+
+
+@contextlib.contextmanager
+def _written_when_called(dr: Any) -> Iterator[None]:
+    """Functions that the block loads are rewritten by ``drjit.syntax`` when they are first called:
+    Mitsuba has a dozen, most of them of integrators that nobody asks for.
+    """
+    rewrite = dr.syntax
+
+    def later(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+        if function is None:
+            return functools.partial(later, **options)
+        rewritten = functools.cache(lambda: rewrite(function, **options))
+        return functools.wraps(function)(lambda *given, **named: rewritten()(*given, **named))
+
+    dr.syntax = later
+    try:
+        yield
+    finally:
+        dr.syntax = rewrite
 
 
 @contextlib.contextmanager

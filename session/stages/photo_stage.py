@@ -1,6 +1,7 @@
 """The stage that decodes object photos, to the render's size."""
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -44,9 +45,12 @@ def bin_object_photos(task: StageTask) -> dict[str, Any]:
         if (lens := lens_of_view(config, view)) is not None:
             photo = undistorted(photo, lens)
         check_aspect(photo, read_session_scene(config, view), name)
-        write_png(task.folder / f"{view.record('preview')}.png", preview_rgb8(photo))
         height, width = photo.signal.shape[:2]
         size = render_size(width, height, config.reconstruct.width)
-        records[view.record("photo")] = bin_image(photo, *size)
+        with ThreadPoolExecutor(1) as beside:
+            written = beside.submit(write_png, task.folder / f"{view.record('preview')}.png",
+                                    preview_rgb8(photo))
+            records[view.record("photo")] = bin_image(photo, *size)
+            written.result()
         records["notes"] += notes
     return records

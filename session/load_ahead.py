@@ -1,0 +1,56 @@
+"""What later stages take, loaded while the first ones decode photos."""
+from __future__ import annotations
+
+import contextlib
+import importlib
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.session.stages.order import Stage
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+DECODING = ("chart", "photo")       # LibRaw, OpenCV and OpenImageIO are at work there, not Python
+
+
+@contextlib.contextmanager
+def loading_ahead(stages: Mapping[str, Stage], traced: bool,
+                  device: str) -> Iterator[Callable[[str], None]]:
+    """Load modules and renderer in a thread, from the first stage that decodes photos on.
+
+    The block is given a function to be called with the name of each stage before it is run. It
+    waits for what is being loaded where a stage takes it: no other thread may be at work where a
+    second process begins.
+
+    Parameters
+    ----------
+    stages : mapping
+        Of the session, by name.
+    traced : bool
+        Whether it needs the renderer.
+    device : {"auto", "cpu", "cuda"}
+        Where that works.
+    """
+    def load() -> None:
+        for name in ("calibrate", "reconstruct", "signals"):
+            if name in stages:
+                importlib.import_module(stages[name].module)
+        if traced:
+            from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+            with contextlib.suppress(SpectraboxError):  # said by the stage that needs it
+                start_mitsuba(device)
+
+    loading: list[Future[None]] = []
+    with contextlib.ExitStack() as ended:
+        def ready_for(stage: str) -> None:
+            if stage not in DECODING:
+                for begun in loading:
+                    begun.result()
+            elif not loading:
+                # imported here: where nothing is stale, nothing is loaded
+                from concurrent.futures import ThreadPoolExecutor
+                loading.append(ended.enter_context(ThreadPoolExecutor(1)).submit(load))
+
+        yield ready_for
