@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.session.stages.order import Stage
+from spectrabox.session.stages.order import FLAT_WRITER, SCENE_WRITER, Stage
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -16,7 +16,7 @@ DECODING = ("chart", "photo")       # LibRaw, OpenCV and OpenImageIO are at work
 
 
 @contextlib.contextmanager
-def loading_ahead(stages: Mapping[str, Stage], traced: bool,
+def loading_ahead(stages: Mapping[str, Stage], flat: bool, writer: bool,
                   device: str) -> Iterator[Callable[[str], None]]:
     """Load modules and renderer in a thread, from the first stage that decodes photos on.
 
@@ -28,8 +28,10 @@ def loading_ahead(stages: Mapping[str, Stage], traced: bool,
     ----------
     stages : mapping
         Of the session, by name.
-    traced : bool
-        Whether it needs the renderer.
+    flat : bool
+        Whether it measures flat samples, which need no renderer.
+    writer : bool
+        Whether what writes the report is loaded too.
     device : {"auto", "cpu", "cuda"}
         Where that works.
     """
@@ -37,7 +39,9 @@ def loading_ahead(stages: Mapping[str, Stage], traced: bool,
         for name in ("calibrate", "reconstruct", "signals"):
             if name in stages:
                 importlib.import_module(stages[name].module)
-        if traced:
+        if writer:
+            importlib.import_module(FLAT_WRITER if flat else SCENE_WRITER)
+        if not flat:
             from spectrabox.reconstruct.rendering.renderer import start_mitsuba
             with contextlib.suppress(SpectraboxError):  # said by the stage that needs it
                 start_mitsuba(device)

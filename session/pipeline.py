@@ -114,7 +114,8 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
     if only is not None and only not in keys:
         raise InputError(f"there is no stage {only!r} in this session; it has {', '.join(keys)}")
     finished, photos = FinishedRun({}, {}), OpenPhotos()
-    with loading_ahead(stages_of(config.flat), not config.flat, device) as ready_for:
+    whole = only is None and before is None
+    with loading_ahead(stages_of(config.flat), config.flat, whole, device) as ready_for:
         for name, key in keys.items():
             if name == before:
                 break

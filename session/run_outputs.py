@@ -14,6 +14,7 @@ from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.progress_display import StageProgress
+from spectrabox.session.stages.order import FLAT_WRITER, SCENE_WRITER
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.made_from import digests_of
 from spectrabox.session.store.provenance import PACKAGES, versions
@@ -23,7 +24,6 @@ from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import load_stage, save_stage, stage_folder
 
 STAGE = "report"
-SCENE_WRITER, FLAT_WRITER = "spectrabox.session.write_outputs", "spectrabox.session.flat.outputs"
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,14 @@ from spectrabox.radiometry.files import sha256_of, write_text_whole
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
 from spectrabox.session.batch.tasks import Outcome
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
-from spectrabox.session.run_outputs import FLAT_WRITER, SCENE_WRITER, STAGE
-from spectrabox.session.stages.order import FLAT_STAGES, STAGES, stages_of
+from spectrabox.session.run_outputs import STAGE
+from spectrabox.session.stages.order import (
+    FLAT_STAGES,
+    FLAT_WRITER,
+    SCENE_WRITER,
+    STAGES,
+    stages_of,
+)
 from spectrabox.session.store.provenance import PACKAGES, versions
 from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import fingerprint, load_stage

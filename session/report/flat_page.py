@@ -4,7 +4,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import spectrabox.session.report.quick_matplotlib  # noqa: F401 - before what draws
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report import flat_figures
 from spectrabox.session.report.flat_methods import flat_methods

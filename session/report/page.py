@@ -12,7 +12,6 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-import spectrabox.session.report.quick_matplotlib  # noqa: F401 - before what draws
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Calibration, Reconstruction
 from spectrabox.session.picture.picture_results import PictureOfSpectra

@@ -43,6 +43,10 @@ FLAT_STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts"),
                "picture": Stage(f"{FLAT_ROOM}.picture_stage", "picture_of_spectra")}
 
 
+# what writes report, spectra and pictures beside the results
+SCENE_WRITER, FLAT_WRITER = "spectrabox.session.write_outputs", "spectrabox.session.flat.outputs"
+
+
 def stages_of(flat: bool) -> dict[str, Stage]:
     """The stages of a session of flat samples, or of a scene."""
     return FLAT_STAGES if flat else STAGES | SCENE_PICTURE
