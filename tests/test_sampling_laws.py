@@ -31,6 +31,7 @@ from spectrabox.sampling.prior.posterior import (
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.scene.draws import shared_errors, surprise
 from spectrabox.sampling.scene.posterior import JointProblem, climb, gaussian_of, joint_problem
+from spectrabox.sampling.scene.sampling import sample_joint
 
 SIGMAS = stats.norm.isf(0.5e-4)
 
@@ -129,6 +130,27 @@ def test_how_surprising_a_scene_is_is_uniform_where_the_prior_holds():
         scene = dataclasses.replace(problem, targets=seen_light + rng.standard_normal(zero.size))
         chances.append(surprise(scene, climb(scene, np.zeros((1, 2), int), np.zeros((1, 8)))))
     assert stats.kstest(chances, "uniform").pvalue > 1e-4
+
+
+def test_draws_of_a_scene_take_each_component_by_its_evidence():
+    """Two components on either side of grey, of which a picture tells a little."""
+    size, apart, weights = 4, 0.02, np.array([0.3, 0.7])
+    means = apart * np.array([[-1.0], [1.0], [0.0]]) * np.ones(size)
+    response = np.full((1, size), 1.0)
+    reading = np.array([[[35.0]]])
+    problem = JointProblem(("a",), np.ones((1, 1)), np.ones((1, size)), reading,
+                           np.array([35.0 * 0.5 * size - 1.2]), response,
+                           np.log([[*weights, 1.0]]), means, np.repeat(2e-3 * np.eye(size)[None], 3,
+                                                                       axis=0))
+    modes = climb(problem, np.array([[0], [1]]), np.zeros((2, size)))
+    drawn = sample_joint(problem, 3, modes, 4000).spectra[:, 0].mean(axis=1)
+    slope = 35.0 / 4        # of the signal by the sum of the logits
+    density = stats.norm(35.0 * 0.5 * size + slope * size * apart * np.array([-1, 1]),
+                         np.hypot(1, slope * 2e-3 * np.sqrt(size))).pdf(problem.targets)
+    exact = weights * density / (weights @ density)
+    # the logit is straight to 1e-4; some thousand proposals, half of them or more effective
+    assert np.mean(drawn > 0.5) == pytest.approx(exact[1], abs=0.04)
+    assert 0.2 < exact[1] < 0.45        # neither half nor what the prior said
 
 
 def test_components_of_a_scene_are_as_wide_as_their_families_are_calibrated_to_be():
