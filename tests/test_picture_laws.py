@@ -6,13 +6,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from sampling_cameras import seen
 from scipy.sparse import csr_array
 from test_light_drift import photo
+from test_posterior_laws import SMOOTH, mixture_of
 
 from spectrabox.radiometry.records import LightScale
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import reflectance_moments
 from spectrabox.session.picture import known_surfaces as known
 from spectrabox.session.picture import scene_light
+from spectrabox.session.picture.illumination import Illumination, brought_by
 from spectrabox.session.picture.picture import GREY, LitPixels
 from spectrabox.session.picture.pixel_errors import PixelErrors, White
 
@@ -113,3 +117,21 @@ def test_scatter_of_a_known_surface_is_that_beyond_its_noise(monkeypatch, spread
     np.testing.assert_allclose(np.diag(found), spread**2, atol=3.9 * 2.2e-2 * (
         noise**2 + traced_noise**2 + spread**2))
 
+
+
+def test_spectra_are_expected_behind_signals_as_draws_of_the_prior_have_them():
+    """Regression of what another light shows on a signal that is known to 1 % of white."""
+    prior = mixture_of(PRIOR_GRID.nm, [1.0], np.zeros((1, 61)), [0.1**2 * SMOOTH])
+    response = seen(np.ones(61)).relative_response
+    tinted = response * np.linspace(0.7, 1.3, 61)
+    light = Illumination(np.ones((1, 2)), np.ones((2, 1)), np.array([response, tinted]),
+                         np.array([[0.8, 0.2]]), np.zeros(1, int))
+    found = brought_by(light, prior)
+    mean, covariance = reflectance_moments(prior)
+    rng = np.random.default_rng(4)
+    drawn = rng.multivariate_normal(mean, covariance, 40_000)
+    signals = drawn @ light.responses[0].T + 0.01 * rng.standard_normal((40_000, 3))
+    shown = np.einsum("qkp,np->nqk", light.shapes, drawn).reshape(40_000, 6)
+    slopes = np.linalg.lstsq(signals - found.centre[0], shown - found.mean.ravel(), rcond=None)[0]
+    # 40 000 draws know a slope to 0.5 % or better
+    np.testing.assert_allclose(found.gain[0].reshape(6, 3), slopes.T, atol=0.03)

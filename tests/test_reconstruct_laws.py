@@ -11,6 +11,7 @@ from scipy import stats
 from test_reconstruct_fit import COUNT, GROUP, case, fit_spectra, model
 
 from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.grid import visible_grid
 from spectrabox.reconstruct.agreement import (
     FIELD_TERMS,
     covariance_from_few,
@@ -24,6 +25,7 @@ from spectrabox.reconstruct.fit.identifiability import band_signals
 from spectrabox.reconstruct.fit.spectrum_prior import greville_abscissae
 from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewTerms
+from spectrabox.reconstruct.joint_reconstruction import joint_record
 from spectrabox.reconstruct.pixels.hits import hits_of
 from spectrabox.reconstruct.pixels.light_nodes import LightNodes
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
@@ -255,6 +257,20 @@ def test_light_that_rises_evenly_is_off_by_its_slope_where_pixels_are_misplaced(
     found = nodes.unevenness(light, 2.0) * light
     inner = (row > 0) & (row < row.max()) & (column > 0) & (column < column.max())
     np.testing.assert_allclose(found[inner], 2.0 * 0.005, rtol=1e-9)
+
+
+def test_errors_of_a_model_are_no_smaller_for_a_second_photo_of_it():
+    """The same response twice: what scene and photo disagree by is common to both photos."""
+    rng, grid = np.random.default_rng(16), visible_grid(5)
+    response = rng.uniform(0, 1, (3, grid.nm.size))
+    errors = np.array([0.01**2 * (np.eye(3) + 1), 0.02**2 * (np.eye(3) + 1)])
+    view = SimpleNamespace(name="one", response=response, grid=grid, bands=("R", "G", "B"))
+    record = SimpleNamespace(materials=("a", "b"), known=(False, False), model_covariance=errors,
+                             spectra=np.full((2, grid.nm.size), 0.5), signal=np.full((2, 3), 0.5),
+                             signal_covariance=np.zeros((2, 3, 3)))
+    for times in (1, 2, 3):
+        found = joint_record((view,) * times, (record,) * times, None, (None,) * times)
+        np.testing.assert_allclose(found.model_covariance, errors, rtol=1e-12)
 
 
 def test_a_replayed_photo_says_the_noise_of_counted_light():

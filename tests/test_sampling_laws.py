@@ -10,8 +10,11 @@ from sampling_cameras import camera, measurement, response, seen
 from scipy import stats
 from test_posterior_laws import SMOOTH, mixture_of
 
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LightTransport, Outcome
 from spectrabox.sampling.error_budget import shares_by_cause
+from spectrabox.sampling.further.conditioning import Reading
+from spectrabox.sampling.further.more_measurements import MoreMeasurement, check_possible
 from spectrabox.sampling.further.planner import expected_rmse
 from spectrabox.sampling.judge.identification import ALIKE_NM, identify
 from spectrabox.sampling.judge.scores import curve_band
@@ -19,8 +22,8 @@ from spectrabox.sampling.polytope.diagnostics import diagnose
 from spectrabox.sampling.polytope.refinement import log_evidence
 from spectrabox.sampling.prior.drawn import COARSE, as_drawn
 from spectrabox.sampling.prior.draws import prior_spectra, sample_prior
+from spectrabox.sampling.prior.families import skin
 from spectrabox.sampling.prior.families.leaves import leaf
-from spectrabox.sampling.prior.families.skin import MOLAR_BLOOD
 from spectrabox.sampling.prior.mixture import GRID, reflectance
 from spectrabox.sampling.prior.posterior import (
     SIGNAL_FLOOR,
@@ -29,6 +32,7 @@ from spectrabox.sampling.prior.posterior import (
     width_factors,
 )
 from spectrabox.sampling.prior.summaries import summaries
+from spectrabox.sampling.prior.training import FLOOR, MIN_CURVES, fit_mixture
 from spectrabox.sampling.scene.draws import shared_errors, surprise
 from spectrabox.sampling.scene.posterior import JointProblem, climb, gaussian_of, joint_problem
 from spectrabox.sampling.scene.sampling import sample_joint
@@ -245,6 +249,20 @@ def test_many_signals_are_unfamiliar_where_one_by_one_they_are():
     assert Outcome.FAMILIAR in one_by_one and Outcome.UNFAMILIAR in one_by_one
 
 
+@pytest.mark.parametrize("sigmas, possible", [(4.0, True), (7.0, False)])
+def test_a_reading_beyond_white_is_refused_where_chance_makes_it_so_once_in_a_million(sigmas,
+                                                                                     possible):
+    """Chi-square of four with a chance of 1e-6 lies at 5.8 standard errors squared."""
+    base = seen(np.full(61, 0.999), 0.002)
+    more = MoreMeasurement("spot", (Reading.at_wavelength(
+        550, 1 + sigmas * np.hypot(0.003, SIGNAL_FLOOR), 0.003),))
+    if possible:
+        check_possible(base, [more])
+    else:
+        with pytest.raises(InputError, match="spot contradicts the other measurements"):
+            check_possible(base, [more])
+
+
 def test_what_a_plan_promises_is_the_error_of_the_mean():
     covariance = SMOOTH * np.outer(*2 * (np.linspace(0.01, 0.2, 61),))
     drawn = np.random.default_rng(7).multivariate_normal(np.zeros(61), covariance, 4000)
@@ -283,8 +301,32 @@ def test_a_plate_that_absorbs_nothing_returns_all_light_and_sends_some_through(i
 def test_blood_of_150_grams_a_litre_passes_a_tenth_for_every_unit_of_absorbance():
     molar = 150 / 64_500        # mol / l of haemoglobin
     extinction_cm, depth_cm = 53_236.0, 0.004
-    assert np.exp(-MOLAR_BLOOD * extinction_cm * depth_cm) == pytest.approx(
+    assert np.exp(-skin.MOLAR_BLOOD * extinction_cm * depth_cm) == pytest.approx(
         10 ** -(extinction_cm * molar * depth_cm))
+
+
+def test_vessels_that_let_nothing_through_absorb_as_their_shadows_do(monkeypatch):
+    """Black tubes of radius r that fill a share of the skin: 1 / (2 r) of it, per unit of length,
+    whatever is in them.
+    """
+    dermis = []
+    monkeypatch.setattr(skin, "log_uniform", lambda rng, low, high, count:
+                        np.full((count, 1), np.sqrt(low * high)))
+    for extinction in (1e-9, 1e15):
+        monkeypatch.setattr(skin, "_blood", lambda rng, count, full=extinction:
+                            np.full((count, 61), full))
+        dermis.append(skin._layers(np.random.default_rng(9), 3)[1])
+    radius_cm, share = np.sqrt(5e-4 * 4e-3), np.sqrt(0.003 * 0.07)
+    np.testing.assert_allclose(dermis[1] - dermis[0], share / (2 * radius_cm), rtol=1e-6)
+
+
+def test_a_logit_is_never_known_better_than_training_shows():
+    """Curves that a few directions hold altogether: what is left is the floor's variance."""
+    rng, shapes = np.random.default_rng(10), np.sin(np.outer([1, 2, 3], GRID.nm / 60))
+    curves = reflectance(0.5 * rng.standard_normal((MIN_CURVES, 3)) @ shapes)
+    fitted = fit_mixture(curves, 2, 0, smooth=0.0)
+    for covariance in fitted.covariances:
+        assert np.linalg.eigvalsh(covariance)[0] == pytest.approx(FLOOR, rel=1e-3)
 
 
 def test_shares_of_causes_are_shares_of_the_variance():

@@ -78,3 +78,14 @@ def test_a_scale_from_few_regions_errs_as_it_says(regions):
     # mean squares: 4000 times one degree of freedom know them to 2.2 %; the largest of two scatters
     # where the bands' own is the smaller one
     assert np.mean(stated**2) / values.var() == pytest.approx(1.02, abs=0.12)
+
+
+@pytest.mark.parametrize("bands", [2, 3, 6])
+def test_a_scale_from_one_region_errs_by_the_scatter_of_its_bands(bands):
+    rng, predicted = np.random.default_rng(3), np.linspace(0.3, 0.9, bands)[None]
+    scales = [scale_from_signals(2 * predicted * np.exp(0.05 * rng.standard_normal((1, bands))),
+                                 predicted, 1e-4, "") for _ in range(4000)]
+    values = np.array([scale.value for scale in scales])
+    stated = np.array([scale.standard_error for scale in scales])
+    # 4000 times one degree of freedom know a variance to 3.5 %
+    assert np.mean(stated**2) / values.var() == pytest.approx(1, abs=0.15)
