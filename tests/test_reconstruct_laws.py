@@ -31,6 +31,7 @@ from spectrabox.reconstruct.pixels.light_nodes import LightNodes
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.replay import Truth, _photographed
 from spectrabox.reconstruct.scene.light_position import _solve, _whitening
+from spectrabox.reconstruct.scene.light_profile import read_profile, relative_radiance
 from spectrabox.reconstruct.scene.regions import region_means
 from spectrabox.reconstruct.tracer.transport import TracedTransport
 
@@ -257,6 +258,15 @@ def test_light_that_rises_evenly_is_off_by_its_slope_where_pixels_are_misplaced(
     found = nodes.unevenness(light, 2.0) * light
     inner = (row > 0) & (row < row.max()) & (column > 0) & (column < column.max())
     np.testing.assert_allclose(found[inner], 2.0 * 0.005, rtol=1e-9)
+
+
+def test_a_lamp_that_is_brightest_aside_is_one_straight_ahead(tmp_path):
+    (tmp_path / "wings.csv").write_text("angle_deg,radiance\n0,40\n30,60\n60,20\n")
+    table = read_profile(tmp_path / "wings.csv")
+    angles = np.array([0, 15, 30, 45, 60, 80])
+    found = relative_radiance(table, np.cos(np.radians(angles)))
+    # straight lines between the angles, the last value up to 90 degrees; round-off of cosines
+    np.testing.assert_allclose(found, [1, 1.25, 1.5, 1, 0.5, 0.5], atol=1e-9)
 
 
 def test_errors_of_a_model_are_no_smaller_for_a_second_photo_of_it():

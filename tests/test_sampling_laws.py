@@ -99,6 +99,11 @@ def test_a_bent_logit_makes_the_law_of_draws_as_wide_as_draws_are():
     variance = law.variances[0, 0] * np.exp(skew**2) * np.expm1(skew**2) / skew**2
     # to second order: what is left is of the fourth order in spreads of half a logit
     np.testing.assert_allclose(logits.std(axis=0), np.sqrt(variance), rtol=0.03)
+    mean = law.logits[0, 0] + np.sqrt(law.variances[0, 0]) * np.expm1(skew**2 / 2) / skew
+    bent = np.abs(mean - mixture.logits[0, 0]).max()
+    # 20 000 draws know a mean to 0.7 % of a deviation
+    np.testing.assert_allclose(logits.mean(axis=0), mean, atol=0.03 * logits.std(axis=0).max())
+    assert bent > 0.06 * logits.std(axis=0).max()       # the test can tell: the bend moves it
 
 
 def test_shared_errors_add_up_to_the_covariance_that_is_stated():
