@@ -12,11 +12,13 @@ from test_light_drift import photo
 from test_posterior_laws import SMOOTH, mixture_of
 
 from spectrabox.radiometry.records import LightScale
+from spectrabox.reconstruct.pixels.light_nodes import LightNodes
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import reflectance_moments
 from spectrabox.session.picture import known_surfaces as known
 from spectrabox.session.picture import scene_light
 from spectrabox.session.picture.illumination import Illumination, brought_by
+from spectrabox.session.picture.known_surfaces import KnownSurfaces
 from spectrabox.session.picture.picture import GREY, LitPixels
 from spectrabox.session.picture.pixel_errors import PixelErrors, White
 
@@ -135,3 +137,36 @@ def test_spectra_are_expected_behind_signals_as_draws_of_the_prior_have_them():
     slopes = np.linalg.lstsq(signals - found.centre[0], shown - found.mean.ravel(), rcond=None)[0]
     # 40 000 draws know a slope to 0.5 % or better
     np.testing.assert_allclose(found.gain[0].reshape(6, 3), slopes.T, atol=0.03)
+
+
+def test_what_is_uncertain_of_the_light_on_a_node_adds_up_as_variances(monkeypatch):
+    """Noise of tracing, light that is misplaced where it changes, and light from elsewhere."""
+    nodes = LightNodes(np.zeros((12, 16), int), 4)
+    _, row, column = nodes.keys
+    light = (1 + 0.01 * column)[:, None] * np.ones(GRID.nm.size)    # rises by 1 % a node
+    bands, traced_noise, ambient = 3, 0.004, 0.003
+    to_signals = np.ones((bands, GRID.nm.size, 61)) / (61 * GRID.nm.size)
+    for name, value in (("known_surfaces", KnownSurfaces(LightScale(1.0, 0.0, None, ""),
+                                                         np.zeros((bands, bands)))),
+                        ("drift_of", None), ("glare_error", np.zeros(bands)), ("_under", None),
+                        ("with_scale", None), ("cut", None),
+                        ("scale_covariances", {"one": np.zeros((bands, bands))}),
+                        ("_responses", np.ones((1, bands, GRID.nm.size)))):
+        monkeypatch.setattr(scene_light, name, lambda *_, value=value: value)
+    part = SimpleNamespace(rows=slice(0, 12), columns=slice(0, 16))
+    scene = SimpleNamespace(
+        part=part, to_signals=to_signals, calibration=None, prior=None,
+        edges=np.zeros((12, 16), bool), view=SimpleNamespace(photo=photo()),
+        traced=SimpleNamespace(nodes=nodes, relative_variance=np.full(row.size, traced_noise**2),
+                               lamp=np.zeros(row.size, bool)),
+        joint=SimpleNamespace(views=[SimpleNamespace(measured=np.ones((2, 2, bands)))]),
+        task=SimpleNamespace(stored=None, config=SimpleNamespace(
+            stray_light=SimpleNamespace(ambient=ambient))))
+    white = scene_light._lit(scene, light)[0].errors.white
+    slope = 0.01 / nodes.cell
+    inner = (column > 0) & (column < column.max())
+    uneven = scene_light.MISPLACED_PX * slope / light[:, 0]
+    brightest = np.percentile(light[:, 0], scene_light.BRIGHTEST_PERCENTILE) / light[:, 0]
+    expected = traced_noise**2 + uneven**2 + (ambient * brightest)**2
+    np.testing.assert_allclose(white.log[inner], expected[inner, None, None]
+                               * np.ones((bands, bands)), rtol=1e-6)
