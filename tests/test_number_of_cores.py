@@ -11,10 +11,12 @@ ROOT = Path(__file__).resolve().parent.parent
 ONE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 RUN = """
 import os, sys
+from pathlib import Path
 os.sched_setaffinity(0, {int(core) for core in sys.argv[2].split(",")})
-sys.argv = ["spectrabox", "run", sys.argv[1]]
-from spectrabox.session.cli import main
-main()
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import run_stages
+run_stages(read_session(Path(sys.argv[1])), device="auto", only=None, force=False,
+           progress=lambda *_: None)
 """
 
 
