@@ -29,26 +29,17 @@ import numpy as np
 import OpenImageIO as oiio
 
 from spectrabox.fixtures import lamp
-from spectrabox.fixtures.demo_photos import (
-    camera_sensitivities,
-    card_light,
-    chart_light,
-    exposure_for,
-    take_photo,
-)
-from spectrabox.fixtures.demo_scenes import box_scene, chart_scene_xml
+from spectrabox.fixtures.demo_photos import camera_sensitivities
 from spectrabox.fixtures.painted_box import (
     SHAPE_OF,
     Pattern,
     chequered,
-    painted_light,
     painted_truth,
+    write_chart_session,
 )
-from spectrabox.fixtures.paints import NM, chart_truth, paint
+from spectrabox.fixtures.paints import NM, paint
 from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
-from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.sampling.prior.tables import uplift_signals
 from spectrabox.session.config.session_file import read_session
@@ -107,26 +98,8 @@ def patterns_of(kind: str, seed: int) -> dict[str, Pattern]:
 
 def write_session(folder: Path, kind: str, size: tuple[int, int], spp: int, seed: int) -> None:
     """Photos, light and scenes of a session whose picture has this size."""
-    for name in ("photos", "spectra", "scene"):
-        (folder / name).mkdir(parents=True)
-    whole = size[0] * 2, size[1] * 2
-    rngs = np.random.default_rng(seed).spawn(5)
-    light, sensitivities = lamp.radiance(NM), camera_sensitivities()
-    nm, radiance, error = lamp.measured(rngs[0])
-    (folder / "spectra/light.csv").write_text(table_text(
-        nm, {"value": radiance, "standard_error": error}, quantity=Quantity.RADIANCE,
-        source="synthetic reading"), encoding="utf-8")
-    (folder / "scene/box.xml").write_text(box_scene(size), encoding="utf-8")
-    (folder / "scene/chart.xml").write_text(chart_scene_xml(size), encoding="utf-8")
     plain = YELLOW if kind == "saturated" else paint("white_wall")[1]
-    box = painted_light(patterns_of(kind, seed), plain, size=size, spp=spp, seed=seed)
-    box = box.repeat(2, axis=0).repeat(2, axis=1)
-    chart = chart_light(chart_truth(rngs[1]), light, sensitivities, whole)
-    card = card_light(light, sensitivities, whole)
-    for name, shown, target, rng in (("chart", chart, 0.75, rngs[2]), ("flat", card, 0.8, rngs[3]),
-                                     ("box", box, 0.7, rngs[4])):
-        take_photo(folder / f"photos/{name}.dng", shown, exposure_for(shown, target), rng)
-    (folder / "session.toml").write_text(TOML, encoding="utf-8")
+    write_chart_session(folder, patterns_of(kind, seed), plain, TOML, size=size, spp=spp, seed=seed)
 
 
 def run(folder: Path, progress: Callable[[str, float, str], None] = lambda *_: None,

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from spectrabox.fixtures.demo_session import write_demo_session
 from spectrabox.fixtures.flat_demo import write_flat_demo
+from spectrabox.fixtures.painted_box import write_picture_demo
 from spectrabox.session.config.session_schema import FILE_NAME
 from spectrabox.session.config.template import write_schema
 from spectrabox.session.progress_display import progress_display
@@ -27,3 +28,13 @@ def make_flat_demo(folder: Path, seed: int) -> None:
     if not (folder / FILE_NAME).exists():
         write_flat_demo(folder, seed)
         write_schema(folder)
+
+
+def make_picture_demo(folder: Path, seed: int) -> None:
+    """Write the synthetic box with painted patterns into ``folder``, unless it is there already."""
+    if not (folder / FILE_NAME).exists():
+        with progress_display() as progress:
+            progress("capture", 0.0, "taking the photo of the painted box")
+            write_picture_demo(folder, seed)
+            write_schema(folder)
+            progress("capture", 1.0, "synthetic photos, spectra and scenes written")

@@ -32,17 +32,24 @@ def register(app: typer.Typer) -> None:
 
 
 def demo(folder: Annotated[Path | None, typer.Argument(
-             metavar="[DIR]", help="Where to write it: demo-session, or demo-flat.")] = None,
+             metavar="[DIR]", help="Where to write it: demo-session, demo-flat or "
+             "demo-picture.")] = None,
          flat: Annotated[bool, typer.Option("--flat", help="A painting with a chart in one photo, "
                                             "without a scene.")] = False,
+         picture: Annotated[bool, typer.Option("--picture", help="A box with painted patterns: a "
+                                               "spectrum for every pixel.")] = False,
          seed: Annotated[int, typer.Option(help="Of the synthetic photos.")] = 1,
          device: Device = "auto", as_json: Json = False, debug: Debug = False) -> None:
     """Make a synthetic capture session with known truth, run it, write its report."""
     with command(as_json, debug):
         check_device(device)
-        from spectrabox.session.demo import make_demo, make_flat_demo
-        folder = folder or Path("demo-flat" if flat else "demo-session")
-        (make_flat_demo if flat else make_demo)(folder, seed)
+        if flat and picture:
+            raise InputError("--flat and --picture are two demos; run one after the other")
+        from spectrabox.session.demo import make_demo, make_flat_demo, make_picture_demo
+        kind = "flat" if flat else "picture" if picture else "session"
+        folder = folder or Path(f"demo-{kind}")
+        {"flat": make_flat_demo, "picture": make_picture_demo,
+         "session": make_demo}[kind](folder, seed)
         execute(folder, only=None, force=False, device=device, allow_outside=False, as_json=as_json)
 
 
