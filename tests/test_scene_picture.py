@@ -9,8 +9,14 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from sampling_cameras import surface
+from typer.testing import CliRunner
 
-from spectrabox.fixtures.painted_box import chequered, painted_truth, write_painted_session
+from spectrabox.fixtures.painted_box import (
+    chequered,
+    painted_truth,
+    write_painted_session,
+    write_picture_demo,
+)
 from spectrabox.fixtures.paints import NM
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import products
@@ -19,6 +25,8 @@ from spectrabox.reconstruct.rendering.renderer import all_cores
 from spectrabox.reconstruct.rendering.spectral_texture import register_spectral_texture
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.sampling.prior.tables import uplift_signals
+from spectrabox.session.check import foresee
+from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.picture import scene_light, scene_stage
 from spectrabox.session.picture.unseen import EDGE, PENUMBRA, SEEN
@@ -208,6 +216,20 @@ def test_the_report_shows_the_picture_and_why_pixels_are_missing(finished):
     assert all((folder / file).is_file() for file in picture["files"])
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "Picture of spectra" in page and "has converged" in page and "penumbra" in page
+    # patterns are no fault of the session: one sentence for all
+    assert said.facts["verdict"] == "warn"
+    assert sum("One spectrum each does not fit" in words for words in said.facts["warnings"]) == 1
+    assert not any("Holm" in words for words in said.facts["warnings"])
+
+
+def test_the_demo_of_a_picture_is_a_session_that_is_ready_to_run(tmp_path):
+    folder = tmp_path / "demo"
+    write_picture_demo(folder, size=(104, 156), spp=4)
+    assert foresee(folder).problems == []
+    with pytest.raises(InputError, match="already holds"):
+        write_picture_demo(folder)
+    both = CliRunner().invoke(app, ["demo", str(tmp_path / "none"), "--flat", "--picture"])
+    assert both.exit_code != 0 and "two demos" in both.output
 
 
 def test_another_part_makes_the_picture_again_and_nothing_else(finished, tmp_path, monkeypatch):

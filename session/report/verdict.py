@@ -3,7 +3,7 @@ over all.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -33,6 +33,10 @@ DOUBTS = {CalibrationDoubt.UNLIKE_CAMERAS: "Calibration like that of measured ca
           CalibrationDoubt.WRONG_LIGHT: "Stated light against the chart",
           CalibrationDoubt.COLOUR_MATRIX: "Curves against the colour matrix in the photo's file"}
 MAX_NAMED = 3                         # surfaces that the verdict names
+# of sessions with a picture, whose surfaces may have as many spectra as pixels
+PATTERNS = ("One spectrum for each material does not fit every surface. It cannot fit those with "
+            "patterns, and the picture, with a spectrum for every pixel, does not rest on it; of "
+            "plain surfaces check light, position and paint.")
 
 
 class Status(Enum):
@@ -78,15 +82,20 @@ def judge(results: SessionResults) -> Verdict:
                   view.bands) for view in results.views]
     fitted = [("", results.reconstruction)]
     fitted += [(f" in the photo “{view.name}”", view.reconstruction) for view in results.views]
-    criteria = (*(_median_surface(agreement, where) for where, agreement, _ in compared),
-                *(_worst_surface(agreement, bands, where) for where, agreement, bands in compared),
-                *(_misfits(view, where) for where, view in fitted), *calibration_doubts(results),
+    level = [*(_median_surface(agreement, where) for where, agreement, _ in compared),
+             *(_worst_surface(agreement, bands, where) for where, agreement, bands in compared)]
+    misfits = [_misfits(view, where) for where, view in fitted]
+    if results.picture is not None:
+        level = [replace(each, status=Status.INFO) for each in level]
+        misfits = [each if each.status is Status.PASS else
+                   replace(each, status=Status.WARN, says=PATTERNS) for each in misfits]
+    criteria = (*level, *misfits, *calibration_doubts(results),
                 chart_agreement(results), *left_out(results), _clipped(results),
                 *_outcomes(results),
                 *_between_photos(results),
                 *_rehearsal(results), coverage(results))
     status = max((c.status for c in criteria), key=lambda s: s.value)
-    reasons = [c.says for c in criteria if c.status is status]
+    reasons = dict.fromkeys(c.says for c in criteria if c.status is status)
     if status in (Status.WARN, Status.FAIL):
         return Verdict(status, " ".join(reasons), criteria)
     return Verdict(status, "Photo, rendering and calibration agree within the limits.", criteria)

@@ -159,8 +159,14 @@ def _warnings(config: SessionConfig, calibration: Calibration,
     found = [f"Calibration: {doubt.value}." for doubt in calibration.doubts]
     misfits = [(name, misfit) for name, view in zip(joint.names, joint.views, strict=True)
                for misfit in view.misfits]
-    found += [misfit.sentence if len(joint.views) == 1 else
-              f"In the photo “{name}” {misfit.sentence}" for name, misfit in misfits]
+    if misfits and config.picture is not None:
+        found.append("One spectrum each does not fit "
+                     f"{', '.join(dict.fromkeys(misfit.surface for _, misfit in misfits))}: it "
+                     "cannot where there are patterns, of which the picture has every pixel's; "
+                     "elsewhere check light, position and paint.")
+    else:
+        found += [misfit.sentence if len(joint.views) == 1 else
+                  f"In the photo “{name}” {misfit.sentence}" for name, misfit in misfits]
     residuals = calibration.sensitivity.residuals
     if residuals is not None and (rms := float(np.sqrt(np.mean(residuals**2)))) > CHART_WARNING:
         found.append(f"The chart's patches disagree with the fitted camera by {rms:.1%} rms: look "
