@@ -40,7 +40,7 @@ def test_a_cluster_makes_the_bits_of_processes_though_a_worker_is_killed(session
     order = order_of(folders, tmp_path / "out")
     with open_workers("local", 1, len(folders)) as pool:
         assert pool.workers == 1 and pool.about.startswith("dashboard: http")
-        # Dask's own setting of it makes every array anew: half as much processor again
+        # Dask's own setting has every array mapped anew: up to half as much processor again
         assert {*default_client().run(os.getenv, "MALLOC_TRIM_THRESHOLD_").values()} == {None}
         outcomes = run_batch(order, folders, KillingOnce(pool, folders[0]))
         assert [(each.state, each.says) for each in outcomes if each.state != "done"] == []

@@ -137,7 +137,7 @@ def _of_workers(environment: dict[str, Any]) -> dict[str, Any]:
     """What Dask puts into the environment of its workers, but for how memory is given back.
 
     Dask lets the C library return every freed piece at once, so that the next array is mapped and
-    zeroed anew: a session of flat samples then takes half as much processor again.
+    zeroed anew: a session of flat samples then takes up to half as much processor again.
     """
     return {name: value for name, value in environment.items()
             if not name.startswith("MALLOC_")}
