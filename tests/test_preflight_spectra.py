@@ -29,6 +29,11 @@ def expected(stated, cameras, noise):
     return expected_spectra(shoot, HAND, photos=2, surfaces=6)
 
 
+@pytest.fixture(scope="module")
+def in_daylight():
+    return expected(spectrum(light("D65", GRID)), KNOWN_CAMERA, 0.01)
+
+
 def run(*words):
     return CliRunner().invoke(app, list(words))
 
@@ -47,17 +52,16 @@ def test_noise_and_an_unknown_light_cost():
     assert little.width > little.width_known
 
 
-def test_a_lamp_that_shows_little_of_a_spectrum_is_said():
+def test_a_lamp_that_shows_little_of_a_spectrum_is_said(in_daylight):
     narrow = np.exp(-0.5 * ((GRID.nm - 560) / 25) ** 2) + 0.002
     poor = expected(spectrum(narrow), KNOWN_CAMERA, 0.01)
     assert any("shows less of a spectrum" in said for said in poor.doubts)
-    good = expected(spectrum(light("D65", GRID)), KNOWN_CAMERA, 0.01)
-    assert good.doubts == ()
-    assert good.mean.rmse_known == pytest.approx(good.rmse_daylight)
+    assert in_daylight.doubts == ()
+    assert in_daylight.mean.rmse_known == pytest.approx(in_daylight.rmse_daylight)
 
 
-def test_a_second_photo_never_harms_and_the_best_comes_first():
-    second = expected(spectrum(light("D65", GRID)), KNOWN_CAMERA, 0.01).second
+def test_a_second_photo_never_harms_and_the_best_comes_first(in_daylight):
+    second = in_daylight.second
     assert {step.name for step in second} == {"A", "LED-B3"}
     assert all(step.rmse_after < step.rmse_before for step in second)
     assert [step.rmse_after for step in second] == sorted(step.rmse_after for step in second)

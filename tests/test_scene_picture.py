@@ -77,6 +77,12 @@ def scene(finished):
 
 
 @pytest.fixture(scope="module")
+def lighting(scene):
+    """The light on it, and its spectra."""
+    return scene_light.found_light(scene, lambda _: None)
+
+
+@pytest.fixture(scope="module")
 def truth():
     return painted_truth(PATTERNS, SIZE)
 
@@ -132,13 +138,12 @@ def near_the_walls(lit, truth):
     return (mean[:, at], spread[:, at]), at_step(truth.reshape(-1, NM.size)[picked])
 
 
-def test_light_from_other_walls_counts_with_its_colour(scene, truth, monkeypatch):
+def test_light_from_other_walls_counts_with_its_colour(scene, lighting, truth, monkeypatch):
     def scored(scene):
         return scores(*near_the_walls(scene_light.found_light(scene, lambda _: None).pixels, truth))
 
     # the light's strength as from a chart, which no light from walls can make up for
-    given = scene_light.found_light(scene, lambda _: None).scale
-    scene = replace(scene, view=replace(scene.view, light_scale=given))
+    scene = replace(scene, view=replace(scene.view, light_scale=lighting.scale))
     whole = scored(scene)
     made = scene_light.illumination
     lamp = scene.view.light
@@ -156,9 +161,9 @@ def test_light_from_other_walls_counts_with_its_colour(scene, truth, monkeypatch
     assert whole[1] > 0.9 and as_grey[1] < whole[1]
 
 
-def test_few_typical_lights_stand_for_the_light_on_every_pixel(scene):
+def test_few_typical_lights_stand_for_the_light_on_every_pixel(lighting):
     """Spectra as of each pixel's own response, of which none are shared."""
-    lit = scene_light.found_light(scene, lambda _: None).pixels
+    lit = lighting.pixels
     rows = lit.rows(0, SIZE[0], singly=True)
     picked = np.flatnonzero(rows.seen)[::40]
     errors, light = lit.errors, lit.errors.light
@@ -263,7 +268,7 @@ def test_what_a_picture_of_a_scene_cannot_do_is_said_at_once(finished, tmp_path,
         read_session(tmp_path)
 
 
-def test_rendering_the_textures_gives_back_the_photo(finished, scene, truth):
+def test_rendering_the_textures_gives_back_the_photo(finished, scene, lighting, truth):
     folder, made = finished
     files = made.stored["picture"].record(tuple[str, ...], "files")
     assert {"texture-left_wall.exr", "texture-right_wall.exr", "textures.xml"} <= set(files)
@@ -273,9 +278,8 @@ def test_rendering_the_textures_gives_back_the_photo(finished, scene, truth):
         "value")) for node in root}
     register_spectral_texture()
     view, size = scene.view, SIZE[::-1]
-    found = scene_light.found_light(scene, lambda _: None)
     spectra = {material.bsdf: spectrum for material, spectrum in zip(
-        view.scene_materials, found.spectra, strict=True)}
+        view.scene_materials, lighting.spectra, strict=True)}
     whole = ET.fromstring(view.xml(spectra, integrator="path"))
     for shape in whole.findall("shape"):
         if shape.get("id") in textures:
@@ -287,14 +291,14 @@ def test_rendering_the_textures_gives_back_the_photo(finished, scene, truth):
     with all_cores():
         image = np.array(mi.render(mi.load_string(ET.tostring(whole, encoding="unicode")), spp=256,
                                    seed=3))
-    scale = found.scale.value
+    scale = lighting.scale.value
     column = np.arange(size[0])
     # where fields meet, a texel is not a pixel
     seen = np.isfinite(stored(folder, "mean.exr")[..., 0]) & np.isfinite(truth[..., 0])
     walls = seen & ((column < 12) | (column >= 48))
     assert walls.sum() > 50
     # of each paint as a whole: single pixels have noise, and texels lie otherwise than they do
-    rows = found.pixels.rows(0, SIZE[0], singly=True)
+    rows = lighting.pixels.rows(0, SIZE[0], singly=True)
     off = (scale * image - view.photo.signal)[walls] / rows.white.signal.reshape(*SIZE, 3)[walls]
     _, paint = np.unique(truth[walls][:, ::50], axis=0, return_inverse=True)
     count = np.bincount(paint.ravel())
