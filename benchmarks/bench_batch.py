@@ -4,9 +4,9 @@ several, and on a local Dask cluster.
 The sessions are synthetic photos of paints beside a chart, each with noise of its own, so that none
 shares a calibration with another. They are run anew each time. On a machine that does nothing else.
 
-One process uses more than one core where there is one: the report is drawn in two processes, and
-draws are made in threads. So there are two rows of it: on one core, as each of several processes
-has it, and on all of them.
+One process uses more than one core where there is one: parts of the fit and of the report are made
+by a second process, and draws by threads. So there are two rows of it: on one core, as each of
+several processes has it, and on all of them.
 """
 from __future__ import annotations
 
