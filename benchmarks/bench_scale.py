@@ -3,7 +3,8 @@
 ``pictures``: a synthetic picture of repeated tiles through ``spectrabox uplift``: seconds, memory
 and bytes by megapixels. ``sessions``: seconds and bytes of each stage of a session of flat
 samples and of a scene, and what a batch adds to each. ``tasks``: what Dask's scheduler adds to each
-of many empty and sleeping tasks. ``model``: what these say of more than was measured.
+of many empty and sleeping tasks, ``tiles``: what a command adds to each part of a picture.
+``model``: what these say of more than was measured.
 """
 from __future__ import annotations
 
@@ -15,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
@@ -26,6 +28,7 @@ from spectrabox.fixtures.flat_demo import write_flat_demo
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.session.signals.signal_options import response_of_names
+from spectrabox.session.signals.uplift_plan import Look, together
 
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"
 TASKS_AT_ONCE = 5000        # given to Dask before the first of them is waited for
@@ -37,7 +40,8 @@ def main() -> None:
         uplift(*sys.argv[2:])
         return
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", nargs="*", default=["pictures", "sessions", "tasks", "model"])
+    parser.add_argument("part", nargs="*",
+                        default=["pictures", "sessions", "tasks", "tiles", "model"])
     parser.add_argument("--megapixels", default="10,20")
     parser.add_argument("--width", type=int, help="pixels; square by default. Memory grows with "
                         "the width alone, so that a low picture shows it")
@@ -60,6 +64,8 @@ def main() -> None:
             sessions()
         elif part == "tasks":
             tasks(options.tasks, options.workers)
+        elif part == "tiles":
+            tiles(options.tasks, options.workers)
         elif part == "model":
             model()
 
@@ -215,6 +221,32 @@ def rest(seconds: float, number: int) -> int:
     if seconds:
         time.sleep(seconds)
     return number
+
+
+@dataclass(frozen=True)
+class Looked:
+    """A task of a picture's first reading that takes no time: what is left is the command's own."""
+
+    first: int
+    write: bool = False
+    tries: int = 0
+
+    def __call__(self) -> Look:
+        """Which points of a table rows need, and some of their signals."""
+        return Look(np.ones((25,) * 3, dtype=bool), 0, np.zeros((500, 3), np.float32))
+
+
+def tiles(count: int, workers: int) -> None:
+    """Seconds of processor that a command takes to give rows to processes and hear of them."""
+    from spectrabox.session.batch.workers import open_workers
+    from spectrabox.session.tiles.picture import in_turn
+    with open_workers(None, workers, count) as pool:
+        list(in_turn(pool, 1, map(Looked, range(workers))))     # they have started
+        used = time.process_time()
+        together(in_turn(pool, 1, map(Looked, range(count))))
+        used = time.process_time() - used
+    print(f"{count} tasks of rows on {workers} processes: {used / count * 1e3:.2f} ms of processor "
+          "a task in the command that gives them")
 
 
 # ---- what follows

@@ -2,6 +2,7 @@
 import contextlib
 import os
 import signal
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -86,8 +87,8 @@ class Inline:
 @pytest.fixture
 def inline(monkeypatch):
     """A function that makes tasks run here, or end as it is told."""
-    def use(outcome=lambda pool, task: Finished(task, task())):
-        pool = Inline(outcome)
+    def use(outcome=lambda pool, task: Finished(task, task()), pool=None):
+        pool = pool or Inline(outcome)
         monkeypatch.setattr(tiles, "open_workers", lambda *_: contextlib.nullcontext(pool))
         return pool
     return use
@@ -150,6 +151,23 @@ def test_a_worker_that_is_killed_costs_its_rows_alone(image, expected, tmp_path,
     assert contents(tmp_path) == expected
     writes = [first for write, first in started if write]
     assert len(killed) == 1 and sorted(writes) == sorted([*range(0, HEIGHT, 128), writes[0]])
+
+
+def test_threads_of_one_worker_do_not_share_an_open_picture(image, expected, tmp_path, inline):
+    """Dask's workers may have several threads, and a file is read from where it was read last."""
+    with ThreadPoolExecutor(4) as threads:
+        class Threads(Inline):
+            workers = 4
+
+            def start(self, task):
+                self.ended.append((task, threads.submit(task)))
+
+            def wait(self):
+                return [Finished(task, future.result()) for task, future in super().wait()]
+
+        inline(pool=Threads(None))
+        answer(image, tmp_path)
+    assert contents(tmp_path) == expected
 
 
 # ---- going on

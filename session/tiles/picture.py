@@ -81,7 +81,7 @@ def tiled_answer(request: UpliftRequest, cluster: str | None, workers: int | Non
             def done(write: bool, left: Iterable[int]) -> Iterator[Look | None]:
                 tasks = (RowsTask(order, first, min(first + rows, job.picture.height), write,
                                   needed) for first in left)
-                return _in_turn(pool, needed, tasks)
+                return in_turn(pool, needed, tasks)
 
             if not (order.folder / PLAN).exists():
                 found = together(_counted(done(False, starts), len(starts), 0,
@@ -112,7 +112,7 @@ def needed_bytes(job: Job) -> int:
     return PROGRAM_BYTES + read + 3 * 4 * numbers * (CHUNK_PX**2 * CHUNKS_A_SHARD + PIXELS_AT_ONCE)
 
 
-def _in_turn(pool: Pool, needed: int, tasks: Iterator[RowsTask]) -> Iterator[Look | None]:
+def in_turn(pool: Pool, needed: int, tasks: Iterator[RowsTask]) -> Iterator[Look | None]:
     """Results of tasks in their own order, as many at a time as workers and memory allow."""
     at_once = pool.workers if pool.budget_bytes is None \
         else max(1, min(pool.workers, pool.budget_bytes // needed))

@@ -5,6 +5,7 @@ Rows are those of whole shards of the arrays, so that no two workers write to on
 from __future__ import annotations
 
 import functools
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from spectrabox.session.tiles.stored_plan import load_plan
 
 DONE = "done"           # folder of one empty file a task
 PROGRAM_BYTES = 400 * 2**20
+OPEN = 16               # threads of one worker that keep their picture open
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class RowsTask:
             if made_by() != self.order.made_by:
                 raise EnvironmentProblem("this worker's program or packages are not those of the "
                                          "command: install the same, then run it again")
-            job = _job(self.order)
+            job = _job(self.order, threading.get_ident())
             if not self.write:
                 return together(look(job, self.first + start, self.first + end)
                                 for start, end in row_blocks(self.last - self.first,
@@ -123,8 +125,9 @@ def made_by() -> str:
     return fingerprint({"code": stage_code({"tiles": __name__}), "versions": versions(PACKAGES)})
 
 
-@functools.lru_cache(maxsize=1)
-def _job(order: Order) -> Job:
+@functools.lru_cache(maxsize=OPEN)
+def _job(order: Order, thread: int) -> Job:
+    """The picture, open for one thread alone: its file knows where it was read last."""
     return job_of(order.request)
 
 
