@@ -1,10 +1,10 @@
 """What sessions and pictures take as they become many and large: the figures of docs/scale.md.
 
 ``pictures``: a synthetic picture of repeated tiles through ``spectrabox uplift``: seconds, memory
-and bytes by megapixels. ``sessions``: seconds and bytes of each stage of a session of flat
-samples and of a scene, and what a batch adds to each. ``tasks``: what Dask's scheduler adds to each
-of many empty and sleeping tasks, ``tiles``: what a command adds to each part of a picture.
-``model``: what these say of more than was measured.
+and bytes by megapixels; ``steps``: where they go. ``sessions``: seconds and bytes of each stage of
+a session of flat samples and of a scene, and what a batch adds to each. ``tasks``: what Dask's
+scheduler adds to each of many empty and sleeping tasks, ``tiles``: what a command adds to each part
+of a picture. ``model``: what these say of more than was measured.
 """
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def main() -> None:
         return
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("part", nargs="*",
-                        default=["pictures", "sessions", "tasks", "tiles", "model"])
+                        default=["pictures", "steps", "sessions", "tasks", "tiles", "model"])
     parser.add_argument("--megapixels", default="10,20")
     parser.add_argument("--width", type=int, help="pixels; square by default. Memory grows with "
                         "the width alone, so that a low picture shows it")
@@ -64,6 +64,8 @@ def main() -> None:
             sessions()
         elif part == "tasks":
             tasks(options.tasks, options.workers)
+        elif part == "steps":
+            steps()
         elif part == "tiles":
             tiles(options.tasks, options.workers)
         elif part == "model":
@@ -137,6 +139,31 @@ def write_repeated(path: Path, height: int, width: int) -> None:
         last = min(first + TILE, height)
         assert file.write_tiles(0, width, first, last, 0, 1, row[:last - first])
     assert file.close()
+
+
+def steps() -> None:
+    """Seconds of processor of the steps of four megapixels, to 16 coefficients each."""
+    from spectrabox.session.signals.uplift import UpliftRequest, job_of
+    from spectrabox.session.signals.uplift_plan import look, planned
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "picture.exr"
+        write_repeated(path, 2048, 2048)
+        job = job_of(UpliftRequest(path, Path(name), CAMERA, LIGHT, None, 0.01, 25, 10, False,
+                                   form="zarr", coefficients=16))
+        rows = range(0, 2048, TILE)
+        at = [time.process_time()]
+        signals = [job.signals(first, first + TILE) for first in rows]
+        at.append(time.process_time())
+        found = together(look(job, first, first + TILE) for first in rows)
+        at.append(time.process_time())
+        plan = planned(job, found, lambda share: None)
+        at.append(time.process_time())
+        for each in signals:
+            plan.made(job, each)
+        read, looked, made, used = np.diff([*at, time.process_time()])
+        print(f"s of processor a megapixel: read {read / 4.194:.3f}, read and looked at "
+              f"{looked / 4.194:.3f}, looked up {used / 4.194:.3f}; once, basis and table: "
+              f"{made:.1f} s")
 
 
 # ---- sessions
@@ -251,9 +278,9 @@ def tiles(count: int, workers: int) -> None:
 
 # ---- what follows
 
-SESSION_S, SCENE_S = 8.0, 12.0      # of one core: flat samples, a box
+SESSION_S, SCENE_S = 4.0, 5.2        # of one core: flat samples, a box
 SCHEDULED_S = 1.3e-3                # of one core: a task, in Dask's scheduler and the client
-READ_S, GIVEN_S = 2.3e-3, 4e-5      # in the command: a session read, rows given to a worker
+READ_S, GIVEN_S = 0.8e-3, 4e-5      # in the command: a session read, rows given to a worker
 READ = 12                           # bytes for a pixel, of three half floats that are read twice
 WRITTEN = {"low rank": (0.43e-6, 26), "spectra": (0.75e-6, 56)}     # s of one core, bytes, to Zarr
 DISK = 2e9                          # bytes a second: assumed of the file system that all share
