@@ -20,8 +20,10 @@ from spectrabox.calibrate.sensitivity import scale_of_photo
 from spectrabox.calibrate.trust import GLARE_SIGMA
 from spectrabox.capture.chart.quality import uneven_light_reasons
 from spectrabox.radiometry.light_scale import LAMP_AT_CHART, with_common_error
+from spectrabox.radiometry.outside.second_process import beside
 from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import (
+    Calibration,
     LightScale,
     LinearImage,
     PatchSamples,
@@ -68,7 +70,6 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
     irradiance = _irradiance(config, task.device, task.progress) if shown else None
     task.progress(0.6, "fitting sensitivities")
     curves = None if config.sensitivity.from_chart else read_sensitivities(config)[1]
-    vague = any(isinstance(light, UnknownLight) for light in lights)
     first = _first_chart(config, shown, lights, irradiance, curves) if 0 in shown else None
     if first is not None:
         camera = first.calibration
@@ -81,9 +82,25 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
     records: dict[str, Any] = {"calibration": camera, "irradiance": None if first is None else lit,
                "predicted": None if first is None else first.predicted,
                "white": None if first is None else first.white,
-               "prior": None if first is None else first.prior_standing,
-               "left out": None if first is None else left_out_patches(
-                   first, read_chart_reference(config))}
+               "prior": None if first is None else first.prior_standing}
+    with beside(lambda: None if first is None else left_out_patches(
+            first, read_chart_reference(config))) as left_out:
+        records |= _other_calibrations(config, shown, lights, irradiance, curves, first, camera)
+        records["glare"] = _certain_glare(first, charts)
+        if irradiance is not None:
+            _widen_by_lamp_position(config, records)
+        records["notes"] = () if irradiance is None else _uneven_notes(config, task.stored,
+                                                                       irradiance)
+        records["left out"] = left_out()
+    return records
+
+
+def _other_calibrations(config: SessionConfig, shown: Mapping[int, PatchSamples],
+                        lights: Sequence[Spectrum | UnknownLight], irradiance: np.ndarray | None,
+                        curves: np.ndarray | None, first: ChartCalibration | None,
+                        camera: Calibration) -> dict[str, Any]:
+    """Of every view but the first."""
+    records, vague = {}, any(isinstance(light, UnknownLight) for light in lights)
     for number, view in enumerate(config.all_views[1:], start=1):
         if number in shown and vague:
             own = calibrate_chart([_chart_photo(config, number, shown, lights, irradiance)], GRID,
@@ -98,10 +115,6 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
         light = camera.light if vague else _stated(lights[number])
         records[view.record("calibration")] = dataclasses.replace(camera, light=light,
                                                                   light_scale=scale)
-    records["glare"] = _certain_glare(first, charts)
-    if irradiance is not None:
-        _widen_by_lamp_position(config, records)
-    records["notes"] = () if irradiance is None else _uneven_notes(config, task.stored, irradiance)
     return records
 
 
