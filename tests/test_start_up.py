@@ -20,12 +20,11 @@ MAY_IMPORT = {
     "new": (["new", "{new}"], {"pydantic", "numpy"}),
     "status": (["status", "{session}"], {"pydantic"}),
     # It runs what a run asks before it traces: the camera is fitted, the scene is opened.
-    "check": (["check", "{session}"], {"pydantic", "numpy", "scipy", "mitsuba", "drjit", *PHOTOS}),
+    "check": (["check", "{session}"], {"pydantic", "numpy", "mitsuba", "drjit", *PHOTOS}),
     "sample": (SAMPLE, {"pydantic", "numpy"}),
     "camera fit": (["camera", "fit", "--chart", "{session}/photos/chart.dng", "--light",
                     "{session}/spectra/light.csv", "--json"],
-                   # reflectances of the patches left out have bands
-                   {"pydantic", "numpy", "scipy", *PHOTOS}),
+                   {"pydantic", "numpy", *PHOTOS}),
     "run": (["run", "{session}"], {"pydantic", "numpy", "scipy", "mitsuba", "drjit", "matplotlib",
                                    "jinja2", "rich", *PHOTOS}),
 }
