@@ -202,6 +202,19 @@ def test_bands_of_drawn_photos_hold_as_much_as_stated():
     assert np.all(np.abs(off) < 3.9 * np.array([0.16, 0.21, 0.17, 0.16]) / np.sqrt(20))
 
 
+def test_products_do_not_hang_on_the_unit_of_the_signals(found):
+    photo, posterior = found
+    other = posterior_of_products([replace(photo, signal=16383 * photo.signal,
+                                           covariance=16383**2 * photo.covariance)], small_prior())
+    entries = posterior.prior.components.shape[1]
+    (ours, spread), (theirs, other_spread) = (each.moments() for each in (posterior, other))
+    # round-off of systems of condition 1e6
+    np.testing.assert_allclose(theirs[:entries], ours[:entries], atol=1e-5)
+    np.testing.assert_allclose(np.diag(other_spread)[:entries], np.diag(spread)[:entries],
+                               rtol=1e-3, atol=1e-9)
+    np.testing.assert_allclose(theirs[-6:-3], 16383 * ours[-6:-3], rtol=1e-3)     # glare
+
+
 def test_kinds_of_lamps_are_as_probable_as_all_their_components_together(found):
     photo, posterior = found
     logs = before(posterior)[:, None] + np.array(
