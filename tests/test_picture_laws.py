@@ -93,8 +93,9 @@ def test_a_material_is_what_its_surface_reflects_and_not_what_most_pixels_show(m
     np.testing.assert_allclose(scene_light._mean_spectrum(scene, pixels, some), 0.5, rtol=1e-12)
 
 
+@pytest.mark.parametrize("walls", [1, 3])
 @pytest.mark.parametrize("spread", [0.0, 0.02, 0.05])
-def test_scatter_of_a_known_surface_is_that_beyond_its_noise(monkeypatch, spread):
+def test_scatter_of_a_known_surface_is_that_beyond_its_noise(monkeypatch, spread, walls):
     rng, bands, nodes = np.random.default_rng(3), 3, 4000
     noise, traced_noise = 0.03, 0.01
     light, sensed = np.ones((nodes, GRID.nm.size)), np.ones((bands, GRID.nm.size))
@@ -104,11 +105,14 @@ def test_scatter_of_a_known_surface_is_that_beyond_its_noise(monkeypatch, spread
                                   + noise * rng.standard_normal((nodes, bands)))
     material = SimpleNamespace(name="white", reflectance=np.full(GRID.nm.size, 0.5))
     view = SimpleNamespace(sensitivities=sensed, grid=GRID, scene_materials=(material,),
-                           surface_materials=("white",), light_scale=LightScale(1, 0, None, ""),
-                           scene_file=SimpleNamespace(surfaces={"wall": "white"}))
+                           surface_materials=("white",) * walls,
+                           light_scale=LightScale(1, 0, None, ""),
+                           scene_file=SimpleNamespace(surfaces=dict.fromkeys(
+                               map(str, range(walls)), "white")))
     scene = SimpleNamespace(
         view=view, node_signals=(measured, (noise * measured)**2), compared=np.ones(nodes, bool),
-        traced=SimpleNamespace(nodes=SimpleNamespace(keys=np.zeros((3, nodes), int)),
+        traced=SimpleNamespace(nodes=SimpleNamespace(
+            keys=np.array([np.arange(nodes) % walls, *np.zeros((2, nodes), int)])),
                                relative_variance=np.full(nodes, traced_noise**2)),
         task=SimpleNamespace(config=SimpleNamespace(reconstruct=SimpleNamespace(
             surface_error=0.0, brightness_error=0.0))),

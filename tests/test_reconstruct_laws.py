@@ -26,10 +26,11 @@ from spectrabox.reconstruct.fit.spectrum_prior import greville_abscissae
 from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewTerms
 from spectrabox.reconstruct.joint_reconstruction import joint_record
+from spectrabox.reconstruct.misfit import surface_tests
 from spectrabox.reconstruct.pixels.hits import hits_of
 from spectrabox.reconstruct.pixels.light_nodes import LightNodes
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
-from spectrabox.reconstruct.replay import Truth, _photographed
+from spectrabox.reconstruct.replay import Truth, _gains, _photographed
 from spectrabox.reconstruct.scene.light_position import _solve, _whitening
 from spectrabox.reconstruct.scene.light_profile import read_profile, relative_radiance
 from spectrabox.reconstruct.scene.regions import region_means
@@ -281,6 +282,29 @@ def test_errors_of_a_model_are_no_smaller_for_a_second_photo_of_it():
     for times in (1, 2, 3):
         found = joint_record((view,) * times, (record,) * times, None, (None,) * times)
         np.testing.assert_allclose(found.model_covariance, errors, rtol=1e-12)
+
+
+def test_surfaces_of_a_replayed_photo_err_as_stated_in_each_band_and_in_all():
+    colour, brightness = 0.01, 0.03
+    traced = SimpleNamespace(nuisances=Nuisances(surface_error=colour,
+                                                 brightness_error=brightness),
+                             measured=np.zeros((4000, 3)), group=np.arange(4000))
+    found = np.log(_gains(traced, np.random.default_rng(17)))
+    # 4000 surfaces know a variance to 2.2 %
+    np.testing.assert_allclose(np.cov(found.T), colour**2 * np.eye(3) + brightness**2,
+                               atol=0.09 * brightness**2)
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.2])
+def test_a_part_is_told_beyond_three_errors_of_its_mean(noise):
+    """Blocks of sixteen pixels of noise alone: one in 370 lies beyond three errors, by a little."""
+    rng, size = np.random.default_rng(18), (160, 160)
+    rendered = np.full((*size, 1), 0.5)
+    measured = rendered * (1 + noise * rng.standard_normal(rendered.shape))
+    tests = surface_tests(("wall",), measured, rendered, np.zeros(size, int), np.ones(size, bool),
+                          0.01)
+    # the largest of 1600 normal blocks: 3.2 to 4.6 errors, of which three are taken off
+    assert 0.1 < abs(tests[0].worst_part) / (noise / 4) < 1.9
 
 
 def test_a_replayed_photo_says_the_noise_of_counted_light():

@@ -15,7 +15,7 @@ from spectrabox.radiometry.records import LightTransport, Outcome
 from spectrabox.sampling.error_budget import shares_by_cause
 from spectrabox.sampling.further.conditioning import Reading
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, check_possible
-from spectrabox.sampling.further.planner import expected_rmse
+from spectrabox.sampling.further.planner import expected_rmse, mean_width
 from spectrabox.sampling.judge.identification import ALIKE_NM, identify
 from spectrabox.sampling.judge.scores import curve_band
 from spectrabox.sampling.polytope.diagnostics import diagnose
@@ -36,6 +36,7 @@ from spectrabox.sampling.prior.training import FLOOR, MIN_CURVES, fit_mixture
 from spectrabox.sampling.scene.draws import shared_errors, surprise
 from spectrabox.sampling.scene.posterior import JointProblem, climb, gaussian_of, joint_problem
 from spectrabox.sampling.scene.sampling import sample_joint
+from spectrabox.sampling.summary import READING_ERROR
 
 SIGMAS = stats.norm.isf(0.5e-4)
 
@@ -229,6 +230,16 @@ def test_a_true_spectrum_is_rejected_as_often_as_stated():
     assert stats.kstest(chances, "uniform").pvalue > 1e-4
 
 
+@pytest.mark.parametrize("bands", [3, 6])
+def test_a_true_spectrum_is_less_evident_than_allowed_once_in_twenty(bands):
+    """Against the likeliest of all signals: the ratio of densities is exp(chi-square / 2)."""
+    rng, measured = np.random.default_rng(11), seen(np.full(61, 0.5), 0.01, bands)
+    found = identify(measured, np.full((1, 61), 0.5), two_components(), variation=0.0)
+    chi_square = np.sum(rng.standard_normal((40_000, bands))**2, axis=1)
+    # 40 000 draws know a share of a twentieth to 0.11 %
+    assert np.mean(np.exp(chi_square / 2) > found.evidence_ratio) == pytest.approx(0.05, abs=0.005)
+
+
 @pytest.mark.parametrize("level", [0.5, 0.95])
 def test_a_band_of_curves_holds_that_share_of_whole_draws(level):
     drawn = np.random.default_rng(6).multivariate_normal(np.zeros(61), SMOOTH, 4000)
@@ -268,9 +279,26 @@ def test_a_reading_beyond_white_is_refused_where_chance_makes_it_so_once_in_a_mi
             check_possible(base, [more])
 
 
-def test_what_a_plan_promises_is_the_error_of_the_mean():
+def test_many_signals_ask_for_the_reading_that_one_by_one_they_ask_for():
+    """Of the law of draws and of its draws: the reading that takes most off the variance."""
+    edges = 0.02 + np.linspace(-1, 1, 61)**2
+    known = mixture_of(GRID.nm, [1.0], np.zeros((1, 61)), [0.02 * np.outer(edges, edges) * SMOOTH])
+    measured = seen(np.full(61, 0.5), 0.002)
+    drawn = sample_prior(measured, 8000, 7, prior=known).spectra
+    covariance = np.cov(drawn, rowvar=False)
+    reduction = GRID.weights_nm @ covariance**2 / (np.diag(covariance) + READING_ERROR**2)
+    found = summaries(known, measured.relative_response, measured.signal[None],
+                      {"noise": measured.noise_covariance[None]}, 0.95).next_measurement_nm[0]
+    # sums over every third wavelength, and 8000 draws: as good a choice to 3 %
+    assert reduction[GRID.nm == found][0] > 0.97 * reduction.max()
+    assert np.median(reduction) < 0.9 * reduction.max()
+
+
+def test_what_a_plan_promises_is_the_error_of_the_mean_and_the_width_of_the_band():
     covariance = SMOOTH * np.outer(*2 * (np.linspace(0.01, 0.2, 61),))
     drawn = np.random.default_rng(7).multivariate_normal(np.zeros(61), covariance, 4000)
+    lower, upper = np.quantile(drawn, [0.025, 0.975], axis=0)
+    assert mean_width(covariance) == pytest.approx(np.mean(upper - lower), rel=0.06)
     # 4000 curves know their mean square to a few per cent, as they are smooth
     assert expected_rmse(covariance) == pytest.approx(np.sqrt(np.mean(drawn**2)), rel=0.06)
 
