@@ -77,20 +77,24 @@ def test_white_that_errs_with_the_glare_makes_pixels_err_more():
 
 
 def test_a_material_is_what_its_surface_reflects_and_not_what_most_pixels_show(monkeypatch):
-    """Two halves of a wall, the far one in a third as many pixels, each of thrice the area."""
-    low, high = np.full(PRIOR_GRID.nm.size, 0.2), np.full(PRIOR_GRID.nm.size, 0.8)
-    spectra = np.array([low] * 6 + [high] * 2)
-    seen = SimpleNamespace(seen=np.ones(8, bool))
-    monkeypatch.setattr(LitPixels, "rows", lambda *_, **__: seen)
+    """Two halves of a wall, the far one in a third as many pixels, each of thrice the area; and
+    another wall beside it.
+    """
+    levels = np.repeat([0.2, 0.8, 0.6], [6, 2, 4])
+    spectra = levels[:, None] * np.ones(PRIOR_GRID.nm.size)
+    monkeypatch.setattr(LitPixels, "rows",
+                        lambda *_, **__: SimpleNamespace(seen=np.ones(levels.size, bool)))
     monkeypatch.setattr(LitPixels, "one_by_one", lambda *_, **__: (spectra, None, None))
-    chart = photo()
-    nodes = SimpleNamespace(weights=lambda row, column: csr_array(np.ones((8, 1))))
-    scene = SimpleNamespace(view=SimpleNamespace(photo=chart),
-                            traced=SimpleNamespace(nodes=nodes))
-    pixels = LitPixels(chart, errors_of(White(np.ones((1, 3)), np.zeros((1, 3, 3)),
-                                              np.zeros((1, 3, 3)))))
-    some = scene_light._SomePixels(np.zeros(8, int), np.arange(8), np.array([1.0] * 6 + [3.0] * 2))
-    np.testing.assert_allclose(scene_light._mean_spectrum(scene, pixels, some), 0.5, rtol=1e-12)
+    chart, dark = photo(), np.zeros((1, 3, 3))
+    nodes = SimpleNamespace(weights=lambda row, column: csr_array(np.ones((levels.size, 1))))
+    scene = SimpleNamespace(view=SimpleNamespace(photo=chart), traced=SimpleNamespace(nodes=nodes))
+    pixels = LitPixels(chart, errors_of(White(np.ones((1, 3)), dark, dark)))
+    some = scene_light._SomePixels(np.repeat([2, 5], [8, 4]), np.zeros(levels.size, int),
+                                   np.arange(levels.size), np.repeat([1.0, 3.0, 2.0], [6, 2, 4]))
+    found = scene_light._mean_spectra(scene, pixels, some)
+    assert found.keys() == {2, 5}
+    np.testing.assert_allclose(found[2], 0.5, rtol=1e-12)
+    np.testing.assert_allclose(found[5], 0.6, rtol=1e-12)
 
 
 @pytest.mark.parametrize("walls", [1, 3])
