@@ -9,12 +9,14 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from sampling_cameras import surface
+from typer.testing import CliRunner
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.files import UNFINISHED
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.session.batch.pool import Finished, Lost
 from spectrabox.session.batch.workers import open_workers
+from spectrabox.session.cli import app
 from spectrabox.session.signals.signal_options import response_of_names
 from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
 from spectrabox.session.tiles import picture as tiles
@@ -247,6 +249,14 @@ def test_a_worker_with_another_program_is_refused(image, tmp_path, inline, monke
 def test_one_stream_is_not_shared_out(image, tmp_path):
     with pytest.raises(InputError, match="--to exr is one stream: give --to zarr"):
         tiled_answer(request(image, tmp_path, form="exr"), None, 2, lambda *_: None)
+
+
+@pytest.mark.parametrize("words", [["--workers", "2"], ["--cluster", "local"]])
+def test_the_command_shares_out_what_it_is_asked_to(words, image, tmp_path):
+    result = CliRunner().invoke(app, ["uplift", str(image), "-o", str(tmp_path), "--sensitivity",
+                                      CAMERA, "--light", LIGHT, "--to", "tiled-exr", *words])
+    assert result.exit_code == InputError.exit_code
+    assert "several workers write into Zarr arrays" in " ".join(result.output.split())
 
 
 @pytest.mark.parametrize("make, message", [
