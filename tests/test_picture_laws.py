@@ -19,6 +19,7 @@ from spectrabox.session.picture import known_surfaces as known
 from spectrabox.session.picture import scene_light
 from spectrabox.session.picture.illumination import Illumination, brought_by
 from spectrabox.session.picture.known_surfaces import KnownSurfaces
+from spectrabox.session.picture.part_of_photo import Part
 from spectrabox.session.picture.picture import GREY, LitPixels
 from spectrabox.session.picture.pixel_errors import PixelErrors, White
 
@@ -178,3 +179,37 @@ def test_what_is_uncertain_of_the_light_on_a_node_adds_up_as_variances(monkeypat
     expected = traced_noise**2 + uneven**2 + (ambient * brightest)**2
     np.testing.assert_allclose(white.log[inner], expected[inner, None, None]
                                * np.ones((bands, bands)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("step", [1.0, 2.0, 4.0])
+def test_a_developed_pixel_lies_in_the_middle_of_those_that_it_is_made_of(step):
+    part = Part(slice(3, 9), slice(2, 7), (0, 0, 1, 1), step)
+    whole = np.arange(40.0).reshape(-1, int(step)).mean(axis=1)
+    np.testing.assert_allclose(part.x_px, whole[2:7])
+    np.testing.assert_allclose(part.y_px, whole[3:9])
+
+
+@pytest.mark.parametrize("cell", [1, 4, 5])
+def test_light_that_rises_evenly_is_found_at_every_pixel_between_nodes(cell):
+    nodes = LightNodes(np.zeros((20, 40), int), cell)
+    row, column = (place.ravel() for place in np.mgrid[:20, :40])
+    light = 2 + 0.1 * row - 0.03 * column
+    of_nodes = np.bincount(nodes.region.ravel(), light) / np.bincount(nodes.region.ravel())
+    found = nodes.weights(row, column) @ of_nodes
+    inner = (row >= cell / 2) & (row < 20 - cell / 2) & (column >= cell / 2) \
+        & (column < 40 - cell / 2)
+    np.testing.assert_allclose(found[inner], light[inner], rtol=1e-5)   # single precision
+
+
+def test_a_mid_grey_errs_at_a_pixel_by_the_root_of_its_nodes_variance():
+    rng = np.random.default_rng(5)
+    white = White(np.array([[0.9, 0.5, 0.7]]), np.tile(0.02**2 * (np.eye(3) + 1), (1, 1, 1)),
+                  np.zeros((1, 3, 3)))
+    errors = SimpleNamespace(
+        white=white, glare=np.zeros(3), responses=np.ones((1, 3, 61)),
+        between=lambda first, last: csr_array(np.ones(((last - first) * 50, 1))),
+        light=SimpleNamespace(maps=np.ones((1, 1))),
+        brought=SimpleNamespace(signals=lambda signals, maps, kind: signals))
+    pixels = LitPixels(lit_photo(rng), errors)
+    rows = pixels.rows(0, 2, singly=False)
+    np.testing.assert_allclose(rows.own_error**2, pixels.at_nodes[0], rtol=1e-6)

@@ -104,6 +104,20 @@ def test_calibrated_bands_hold_what_they_state_where_some_wavelengths_are_harder
     np.testing.assert_allclose(inside[:, 10:55].mean(axis=0), 0.95, atol=0.035)
 
 
+def test_bands_widened_for_whole_curves_hold_95_per_cent_of_them():
+    rng = np.random.default_rng(43)
+    found = judgement(rng, 0.5, 0)
+    known = calibrated(two_families(), [
+        LeftOut(name, name, True, False, 1200, each, each) for name, each in (
+            ("paint", found), ("skin", judgement(rng, 0.6, 1)))])
+    whole = np.concatenate([np.all(part.scores[AT_95] <= known.curve_factor
+                                   * known.band_factors[row, AT_95], axis=1)
+                            for row, part in enumerate((found, judgement(
+                                np.random.default_rng(44), 0.6, 1)))])
+    # 1200 curves of the calibration and 1200 others, each share known to 0.6 %
+    assert whole.mean() == pytest.approx(0.95, abs=0.02)
+
+
 @pytest.mark.parametrize("noise", [0.05, 0.2])
 def test_a_certificate_refuses_as_many_signals_as_chance_lets_surprise(noise):
     """Dark truths of the prior's own, whose relative errors are those stated: chi-square of three
