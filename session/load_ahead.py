@@ -4,13 +4,9 @@ from __future__ import annotations
 import contextlib
 import importlib
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING
 
-from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.outside.loaded_beside import loaded_beside
 from spectrabox.session.stages.order import FLAT_WRITER, SCENE_WRITER, Stage
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future
 
 DECODING = ("chart", "photo")       # LibRaw, OpenCV and OpenImageIO are at work there, not Python
 
@@ -43,18 +39,15 @@ def loading_ahead(stages: Mapping[str, Stage], flat: bool, writer: bool,
             importlib.import_module(FLAT_WRITER if flat else SCENE_WRITER)
         if not flat:
             from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-            with contextlib.suppress(SpectraboxError):  # said by the stage that needs it
-                start_mitsuba(device)
+            start_mitsuba(device)
 
-    loading: list[Future[None]] = []
+    waits: list[Callable[[], None]] = []
     with contextlib.ExitStack() as ended:
         def ready_for(stage: str) -> None:
             if stage not in DECODING:
-                for begun in loading:
-                    begun.result()
-            elif not loading:
-                # imported here: where nothing is stale, nothing is loaded
-                from concurrent.futures import ThreadPoolExecutor
-                loading.append(ended.enter_context(ThreadPoolExecutor(1)).submit(load))
+                for wait in waits:
+                    wait()
+            elif not waits:
+                waits.append(ended.enter_context(loaded_beside(load)))
 
         yield ready_for

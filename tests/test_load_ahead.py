@@ -1,8 +1,10 @@
 """What later stages take is loaded while photos are decoded, and is there when they begin."""
 import sys
+import threading
 
 import pytest
 
+from spectrabox.radiometry.outside.loaded_beside import loaded_beside
 from spectrabox.session.load_ahead import loading_ahead
 from spectrabox.session.stages.order import Stage
 
@@ -29,8 +31,22 @@ def test_nothing_is_loaded_where_no_photo_is_decoded():
         ready_for("sample")
 
 
-def test_what_cannot_be_loaded_is_said_before_the_stage():
+def test_what_cannot_be_loaded_is_left_to_the_stage():
     with loading(NOWHERE) as ready_for:
         ready_for("chart")
-        with pytest.raises(ModuleNotFoundError, match="no_such_module"):
-            ready_for("calibrate")
+        ready_for("calibrate")
+
+
+def test_an_interrupt_does_not_wait_for_the_thread():
+    never, begun, ended = threading.Event(), threading.Event(), threading.Event()
+
+    def load():
+        begun.set()
+        never.wait(60)
+        ended.set()
+
+    with pytest.raises(KeyboardInterrupt), loaded_beside(load):
+        assert begun.wait(60)
+        raise KeyboardInterrupt
+    assert not ended.is_set()
+    never.set()

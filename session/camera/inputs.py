@@ -44,12 +44,11 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     InputError
         If the photos are not of the same bands, or one of the files cannot be read.
     """
-    from concurrent.futures import ThreadPoolExecutor
-
     import numpy as np
 
     from spectrabox.radiometry.charts.left_out import left_out
     from spectrabox.radiometry.charts.references import reference_reflectances
+    from spectrabox.radiometry.outside.loaded_beside import loaded_beside
     from spectrabox.radiometry.spectra.stated_light import stated_light
     from spectrabox.session.camera.patch_files import read_patches
     known_lights = {name: stated_light(name, grid) for name in lights}
@@ -62,12 +61,10 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
                 for index in range(len(photos))]
     places = [corners[index if len(corners) > 1 else 0] if corners else None
               for index in range(len(photos))]
-    with ThreadPoolExecutor(1) as beside:
-        loading = beside.submit(_load_what_fits)
+    with loaded_beside(_load_what_fits):
         found = [_patches_of_picture(photo, at, layout_of, reflectances, grid) if decode
                  else read_patches(photo, layout_of)
                  for photo, at, reflectances in zip(photos, places, chart_of, strict=True)]
-        loading.result()
     from spectrabox.calibrate.calibration import ChartPhoto
     charts: list[ChartPhoto] = []
     names: list[tuple[str, ...]] = []

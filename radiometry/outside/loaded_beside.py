@@ -1,0 +1,37 @@
+"""Modules and tables loaded in a thread, while libraries at work leave Python free."""
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterator
+
+from spectrabox.radiometry.errors import SpectraboxError
+
+PATIENCE_S = 10.0       # with a thread, where the block has failed
+
+
+@contextlib.contextmanager
+def loaded_beside(load: Callable[[], None]) -> Iterator[Callable[[], None]]:
+    """Begin ``load`` in a thread; the block is given a function that waits for its end.
+
+    What cannot be loaded is left to whoever needs it. An interrupt is not held up: where it falls
+    into an import it can leave Python's lock on imports taken, and the thread would wait for it for
+    ever. Hence no pool, which waits for its threads.
+
+    Parameters
+    ----------
+    load : function
+        Imports, and reads what is then kept.
+    """
+    def run() -> None:
+        with contextlib.suppress(ImportError, OSError, SpectraboxError):
+            load()
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    try:
+        yield thread.join
+    except Exception:
+        thread.join(PATIENCE_S)
+        raise
+    thread.join()
