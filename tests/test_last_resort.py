@@ -94,7 +94,10 @@ def test_a_signal_ends_a_run_as_an_interrupt_does(captured, number):
         assert time.monotonic() < deadline and running.poll() is None
         time.sleep(0.01)
     running.send_signal(number)
-    _, errors = running.communicate(timeout=60)
+    try:
+        _, errors = running.communicate(timeout=60)
+    finally:
+        running.kill()      # a command that hears nothing would outlive the tests
     assert running.returncode == 128 + number
     assert "interrupted: finished stages are kept" in errors.splitlines()[-1]
     assert "Traceback" not in errors
