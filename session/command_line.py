@@ -17,6 +17,7 @@ import typer
 from typer.core import TyperGroup
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
+from spectrabox.radiometry.outside.interruption import put_off
 from spectrabox.radiometry.outside.words import message, plain
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.",
@@ -89,11 +90,16 @@ def seldom_look_for_cycles() -> None:
 def stop_on_signals() -> None:
     """Let SIGTERM and SIGHUP end a command as Ctrl-C does, unless the caller has them ignored."""
     def stop(number: int, frame: FrameType | None) -> None:
+        if put_off(number, frame):
+            return
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
         raise Stopped(number)
 
-    for name in ("SIGTERM", "SIGHUP"):      # Windows has no SIGHUP
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):      # Windows has no SIGHUP
         number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+        if number is not None and signal.getsignal(number) in (signal.SIG_DFL,
+                                                               signal.default_int_handler):
             signal.signal(number, stop)
 
 

@@ -1,6 +1,7 @@
 """A signal at any line of the code that makes, fills and replaces results leaves nothing behind."""
 import contextlib
 import gc
+import importlib
 import os
 import shutil
 import signal
@@ -154,6 +155,35 @@ def test_a_signal_inside_one_that_waits_waits_too():
             seen.append("outer")
         seen.append("never")
     assert seen == ["inner", "outer"]
+
+
+@pytest.fixture
+def amid_an_import():
+    """A frame of Python's own steps of an import."""
+    class Finder:
+        def find_spec(self, name, path=None, target=None):
+            frames.append(sys._getframe().f_back)
+
+    frames, finder = [], Finder()
+    sys.meta_path.insert(0, finder)
+    try:
+        with pytest.raises(ModuleNotFoundError):
+            importlib.import_module("a_module_that_nobody_has")
+    finally:
+        sys.meta_path.remove(finder)
+    return frames[0]
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("held", [contextlib.nullcontext, Interruptions])
+def test_a_signal_amid_an_import_interrupts_soon_after_it(amid_an_import, number, held):
+    """Raised at once, it could leave a lock taken for which a thread that imports waits."""
+    went_on = False
+    with pytest.raises(KeyboardInterrupt), held():
+        signal.getsignal(number)(number, amid_an_import)
+        went_on = True
+        time.sleep(60)          # ends with the signal
+    assert went_on
 
 
 def test_an_interrupt_that_a_library_swallowed_can_be_repeated(monkeypatch):

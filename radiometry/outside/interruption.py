@@ -13,12 +13,36 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Any
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP")
                 if hasattr(signal, name))
 TIDYING_S = 5.0     # removing what is unfinished takes far less
+IMPORTING = "<frozen importlib._bootstrap>"     # where Python takes and gives back its locks
+SENT_AGAIN_S = 0.01
+
+
+def put_off(number: int, frame: FrameType | None) -> bool:
+    """Whether a signal came amid Python's own steps of an import; it is sent again soon then.
+
+    An exception raised there can be swallowed with a lock left taken, for which another thread that
+    imports waits for ever, and then this one for that.
+    """
+    if frame is None or frame.f_code.co_filename != IMPORTING:
+        return False
+
+    def send_again() -> None:
+        main = threading.main_thread().ident
+        if hasattr(signal, "pthread_kill") and main is not None:
+            signal.pthread_kill(main, number)
+        else:                                       # Windows
+            signal.raise_signal(number)
+
+    again = threading.Timer(SENT_AGAIN_S, send_again)
+    again.daemon = True
+    again.start()
+    return True
 
 
 class Interruptions:
@@ -88,7 +112,9 @@ class Interruptions:
         """Nothing interrupts from here to the end."""
         self._holds += 1
 
-    def _heard(self, number: int, frame: object) -> None:
+    def _heard(self, number: int, frame: FrameType | None) -> None:
+        if put_off(number, frame):
+            return
         self._came = number if self._came is None else self._came
         self._raise_once()
 
