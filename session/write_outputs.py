@@ -4,7 +4,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import spectrabox.session.report.quick_matplotlib  # noqa: F401 - before what draws
 from spectrabox.session.box.scene_files import write_scene_files
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun

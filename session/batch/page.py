@@ -11,7 +11,7 @@ from markupsafe import Markup
 from spectrabox.radiometry.files import whole_file
 from spectrabox.session.batch.table import counts
 from spectrabox.session.batch.tasks import Outcome
-from spectrabox.session.report.page import TEMPLATES, templates
+from spectrabox.session.report.page_templates import TEMPLATES, templates
 
 FILE = "batch.html"
 # the status whose colours a row has

@@ -12,12 +12,12 @@ from spectrabox.session.report.numbers import flat_numbers
 from spectrabox.session.report.page import (
     RenderedReport,
     calibration_section,
-    compiled,
     maps_of,
     pictures_of,
     rendered,
     written_whole,
 )
+from spectrabox.session.report.page_templates import compiled
 from spectrabox.session.report.shapes.field_whiskers import field_whiskers
 from spectrabox.session.report.svg import band_colours, report_style
 from spectrabox.session.report.tables import input_rows, sections_beside

@@ -3,20 +3,16 @@ numbers beside it.
 """
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from markupsafe import Markup
 
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Calibration, Reconstruction
 from spectrabox.session.picture.picture_results import PictureOfSpectra
 from spectrabox.session.report import words
-from spectrabox.session.report.checked.cells import of
 from spectrabox.session.report.checked.drawing import drawings_in
 from spectrabox.session.report.figures import loss_figure, picture_data_uri, picture_digest
 from spectrabox.session.report.geometry import geometry_section
@@ -29,6 +25,7 @@ from spectrabox.session.report.maps import (
 )
 from spectrabox.session.report.methods import methods_text, scale_words
 from spectrabox.session.report.numbers import report_numbers
+from spectrabox.session.report.page_templates import TEMPLATES, compiled
 from spectrabox.session.report.safe_json import json_for_script
 from spectrabox.session.report.spectra import light_figure, sensitivity_figure
 from spectrabox.session.report.svg import band_colours, report_style
@@ -44,9 +41,6 @@ from spectrabox.session.store.results import CommonResults, SessionResults
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 REPORT = "report.html.j2"
-TEMPLATES = Path(__file__).parent / "templates"
-FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
-           "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact}
 
 
 def write_report(results: SessionResults) -> Path:
@@ -113,26 +107,6 @@ def rendered(template: str, content: dict[str, Any], numbers: dict[str, Any]) ->
               "script": Markup((TEMPLATES / "report.js").read_text()),
               "check_script": Markup((TEMPLATES / "check.js").read_text())}
     return RenderedReport(compiled(template).render(content | common), written)
-
-
-@functools.cache
-def compiled(template: str) -> jinja2.Template:
-    """One of the templates, and those that it includes; all of them are compiled once."""
-    made = templates()
-    for name in made.list_templates(extensions=["j2"]):
-        made.get_template(name)
-    return made.get_template(template)
-
-
-@cache
-def templates() -> jinja2.Environment:
-    """What all pages are made by, compiled once: it escapes whatever is not Markup."""
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True,
-                                     trim_blocks=True, lstrip_blocks=True,
-                                     undefined=jinja2.StrictUndefined)
-    environment.filters.update(FILTERS)
-    environment.globals["of"] = of
-    return environment
 
 
 def pictures_of(results: CommonResults) -> dict[str, str]:

@@ -10,10 +10,11 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from spectrabox.session.report.checked.drawing import BLANK
-
 UNKNOWN = ("", "–", "not measured", "not stated", "not determined")
 SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+# left out of every text: browsers and parsers keep spaces and control characters differently
+BLANK = re.compile("[\\x00-\\x20\\x7f-\\xa0\\u1680\\u2000-\\u200f\\u2028\\u2029\\u202f\\u205f"
+                   "\\u3000\\ufeff]+")
 NUMBER = re.compile(r"(1/)?([-+]?\d+)(?:\.(\d+))?(?: × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?(?:e([-+]\d+))?( %)?")
 
 

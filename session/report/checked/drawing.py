@@ -17,13 +17,12 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from spectrabox.session.report.checked.cells import BLANK
+
 DIGITS = 6          # significant, of a plotted number: far finer than a line is drawn
 # what of a drawing is seen: attributes of these names, and text
 OUTPUT = re.compile("<output>.*?</output>", re.DOTALL)     # changes under the pointer
 PIECES = re.compile(r'\s(?:d|x|y|points|transform|style|href|xlink:href)="([^"]*)"|>([^<]+)')
-# left out of every piece: browsers and parsers keep spaces and control characters differently
-BLANK = re.compile("[\\x00-\\x20\\x7f-\\xa0\\u1680\\u2000-\\u200f\\u2028\\u2029\\u202f\\u205f"
-                   "\\u3000\\ufeff]+")
 
 
 class Drawing(Markup):
