@@ -1,9 +1,11 @@
 """What later stages take is loaded while photos are decoded, and is there when they begin."""
 import sys
 import threading
+import time
 
 import pytest
 
+from spectrabox.radiometry.outside import loaded_beside as loaded_beside_module
 from spectrabox.radiometry.outside.loaded_beside import loaded_beside
 from spectrabox.session.load_ahead import loading_ahead
 from spectrabox.session.stages.order import Stage
@@ -37,7 +39,21 @@ def test_what_cannot_be_loaded_is_left_to_the_stage():
         ready_for("calibrate")
 
 
-def test_an_interrupt_does_not_wait_for_the_thread():
+def test_an_interrupt_waits_for_the_thread():
+    """A program that ends amid the start of a library can crash."""
+    loaded = []
+
+    def load():
+        time.sleep(0.05)
+        loaded.append(True)
+
+    with pytest.raises(KeyboardInterrupt), loaded_beside(load):
+        raise KeyboardInterrupt
+    assert loaded
+
+
+def test_an_interrupt_does_not_wait_for_ever(monkeypatch):
+    monkeypatch.setattr(loaded_beside_module, "PATIENCE_S", 0.05)
     never, begun, ended = threading.Event(), threading.Event(), threading.Event()
 
     def load():

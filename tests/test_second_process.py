@@ -84,3 +84,19 @@ def test_a_block_that_breaks_off_leaves_no_process(stop, begun):
     with pytest.raises(stop), beside(signal.pause):
         raise stop
     none_is_left(begun)
+
+
+@FORKS
+def test_an_interrupt_amid_the_fork_is_heard(begun):
+    """Python swallows what is raised by what libraries have it call there."""
+    armed = [signal.SIGINT]
+    os.register_at_fork(after_in_parent=lambda: armed and signal.raise_signal(armed.pop()))
+    with pytest.raises(KeyboardInterrupt), beside(signal.pause):
+        pass
+    none_is_left(begun)
+
+
+@FORKS
+def test_signals_are_heard_again_in_both_processes():
+    with beside(lambda: signal.pthread_sigmask(signal.SIG_BLOCK, [])) as result:
+        assert result() == signal.pthread_sigmask(signal.SIG_BLOCK, [])

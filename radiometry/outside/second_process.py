@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import BinaryIO, NoReturn, TypeVar
 
 from spectrabox.radiometry.outside.interruption import SIGNALS
@@ -39,13 +39,20 @@ def beside(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
         yield work
         return
     reading, writing = os.pipe()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)     # that threads are not copied
-        process = os.fork()
+    # Python swallows what is raised amid a fork, by the hooks of libraries
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)     # that threads are not copied
+            process = os.fork()
+    except BaseException:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        raise
     if process == 0:
-        _answer(work, writing)
+        _answer(work, writing, before)
     os.close(writing)
     try:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)      # what came meanwhile is heard here
         with os.fdopen(reading, "rb") as answer:
             yield lambda: _result(answer, work)
     finally:
@@ -55,13 +62,14 @@ def beside(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
                 os.waitpid(process, 0)
 
 
-def _answer(work: Callable[[], T], writing: int) -> NoReturn:
+def _answer(work: Callable[[], T], writing: int, heard: Iterable[int]) -> NoReturn:
     """Write the result, or nothing where there is none, and leave without any tidying up: what is
     to be tidied up belongs to the other process.
     """
     try:
         for number in SIGNALS:
             signal.signal(number, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_SETMASK, heard)
         gc.disable()        # what it would take apart may belong to threads that are not there
         with os.fdopen(writing, "wb") as answer:
             pickle.dump(work(), answer)
