@@ -201,6 +201,23 @@ def test_an_end_that_was_cut_short_is_made_up_for(image, expected, tmp_path, inl
     assert pool.written == [] and contents(tmp_path) == expected
 
 
+def test_clearing_up_that_was_cut_short_leaves_no_rows_unwritten(image, expected, tmp_path, inline,
+                                                                 monkeypatch):
+    """Marks of rows that are done outlive the arrays that they speak of."""
+    def cut_short(folder, **_):
+        if (folder / tiles.DONE).exists():
+            raise ZeroDivisionError
+
+    inline()
+    with monkeypatch.context() as patch:
+        patch.setattr(tiles.shutil, "rmtree", cut_short)
+        with pytest.raises(ZeroDivisionError):
+            answer(image, tmp_path)
+    pool = inline()
+    answer(image, tmp_path)
+    assert len(pool.written) == TASKS and contents(tmp_path) == expected
+
+
 def test_another_picture_begins_anew(image, tmp_path, inline):
     inline(lambda pool, task: Finished(task, task()) if len(pool.written) < 2 else 1 / 0)
     with pytest.raises(ZeroDivisionError):

@@ -5,10 +5,9 @@ One variant per process; nothing of Mitsuba is touched at import time.
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
@@ -52,33 +51,12 @@ def _started(device: str) -> ModuleType:
     if mi.variant() not in (None, variant):
         raise EnvironmentProblem(f"this process already renders with {mi.variant()}; start a new "
                                  f"one for {variant}")
-    with _written_when_called(dr):
-        mi.set_variant(variant)
+    mi.set_variant(variant)
     mi.set_log_level(mi.LogLevel.Error)
     if variant == CPU_VARIANT:
         # with more, gradients are added in the order in which threads end: not reproducible
         dr.set_thread_count(1)
     return mi
-
-
-@contextlib.contextmanager
-def _written_when_called(dr: Any) -> Iterator[None]:
-    """Functions that the block loads are rewritten by ``drjit.syntax`` when they are first called:
-    Mitsuba has a dozen, most of them of integrators that nobody asks for.
-    """
-    rewrite = dr.syntax
-
-    def later(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-        if function is None:
-            return functools.partial(later, **options)
-        rewritten = functools.cache(lambda: rewrite(function, **options))
-        return functools.wraps(function)(lambda *given, **named: rewritten()(*given, **named))
-
-    dr.syntax = later
-    try:
-        yield
-    finally:
-        dr.syntax = rewrite
 
 
 @contextlib.contextmanager

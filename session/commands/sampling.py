@@ -97,7 +97,7 @@ PictureFormat = Annotated[Literal["exr", "tiled-exr", "envi", "zarr"], typer.Opt
     "single floats; zarr: Zarr arrays.")]
 LowRank = Annotated[int | None, typer.Option(
     "--low-rank", metavar="N", help="Of each pixel N coefficients and once their basis, in place "
-    "of spectra: a third as large with 16, and 0.002 off.", show_default=False)]
+    "of spectra: half as large with 16, and about 0.001 off (rms).", show_default=False)]
 TileWorkers = Annotated[int | None, typer.Option(
     "--workers", min=1, help="Processes that share the picture, and go on where a command ended "
     "that was stopped; one process on all cores by default. Needs --to zarr.", show_default=False)]

@@ -34,6 +34,7 @@ from spectrabox.session.store.session_lock import sole_uplift
 from spectrabox.session.store.store import fingerprint
 from spectrabox.session.tiles.stored_plan import PLAN, load_plan, pixels_beyond, store_plan
 from spectrabox.session.tiles.tasks import (
+    DONE,
     PROGRAM_BYTES,
     Order,
     Refused,
@@ -175,8 +176,10 @@ def _begin(job: Job, plan: Plan, folder: Path, beyond: int) -> None:
     picture, half = job.picture, not job.kept.full
     paths = _paths(job, folder)
     with writable(folder):
-        for path in paths.values():
-            shutil.rmtree(path, ignore_errors=True)
+        # marks too: an end that was cut short leaves some, of rows that are brought to their place
+        for path in (folder / DONE, *paths.values()):
+            if path.exists():
+                shutil.rmtree(path)
         if plan.low_rank is not None:
             tables, about = stated(job.kept, plan.low_rank, plan.errors or {})
             shape = picture.height, picture.width, len(plan.low_rank.basis) - 1
