@@ -2,6 +2,7 @@
 import os
 import shutil
 import signal
+from pathlib import Path
 
 import pytest
 
@@ -24,6 +25,19 @@ def pytest_xdist_auto_num_workers(config):
     calculates.
     """
     return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else (os.cpu_count() or 1) + 1
+
+
+def pytest_addoption(parser):
+    parser.addoption("--record", action="store_true",
+                     help="record results anew (tests/recorded) in place of comparing them")
+
+
+@pytest.fixture
+def recorded(request):
+    """Compares a result with the one recorded for this test: ``recorded(result)``."""
+    from recorded_results import FOLDER, Record
+    file = FOLDER / f"{Path(request.path).stem}.json"
+    return Record(file, request.node.name, request.config.getoption("--record"))
 
 
 @pytest.fixture(scope="session")
