@@ -1,8 +1,10 @@
 """Plants realistic mistakes, one at a time, and says which of them the tests notice.
 
     python -m benchmarks.planted_mistakes [--only TEXT] [--budget 60] [--most 50] [--out FOLDER]
+    python -m benchmarks.planted_mistakes --drawn 100 --seed 7 [--only calibrate/] [--tests FILE...]
 
-Each mistake is one text of one file replaced by another (``benchmarks/planted/*.toml``). It is
+Each mistake is one text of one file replaced by another (``benchmarks/planted/*.toml``), or drawn
+by rule from the sources (``--drawn``: a seed that was never used is a set that nobody knows). It is
 planted in a copy of the working tree, and the test files nearest to the module run until one fails:
 those that import it, then those that import what imports it, as many as the budget of processor
 time holds, cheap ones before dear ones. What the tests of a budget do not notice may be noticed by
@@ -21,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.planted.chosen_tests import ROOMS, ROOT, nearest_tests
+from benchmarks.planted.drawn_mistakes import drawn_mistakes
 from benchmarks.planted.mistake import Mistake, listed_mistakes
 from benchmarks.planted.reached_tests import TestMap, map_tests
 from benchmarks.planted.scratch_tree import (
@@ -147,6 +150,8 @@ def main() -> None:
                         help="these test files in place of the nearest")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "planted")
     parser.add_argument("--skip", type=int, default=0, help="leave out so many of the order")
+    parser.add_argument("--drawn", type=int, default=0, help="so many drawn by rule from sources")
+    parser.add_argument("--seed", type=int, default=1, help="of the drawing")
     parser.add_argument("--reached", action="store_true",
                         help="tests that run the lines of a mistake, in place of the nearest")
     given = parser.parse_args()
@@ -154,8 +159,9 @@ def main() -> None:
     path = given.out / "results.json"
     results: dict[str, dict[str, Any]] = (
         json.loads(path.read_text(encoding="utf-8")) if path.exists() else {})
-    mistakes = [each for each in all_mistakes(given.lists)[given.skip:]
-                if given.only in f"{each.file} {each.what}"]
+    mistakes = (drawn_mistakes(given.drawn, given.seed, given.only) if given.drawn else
+                [each for each in all_mistakes(given.lists)[given.skip:]
+                 if given.only in f"{each.file} {each.what}"])
     waiting = [each for each in mistakes if _still_to_try(
         results.get(each.name), given.budget,
         given.again or given.tests is not None)][:given.most]
@@ -164,7 +170,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             tree = copied_tree(Path(folder) / "tree")
             costs = Costs(tree, given.out)
-            reached = _test_map(given.out) if given.reached else None
+            reached = _test_map(given.out, mistakes) if given.reached else None
             for number, mistake in enumerate(waiting, 1):
                 try:
                     found = tried(mistake, tree, costs, given.budget, given.out / "tests.log",
@@ -180,10 +186,10 @@ def main() -> None:
     print_shares([results[each.name] for each in mistakes if each.name in results])
 
 
-def _test_map(folder: Path) -> TestMap:
-    """Who runs the lines of all mistakes; kept in a folder for later calls."""
+def _test_map(folder: Path, mistakes: list[Mistake]) -> TestMap:
+    """Who runs the lines of mistakes; kept in a folder for later calls about the same."""
     if not (folder / "told.tsv").exists():
-        mistakes = [each for each in all_mistakes() if (ROOT / each.file).exists()
+        mistakes = [each for each in mistakes if (ROOT / each.file).exists()
                     and (ROOT / each.file).read_text(encoding="utf-8").count(each.old) == 1]
         print("all tests run once, to see which lines each runs", flush=True)
         with tempfile.TemporaryDirectory() as scratch:
