@@ -132,11 +132,10 @@ def _solve_nonnegative(design: np.ndarray, signal: np.ndarray,
                        sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Non-negative coefficients, and their covariance over those that are not held at zero."""
     weighted = design / sigma[:, None]
-    from scipy.optimize import nnls  # slow to import, and only splines need it
-    solution, norm = nnls(weighted, signal / sigma)
+    solution, norm = _least_squares_above_zero(weighted, signal / sigma)
     free = solution > 0
     covariance = np.zeros((solution.size,) * 2)
-    freedom = max(signal.size - np.count_nonzero(free), 1)
+    freedom = max(signal.size - int(np.count_nonzero(free)), 1)
     misfit = max(norm**2 / freedom, 1.0)  # never surer than the stated patch errors
     covariance[np.ix_(free, free)] = misfit * np.linalg.pinv(
         weighted[:, free].T @ weighted[:, free])
@@ -155,12 +154,23 @@ def _solve_smooth(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray, *,
     weighted, target = design / sigma[:, None], signal / sigma
     precision = weighted.T @ weighted + roughness
     lower = np.linalg.cholesky(precision)
-    from scipy.optimize import nnls  # slow to import, and only splines need it
-    solution, _ = nnls(lower.T, np.linalg.solve(lower, weighted.T @ target))
+    solution, _ = _least_squares_above_zero(lower.T, np.linalg.solve(lower, weighted.T @ target))
     inverse = np.linalg.inv(precision)
     freedom = max(signal.size - np.trace(inverse @ weighted.T @ weighted), 1.0)
     misfit = np.sum((target - weighted @ solution) ** 2) / freedom
     return solution, misfit * inverse
+
+
+def _least_squares_above_zero(rows: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, float]:
+    """Non-negative coefficients and the norm of the residuals."""
+    from scipy.optimize import nnls  # slow to import, and only splines need it
+    try:
+        solution, norm = nnls(rows, target)
+    except RuntimeError:    # which coefficients are zero hangs on rounding
+        raise CalibrationError("the chart under this light leaves open which coefficients are "
+                               "zero; use method \"prior\", or a light that covers 400-700 nm"
+                               ) from None
+    return solution, float(norm)
 
 
 def _best_roughness(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID, daylight, led, reflectances, samples, signals
 from scipy.stats import chi2
+from uneven_charts import UNEVEN, patch_samples, uneven_photo
 
 from spectrabox.calibrate.sensitivity import fit_sensitivities
 from spectrabox.calibrate.spline_fit import SPLINE_METHODS
@@ -160,3 +161,13 @@ def test_the_scale_is_that_of_an_integral_over_nanometres_on_any_grid(method):
     # The two whose class holds the curves are exact to round-off; a smooth curve is near to them.
     atol = 0.3 * (0.15 if method == "smooth" else 1e-8)
     np.testing.assert_allclose(scale.value * found.curves, 0.3 * curves, atol=atol)
+
+
+def test_a_light_that_leaves_open_which_coefficients_are_zero_is_refused():
+    """Condition numbers below the limit, at which non-negative least squares may never end."""
+    chart = uneven_photo(19, field=False, glare=False)
+    with pytest.raises(CalibrationError, match=r"which coefficients are\s+zero; use method .prior"):
+        for width_nm in np.arange(25.5, 29.0, 0.5):     # at most of them, as rounding has it
+            light = np.exp(-0.5 * ((UNEVEN.nm - 520) / width_nm) ** 2)
+            fit_sensitivities(patch_samples(chart), chart.reflectances, light, chart.irradiance,
+                              UNEVEN, method="nonnegative")
