@@ -221,4 +221,6 @@ def _limits(field: FieldInfo | None) -> str:
               for name in ("ge", "le") if hasattr(limit, name)}
     if limits.keys() == {"ge", "le"}:
         return f"{limits['ge']:g} to {limits['le']:g} is possible"
+    if "le" in limits:
+        return f"{limits['le']:g} or less is possible"
     return f"{limits['ge']:g} or more is needed" if limits else "a number is needed"

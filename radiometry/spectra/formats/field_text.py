@@ -32,7 +32,9 @@ def is_svc(text: str) -> bool:
 
 def is_sed(text: str) -> bool:
     """Whether text is a Spectral Evolution file."""
-    return all(re.search(pattern, text, re.MULTILINE) for pattern in (r"^Data:", r"^\"?Wvl"))
+    # the column of wavelengths may follow one of channel numbers
+    return all(re.search(pattern, text, re.MULTILINE)
+               for pattern in (r"^Data:", r"^(\"?Chan[^\t,]*[\t,])?\"?Wvl"))
 
 
 def read_svc(content: bytes, path: Path) -> SpectralTable:

@@ -42,12 +42,11 @@ def read_rawtoaces(content: bytes, path: Path) -> SpectralTable:
     try:
         points = sorted((float(nm), [float(value) for value in values])
                         for nm, values in curves.items())
-        values = np.array([row for _, row in points], dtype=float).T
-        nm = np.array([wavelength for wavelength, _ in points])
     except (TypeError, ValueError, AttributeError, OverflowError):
         raise InputError(f"{path.name}: a wavelength or a value is not a number; copy the file "
                          "again") from None
-    if values.ndim != 2 or values.shape[0] != len(names) or not np.all(np.isfinite(values)):
+    nm, rows = np.array([wavelength for wavelength, _ in points]), [row for _, row in points]
+    if not rows or any(len(row) != len(names) for row in rows) or not np.all(np.isfinite(rows)):
         raise InputError(f"{path.name}: every wavelength should hold {len(names)} numbers "
                          f"({str(names)[:60]}); copy it again")
     header = document.get("header") if isinstance(document.get("header"), dict) else {}
@@ -56,7 +55,8 @@ def read_rawtoaces(content: bytes, path: Path) -> SpectralTable:
     quantity, unit = UNITS.get(str(data.get("units")).lower(), ("", ""))
     facts = {"source": " ".join(source.split()) or path.name,
              **({"quantity": quantity} if quantity else {}), **({"unit": unit} if unit else {})}
-    return SpectralTable(nm, distinct([str(name) for name in names]), values, facts, path.name)
+    return SpectralTable(nm, distinct([str(name) for name in names]), np.array(rows).T, facts,
+                         path.name)
 
 
 def _at(value: Any, key: str, name: str, kind: type = dict) -> Any:
