@@ -144,5 +144,6 @@ def refuse_disagreement(said: str, rms: float, chi_square: float,
     hint = (f"read as {reading} the patches would agree: correct that" if reading is not None else
             "check the chart reference, the light spectrum (or state the light as \"unknown\"), "
             "glare, and that the photo is linear (not a JPEG)")
-    raise CheckError(f"{said}: its patches disagree with the reference by {100 * rms:.2g} % rms "
+    percent = float(f"{100 * rms:.2g}")     # 120, not 1.2e+02
+    raise CheckError(f"{said}: its patches disagree with the reference by {percent:g} % rms "
                      f"(chi-square {chi_square:.1f} per signal); {hint}")

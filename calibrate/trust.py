@@ -65,8 +65,9 @@ def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGri
         "mirrored top to bottom": photo.signal[order[::-1].ravel()],
         "turned by 180 degrees": photo.signal[order[::-1, ::-1].ravel()],
         "bands in reverse order (BGR)": photo.signal[:, ::-1],
-        "an encoded (sRGB) picture instead of a linear one": _decoded(photo.signal),
-        "a photo with much glare, or with a wrong black level,": _without_glare(photo)}
+        "an encoded (sRGB) picture instead of a linear one": _decoded(photo.signal)}
+    if (shaded := _without_glare(photo)) is not None:
+        readings["a photo with much glare, or with a wrong black level,"] = shaded
     evidence = {name: _evidence(photo, signal, prior, grid) for name, signal in readings.items()}
     best = max(evidence, key=lambda name: evidence[name])
     if evidence[best] - _evidence(photo, photo.signal, prior, grid) < CLEAR_GAIN:
@@ -132,13 +133,16 @@ def _read(photo: ChartEquations, signal: np.ndarray) -> ChartEquations:
                           photo.irradiance, photo.field_terms, photo.glare, rows=photo.rows)
 
 
-def _without_glare(photo: ChartEquations) -> np.ndarray:
+def _without_glare(photo: ChartEquations) -> np.ndarray | None:
     """Signals less an offset in each band.
 
-    It leaves the darkest patch what it reflects of the lightest patch's light.
+    It leaves the darkest patch what it reflects of the lightest patch's light. None where that
+    patch does not read darker.
     """
     grey = photo.reflectances.mean(axis=1)
     darkest, lightest = int(np.argmin(grey)), int(np.argmax(grey))
+    if np.any(photo.signal[darkest] >= photo.signal[lightest]):
+        return None
     ratio = grey[darkest] / grey[lightest]
     offset = (photo.signal[darkest] - ratio * photo.signal[lightest]) / (1 - ratio)
     return np.maximum(photo.signal - offset, 1e-3 * photo.signal[lightest])

@@ -134,9 +134,9 @@ def test_a_photo_that_is_not_explained_is_refused(recorded):
     rng = np.random.default_rng(7)
     signal = np.geomspace(1, 0.004, 11)[:, None] * [0.5, 1.0, 0.8]
     rms = photo_checks.disagreement(signal, signal * (1 + 0.1 * rng.standard_normal(signal.shape)))
-    recorded({"rms": rms} | {f"{reading}": said(
-        photo_checks.refuse_disagreement, "no camera explains it", rms, 4.567, reading)
-        for reading in (None, "mirrored left to right")})
+    recorded({"rms": rms} | {f"{off} {reading}": said(
+        photo_checks.refuse_disagreement, "no camera explains it", off, 4.567, reading)
+        for off in (0.04321, rms, 1.234) for reading in (None, "mirrored left to right")})
 
 
 # ---- patches left out ----------------------------------------------------------------------------
