@@ -10,7 +10,8 @@ those that import it, then those that import what imports it, as many as the bud
 time holds, cheap ones before dear ones. What the tests of a budget do not notice may be noticed by
 the rest of the suite: the share printed is a lower bound. Mistakes come in an order drawn once, so
 that a part of them is a fair sample. A later call goes on where the last one ended, and tries those
-that survived again if the budget is larger now, or ``--again`` is given.
+that survived again if the budget is larger now, or ``--again`` is given. ``--suite 20`` puts what
+survives to the whole suite, twenty at once.
 """
 from __future__ import annotations
 
@@ -32,6 +33,7 @@ from benchmarks.planted.scratch_tree import (
     planted,
     run_tests,
 )
+from benchmarks.planted.whole_suite import apart, failed_tests, noticed_by_suite
 
 MAX_S = 400.0       # of processor time, of one test file
 SECONDS_A_LINE = 0.04   # of a test file, before its time is known
@@ -152,6 +154,8 @@ def main() -> None:
     parser.add_argument("--skip", type=int, default=0, help="leave out so many of the order")
     parser.add_argument("--drawn", type=int, default=0, help="so many drawn by rule from sources")
     parser.add_argument("--seed", type=int, default=1, help="of the drawing")
+    parser.add_argument("--suite", type=int, default=0, metavar="N",
+                        help="the whole suite for what survives, N mistakes planted at once")
     parser.add_argument("--reached", action="store_true",
                         help="tests that run the lines of a mistake, in place of the nearest")
     given = parser.parse_args()
@@ -165,7 +169,7 @@ def main() -> None:
     waiting = [each for each in mistakes if _still_to_try(
         results.get(each.name), given.budget,
         given.again or given.tests is not None)][:given.most]
-    if waiting:
+    if waiting or given.suite:
         import_libraries()
         with tempfile.TemporaryDirectory() as folder:
             tree = copied_tree(Path(folder) / "tree")
@@ -183,7 +187,26 @@ def main() -> None:
                 print(f"{number}/{len(waiting)} {'noticed' if found['noticed'] else 'SURVIVES'} "
                       f"{mistake.file}: {mistake.what} [{found['processor_s']:.0f} s] "
                       f"{found['by'] if found['noticed'] else ''}", flush=True)
+            if given.suite:
+                _try_suite(tree, [each for each in mistakes if each.name in results], results,
+                           given.suite, given.out, reached)
     print_shares([results[each.name] for each in mistakes if each.name in results])
+
+
+def _try_suite(tree: Path, mistakes: list[Mistake], results: dict[str, dict[str, Any]], most: int,
+               folder: Path, reached: TestMap | None) -> None:
+    """The whole suite for mistakes that survived and did not meet it yet."""
+    left = [each for each in mistakes if not results[each.name]["noticed"]
+            and not results[each.name].get("suite")]
+    known = failed_tests(folder / "map.log") if reached is not None else []
+    for group in apart(left, most):
+        found = noticed_by_suite(tree, group, folder / "suite.log", reached, known)
+        for mistake in group:
+            results[mistake.name]["suite"] = True
+            if mistake.name in found:
+                results[mistake.name] |= {"noticed": True, "by": found[mistake.name]}
+                print(f"noticed {mistake.file}: {mistake.what} {found[mistake.name]}", flush=True)
+        (folder / "results.json").write_text(json.dumps(results, indent=1), encoding="utf-8")
 
 
 def _test_map(folder: Path, mistakes: list[Mistake]) -> TestMap:

@@ -56,10 +56,10 @@ def pytest_collection_modifyitems(items):
 
 def pytest_runtest_logreport(report):
     seconds[report.nodeid] = seconds.get(report.nodeid, 0) + report.duration
-    if report.when == "teardown":
+    if report.when == "teardown" and report.nodeid in shared:      # of the worker that ran it
         with open({log!r}, "a", encoding="utf-8") as stream:
             stream.write(json.dumps([report.nodeid, round(seconds[report.nodeid], 3),
-                                     shared.get(report.nodeid, [])]) + "\\n")
+                                     shared[report.nodeid]]) + "\\n")
 '''
 
 
@@ -143,7 +143,8 @@ def map_tests(tree: Path, mistakes: Sequence[Mistake], folder: Path,
     (tree / "planted_items.py").write_text(PLUGIN.format(
         log=str(folder / "items.jsonl"), prepared=str(folder / "shared.tsv")),
                                            encoding="utf-8")
-    run_tests(tree, ["-p", "planted_items", *tests], HOURS, folder / "map.log", first_only=False)
+    run_tests(tree, ["-p", "planted_items", "-n", "auto", "--dist", "loadfile", *tests], HOURS,
+              folder / "map.log", first_only=False)
 
 
 class TestMap:
