@@ -51,7 +51,7 @@ def matrix_deviation(camera_from_xyz: np.ndarray, curves: np.ndarray,
 
 
 def matrix_doubt(camera_from_xyz: np.ndarray, curves: np.ndarray, grid: WavelengthGrid) -> float:
-    """Mean square of the deviation, in spreads about what is typical: usually below 1."""
+    """Mean square of the deviation, in spreads about what is typical: of most cameras about 1."""
     deviation = matrix_deviation(camera_from_xyz, curves, grid)
     return float(np.sum(((deviation - TYPICAL) / SPREAD) ** 2) / FREEDOM)
 
