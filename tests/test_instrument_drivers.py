@@ -181,7 +181,7 @@ def test_settings_are_put_back_as_they_were_found():
 def test_a_fixed_exposure_is_put_back_to_automatic():
     transcript = recording("cs2000")
     start, rest = transcript.events[:8], transcript.events[8:]
-    asked = [(b"SPMR\n", b"OK00,0,2\n")] * 2 + [(b"SPMS,3,250000,2\n", b"OK00\n")]
+    asked = [(b"SPMR\n", b"OK00,0,2\n")] * 2 + [(b"SPMS,3,250000,0\n", b"OK00\n")]
     extra = [event for sent, reply in asked
              for event in (Event(">", 0, sent), Event("<", 0, reply))]
     end = [Event(">", 0, b"SPMS,0,2\n"), Event("<", 0, b"OK00\n")]

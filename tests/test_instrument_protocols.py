@@ -61,7 +61,7 @@ def measured(meter, replies=None):
 
 @pytest.mark.parametrize("name, sent", [
     # 250 ms, two readings, 50 Hz (59.94 Hz for the CS-2000), each in the unit of the manual
-    ("cs2000", [b"SPMS,3,250000,2\n", b"SCMS,1,5994\n"]),                   # us, hundredths of Hz
+    ("cs2000", [b"SPMS,3,250000,0\n", b"SCMS,1,5994\n"]),                   # us, hundredths of Hz
     ("cr250", [b"SM ExposureMode 1\r", b"SM Exposure 250\r", b"SM ExposureX 2\r",
                b"SM SyncMode 2\r", b"SM SyncFreq 50\r"]),                   # ms, Hz
     ("pr655", [b"SU1\r", b"SE00250\r", b"SN02\r", b"SS3\r", b"SK050\r"]),   # ms, Hz

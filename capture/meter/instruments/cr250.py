@@ -41,11 +41,13 @@ ERRORS = {
     -334: "a calibration table is missing",
     -335: "a calibration table is missing", -500: "the command is unknown",
     -505: "the filter is not known",
+    **dict.fromkeys(range(-510, -505), "a filter or the accessory is not known"),
     -511: "the accessory is not known", -514: "the exposure multiplier is out of range",
     -515: "the aperture is not known",
     -518: "the exposure mode is out of range", -519: "the exposure is out of range",
     -521: "the sync mode is not offered",
-    -522: "the sync frequency is out of range"}
+    -522: "the sync frequency is out of range",
+    **dict.fromkeys(range(-560, -551), "its calibration failed")}
 WARNINGS = {100: "too dark for automatic sync", 101: "the light is steady: no sync was used",
             102: "the exposure limit was reached", 103: "the sync signal is weak"}
 OUTCOMES = {-300: ReadingOutcome.NO_SYNC, -301: ReadingOutcome.NO_SYNC,

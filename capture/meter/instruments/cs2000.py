@@ -74,8 +74,8 @@ class Cs2000(Instrument):
             raise refused(self, f"averages = {wanted.averages}", 17,
                           {17: "it has no averaging; use --repeat"})
         if wanted.integration_ms is not None:
-            self._remember("SPMS", "SPMR")
-            self._ask(f"SPMS,3,{round(wanted.integration_ms * 1000)},2")
+            before = self._remember("SPMS", "SPMR")
+            self._ask(f"SPMS,3,{round(wanted.integration_ms * 1000)},{_filter_of(before)}")
         if wanted.sync_hz is not None:
             self._remember("SCMS", "SCMR")
             self._ask(f"SCMS,1,{round(wanted.sync_hz * 100)}")
@@ -149,9 +149,10 @@ class Cs2000(Instrument):
         self.restore.append(b"MSWE,1\n")
         self._ask("MSWE,0")  # with the body's button enabled, reading a result clears it
 
-    def _remember(self, command: str, question: str) -> None:
+    def _remember(self, command: str, question: str) -> str:
         before = agreed(lambda asked: ",".join(self._ask(asked)), question)
         self.restore.append(f"{command},{before}\n".encode())
+        return before
 
     def _ask(self, command: str) -> list[str]:
         """Fields of the reply after OK00."""
@@ -172,3 +173,12 @@ class Cs2000(Instrument):
             self.measured()
             raise refused(self, command, int(match[2]), ERRORS)
         return 0, match[3][1:].split(",") if match[3] else []
+
+
+def _filter_of(conditions: str) -> str:
+    """The internal ND filter for a fixed exposure, which knows no automatic one: on where it is set
+    on, else off. Old firmware states none, so that the count of fields tells.
+    """
+    speed, *rest = conditions.split(",")
+    stated = len(rest) == (1 if speed in ("0", "1") else 2)
+    return "1" if stated and rest[-1] == "1" else "0"

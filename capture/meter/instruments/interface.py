@@ -164,7 +164,11 @@ class Instrument(abc.ABC):
         """
         with self.line.held():
             self.busy_until = time.monotonic() + self.line.pace.limit_s(limit_s)
-            yield
+            try:
+                yield
+            except LineFaultError:      # bytes lay waiting: the command was not sent
+                self.measured()
+                raise
 
     def measured(self) -> None:
         """Note that no measurement is under way any more."""

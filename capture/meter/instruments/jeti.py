@@ -38,6 +38,9 @@ ERRORS = {
     137: "no dark compensation", 138: "no light result", 139: "no peak result",
     140: "its calibration data are wrong", 141: "a wavelength is outside its calibration",
     147: "the scan was broken off", 160: "no flicker cycle was found", 161: "no trigger came",
+    **dict.fromkeys((170, 171, 172, 225, 230, 231, 232), "its memory failed"),
+    **dict.fromkeys(range(180, 188), "its calibration file is wrong"),
+    **dict.fromkeys(range(190, 198), "its lamp file is wrong"),
     200: "its memory failed", 220: "its output failed", 251: "the wavelength range is wrong",
     280: "its battery is too low", 500: "the trigger failed", 501: "the trigger failed"}
 OUTCOMES = {120: ReadingOutcome.TOO_BRIGHT, 121: ReadingOutcome.TOO_DARK,
