@@ -120,7 +120,7 @@ def test_what_exact_draws_are_made_of(recorded):
     recorded((draw_tilted(np.array([-60.0, -1, 0, 0.4, 70]), rng.random((30, 5))),
               [basic_columns(columns, slope * max_entropy_tilt(one).theta @ columns, 8)
                for slope in (0.2, 1, 4)]))
-    recorded([result_or_refusal(collect, lambda n: np.zeros((int(n * share), 2)), draws)
+    recorded([result_or_refusal(collect, lambda n, s=share: np.zeros((int(n * s), 2)), draws)
               for share, draws in ((0.5, 0), (0.5, 1), (0.31, 5000), (0.002, 9))], case="collected")
 
 
@@ -196,8 +196,8 @@ def test_diagnoses(recorded):
               for r_hat in (1.0099, 1.01, 1.0101) for effective in (499.0, 500.0, 501.0)],
              case="refused")
     recorded([tail_shape(weights) for weights in
-              (np.ones(100), rng.random(24), rng.random(26), rng.pareto(1.2, 900), rng.pareto(3, 80),
-               np.exp(rng.normal(0, 2, 400)), np.r_[np.zeros(95), rng.random(5)])], case="tails")
+              (np.ones(100), rng.random(24), rng.random(26), rng.pareto(1.2, 900),
+               rng.pareto(3, 80), np.exp(rng.normal(0, 2, 400)), np.r_[np.zeros(95), rng.random(5)])], case="tails")
 
 
 BOUNDS = [(3, 9, 0.0, 0.0, 0.95), (3, 7, 0.01, 0.0, 0.8), (3, 7, 0.002, 0.45, 0.95),
@@ -231,7 +231,7 @@ def test_bounds_of_many_signals(recorded):
     some = boxes.of(np.array([3, 1]), 0.01)
     np.testing.assert_allclose(some.half_width, boxes.half_width[[3, 1]] + 0.01)
     recorded(linear_programmes(boxes.of(np.array([3])), basis), rtol=1e-5, case="one")
-    with pytest.raises(ConvergenceError, match="of the bounds was not solved .*; state a larger"):
+    with pytest.raises(ConvergenceError, match=r"of the bounds was not solved .*; state a larger"):
         linear_programmes(boxes.of(np.array([5])), basis)
 
 
@@ -268,7 +268,7 @@ def test_null_spaces(recorded):
 
 def test_operators_that_are_refused(recorded):
     one, nan = operator(3, 7, 0.01), np.array([0.1, np.nan, 0.2])
-    skewed = one.noise_covariance + [[0, 1e-4, 0], [0, 0, 0], [0, 0, 0]]
+    skewed = one.noise_covariance + np.array([[0, 1e-4, 0], [0, 0, 0], [0, 0, 0]])
     basis = np.eye(7)
     recorded({
         "good": result_or_refusal(check_operator, one),

@@ -1,4 +1,4 @@
-"""Recorded: what signals say under the learnt prior, from its file to bands, draws and summaries."""
+"""Recorded: what signals say under the learnt prior, from its file to bands, draws, summaries."""
 import dataclasses
 import json
 
@@ -153,7 +153,7 @@ def test_the_law_of_draws(recorded, seven):
 
 
 def test_what_draws_of_a_component_are_made_of(recorded, seven):
-    prior, matrix, signals, noise, found = seven
+    prior, matrix, signals, noise, _ = seven
     measured = dataclasses.replace(lopsided_measurement(), signal=signals[1],
                                    noise_covariance=noise[1])
     alone = posterior(prior, matrix, signals[1:2], noise[1])
@@ -269,7 +269,7 @@ def test_priors_of_stated_families(recorded):
     prior = lopsided_prior()
     words = ([], ["paint"], ["leaf"], ["Skin"], ["skin", "leaves"], ["paint", "fur"], ["nothing"],
              ["leaves", "paint", "skin"])
-    recorded({" ".join(stated): (result_or_refusal(of_families, prior, stated)) for stated in words})
+    recorded({" ".join(stated): result_or_refusal(of_families, prior, stated) for stated in words})
     recorded([components_where_stated(prior, kept) for kept in ([0], [1], [1, 2])],
              case="components")
     recorded([condition_on_families(of_families(prior, stated)) for stated in
