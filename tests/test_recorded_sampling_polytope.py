@@ -197,7 +197,8 @@ def test_diagnoses(recorded):
              case="refused")
     recorded([tail_shape(weights) for weights in
               (np.ones(100), rng.random(24), rng.random(26), rng.pareto(1.2, 900),
-               rng.pareto(3, 80), np.exp(rng.normal(0, 2, 400)), np.r_[np.zeros(95), rng.random(5)])], case="tails")
+               rng.pareto(3, 80), np.exp(rng.normal(0, 2, 400)),
+               np.r_[np.zeros(95), rng.random(5)])], case="tails")
 
 
 BOUNDS = [(3, 9, 0.0, 0.0, 0.95), (3, 7, 0.01, 0.0, 0.8), (3, 7, 0.002, 0.45, 0.95),

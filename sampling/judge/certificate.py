@@ -138,7 +138,8 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, relative_response:
         dict(zip(prior.families, shares.mean(axis=0).tolist(), strict=True)),
         {name: float(held[most == index].mean()) for index, name in enumerate(prior.families)
          if np.any(most == index)}, prior.stated,
-        float(np.mean(surprise > prior.familiar_surprise)), f"{library.name} (" in prior.source)
+        float(np.mean(surprise > prior.familiar_surprise)),
+        any(part.startswith(f"{library.name} (") for part in prior.source.split("; ")))
 
 
 def certificate_page(certificates: list[Certificate], prior: LogitMixture, camera: str) -> str:
