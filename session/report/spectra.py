@@ -153,20 +153,23 @@ def error_budget_figure(name: str, material: MaterialResult,
     name : str
         Of the figure on its page, unique there.
     bands : tuple of str
-        J names, those of ``material.signal``.
+        J names, those of ``material.signal``; those that do not show it have no bars.
     """
     budget = material.error_budget
     if not budget:
         return None
+    colours = dict(zip(bands, band_colours(bands), strict=True))
+    bands = tuple(band for band, value in zip(bands, material.signal, strict=True)
+                  if np.isfinite(value))
     causes = list(budget)[::-1]
     height = 0.8 / len(bands)
     names = [plain_line(cause, 26) for cause in causes]
     drawing, axes = framed(3.3, min(8.0, 0.9 + 0.13 * len(causes) * max(len(bands), 3)),
                            0.15 + LETTER_IN * max(map(len, names)))
-    for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
+    for k, band in enumerate(bands):
         at = np.arange(len(causes)) + 0.4 - (k + 0.5) * height
         axes.barh(at, [100 * float(budget[cause][k]) for cause in causes], 0.85 * height,
-                  color=colour, label=plain_line(band, 24))
+                  color=colours[band], label=plain_line(band, 24))
     axes.set_yticks(range(len(causes)), names)
     axes.tick_params(axis="y", length=0)
     axes.set_xlabel("Relative standard error (%)")
