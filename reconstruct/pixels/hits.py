@@ -25,7 +25,10 @@ def hits_of(scene: Any, size: tuple[int, int], row: np.ndarray, column: np.ndarr
     size : (width, height)
         Of the whole photo in pixels.
     row, column : (n,) int arrays
+        There may be none.
     """
+    if not np.size(row):            # which Dr.Jit refuses to calculate with
+        return Hits(np.empty((0, 2)), np.empty(0), np.empty((0, 3)))
     import drjit as dr
     import mitsuba as mi
 

@@ -119,7 +119,7 @@ def _some_pixels(scene: SceneOfPicture, pixels: LitPixels, materials: Sequence[i
         places.append(place)
     row, column = np.divmod(np.concatenate([np.empty(0, int), *places]), inside.shape[1])
     row, column = row + part.rows.start, column + part.columns.start
-    area = hits_of(scene.unit.scene, view.size, row, column).area if row.size else np.empty(0)
+    area = hits_of(scene.unit.scene, view.size, row, column).area
     return _SomePixels(np.repeat(materials, [place.size for place in places]), row, column, area)
 
 
