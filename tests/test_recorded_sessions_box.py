@@ -86,7 +86,12 @@ lamp_at_mm = [-30, 160, 760]
 [views.side]
 photo = "photos/side.dng"
 turn_deg = 35
-camera = {{ at_mm = [120, 240, 660], look_at_mm = [-30, 120, -120], up = [0.05, 1, 0], fov_deg = 40 }}
+
+[views.side.camera]
+at_mm = [120, 240, 660]
+look_at_mm = [-30, 120, -120]
+up = [0.05, 1, 0]
+fov_deg = 40
 
 [views.turned]
 photo = "photos/turned.dng"

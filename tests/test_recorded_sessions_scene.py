@@ -1,4 +1,4 @@
-"""A session of a scene in which everything is said at once and nothing is alike, held to its record.
+"""A session of a scene in which everything is said and nothing is alike, held to its record.
 
 Three photos: an exposure bracket under one lamp, whose light drifted since the chart photo; a
 shorter exposure under the same lamp; a photo under a second lamp with a chart photo of its own.

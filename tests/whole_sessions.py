@@ -23,8 +23,8 @@ HOT = (slice(5, None, 97), slice(8, None, 89))  # pixels that gather a dark sign
 NUMBER = re.compile(r"(?<![\w.#])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 # what changes from run to run, with the machine or with the version
 PASSING = {"provenance", "made_from", "sha256", "bytes", "seconds", "report", "spectra", "versions",
-           "finished", "command", "machine", "system", "code", "llvm", "plots", "tableSchema", "swatches",
-           "pictures"}
+           "finished", "command", "machine", "system", "code", "llvm", "plots", "tableSchema",
+           "swatches", "pictures"}
 # small differences of large numbers: linearised where a search stopped, and inverted
 DIFFERENCES = re.compile(r"held_out|relative_covariance|chi_square|left.out")
 
