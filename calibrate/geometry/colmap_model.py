@@ -142,7 +142,7 @@ def _image(line: str, where: str, cameras: Mapping[str, Lens]) -> ModelImage:
                          "of one model")
     length = float(np.linalg.norm(quaternion))
     if abs(length - 1) > UNIT:
-        raise InputError(f"{where}: the quaternion's length is {length:.3g}, not 1; {EXPORT}")
+        raise InputError(f"{where}: the quaternion's length is {length:.4f}, not 1; {EXPORT}")
     world_to_camera = np.eye(4)
     world_to_camera[:3, :3], world_to_camera[:3, 3] = _rotation(quaternion / length), shift
     return ModelImage(words[9], cameras[words[8]], world_to_camera)
