@@ -26,7 +26,7 @@ BENT = Lens(600, 440, np.array([[655.0, 0, 311.3], [0, 661.0, 208.9], [0, 0, 1]]
 TURN, SHIFT = (np.pi - 0.13, 0.07, -0.04), (0.03, 0.14, 0.92)
 PLACES_M = np.array([[x * (1 + 0.1 * z), y, z] for x in (-0.24, 0.21) for y in (0.0, 0.31)
                      for z in (-0.37, -0.1, 0.0)])
-DEPTHS = (0.094, 0.098, 0.102, 0.5)
+DEPTHS = (0.088, 0.094, 0.5)
 
 
 def said(call, *arguments, **more):

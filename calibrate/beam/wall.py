@@ -113,7 +113,7 @@ def wall_cells(photo: LinearImage, wall: WallTable, lens: Lens | None = None) ->
     corners = np.array(wall.corners_px)
     height, width = photo.signal.shape[:2]
     limit = np.array([width, height]) * photo.sensor_step
-    if np.any(corners < -0.5) or np.any(corners > limit):
+    if np.any(corners < -0.5) or np.any(corners > limit - 0.5):
         raise InputError(f"corners_px lie outside the photo of {limit[0]:.0f} x {limit[1]:.0f} "
                          "pixels; give [x, y] in pixels of the whole photo")
     if lens is not None:
