@@ -94,6 +94,25 @@ def default_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> CameraP
     return shipped if photos[0].signal.shape[1] == shipped.bands else smooth_prior(photos, grid)
 
 
+def require_bands(photos: list[ChartEquations], prior: CameraPrior) -> None:
+    """Refuse photos of another number of bands than a prior's cameras have.
+
+    Parameters
+    ----------
+    photos : list of ChartEquations
+    prior : CameraPrior
+
+    Raises
+    ------
+    InputError
+    """
+    for photo in photos:
+        if photo.signal.shape[1] != prior.bands:
+            raise InputError(f"the prior is for cameras of {prior.bands} bands, the photo has "
+                             f"{photo.signal.shape[1]}; give a prior made from such cameras, or "
+                             "none")
+
+
 def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid: WavelengthGrid, *,
                    model_errors: tuple[float, ...] = MODEL_ERRORS,
                    apart: ChartEquations | None = None) -> PriorFit:
@@ -124,11 +143,7 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid
         require_patches(photo.signal)
         require_apart(photo.signal)
     prior = default_prior(photos, grid) if prior is None else prior
-    for photo in photos:
-        if photo.signal.shape[1] != prior.bands:
-            raise InputError(f"the prior is for cameras of {prior.bands} bands, the photo has "
-                             f"{photo.signal.shape[1]}; give a prior made from such cameras, or "
-                             "none")
+    require_bands(photos, prior)
     # matrices of 200 rows: more threads wait for each other, ten times as long
     with threadpool_limits(1, "blas"):
         posterior = posterior_of_curves(photos, prior, grid, model_errors=model_errors)

@@ -31,7 +31,7 @@ from spectrabox.calibrate.products.product_posterior import (
     shares_without,
 )
 from spectrabox.calibrate.products.product_prior import ProductPrior, product_prior
-from spectrabox.calibrate.sensitivity import PriorFit, condition_number
+from spectrabox.calibrate.sensitivity import PriorFit, condition_number, require_bands
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import (
@@ -78,10 +78,13 @@ def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamp
     ------
     CalibrationError
         If the photos hold too few patches, or two bands have the same signals.
+    InputError
+        If the cameras have another number of bands than the photos.
     """
     for photo in photos:
         require_patches(photo.signal)
         require_apart(photo.signal)
+    require_bands(photos, cameras)
     with threadpool_limits(1, "blas"):      # see fit_with_prior
         prior = product_prior(cameras, lamps, SEED)
         found = posterior_of_products(photos, prior)
