@@ -242,9 +242,10 @@ def prior_calibration(photos: list[ChartEquations], grid: WavelengthGrid,
                                 disagreement(photo.signal, fit.held_out[0]), fit.chi_square,
                                 other_reading(photo, known, grid))
     raise CheckError(f"each of the {len(photos)} chart photos can be explained, but not all by one "
-                     f"camera (chi-square {joint.chi_square:.1f} per signal together); check that "
-                     "the camera and its settings were the same, and that each photo has the "
-                     "spectrum of its own light")
+                     f"camera (patches and model agree only within {joint.model_error:.1%}, "
+                     f"chi-square {joint.chi_square:.1f} per signal together); check that the "
+                     "camera and its settings were the same, and that each photo has the spectrum "
+                     "of its own light")
 
 
 def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spectrum,
@@ -390,8 +391,9 @@ def _measured_curves(grid: WavelengthGrid, curves: np.ndarray,
 
 
 def _checks(fit: SensitivityFit, covariance: np.ndarray, scale: LightScale) -> tuple[str, ...]:
+    left_out = "" if fit.held_out_residuals is None else " left out of the fit"
     checks = [f"relative error of predicted signals {np.sqrt(np.diag(covariance)).max():.1%} in "
-              "the worst band, from patches left out of the fit"]
+              f"the worst band, from patches{left_out}"]
     if fit.condition_number is not None:
         checks.append(f"condition number {fit.condition_number:.4g}")
     if scale.standard_error is not None:
