@@ -196,6 +196,8 @@ def _sentence(faults: list[tuple[_Place, Fault]]) -> str:
     if kind in ("too_short", "too_long"):
         whole = "whole " if int in typing.get_args(place.options[0]) else ""
         count = fault["ctx"].get("min_length", fault["ctx"].get("max_length"))
+        if isinstance(value, dict):
+            return f"{place.name} has {len(value)} of the {count} entries that are needed"
         return f"{place.name} is {shortened(value)}; {count} {whole}numbers in brackets are needed"
     if kind in ("greater_than_equal", "less_than_equal", "finite_number"):
         return f"{place.name} is {_number(value)}; {_limits(place.field)}"

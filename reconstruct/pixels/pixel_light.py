@@ -102,8 +102,10 @@ def trace_pixel_light(unit: UnitScene, surface: np.ndarray, own: np.ndarray, *, 
 
 
 def _nodes(surface: np.ndarray, most: int) -> LightNodes:
-    """Nodes of the smallest cells of which there are no more than that."""
+    """Nodes of the smallest cells of which there are no more than that; one for each surface where
+    these are more.
+    """
     cell = max(round(np.sqrt(np.count_nonzero(surface >= 0) / most)), 1)
-    while (nodes := LightNodes(surface, cell)).keys.shape[1] > most:
+    while (nodes := LightNodes(surface, cell)).keys.shape[1] > most and cell < max(surface.shape):
         cell += 1
     return nodes
