@@ -1,12 +1,13 @@
 """Recorded: certificates of libraries, pictures made elsewhere, their regions, and judgements."""
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
 from sampling_cameras import response, surface
 from sampling_inputs import lopsided_measurement, lopsided_prior, result_or_refusal
 
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.errors import ConvergenceError, EnvironmentProblem, InputError
 from spectrabox.sampling.judge import certificate as certificate_file
 from spectrabox.sampling.judge import cube_files
 from spectrabox.sampling.judge import cube_regions as regions_file
@@ -46,6 +47,7 @@ from spectrabox.sampling.judge.scores import (
     spectral_angle,
     winkler_score,
 )
+from spectrabox.sampling.methods import METHODS
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import GRID, of_families
 
@@ -126,7 +128,7 @@ def test_judgements(recorded):
                                       (truth + 0.1, draws[:1000] + 0.1), (truth, None))])
 
 
-def test_judgements_of_all_methods(recorded):
+def test_judgements_of_all_methods(recorded, monkeypatch):
     measured, prior = lopsided_measurement(), lopsided_prior()
     columns = np.array([2, 10, 25, 33, 58])
     found = beside(measured, GRID.nm[columns], surface(GRID.nm, 4)[columns], ("D65", "A"), 1000, 3,
@@ -143,6 +145,12 @@ def test_judgements_of_all_methods(recorded):
     far = dataclasses.replace(measured, signal=np.array([0.2, 0.99, 0.15]))
     recorded((list(estimates(far, ("paper", "uniform", "prior"), 20, 1, 7, prior)),
               [one is None for one in baselines(far, 20, 1, 7).values()]), case="left out")
+
+    def failing(*values):
+        raise ConvergenceError("no draws")
+    monkeypatch.setitem(METHODS, "uniform", failing)
+    assert list(estimates(measured, ("paper", "uniform", "prior"), 20, 1, 7, prior)) \
+        == ["paper", "prior"]
 
 
 # ---- pictures ------------------------------------------------------------------------------------
@@ -230,7 +238,6 @@ def test_arrays_in_files(recorded, tmp_path, monkeypatch):
     with h5py.File(tmp_path / "h.mat", "w") as file:
         file["cube"], file["wavelength"] = values.transpose(2, 1, 0), NM
         file["there"] = h5py.SoftLink("/cube")
-    (tmp_path / "broken.npy").write_bytes((tmp_path / "a.npy").read_bytes()[:200])
     for name, call in {"a.npy": (NM,), "first.npy": (NM[::-1],), "a.npz": (), "a.mat": (),
                        "h.mat": (), "two.npz": (NM, "two")}.items():
         found[name] = all_of(open_cube(tmp_path / name, *call))
@@ -247,8 +254,24 @@ def test_arrays_in_files(recorded, tmp_path, monkeypatch):
     monkeypatch.setattr(cube_files, "MOST_IN_MEMORY", 40 * 40 * 8 * 8)
     said["just"] = open_cube(tmp_path / "big.npz", NM).height
     recorded(said, case="refused")
-    with pytest.raises(InputError, match="damaged or holds more than plain numbers"):
-        open_cube(tmp_path / "broken.npy", NM)
+    for name, said in {"a.npy": "holds more than plain numbers .*; save the picture again with num",
+                       "a.npz": "holds more than plain numbers .*; save the picture again with num",
+                       "a.mat": r"is no MATLAB file that can be read .*save\(\.\.\., '-v7'\)",
+                       "h.mat": "is a damaged MATLAB 7.3 file .*; save it again"}.items():
+        broken = tmp_path / f"broken {name}"
+        broken.write_bytes((tmp_path / name).read_bytes()[:200])
+        with pytest.raises(InputError, match=f"^{broken.name} {said}|^{broken.name} .* {said}"):
+            open_cube(broken, NM)
+    with pytest.raises(InputError, match=r"^.*folder cannot be read \(Is a directory\); give a"):
+        open_cube(_folder(tmp_path), NM)
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(EnvironmentProblem, match=r"h.mat is a MATLAB 7.3 \(HDF5\) file, for"):
+        open_cube(tmp_path / "h.mat")
+
+
+def _folder(where):
+    (where / "folder").mkdir()
+    return where / "folder"
 
 
 def test_cubes_of_channels_and_wavelengths(recorded, tmp_path):

@@ -228,6 +228,11 @@ def test_bounds_of_many_signals(recorded):
     for row in range(6):
         np.testing.assert_allclose(np.array(found)[:, row], reflectance_bounds(
             MeasurementOperator(one.A, signals[row], noise[row]), basis), atol=1e-7)
+    with pytest.MonkeyPatch.context() as patched:      # no walk ends: one programme at a time
+        patched.setattr(simplex, "MAX_PIVOTS", 0)
+        np.testing.assert_allclose(bounds_of_many(one.A, signals, noise, basis), found, atol=1e-6)
+    white = signal_boxes(one.A, np.ones((1, 3)), np.zeros((1, 3, 3)), 0.95)
+    np.testing.assert_allclose(bounds_of_one(white, 0, basis), 1, atol=1e-5)
     boxes = signal_boxes(one.A, signals, noise, 0.95)
     some = boxes.of(np.array([3, 1]), 0.01)
     np.testing.assert_allclose(some.half_width, boxes.half_width[[3, 1]] + 0.01)

@@ -14,6 +14,7 @@ from sampling_inputs import (
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome
+from spectrabox.sampling.prior import draws as draws_file
 from spectrabox.sampling.prior import mixture as mixture_file
 from spectrabox.sampling.prior import posterior as posterior_file
 from spectrabox.sampling.prior import summaries as summaries_file
@@ -26,6 +27,7 @@ from spectrabox.sampling.prior.certified import (
 from spectrabox.sampling.prior.drawn import as_drawn
 from spectrabox.sampling.prior.draws import (
     _component,
+    family_shares,
     prior_spectra,
     sample_prior,
     sentence_of,
@@ -61,6 +63,9 @@ from spectrabox.sampling.prior.smoothness import smoothness_prior
 from spectrabox.sampling.prior.summaries import summaries
 
 SINGLE = 2e-5       # quantiles and covariances of draws are of single precision
+
+
+ZIGZAG = np.array([-1, 1, -0.9, 1.1, -1, 0.8])
 
 
 def seven_signals(bands=3):
@@ -164,6 +169,12 @@ def test_what_draws_of_a_component_are_made_of(recorded, seven):
                   one.noise_root @ one.noise_root.T), rtol=SINGLE, case=str(index))
 
 
+def test_draws_that_do_not_reach_the_signal(recorded, monkeypatch):
+    monkeypatch.setattr(draws_file, "ROUNDS", 1)
+    measured = dataclasses.replace(lopsided_measurement(noise=0.3), signal=np.full(3, 1.2))
+    recorded(result_or_refusal(prior_spectra, measured, 50, 1, lopsided_prior(1e9)))
+
+
 @pytest.mark.parametrize("bands", [2, 3, 5])
 def test_small_systems(recorded, bands):
     rng = np.random.default_rng(bands)
@@ -197,7 +208,7 @@ def test_draws_and_what_is_said_of_them(recorded, case):
             prior = lopsided_prior(familiar_surprise=1e-3)
         case "too rough":
             measured = lopsided_measurement(6, 1e-4)
-            measured = dataclasses.replace(measured, signal=np.array([.4, .52, .42, .53, .4, .5]))
+            measured = dataclasses.replace(measured, signal=0.46 + 0.17 * ZIGZAG)
         case "out of reach":
             measured = dataclasses.replace(measured, signal=np.array([0.4, 1.09, 0.3]))
     found = sample_prior(measured, 2500, 3, 9, prior)
@@ -225,6 +236,7 @@ def test_the_first_draws_are_those_of_one_seed(recorded):
     other = prior_spectra(measured, 2100, 8, lopsided_prior())
     assert not np.array_equal(first.spectra, other.spectra)
     recorded(first)
+    assert family_shares(lopsided_prior(), measured) == first.shares
 
 
 def test_sentences_of_families(recorded):
@@ -248,6 +260,18 @@ def test_summaries_of_many_signals(recorded, bands, monkeypatch):
     parts = summaries(prior, matrix, signals, causes, 0.9)
     np.testing.assert_allclose(parts.lower, whole.lower, atol=1e-5)
     np.testing.assert_array_equal(parts.outcome, whole.outcome)
+
+
+def test_where_signals_become_strange(recorded):
+    """Bands that differ more and more from their neighbours: familiar, unfamiliar, too rough, out
+    of reach.
+    """
+    measured, prior = lopsided_measurement(6, 1e-4), lopsided_prior()
+    found = [prior_spectra(dataclasses.replace(measured, signal=0.46 + step * ZIGZAG), 1, 1,
+                           prior).outcome for step in np.linspace(0.02, 0.2, 73)]
+    recorded([found.count(outcome) for outcome in (Outcome.FAMILIAR, Outcome.UNFAMILIAR,
+                                                   Outcome.TOO_ROUGH, Outcome.OUT_OF_REACH)])
+    assert len({*found}) == 4
 
 
 @pytest.mark.parametrize("share", [0.97, 1.03])
@@ -364,6 +388,7 @@ def test_how_families_stand(recorded):
                                           standing_facts(families),
                                           [one.in_doubt for one in families])
     recorded(found)
+    assert certified_sentence(()) == ""
     for coverage in (0.9299, 0.93):
         bands = dataclasses.replace(certificates["paint"].stated, coverage=coverage)
         held = {kind: dataclasses.replace(certificates["paint"], **{kind: bands})

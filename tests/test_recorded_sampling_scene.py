@@ -49,7 +49,7 @@ def scene(known=("floor",), common=True, families=True, noise=0.01, regions=8):
     signal = light_received(coefficients, response) * (1 + noise * rng.standard_normal((regions,
                                                                                         3)))
     error = noise * signal * rng.uniform(0.6, 1.7, signal.shape)
-    signal[2] = np.nan
+    signal[2], signal[5, 1] = np.nan, np.nan
     root = 0.02 * rng.standard_normal((3, 3))
     shared = shared_errors(signal, root @ root.T, 0.015, np.arange(regions) % 3, 0.006, 0.012)
     return {"transport": transport, "response": response, "signal": signal,

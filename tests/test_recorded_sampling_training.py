@@ -1,7 +1,9 @@
 """Recorded: models of surfaces, folders of measured reflectances, and how a prior is trained."""
 import bz2
 import dataclasses
+import json
 import struct
+import zipfile
 
 import numpy as np
 import pytest
@@ -173,6 +175,14 @@ def test_a_folder_of_all_formats(recorded, tmp_path):
     recorded(read_library(tmp_path))
     columns = read_r_columns(tmp_path / "e.rda")
     recorded(columns, case="columns")
+    with zipfile.ZipFile(tmp_path / "z.zip", "w") as archive:
+        archive.writestr("in/b.CSV", (tmp_path / "b.csv").read_bytes())
+        archive.writestr("in/a.csv", (tmp_path / "a.csv").read_bytes())
+        archive.writestr("in/d.txt", b"nothing")
+    (tmp_path / "i.json").write_text(json.dumps({"spectral_data": {"data": {"main": {
+        f"{w:g}": column.tolist() for w, column in zip(nm, curves.T, strict=True)}}}}))
+    recorded({name: READERS[name[1:]](tmp_path / name) for name in ("z.zip", "i.json")},
+             case="more formats")
     (tmp_path / "empty").mkdir()
     (tmp_path / "few").mkdir()
     (tmp_path / "few" / "c.csv").write_bytes((tmp_path / "c.csv").read_bytes())
@@ -186,6 +196,8 @@ def test_damaged_libraries(recorded, tmp_path):
                                                                struct.pack(">i", 24), 1),
              "no.rda": b"RDX4\nX\n" + whole[7:], "text.rda": b"RDX2\nA\n" + whole[7:],
              "long.rda": whole.replace(struct.pack(">ii", 14, 1), struct.pack(">ii", 14, 9000), 1),
+             "b.json": b'{"spectral_data": {}}', "b.mat": b"MATLAB 5.0 nothing",
+             "list.json": b"[1]", "none.rda": r_file({"id": [1.0, 2.0]}),
              "a.zip": b"PK nothing", "a.sli": b"1234", "b.sli": b"1234"}
     found = {}
     (tmp_path / "b.hdr").write_text("ENVI\nsamples = 1\nlines = two\ndata type = 4\n"
