@@ -271,7 +271,7 @@ def test_pictures_by_rows(recorded, tmp_path):
     for tiles in (False, True):
         for half in (False, True):
             name = f"{'tiles' if tiles else 'lines'} {'half' if half else 'single'}.exr"
-            with image_rows.exr_rows(tmp_path / name, 150, 130, ("c.p", "c.q", "x", "y"), half,
+            with image_rows.exr_rows(tmp_path / name, 150, 130, ("c.p", "c.q", "d", "e"), half,
                                      {"words": "as written"}, tiles=tiles) as write:
                 for first in range(0, 150, 50):
                     write(first, signal[first:first + 50])

@@ -296,7 +296,8 @@ def test_what_spotread_prints_and_saves(recorded, tmp_path):
     def saved(scale=1.0):
         file = tmp_path / "a.sp"
         file.write_text("SPECT\n\nSPECTRAL_BANDS \"4\"\nSPECTRAL_START_NM \"400\"\n"
-                        "SPECTRAL_END_NM \"700\"\nSPECTRAL_NORM \"1.000000\"\nMEAS_TYPE \"EMISSION\"\n"
+                        "SPECTRAL_END_NM \"700\"\nSPECTRAL_NORM \"1.000000\"\n"
+                        "MEAS_TYPE \"EMISSION\"\n"
                         "NUMBER_OF_FIELDS 4\nBEGIN_DATA_FORMAT\n"
                         "SPEC_400 SPEC_500 SPEC_600 SPEC_700\nEND_DATA_FORMAT\n\nNUMBER_OF_SETS 1\n"
                         "BEGIN_DATA\n" + " ".join(str(1000 * scale * value) for value in values)

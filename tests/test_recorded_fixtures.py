@@ -85,7 +85,7 @@ def test_views_of_an_object(recorded, tmp_path):
     recorded({"cameras": at, "default": object_views.cameras(4), "vertices": vertices,
               "faces": faces, "xml": [object_views.view_xml(camera, 33).split("\n") for camera
                                       in (at[0], np.array([0.0, 4.0, 0.1]))],
-              "ply": [line for line in (tmp_path / "a.ply").read_text().split("\n")[:30]],
+              "ply": (tmp_path / "a.ply").read_text().split("\n")[:30],
               "default mesh": [part.shape for part in object_views.object_mesh()]}, rtol=1e-7)
 
 

@@ -190,7 +190,7 @@ def _require_one_setting(images: Sequence[LinearImage]) -> None:
         for name, a, b in (("camera", first.camera, other.camera), ("ISO", first.iso, other.iso),
                            ("f-number", first.f_number, other.f_number),
                            ("size", first.signal.shape, other.signal.shape),
-                           ("kind", first.kind, other.kind)):
+                           ("kind", first.kind.value, other.kind.value)):
             if a != b:
                 raise InputError(f"photos {first.source} and {other.source} differ in {name} "
                                  f"({a or 'unknown'} and {b or 'unknown'}); a bracket is one "

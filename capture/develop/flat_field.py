@@ -133,4 +133,5 @@ def _polynomial_terms(y: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 def _size(image: LinearImage) -> str:
     height, width, bands = image.signal.shape
-    return f"{width} x {height} pixels of {bands} bands"
+    return (f"{width} x {height} pixels of {bands} bands, each over {image.sensor_step:g} of the "
+            "sensor's")
