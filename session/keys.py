@@ -122,7 +122,8 @@ def _flat_picture_key(config: SessionConfig, keys: Mapping[str, Key], files: Fil
 
     Of the photo's key what changes with the regions is left out: the picture shows none.
     """
-    known = {name: _outlines(config)[name] for name in _known(config)}
+    known = {name: _outlines(config)[name] | {"spectrum": _plain(reference)}
+             for name, reference in _known(config).items()}
     return {"files": files(*(reference.file for reference in _known(config).values())),
             "settings": {"known": known},
             "stages": {name: fingerprint(keys[name]) for name in ("chart", "calibrate")}}
