@@ -235,6 +235,9 @@ def test_what_splines_cannot_determine_is_refused(recorded):
 
     table = {f"{patches} patches, {method}": fit(patches=patches, method=method)
              for patches in (7, 8, 9) for method in ("paper", "smooth")}
+    table |= {f"{coefficients} coefficients, {method}": fit(
+        patches=9, coefficients=coefficients, method=method)
+        for coefficients in (11, 12) for method in ("nonnegative", "smooth")}
     for width in (24.9, 25.2, 60.0):
         narrow = np.exp(-0.5 * ((UNEVEN.nm - 520) / width) ** 2)
         table |= {f"light of {width} nm, {method}": fit(narrow, method=method)

@@ -361,6 +361,8 @@ def test_files_that_are_no_model_are_refused(recorded, tmp_path):
     table["missing"] = said(read_colmap, tmp_path).replace(str(tmp_path), "")
     (tmp_path / "images.bin").write_bytes(b"")
     table["binary"] = said(read_colmap, tmp_path).replace(str(tmp_path), "")
+    (tmp_path / "images.txt").write_bytes(b"\xff\xfe\xfd")
+    table["bytes"] = said(read_colmap, tmp_path).replace(str(tmp_path), "")
     recorded(table)
 
 

@@ -180,9 +180,6 @@ def test_what_makes_a_calibration_doubtful(recorded, fewer_pairs):
         found = said(calibrate_chart, [photo], GRID, CalibrationOptions(prior=small_prior()))
         table[name] = found if isinstance(found, str) else (found.calibration.doubts,
                                                             found.calibration.checks)
-    two = [shot(), shot(3, stated=spectrum(blue_light(), "blue.csv"), level=0.5)]
-    table["two"] = said(lambda: calibrate_chart(two, GRID, CalibrationOptions(
-        prior=small_prior())).calibration.checks)
     recorded(table, rtol=1e-3)      # numbers are written with two or three digits
 
 
