@@ -175,3 +175,24 @@ def test_a_file_is_written_whole_or_not_at_all():
 def test_writing_by_oneself_is_seen():
     code = "path.open('w')\nnp.save(a, b)\nwith whole_file(a) as b:\n    b.write_bytes(c)\n"
     assert [call.lineno for call in writes_of(ast.parse(code))] == [1, 2]
+
+
+CHANGING = {"reconstruct/scene/parts.py": "Parts", "reconstruct/tracer/path_tracer.py": "PathState",
+            "sampling/polytope/simplex.py": "_State"}    # written to while they are worked out
+
+
+def test_records_cannot_be_changed_and_those_of_arrays_are_not_compared():
+    """Arrays have no one truth value, so that two records of them are equal or not by identity."""
+    wrong = []
+    for path in modules():
+        for node in ast.walk(tree_of(path)):
+            if not isinstance(node, ast.ClassDef) or CHANGING.get(name_of(path)) == node.name:
+                continue
+            bases = {ast.unparse(base) for base in node.bases}
+            for decorator in node.decorator_list:
+                said = ast.unparse(decorator)
+                if said.startswith("dataclass") and ("frozen=True" not in said or (
+                        "Record" in bases and "eq=False" not in said)):
+                    wrong.append(f"{name_of(path)}: {node.name} is @{said}; write "
+                                 "@dataclass(frozen=True, eq=False) for a Record, frozen=True else")
+    assert not wrong, "\n".join(wrong)
