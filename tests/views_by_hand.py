@@ -40,7 +40,8 @@ LAMP_NM = grid_from_nm(np.arange(395.0, 706, 7.0))
 LAMPS = {"warm": 0.4 + ((LAMP_NM.nm - 395) / 260) ** 1.5, "cold": 1.6 - (LAMP_NM.nm - 395) / 280,
          "lines": 0.5 + np.exp(-((LAMP_NM.nm - 545) / 12) ** 2)}
 EXPONENTS = exponents_up_to(len(NAMES), 2)
-SECOND = '<emitter type="point" id="second"><point name="position" x="1"/></emitter>'
+SECOND = ('<emitter type="point" id="second"><point name="position" x="0.3" y="0.5" z="2"/>'
+          "</emitter>")
 LEARNT = LearntSpectra(np.linspace(400, 700, 9), np.linspace(0.3, 0.5, 9),
                        0.06 * np.exp(-((np.arange(9)[:, None] - np.arange(9)) / 2.5) ** 2)
                        + 0.01 * np.eye(9))

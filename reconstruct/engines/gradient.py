@@ -19,10 +19,11 @@ import numpy as np
 from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import Outcome
 from spectrabox.reconstruct.agreement import scale_from_surfaces
+from spectrabox.reconstruct.scene.scene_xml import BLACK
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import View
 
-START = 1e-3             # not 0: Mitsuba refuses a spectrum without any mass
+START = 1e-3
 LEARNING_RATE = 0.06
 LAST_RATE = 0.05         # of the first, reached by a cosine
 TAIL = 0.25              # share of the steps over which the step size falls
@@ -86,8 +87,8 @@ def fit_by_gradient(view: View, settings: InversionSettings,
         optimizer.set_learning_rate(LEARNING_RATE * cosine_rate(max(step - (last - tail), 0)
                                                                 / tail))
         for key in keys:
-            parameters[key] = dr.block_sum(flat_basis * dr.gather(mi.Float, optimizer[key], column),
-                                           count)
+            parameters[key] = BLACK + dr.block_sum(
+                flat_basis * dr.gather(mi.Float, optimizer[key], column), count)
         parameters.update()
         draw = 2 * (settings.seed * 100003 + step) % 2**32
         image = mi.render(scene, parameters, spp=spp, seed=draw, seed_grad=draw + 1)

@@ -39,10 +39,13 @@ TINY, ROUND_OFF = 1e-300, 1e-12
 SMALL_MOVE = 0.2        # of the standard error: converged
 MIN_REGIONS = 12
 MIN_SIGNAL = 0.01       # of a band's median signal
+MIN_LIT = 0.5           # of the regions, that a step for the derivative must leave lit
 MAX_ERROR = 0.5         # of the surfaces' extent: above, the position is not known at all
 
 UNDETERMINED = ("the photo does not tell where the light is: brightness hardly changes when it "
                 "moves; photograph surfaces nearer to it, in several directions")
+BEHIND = ("moved a little way, the light goes behind a surface and leaves most of the scene dark, "
+          "so its position cannot be refined: it hangs too close to a wall or ceiling; measure it")
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,7 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
         If the light has no position, a material no reflectance, or too little of the photo can be
         compared.
     CalibrationError
-        If the photo does not tell where the light is.
+        If the photo does not tell where the light is, or a step puts it behind a surface.
     """
     scene = _MovableLight(scene_file, light_number(scene_file, light_id),
                           _require_reflectances(scene_file, reflectances),
@@ -140,10 +143,13 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
     for iteration in range(ITERATIONS):
         progress(iteration / ITERATIONS, f"light moved by {np.linalg.norm(offset):.3g}")
         if iteration < NEW_SLOPES:  # then kept: their noise would keep the steps from ending
-            ends = [[np.log(np.maximum(rendered(offset + sign * step)[0][lit], TINY))
-                     for sign in (1, -1)] for step in STEP * extent * np.eye(3)]
-            slopes = np.array([(ahead - behind) / (2 * STEP * extent) for ahead, behind in ends])
-        fit = _solve(target - np.log(now[lit]), slopes, whiten, nuisance)
+            ends = np.array([[rendered(offset + sign * step)[0][lit] for sign in (1, -1)]
+                             for step in STEP * extent * np.eye(3)])
+            if np.any((ends > 0).mean(axis=(2, 3)) < MIN_LIT):
+                raise CalibrationError(BEHIND)
+            ahead, behind = np.log(np.maximum(ends, TINY)).swapaxes(0, 1)
+            slopes = (ahead - behind) / (2 * STEP * extent)
+        fit = _solve(target - np.log(np.maximum(now[lit], TINY)), slopes, whiten, nuisance)
         if not np.all(np.diag(fit.covariance) < (MAX_ERROR * extent) ** 2):
             raise CalibrationError(UNDETERMINED)
         length = max(float(np.linalg.norm(fit.move)), TINY)

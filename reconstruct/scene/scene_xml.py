@@ -18,6 +18,8 @@ from spectrabox.reconstruct.scene.elsewhere import (
 from spectrabox.reconstruct.scene.scene_file import PROFILE, SceneFile, light_id
 
 SPECTRUM_TAGS = ("spectrum", "rgb", "texture")
+# in place of a reflectance of 0 at all wavelengths: Mitsuba refuses a spectrum without any mass
+BLACK = 1e-6
 
 
 def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
@@ -93,7 +95,7 @@ def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float,
     root = ET.Element("scene", version="3.0.0")
     for identity, values in reflectances.items():
         node = ET.SubElement(root, "bsdf", type="diffuse", id=plain(identity))
-        node.append(_regular("reflectance", values, range_nm))
+        node.append(_reflectance("reflectance", values, range_nm))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
@@ -135,7 +137,7 @@ def _set_reflectance(node: ET.Element, values: np.ndarray, range_nm: tuple[float
     if kind in SPECTRAL_FACTOR:
         for child in [child for child in inner if child.get("name") == SPECTRAL_FACTOR[kind]]:
             inner.remove(child)
-        inner.append(_regular(SPECTRAL_FACTOR[kind], values, range_nm))
+        inner.append(_reflectance(SPECTRAL_FACTOR[kind], values, range_nm))
         return
     if kind != "diffuse" and "reflectance" not in names:
         raise InputError(f"{file}: the BSDF {node.get('id')!r} is of type {kind!r}, which has no "
@@ -144,7 +146,7 @@ def _set_reflectance(node: ET.Element, values: np.ndarray, range_nm: tuple[float
     for child in list(inner):
         inner.remove(child)
     inner.set("type", "diffuse")
-    inner.append(_regular("reflectance", values, range_nm))
+    inner.append(_reflectance("reflectance", values, range_nm))
 
 
 def _film(bands: Mapping[str, np.ndarray], range_nm: tuple[float, float],
@@ -158,6 +160,10 @@ def _film(bands: Mapping[str, np.ndarray], range_nm: tuple[float, float],
         # Mitsuba sorts channels by name
         film.append(_regular(f"band_{number:03d}_{name}", values, range_nm))
     return film
+
+
+def _reflectance(name: str, values: np.ndarray, range_nm: tuple[float, float]) -> ET.Element:
+    return _regular(name, values if np.any(values > 0) else np.full(len(values), BLACK), range_nm)
 
 
 def _regular(name: str, values: np.ndarray, range_nm: tuple[float, float]) -> ET.Element:

@@ -13,6 +13,7 @@ import numpy as np
 
 from spectrabox.reconstruct.engines.gradient import reflectance_key
 from spectrabox.reconstruct.rendering.renderer import render
+from spectrabox.reconstruct.scene.scene_xml import BLACK
 from spectrabox.reconstruct.shape.edges import add_outline_gradient
 from spectrabox.reconstruct.shape.mesh import large_steps
 from spectrabox.reconstruct.view import View
@@ -141,7 +142,7 @@ class _ViewLoss:
         import mitsuba as mi
 
         positions = mi.Float(vertices.astype(np.float32).ravel())
-        values = mi.Float((self.basis @ coefficients).astype(np.float32))
+        values = mi.Float((BLACK + self.basis @ coefficients).astype(np.float32))
         dr.enable_grad(positions, values)
         self.parameters[self.positions], self.parameters[self.reflectance] = positions, values
         self.parameters.update()
