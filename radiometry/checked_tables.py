@@ -190,7 +190,7 @@ def _sentence(faults: list[tuple[_Place, Fault]]) -> str:
         return f"[{place.name}] must be a table" if table else \
             f"{place.name} must be a table [{place.name}]"
     if kind == "literal_error":
-        choices = typing.get_args(place.options[0])
+        choices = [str(choice) for choice in typing.get_args(place.options[0])]
         return (f"{place.name} is {shortened(value)}; {', '.join(choices)} "
                 f"{'are possible' if len(choices) > 1 else 'is needed'}")
     if kind in ("too_short", "too_long"):
@@ -219,10 +219,21 @@ def _number(value: float) -> str:
 
 
 def _limits(field: FieldInfo | None) -> str:
-    limits = {name: getattr(limit, name) for limit in (field.metadata if field else [])
-              for name in ("ge", "le") if hasattr(limit, name)}
+    known = [] if field is None else [*field.metadata, *_annotations(field.annotation)]
+    limits = {name: getattr(limit, name) for limit in known for name in ("ge", "le")
+              if hasattr(limit, name)}
     if limits.keys() == {"ge", "le"}:
         return f"{limits['ge']:g} to {limits['le']:g} is possible"
     if "le" in limits:
         return f"{limits['le']:g} or less is possible"
     return f"{limits['ge']:g} or more is needed" if limits else "a number is needed"
+
+
+def _annotations(kind: Any) -> list[Any]:
+    """What is annotated anywhere inside a kind, as of a number that may be left out."""
+    args = typing.get_args(kind)
+    if typing.get_origin(kind) is not Annotated:
+        return [each for part in args for each in _annotations(part)]
+    own = [each for part in args[1:]
+           for each in (part.metadata if isinstance(part, FieldInfo) else [part])]
+    return own + _annotations(args[0])

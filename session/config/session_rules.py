@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.outside.names import name_fault, sharing_a_file
 from spectrabox.radiometry.outside.words import shortened
 from spectrabox.sampling.prior.families.words import unknown_families
@@ -74,10 +75,16 @@ def _patches(config: SessionConfig) -> list[str]:
     if not config.chart.leave_out:
         return []
     from spectrabox.calibrate.photo_checks import MIN_PATCHES
-    left = 24 - len(set(config.chart.leave_out))
-    if wrong := [number for number in config.chart.leave_out if not 1 <= number <= 24]:
+    from spectrabox.session.config.session_chart import session_chart
+    try:
+        chart = session_chart(config)
+    except InputError:      # said where the chart is read
+        return []
+    patches = len(chart.names)
+    left = patches - len(set(config.chart.leave_out))
+    if wrong := [number for number in config.chart.leave_out if not 1 <= number <= patches]:
         return [f"{FILE_NAME}: chart.leave_out names patch {wrong[0]}; the patches are numbered 1 "
-                "to 24, dark skin first"]
+                f"to {patches}, {chart.names[0]} first"]
     return [] if left >= MIN_PATCHES else [
         f"{FILE_NAME}: chart.leave_out leaves {left} patches; {MIN_PATCHES} are needed"]
 
