@@ -143,9 +143,8 @@ def test_bulk_draws(recorded, bands, coefficients):
     found = sample_in_bulk(one, 1500, 4)
     serial = sample_in_bulk(one, 1500, 4, parallel=False)
     np.testing.assert_array_equal(found.coefficients, serial.coefficients)
-    recorded((found.acceptance, found.outcome, found.coefficients.shape))
     # single precision, and each machine fuses multiplications as it likes: chains of 30 moves
-    recorded(found, rtol=2e-3, case="draws")
+    recorded(found, rtol=1e-4)
     short = sample_in_bulk(one, 300, 4, steps=3)
     recorded(short, rtol=1e-4, case="short")
     np.testing.assert_allclose(found.coefficients @ one.A.T, np.tile(one.y, (1500, 1)), atol=1e-5)
@@ -307,12 +306,8 @@ def test_refinement(recorded, coarse, fine):
     recorded((directions.shape, directions @ directions.T), case="directions")
     whole = spline_operator(measured, coarse)
     found = sample_refined(measured, whole, fine, 300, 7)
-    # the directions are a basis of a space, any of which will do elsewhere: of draws the moments,
-    # which 300 of them know to 6 % of a deviation
-    recorded((found.acceptance, found.effective_samples, found.outcome, found.coefficients.shape),
-             case="draws")
-    recorded((found.coefficients.mean(axis=0), found.coefficients.std(axis=0)), rtol=0.1,
-             case="moments")
+    # twenty moves along directions that rounding turns a little
+    recorded(found, rtol=1e-4, case="draws")
     np.testing.assert_allclose(
         found.coefficients @ spline_operator(measured, fine).A.T,
         sample_polytope(whole, 300, 7).coefficients @ whole.A.T, atol=2e-4)
@@ -338,7 +333,7 @@ def test_uniform_draws(recorded, bands, noise, signal):
     found = result_or_refusal(sample_uniform, measured, 1100, 3, 13 if bands == 6 else 9)
     # a signal that had to be moved is the end of a bounded fit; more than five bands walk in single
     # precision
-    recorded(found, rtol=5e-3 if bands == 6 else 1e-4)
+    recorded(found, rtol=1e-4)
     if isinstance(found, str):
         with pytest.raises(ConvergenceError):
             into_reach(spline_operator(measured, 9))
