@@ -294,6 +294,8 @@ def test_documents(recorded, tmp_path):
              "tm27": TM27.format(more=""), "tm27 other": TM27.format(more="").replace(
                  "Radiance", "other"), "tm27 own": TM27.format(more="").replace("Radiance", "Own"),
              "tm27 twice": TM27.format(more=second), "tm27 two": second,
+             "tm27 alike": TM27.format(more=TM27.format(more="").partition("</Header>")[2]
+                                       .removesuffix("</IESTM2714>")),
              "tm27 no nm": TM27.format(more="").replace('wavelength="411"', ""),
              "tm27 entities": TM27.format(more="<!DOCTYPE x>"),
              "aces": json.dumps(aces), "aces short": json.dumps(short),

@@ -282,3 +282,21 @@ def test_pictures_as_arrays(recorded, tmp_path, monkeypatch):
         monkeypatch.setattr(zarr_array, "MAX_TABLE", limit)
         found[f"limit {limit}"] = said(lambda: len(zarr_array.read_group(group, ["other"])))
     recorded(found)
+
+    region_file = tmp_path / "region.zarr"
+    zarr_array.create_picture(region_file, (300, 5000, 2), True, {"a": "b"}, ("y", "x", "c"))
+    region = zarr_array.open_region(region_file)
+    region.write(0, 0, picture[..., :2])
+    region.write(250, 4990, picture[..., :2])
+    synced = []
+    monkeypatch.setattr(zarr_array, "sync", lambda path: synced.append(
+        str(path.relative_to(region_file))))
+    found = {}
+    for first, last in ((0, 128), (0, 129), (128, 256), (256, 300), (130, 131)):
+        region.sync(first, last)
+        found[f"{first} {last}"] = sorted(synced)
+        synced.clear()
+    written = zarr_array.open_zarr(region_file)
+    recorded({"synced": found, "rows": written.chunk_rows, "type": str(written.dtype),
+              "first": written.read(0, 5)[:, :7], "last": written.read(250, 255)[:, 4988:]},
+             case="regions")

@@ -17,6 +17,7 @@ from spectrabox.reconstruct.engines.transport_engine import (
 from spectrabox.reconstruct.fit.traced_view import fit_traced, smoothed_variance
 from spectrabox.reconstruct.fit.view_terms import Nuisances
 from spectrabox.reconstruct.inverse_rendering import reconstruction_of, settings_for
+from spectrabox.reconstruct.joint_reconstruction import joint_record
 from spectrabox.reconstruct.replay import Stage, Truth, replay
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 from spectrabox.reconstruct.view import unknown_materials
@@ -40,6 +41,34 @@ def test_photos_of_several_lights_and_exposures(recorded, tmp_path):
     assert record.bands == ("one: R", "one: G", "one: B", "cold: R", "cold: G", "cold: B")
     recorded({"unknown": [each.name for each in unknown_materials([p.view for p in parts])]},
              case="names")
+
+
+def test_views_whose_responses_are_nearly_the_same(recorded, tmp_path):
+    one, traced = hand.view(tmp_path, "one", 11, given=hand.stated_scale(1.7), known=())
+    solution, record = hand.solved([traced], hand.SETTINGS)
+    found = {}
+    for off in (0.0, 0.9e-9, 1.1e-9, 1e-6):
+        curves = one.sensitivities * (1 + off * np.cos(hand.NM / 40))
+        fit = dataclasses.replace(one.calibration.sensitivity, curves=curves)
+        other = dataclasses.replace(one, name="other", calibration=dataclasses.replace(
+            one.calibration, sensitivity=fit))
+        away = np.abs(other.response / other.response.sum(axis=1)[:, None]
+                      - one.response / one.response.sum(axis=1)[:, None]).max()
+        joint = joint_record([one, other], [record.views[0]] * 2, solution.fit, [None, None])
+        found[f"{off:g}"] = joint.bands, away / (one.response / one.response.sum(
+            axis=1)[:, None]).max() > 1e-9
+        recorded({"signal": joint.signal, "covariance": joint.signal_covariance,
+                  "model": joint.model_covariance}, rtol=1e-4, case=f"{off:g}")
+    recorded(found)
+    # a band is the same up to 1e-9 of the response
+    assert all((len(bands) == 6) == apart for bands, apart in found.values())
+
+
+def test_what_is_known_besides_pixels(recorded, tmp_path):
+    chosen = InversionSettings(surface_error=0.02, brightness_error=0.03, light_error=0.04,
+                               mixing_error=0.05, block_error=0.06)
+    recorded([nuisances(hand.view(tmp_path, lights=lights, given=given)[0], chosen)
+              for lights in (1, 2) for given in (None, hand.stated_scale(1.3))])
 
 
 def test_an_answer_of_an_engine_for_one_view(recorded, tmp_path):

@@ -43,7 +43,7 @@ from spectrabox.reconstruct.scene.regions import block_regions, region_means
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.shape.mesh import icosphere, large_steps, subdivided
 from spectrabox.reconstruct.shape.shape import ShapeSettings
-from spectrabox.reconstruct.tracer import transport
+from spectrabox.reconstruct.tracer import trace_checkpoint, transport
 from spectrabox.reconstruct.tracer.path_samples import generating_vector
 from spectrabox.reconstruct.tracer.trace_checkpoint import PassSums, TraceCheckpoint
 from spectrabox.reconstruct.tracer.transport import TracedTransport, joined
@@ -371,6 +371,15 @@ def test_traces_and_their_memory(recorded, tmp_path, monkeypatch):
     kept.path.write_bytes(b"PK")
     assert kept.read() is None
     kept.remove()
+    kept.remove()       # nothing is there any more
+    clock = iter([100.0, 119.9, 120.1, 300.0, 310.0, 321.0])
+    monkeypatch.setattr(trace_checkpoint.time, "monotonic", lambda: next(clock))
+    often = TraceCheckpoint(kept.path, "this")
+    written = []
+    for _ in range(2):
+        often.write_now_and_then(sums)
+        written.append(kept.path.exists())
+    assert written == [False, True]     # after 20 s
 
 
 def test_no_two_surfaces_to_compare(recorded):

@@ -96,6 +96,7 @@ SCENES = {
     "included": ('<include filename="$n.xml"/>', wall("back", "White")),
     "includes": ('<include filename="no.xml"/><include filename="lamp.csv"/>'
                  '<include filename="root.xml"/><include filename="../b.xml"/>', *PLAIN),
+    "instances": (GROUP, *10_000 * ('<shape type="instance"/>',), *PLAIN),
     "itself": ('<include filename="loop.xml"/>', *PLAIN)}
 FILES = {"lamp.csv": "angle,radiance,error\n0,2,0.1\n30,1.5,0.1\n80,0.4,0.1\n", "root.xml": "<a/>",
          "lamp.xml": f'<scene version="0.6.0">{LAMP}{WHITE}<shape type="cube" id="old"><ref '
@@ -151,6 +152,12 @@ def test_parts_of_scenes(recorded, folder):
     recorded({"files": parts.files, "folders": parts.folders, "problems": parts.problems,
               "defaults": defaults_of(root), "xml": ET.tostring(root, encoding="unicode"),
               "filled": filled_in("$a/$b.$a", {"a": "1"})})
+    found = {}
+    for version in ("0.6.0", "1.9", "2.0", "3.0.0", ""):
+        root = ET.fromstring(f'<scene version="{version}"><lookAt name="toWorld"/></scene>')
+        put_together(root, folder / "own.xml")
+        found[version] = ET.tostring(root, encoding="unicode")
+    recorded(found, case="versions")
     shape = ET.fromstring('<shape><ref id="x"/><ref id="y" name="bsdf"/></shape>')
     recorded({"of": [bsdf_of(shape, ()), bsdf_of(shape, ("x",)), bsdf_of(ET.Element("a"), ())],
               "named": bsdf_of(ET.fromstring('<s><ref id="x"/><ref id="y"/></s>'), ("y",)),
@@ -183,7 +190,8 @@ def test_scenes_with_the_spectra_of_a_session(recorded, folder):
                                    range_nm=(400.0, 700.0), size=(30, 20), **options), folder)
     recorded({"one": text(NM), "each": text(lights, integrator="path"),
               "missing": said(lambda: text({"Lamp": NM})),
-              "materials": materials_xml(reflectances, (400.0, 700.0))})
+              "materials": materials_xml(reflectances, (400.0, 700.0)),
+              "black": materials_xml({"a": 0 * NM, "b": np.array([0, 0.5, 0, 0])}, (400.0, 700.0))})
 
     def lit(parts, light):
         return said(lambda: scene_xml(of_text(folder, parts), reflectances={}, light=light,

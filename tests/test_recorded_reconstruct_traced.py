@@ -4,6 +4,8 @@ Paths in single precision: another processor may round one to the other side of 
 the sum of some hundred paths by less than what is allowed here.
 """
 import dataclasses
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -121,6 +123,31 @@ def test_traced_transport(recorded, tmp_path, monkeypatch):
     recorded({"bsdfs": said(lambda: bsdf_table(scene, {"white": "a"}, ("a",))),
               "lights": sorted(light_table(scene, (("second",), ("lamp",))).tolist()),
               "profiles": np.sort(profile_table(scene, view.scene_file.profiles))}, case="tables")
+
+
+def test_a_trace_that_was_stopped(tmp_path):
+    view = box(tmp_path)
+    region = np.where(view.surface == 2, 0, np.where(view.surface == 4, 1, -1))
+    unit, path = transport_engine.unit_scene(view, 2), tmp_path / "trace.npz"
+
+    def trace(checkpoint, progress=None, seed=5):
+        return trace_transport(unit, region, spp=16, seed=seed, checkpoint=checkpoint,
+                               progress=progress).passes
+
+    def stop(done):
+        if done > 0.6:
+            raise KeyboardInterrupt
+    whole, shares = trace(None), []
+    with pytest.raises(KeyboardInterrupt):
+        trace(path, stop)
+    assert path.exists()
+    np.testing.assert_array_equal(trace(path, shares.append), whole)
+    # of four passes the first three were done
+    assert shares == [1.0] and not path.exists()
+    with pytest.raises(KeyboardInterrupt):
+        trace(path, stop)
+    other = trace(path, shares.append, seed=6)
+    assert len(shares) == 5 and not np.array_equal(other, whole)
 
 
 def test_products_that_are_dropped(recorded, tmp_path, monkeypatch):
@@ -283,7 +310,7 @@ def test_steps_of_a_shape(recorded, tmp_path):
     recorded(by_vertex, rtol=0.02, case="by vertex")
     ended = descend(views, "object", vertices, faces, start, Stage(1, 2, 0.02, 9.0, 4, 2), 5,
                     lambda step: None)
-    recorded(ended, rtol=0.02, case="descent")
+    recorded(ended, rtol=TRACED, case="descent")
 
 
 def test_shapes_that_are_refused(recorded, tmp_path):
@@ -298,6 +325,37 @@ def test_shapes_that_are_refused(recorded, tmp_path):
     recorded({name: said(lambda given=given: reconstruct_shape(*given, ShapeSettings(),
                                                                lambda *_: None))
               for name, given in cases.items()})
+
+
+def test_commands_that_fetch_llvm(recorded, tmp_path, monkeypatch):
+    commands, scratch = [], []
+    monkeypatch.setattr(llvm.shutil, "which", lambda name: f"/usr/bin/{name}")
+
+    def run(command, **options):
+        if options.get("capture_output"):
+            commands.append(command)
+            return SimpleNamespace(stdout="libllvm18\nlibedit2\n  Depends: x\nlibc6\n<virtual>\n"
+                                   "|libx\nlibtinfo6\n", returncode=0)
+        scratch.append(options["cwd"])
+        commands.append([placeless(word, Path(options["cwd"])) for word in command])
+        if command[0] == "dpkg-deb":
+            library = Path(options["cwd"], "unpacked", "usr", "lib", "x86_64-linux-gnu")
+            library.mkdir(parents=True, exist_ok=True)
+            (library / "libLLVM.so.18.1").write_text("llvm")
+            (library / "note.txt").write_text("no library")
+            (library.parent / "libother.so").write_text("elsewhere")
+        if "download" in command:
+            Path(options["cwd"], "one.deb").write_text("")
+        return SimpleNamespace(returncode=int("libllvm19" in command))
+    monkeypatch.setattr(llvm.subprocess, "run", run)
+    llvm.fetch_llvm(tmp_path / "llvm")
+    kept = [[placeless(word, Path(scratch[0])) for word in command] for command in commands]
+    recorded({"commands": [" ".join(command) for command in kept],
+              "files": sorted(path.name for path in (tmp_path / "llvm").iterdir())})
+    monkeypatch.setattr(llvm.shutil, "which", lambda name: None)
+    commands.clear()
+    llvm.fetch_llvm(tmp_path / "none")
+    assert not commands
 
 
 def test_libraries_of_llvm(recorded, tmp_path, monkeypatch):
