@@ -20,7 +20,8 @@ CUT = frozenset({"seconds", "sha256", "versions", "provenance", "made_from", "fi
 VOID = {"meta", "img", "br", "link", "input", "hr", "col"}
 INLINE = {"a", "span", "b", "i", "em", "strong", "code", "sub", "sup", "small", "label", "button",
           "summary", "output", "option"}
-TIME = re.compile(r"(?<=took )[\d.]+ s|(?<= in )[\d.]+ s|\b\d+\.\d s$|\d{4}-\d\d-\d\dT[\d:.+]+Z?",
+TIME = re.compile(r"(?<=took )[\d.]+ s|(?<= in )[\d.]+ s|\b\d+\.\d s$|\b[\d.]+ s(?=;)|"
+                  r"\d{4}-\d\d-\d\dT[\d:.+]+Z?",
                   re.MULTILINE)
 # rows of a wavelength or of a patch, and the patch's pair of colours
 NUMBERS = re.compile(r"\| \{n\} \d{3} \||\| \d+ \| (\{line\}|[\w ]+ \| \{n\})|\{halves|\{\d+ ")
