@@ -211,6 +211,9 @@ def facts(rehearsals: Sequence[MaterialRehearsal], level: float, seed: int) -> d
 
 
 def _require_replayable(config: SessionConfig) -> None:
+    if config.flat:
+        raise InputError("a rehearsal traces the light of a scene, and this session has flat "
+                         "samples and no scene; 'spectrabox certify' tests bands without one")
     waiting = [state.name for state in stage_states(config) if state.state in ("stale", "missing")]
     if waiting:
         raise InputError(f"stage {waiting[0]!r} is not up to date: run 'spectrabox run' first")
