@@ -9,7 +9,7 @@ import OpenImageIO as oiio
 from compact_results import Texts, compact, table_of, without
 from typer.testing import CliRunner
 
-from spectrabox.session.cli import app
+from spectrabox.session.cli import with_only
 
 TABLES = {".csv", ".sig"}
 WORDS = {".toml", ".xml", ".md", ".sp", ".spdx", ".hdr", ".txt", ".log"}
@@ -23,8 +23,9 @@ def said(folder, *words, typed=None, env=None, debug=False):
     folder : Path
         Whose name is cut out, and that ``DIR`` in a word stands for.
     """
-    result = CliRunner().invoke(app, [str(word).replace("DIR", str(folder)) for word in words],
-                                input=typed, env=env)
+    typed_words = [str(word).replace("DIR", str(folder)) for word in words]
+    # without the options of other commands, which take longer than most of these
+    result = CliRunner().invoke(with_only(typed_words[0]), typed_words, input=typed, env=env)
     if result.exception is not None and not isinstance(result.exception, SystemExit) and not debug:
         raise result.exception
     folders = [folder.resolve(), folder]
