@@ -16,7 +16,7 @@ FEW = 12                # numbers that stay a list
 # of an answer or of a written file; what they are is said by their tests, or differs by machine
 CUT = frozenset({"seconds", "sha256", "versions", "provenance", "made_from", "finished", "started",
                  "peak_bytes", "machine", "pictures", "made by", "spectrabox", "python", "numpy",
-                 "cores", "of", "port", "page_digest", "digest"})
+                 "cores", "of", "port", "page_digest", "digest", "taken_at"})
 VOID = {"meta", "img", "br", "link", "input", "hr", "col"}
 INLINE = {"a", "span", "b", "i", "em", "strong", "code", "sub", "sup", "small", "label", "button",
           "summary", "output", "option"}

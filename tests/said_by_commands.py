@@ -15,20 +15,22 @@ TABLES = {".csv", ".sig"}
 WORDS = {".toml", ".xml", ".md", ".sp", ".spdx", ".hdr", ".txt", ".log"}
 
 
-def said(folder, *words, typed=None, env=None, debug=False):
+def said(folder, *words, typed=None, env=None, also=()):
     """Exit code, answer and lines on standard error of a command.
 
     Parameters
     ----------
     folder : Path
         Whose name is cut out, and that ``DIR`` in a word stands for.
+    also : sequence of Path
+        Whose names are cut out too.
     """
     typed_words = [str(word).replace("DIR", str(folder)) for word in words]
     # without the options of other commands, which take longer than most of these
     result = CliRunner().invoke(with_only(typed_words[0]), typed_words, input=typed, env=env)
-    if result.exception is not None and not isinstance(result.exception, SystemExit) and not debug:
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
-    folders = [folder.resolve(), folder]
+    folders = [folder.resolve(), folder, *also]
     try:
         answer = compact(json.loads(result.stdout), folders)
     except ValueError:

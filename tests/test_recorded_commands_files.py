@@ -146,12 +146,11 @@ def test_photos_become_signals(case, photos, tmp_path, recorded):
     words = [f"DIR/{word}" if word.endswith((".dng", ".png")) and "/" not in word else word
              for word in DEVELOP[case]]
     out = tmp_path / "o.exr"
-    recorded(said(photos, "develop", *words, "-o", str(out), "--json"), rtol=1e-5)
+    recorded(said(photos, "develop", *words, "-o", str(out), "--json", also=[tmp_path]), rtol=1e-5)
     if out.exists():
         recorded(content_of(out, [photos, tmp_path]), rtol=1e-4, case="file")   # single floats
     if case == 1:
-        text = said(photos, "develop", *words, "-o", str(out))
-        recorded([line.replace(str(tmp_path), "OUT") for line in text["answer"]], case="text")
+        recorded(said(photos, "develop", *words, "-o", str(out), also=[tmp_path]), case="text")
 
 
 # ---- cameras
@@ -194,8 +193,7 @@ def test_sensitivities_from_a_chart(case, chart, tmp_path, recorded):
     found["answer"].pop("file")
     recorded(found, rtol=FIT)
     recorded(content_of(tmp_path / "c.csv", [chart]), rtol=FIT, case="file")
-    text = said(chart, *words)["answer"]
-    recorded([line.replace(str(tmp_path), "OUT") for line in text], case="text")
+    recorded(said(chart, *words, also=[tmp_path])["answer"], case="text")
 
 
 FIT_REFUSED = [("--method", "none"), ("--chart", "DIR/x.dng"), ("--method", "file"),
@@ -229,10 +227,8 @@ def test_cameras_before_shooting_profiles_and_names(chart, tmp_path, recorded, m
                   "--surfaces", "0"), rtol=FIT, case="preflight, in words")
     out = [word for name in ("p.json", "p.txt", "p.dcp")
            for word in ("--out", str(tmp_path / name))]
-    profile = said(chart, "camera", "profile", "DIR/curves.csv", "--camera", "Maker One",
-                   "--idt-light", "D60", *out, "--json")
-    recorded([json.loads(json.dumps(profile, default=lambda each: np.asarray(each).tolist()
-                                    ).replace(str(tmp_path), "OUT"))], rtol=FIT, case="profile")
+    recorded(said(chart, "camera", "profile", "DIR/curves.csv", "--camera", "Maker One",
+                  "--idt-light", "D60", *out, "--json", also=[tmp_path]), rtol=FIT, case="profile")
     recorded([[np.array(NUMBER.findall((tmp_path / name).read_text(encoding="utf-8")), float)
                for name in ("p.json", "p.txt")], (tmp_path / "p.dcp").stat().st_size], rtol=FIT,
              case="profiles")
@@ -241,7 +237,7 @@ def test_cameras_before_shooting_profiles_and_names(chart, tmp_path, recorded, m
     kept = said(tmp_path, "camera", "names", "--json")["answer"]
     recorded([made, kept["own"], len(kept["published"]), kept["published"][:3]], case="names")
     recorded(said(chart, "camera", "prior", "DIR/cameras", "--out", str(tmp_path / "m.npz"),
-                  "--leave-out", "camera 3", "--licence", "CC0")["answer"][1:], case="prior")
+                  "--leave-out", "camera 3", "--licence", "CC0", also=[tmp_path]), case="prior")
 
 
 # ---- geometry
