@@ -357,7 +357,11 @@ def test_regions_that_are_refused(recorded, tmp_path):
         "[regions.a]\npoint = [-1, 2]", "last": "[regions.a]\npoint = [3, 4]", "below":
         "[regions.a]\npoint = [3, 5]", "beside": "[regions.a]\npoint = [4, 3]", "label":
         '[regions.a]\nmask = "mask.png"\nlabel = 9', "outside":
-        '[regions.a]\nmask = "../mask.png"', "word": "[regions.a]\nplace = 3"}
+        '[regions.a]\nmask = "../mask.png"', "word": "[regions.a]\nplace = 3",
+        "half a point": "[regions.a]\npoint = [1]", "a point more":
+        "[regions.a]\npoint = [1, 2, 3]",
+        "five sides": "[regions.a]\nrectangle = [0, 0, 1, 1, 2]", "whole": "[regions.a]\n"
+        "point = [1.5, 2]"}
     recorded({name: str(result_or_refusal(regions_of, tmp_path, text)) if "Error" in
               str(result_or_refusal(regions_of, tmp_path, text)) else "taken"
               for name, text in texts.items()})

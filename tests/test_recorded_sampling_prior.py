@@ -14,6 +14,7 @@ from sampling_inputs import (
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome
+from spectrabox.sampling.prior import drawn as drawn_file
 from spectrabox.sampling.prior import draws as draws_file
 from spectrabox.sampling.prior import mixture as mixture_file
 from spectrabox.sampling.prior import posterior as posterior_file
@@ -151,10 +152,14 @@ def test_quantiles_of_skewed_mixtures(recorded):
              rtol=SINGLE)
 
 
-def test_the_law_of_draws(recorded, seven):
+def test_the_law_of_draws(recorded, seven, monkeypatch):
     prior, matrix, signals, noise, found = seven
     law, covariance = as_drawn(prior, matrix, signals, noise, found)
     recorded((law, covariance, mean_and_spread(law), central_band(law, 0.9)), rtol=1e-4)
+    monkeypatch.setattr(drawn_file, "PAIRS", 3)     # so that a signal's pairs lie in two blocks
+    again, in_blocks = as_drawn(prior, matrix, signals, noise, found)
+    np.testing.assert_allclose(in_blocks, covariance, atol=1e-6 * np.abs(covariance).max())
+    np.testing.assert_allclose(again.skews, law.skews, atol=1e-6)
 
 
 def test_what_draws_of_a_component_are_made_of(recorded, seven):

@@ -12,6 +12,7 @@ from sampling_inputs import lopsided_prior, result_or_refusal
 from test_sampling_libraries import r_file
 
 from spectrabox.sampling.prior import low_rank as low_rank_file
+from spectrabox.sampling.prior import tables as tables_file
 from spectrabox.sampling.prior.calibration import (
     Judgement,
     LeftOut,
@@ -311,7 +312,7 @@ def picture_signals(count=40):
     return signals
 
 
-def test_tables_of_signals(recorded):
+def test_tables_of_signals(recorded, monkeypatch):
     prior, matrix, signals = lopsided_prior(), response(3)[1], picture_signals()
     wanted = points_around(signals, 7)
     table = build_table(prior, matrix, 0.02, 7, wanted)
@@ -334,6 +335,9 @@ def test_tables_of_signals(recorded):
     callable_noise = build_table(prior, matrix, lambda s: relative_errors(s, 0.02), 7, wanted)
     np.testing.assert_array_equal(callable_noise.mean, table.mean)
     recorded(result_or_refusal(build_table, prior, response(4)[1]), case="refused")
+    monkeypatch.setattr(tables_file, "BATCH", 11)
+    np.testing.assert_allclose(build_table(prior, matrix, 0.02, 7, wanted).standard_deviation,
+                               table.standard_deviation, atol=1e-6)
 
 
 @pytest.mark.parametrize("bands", [3, 5])
