@@ -6,6 +6,7 @@ import lzma
 import os
 import re
 import zipfile
+from types import SimpleNamespace
 from typing import Annotated
 
 import numpy as np
@@ -24,6 +25,7 @@ from spectrabox.radiometry.files import (
     write_text_whole,
 )
 from spectrabox.radiometry.outside import free_memory as memory
+from spectrabox.radiometry.outside import interruption
 from spectrabox.radiometry.outside.archives import opened_npz, opened_zip, unpacked
 from spectrabox.radiometry.outside.bands_of_rows import read_by_bands, written_by_bands
 from spectrabox.radiometry.outside.loaded_beside import loaded_beside
@@ -207,6 +209,25 @@ def test_work_beside(recorded):
     with loaded_beside(lambda: __import__("no_such_module")):
         pass
     recorded([found, seen])
+
+
+def test_signals_amid_an_import(monkeypatch):
+    started = []
+
+    class Timer:
+        """Says when it would call what."""
+
+        def __init__(self, after_s, call):
+            started.append((after_s, callable(call)))
+            self.start = lambda: started.append(self.daemon)
+    monkeypatch.setattr(interruption.threading, "Timer", Timer)
+
+    def frame(file):
+        return SimpleNamespace(f_code=SimpleNamespace(co_filename=file))
+    assert not interruption.put_off(2, None) and not interruption.put_off(2, frame("a.py"))
+    assert not started
+    assert interruption.put_off(2, frame("<frozen importlib._bootstrap>"))
+    assert started == [(0.01, True), True]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

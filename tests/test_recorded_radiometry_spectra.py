@@ -115,7 +115,9 @@ def test_columns(recorded):
         for wavelength in (1, 3)})
     many = _table(tuple(f"p{number}" for number in range(26)))
     recorded({"one": column_index(_table(("a", "standard_error")), None),
-              "main": column_index(_table(main="b"), None),
+              "main": [column_index(_table(main="b"), column) for column in (None, "a", 2, "b")],
+              "errors": [said(lambda n=names: column_index(_table(n), None)) for names in (
+                  ("standard_error a", "a"), ("a", "a standard_error"))],
               "alike": said(lambda: column_index(_table(("a", "a")), "a")),
               "many": said(lambda: column_index(many, None)),
               "as many": said(lambda: column_index(_table(many.names[:24]), None))}, case="others")
@@ -152,7 +154,8 @@ def test_reflectances_that_cannot_be(recorded):
 def test_spectra_of_files(recorded, tmp_path, monkeypatch):
     nm = np.arange(395.0, 706, 5)
     columns = {"R": 0.2 + 0.1 * np.sin(nm / 30), "standard_error": nm / 1e5,
-               "G": 0.3 + 0.1 * np.cos(nm / 30)}
+               "G": 0.3 + 0.1 * np.cos(nm / 30), "standard_error G": nm / 1e4,
+               "own standard_error": 0.5 + nm / 1e4}
     path = tmp_path / "own.csv"
     path.write_text(table_text(nm, columns, quantity=Quantity.REFLECTANCE, source="ours"), "utf-8")
     (tmp_path / "own.sp").write_text(path.read_text("utf-8"), "utf-8")

@@ -144,7 +144,8 @@ def test_misfits_of_surfaces(recorded):
     recorded(tests)
     recorded({"misfits": surface_misfits(tests, "RGB"), "fits": [test.fits for test in tests],
               "no error": surface_tests(NAMES[:2], rendered, rendered, SURFACE, used, 0.0),
-              "dark": surface_tests(NAMES, measured, 0 * rendered, SURFACE, used, 0.01)},
+              "dark": [surface_tests(NAMES[:2], measured, rendered * np.array(bands), SURFACE, used,
+                                     0.01) for bands in ([0, 0, 0], [1, 0, 1])]},
              case="misfits")
     recorded({"holm": holm(np.array([0.2, 1e-4, 0.04, 0.03, 0.9, 1e-9])),
               "verdicts": {f"{adjusted} {deviation}": SurfaceTest(

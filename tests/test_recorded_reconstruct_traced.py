@@ -14,10 +14,11 @@ from recorded_refusals import placeless, said
 from test_recorded_reconstruct_box import BALL, CHART, LAMP
 from test_recorded_reconstruct_box import box as measured_box
 
+from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.fixtures.object_views import cameras, view_xml
 from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
 from spectrabox.radiometry.interreflection import exponents_up_to
-from spectrabox.reconstruct.engines import gradient_engine, transport_engine
+from spectrabox.reconstruct.engines import gradient, gradient_engine, transport_engine
 from spectrabox.reconstruct.engines.gradient import fit_by_gradient
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
 from spectrabox.reconstruct.pixels import pixel_light
@@ -54,6 +55,7 @@ from spectrabox.reconstruct.view import MaterialSpec, View
 TRACED = 1e-3
 PROFILE = "angle,radiance\n0,2\n40,1.2\n80,0.3\n"
 BULB = '<emitter type="point" id="lamp"><point name="position" x="0.1" y="0.6" z="0.7"/></emitter>'
+SKY = '<emitter type="envmap" id="sky"><string name="filename" value="sky.exr"/></emitter>'
 SHAPED = '<string name="profile" value="lamp.csv"/></emitter>'
 
 
@@ -265,6 +267,39 @@ def test_a_descent(recorded, tmp_path, few_paths):
     recorded(answer.signal_covariance, rtol=0.05, case="covariance")
 
 
+def test_a_descent_that_stalls(recorded, tmp_path, monkeypatch):
+    monkeypatch.setattr(gradient, "WINDOW", 3)
+    monkeypatch.setattr(gradient_engine, "FINAL_SPP", 8)
+    view = photographed(box(tmp_path, lights=1, profile=False))
+    # too bright a light for what is shown: everything is black soon, and nothing falls any more
+    dim = dataclasses.replace(view, light_scale=hand.stated_scale(170.0))
+    steps = []
+    fit = fit_by_gradient(dim, InversionSettings(4, steps=60, spp=2, seed=7),
+                          lambda done, what: steps.append(what))
+    answer = gradient_engine.invert_by_gradient(dim, InversionSettings(4, steps=60, spp=2, seed=7),
+                                                lambda *_: None)
+    recorded({"steps": len(steps), "last": steps[-1], "losses": len(fit.loss_history),
+              "averaged": len(fit.tail), "outcome": fit.outcome, "notes": answer.notes})
+    assert len(steps) < 60
+
+
+def test_a_sky_beside_a_lamp(recorded, tmp_path):
+    rng = np.random.default_rng(3)
+    sky = np.tile(rng.uniform(0.2, 2, (8, 16, 1)).astype(np.float32), 3)
+    write_exr(tmp_path / "sky.exr", sky, ["R", "G", "B"])
+    plain = box(tmp_path, lights=1, profile=False)
+    scene = hand.scene(tmp_path, 1, lambda text: text.replace("</scene>", SKY + "</scene>"))
+    unit = transport_engine.unit_scene(dataclasses.replace(plain, scene_file=scene), 2, True)
+    region = np.where(hand.surface_picture() >= 0, hand.surface_picture(), -1)
+    traced = trace_transport(unit, region, spp=32, seed=2)
+    recorded(traced.passes.mean(axis=0), rtol=TRACED)
+    # the lamp is as bright as without the sky
+    alone = trace_transport(transport_engine.unit_scene(plain, 2), region, spp=32, seed=2)
+    lamp, other = (each.passes.mean(axis=0)[:, 0].sum() for each in (traced, alone))
+    # 32 paths of 500 pixels know a sum to some hundredths
+    assert abs(lamp / other - 1) < 0.15
+
+
 def test_a_descent_to_black_ends_there(tmp_path, few_paths):
     view = box(tmp_path, lights=1, profile=False, known=())
     dark = dataclasses.replace(view, light_scale=hand.stated_scale(1.7), photo=dataclasses.replace(
@@ -358,7 +393,7 @@ def test_commands_that_fetch_llvm(recorded, tmp_path, monkeypatch):
     assert not commands
 
 
-def test_libraries_of_llvm(recorded, tmp_path, monkeypatch):
+def test_libraries_of_llvm(recorded, tmp_path, monkeypatch, capsys):
     for name in ("libLLVM-15.so.1", "libLLVM.so.19.1", "libLLVMother.so", "x.so"):
         (tmp_path / name).write_text(name)
     monkeypatch.delenv(llvm.VARIABLE, raising=False)
@@ -376,3 +411,17 @@ def test_libraries_of_llvm(recorded, tmp_path, monkeypatch):
     monkeypatch.setenv(llvm.VARIABLE, str(tmp_path / "x.so"))
     found["own"] = (llvm.llvm_name(), said(llvm.ensure_llvm, tmp_path))
     recorded(found)
+    ended = {}
+    for has, loads, gets in ((True, True, None), (True, False, None), (False, True, True),
+                             (False, False, False)):
+        state, fetched = [has], []
+        monkeypatch.setattr(llvm, "find_llvm", lambda state=state: (
+            (tmp_path / "l.so", 19) if state[0] else None))
+        monkeypatch.setattr(llvm, "_load", lambda path, loads=loads: loads)
+        monkeypatch.setattr(llvm, "fetch_llvm", lambda state=state, gets=gets, fetched=fetched: (
+            fetched.append(1), state.append(state.pop() or gets)))
+        code = llvm.main()
+        written = capsys.readouterr()
+        ended[f"{has} {loads} {gets}"] = (code, len(fetched), placeless(written.out, tmp_path),
+                                          written.err)
+    recorded(ended, case="set-up")
