@@ -253,7 +253,7 @@ def test_poses_with_their_errors(recorded):
               "free": of_pose(pose), "focal": lens}, rtol=SEARCHED)
 
 
-def test_points_that_give_no_pose_are_refused(recorded):
+def test_points_that_give_no_pose_are_refused(recorded, monkeypatch):
     table, plain = {}, posing.lens_of_focal_length(611.0, 600, 440)
     bent = clicks()
 
@@ -300,6 +300,9 @@ def test_points_that_give_no_pose_are_refused(recorded):
     tiny = 0.05 * flat
     table["turned over"] = posed(tiny, seen(tiny, (0.3, 0, 0), (0, 0, 1.5), np.random.default_rng(
         1), 0.3, plain), plain)
+    monkeypatch.setattr(posing, "likely_poses", lambda *_: [])
+    table["no start"] = posed(PLACES_M, bent, BENT)
+    table["no start, free"] = free(PLACES_M, bent, 600, 440)
     recorded(table, rtol=1e-3)
 
 

@@ -137,6 +137,13 @@ def test_equations_about_a_state(recorded, photos):
     recorded(table, rtol=MIXED)
 
 
+def test_equations_about_the_best_state(recorded, photos):
+    """Of a photo whose light falls off so much that the steps towards it do not end."""
+    terms = photos[0].field_terms @ [0.5, -0.4, 0.3, 0.4, -0.2]
+    steep = dataclasses.replace(photos[0], signal=photos[0].signal * np.exp(terms)[:, None])
+    recorded(of_chart(posteriors._about_the_best([steep], product_of())), rtol=MIXED)
+
+
 @pytest.fixture(scope="module")
 def posterior(photos):
     return posteriors.posterior_of_products(photos, product_of())

@@ -163,8 +163,11 @@ def _refuse(positions: np.ndarray, points_px: np.ndarray, lens: Lens, free_focal
 
     everyone = np.arange(len(positions))
     rms = np.sqrt(squares(everyone, points_px) / len(positions))
-    refusal = (f"no pose of the camera explains the points (rms {rms:.1f} pixels, at most "
-             f"{ACCEPTED_SHARE * lens.width:.1f} is accepted); ")
+    refusal = "no pose of the camera explains the points"
+    if np.isfinite(rms):    # else every pose has points behind the camera
+        refusal += (f" (rms {rms:.1f} pixels, at most {ACCEPTED_SHARE * lens.width:.1f} is "
+                    "accepted)")
+    refusal += "; "
     if _explains(squares(everyone, np.abs([lens.width - 1, 0] - points_px)), len(positions), lens):
         raise CheckError(refusal + "with left and right exchanged they fit: the photo is mirrored, "
                          "or the points are matched as in a mirror")
