@@ -222,7 +222,11 @@ def test_arrangements_of_lamps(recorded):
 
 # ---- profiles of a camera ------------------------------------------------------------------------
 
-@pytest.mark.parametrize("light", ["A", "D65"])
+def test_numbers_of_illuminants(recorded):
+    recorded({"EXIF": camera_profile.ILLUMINANTS, "D50": camera_profile.D50})
+
+
+@pytest.mark.parametrize("light", camera_profile.ILLUMINANTS)
 def test_matrices_of_a_profile(recorded, light):
     for name, grid in (("uneven", UNEVEN), ("10 nm", visible_grid(10))):
         aim = camera_profile.target(light, grid, surfaces(15, grid), (
