@@ -139,6 +139,10 @@ method = "uniform"
 coefficients = 8
 draws = 1000
 level = 0.8
+
+[picture]
+rect = [299.5, 59.5, 317.5, 69.5]
+format = "zarr"
 """
 
 

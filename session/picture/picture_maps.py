@@ -79,7 +79,7 @@ class Reduced:
     def __init__(self, height: int, width: int, maps: Sequence[Map]) -> None:
         self.factor = -(-max(height, width) // REDUCED_PX)
         self._shape = -(-height // self.factor), -(-width // self.factor)
-        self._count = np.zeros(self._shape)
+        self._pixels, self._count = np.zeros(self._shape), np.zeros(self._shape)
         self._sums = {each.file: np.zeros((*self._shape, each.channels)) for each in maps}
         self._codes = {each.file for each in maps if each.values is None}
 
@@ -87,7 +87,8 @@ class Reduced:
         """Add rows: which of their pixels (n, W) have spectra, and the values (n, W, C) of maps."""
         rows = np.arange(first, first + len(seen)) // self.factor
         columns = np.arange(0, seen.shape[1], self.factor)
-        np.add.at(self._count, rows, np.add.reduceat(seen, columns, axis=1, dtype=float))
+        for total, of in ((self._pixels, np.ones_like(seen)), (self._count, seen)):
+            np.add.at(total, rows, np.add.reduceat(of, columns, axis=1, dtype=float))
         for file, value in values.items():
             if file in self._codes:
                 first_ones = np.flatnonzero((first + np.arange(len(value))) % self.factor == 0)
@@ -101,7 +102,7 @@ class Reduced:
         total = self._sums[file]
         if file in self._codes:
             return total.astype(np.float32)
-        enough = self._count >= 0.5 * self._count.max()
+        enough = self._count >= 0.5 * self._pixels      # blocks at the end are smaller
         share = np.where(enough, self._count, np.nan)[..., None]
         return np.asarray(total / share, dtype=np.float32)
 
