@@ -9,6 +9,7 @@ from sampling_inputs import lopsided_measurement, lopsided_noise, result_or_refu
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import Outcome
 from spectrabox.sampling.measurement import MeasurementOperator, spline_operator
 from spectrabox.sampling.polytope import simplex
 from spectrabox.sampling.polytope.bounds import (
@@ -77,7 +78,8 @@ def test_moments_of_a_tilted_coefficient(recorded):
 
 
 @pytest.mark.parametrize("bands, coefficients, noise, away", [
-    (3, 9, 0.0, 0.0), (3, 7, 0.01, 0.0), (4, 13, 0.02, 0.0), (3, 5, 0.02, 0.5), (1, 6, 0.004, 0.0)])
+    (3, 9, 0.0, 0.0), (3, 7, 0.01, 0.0), (4, 13, 0.02, 0.0), (3, 5, 0.02, 0.5), (1, 6, 0.004, 0.0),
+    (3, 6, 0.06, 0.9)])
 def test_tilts(recorded, bands, coefficients, noise, away):
     one = operator(bands, coefficients, noise, away=away)
     tilt = max_entropy_tilt(one)
@@ -103,11 +105,13 @@ def test_signals_near_the_edge_of_reach(recorded):
 
 
 @pytest.mark.parametrize("bands, coefficients, noise, away", [
-    (3, 9, 0.0, 0.0), (3, 8, 0.01, 0.0), (5, 11, 0.03, 0.0), (2, 5, 0.02, 0.4)])
+    (3, 9, 0.0, 0.0), (3, 8, 0.01, 0.0), (5, 11, 0.03, 0.0), (2, 5, 0.02, 0.4), (3, 6, 0.06, 0.9)])
 def test_exact_draws(recorded, bands, coefficients, noise, away):
     one = operator(bands, coefficients, noise, away=away)
     found = sample_polytope(one, 700, 5)
     recorded(found)
+    # a band that reads 0.9 of white more than a reflectance gave it is out of reach
+    assert (found.outcome is Outcome.UNREACHABLE) == (away == 0.9)
     if not noise:
         np.testing.assert_allclose(found.coefficients @ one.A.T, np.tile(one.y, (700, 1)),
                                    atol=1e-10)
@@ -327,7 +331,8 @@ def test_the_number_of_coefficients(recorded):
 
 @pytest.mark.parametrize("bands, noise, signal", [
     (3, 0.0, [0.35, 0.3, 0.41]), (3, 0.01, [0.35, 0.3, 0.41]), (3, 0.0, [0.2, 0.95, 0.15]),
-    (3, 0.0, [0.9, 1.6, 0.7]), (3, 0.0, [40.0, -20, 30]), (6, 0.0, [.35, .3, .33, .41, .4, .45])])
+    (3, 0.05, [0.9, 1.6, 0.7]), (3, 0.0, [0.9, 1.6, 0.7]), (3, 0.0, [40.0, -20, 30]),
+    (6, 0.0, [.35, .3, .33, .41, .4, .45])])
 def test_uniform_draws(recorded, bands, noise, signal):
     measured = dataclasses.replace(lopsided_measurement(bands, noise), signal=np.array(signal))
     found = result_or_refusal(sample_uniform, measured, 1100, 3, 13 if bands == 6 else 9)
