@@ -298,7 +298,10 @@ def test_documents(recorded, tmp_path):
                                        .removesuffix("</IESTM2714>")),
              "tm27 no nm": TM27.format(more="").replace('wavelength="411"', ""),
              "tm27 entities": TM27.format(more="<!DOCTYPE x>"),
-             "aces": json.dumps(aces), "aces short": json.dumps(short),
+             "aces": json.dumps(aces), "aces plain": rawtoaces_text(),
+             "aces relative": rawtoaces_text().replace('"reflectance"', '"relative"'),
+             "aces unknown": rawtoaces_text().replace('"reflectance"', '"lux"'),
+             "aces short": json.dumps(short),
              "aces kind": json.dumps(aces).replace('"index"', '"indices"'),
              "aces words": json.dumps(aces).replace("2.5", '"x"')}
     found = {}

@@ -5,6 +5,7 @@ import gzip
 import lzma
 import os
 import re
+import signal
 import zipfile
 from types import SimpleNamespace
 from typing import Annotated
@@ -228,6 +229,25 @@ def test_signals_amid_an_import(monkeypatch):
     assert not started
     assert interruption.put_off(2, frame("<frozen importlib._bootstrap>"))
     assert started == [(0.01, True), True]
+
+
+def test_the_first_of_two_signals_in_a_hold_counts():
+    heard = []
+    before = {number: signal.signal(number, lambda number, frame: heard.append(number))
+              for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        with interruption.Interruptions(held=True) as interruptions:
+            interruptions._heard(signal.SIGTERM, None)
+            interruptions._heard(signal.SIGINT, None)
+            with interruptions.held():
+                assert heard == []
+            with interruptions.released():
+                assert heard == [signal.SIGTERM]
+            interruptions.hold()
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert heard == [signal.SIGTERM]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -47,8 +47,9 @@ def test_views_whose_responses_are_nearly_the_same(recorded, tmp_path):
     one, traced = hand.view(tmp_path, "one", 11, given=hand.stated_scale(1.7), known=())
     solution, record = hand.solved([traced], hand.SETTINGS)
     found = {}
-    for off in (0.0, 0.9e-9, 1.1e-9, 1e-6):
-        curves = one.sensitivities * (1 + off * np.cos(hand.NM / 40))
+    wave, dip = np.cos(hand.NM / 40), -1 * (hand.NM == 537.5)
+    for off, change in ((0.0, wave), (0.9e-9, wave), (1.1e-9, wave), (1e-6, wave), (5e-9, dip)):
+        curves = one.sensitivities * (1 + off * change)
         fit = dataclasses.replace(one.calibration.sensitivity, curves=curves)
         other = dataclasses.replace(one, name="other", calibration=dataclasses.replace(
             one.calibration, sensitivity=fit))

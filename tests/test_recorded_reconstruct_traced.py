@@ -53,6 +53,7 @@ from spectrabox.reconstruct.tracer.transport import (
 from spectrabox.reconstruct.view import MaterialSpec, View
 
 TRACED = 1e-3
+LEVEL = 0.4     # of photos of an object: of a grey one
 PROFILE = "angle,radiance\n0,2\n40,1.2\n80,0.3\n"
 BULB = '<emitter type="point" id="lamp"><point name="position" x="0.1" y="0.6" z="0.7"/></emitter>'
 SKY = '<emitter type="envmap" id="sky"><string name="filename" value="sky.exr"/></emitter>'
@@ -171,14 +172,14 @@ def test_light_of_pixels(recorded, tmp_path, monkeypatch):
     unit = transport_engine.unit_scene(view, 2, separate_lights=True)
     own = np.array([0, 0, 0, 1, 2, 3, 4])
     monkeypatch.setattr(pixel_light, "MOST_NODES", 30)
-    light = pixel_light.trace_pixel_light(unit, view.surface, own, seed=2,
-                                          progress=lambda share: None)
+    shares = []
+    light = pixel_light.trace_pixel_light(unit, view.surface, own, seed=2, progress=shares.append)
     spectra = np.array([hand.TRUTH[name] for name in hand.NAMES])
     recorded({"nodes": light.nodes.keys, "cell": light.nodes.cell, "own": light.own,
               "coefficients": light.coefficients, "lamp": light.lamp,
               "light": light.on_nodes(spectra, np.stack([hand.NM / 500, hand.NM / 900]))},
              rtol=TRACED)
-    recorded(light.relative_variance, rtol=0.02, case="noise")
+    recorded({"noise": light.relative_variance, "shares": shares}, rtol=0.02, case="noise")
 
 
 def test_light_on_a_chart(recorded, tmp_path, monkeypatch):
@@ -323,7 +324,7 @@ def test_renderings_and_their_noise(recorded, tmp_path):
 def objects(folder, count=3):
     views = []
     for number, position in enumerate(cameras(count)):
-        photo = hand.photo_of(np.random.default_rng(number).uniform(0.5, 3, (16, 16, 3)),
+        photo = hand.photo_of(np.random.default_rng(number).uniform(0.5, 3, (16, 16, 3)) * LEVEL,
                               np.random.default_rng(9))
         views.append(View(f"view {number}", scene_of_text(view_xml(position, 16),
                                                           folder / "view.xml"), photo,
@@ -346,6 +347,14 @@ def test_steps_of_a_shape(recorded, tmp_path):
     ended = descend(views, "object", vertices, faces, start, Stage(1, 2, 0.02, 9.0, 4, 2), 5,
                     lambda step: None)
     recorded(ended, rtol=TRACED, case="descent")
+
+
+def test_a_shape_in_a_few_steps(recorded, tmp_path):
+    stages = (Stage(1, 2, 0.03, 9.0, 2, 2), Stage(2, 3, 0.02, 5.0, 2, 3))
+    steps = []
+    found = reconstruct_shape(objects(tmp_path), "object", ShapeSettings(4, stages, 3),
+                              lambda done, what: steps.append((done, what)))
+    recorded({"found": found, "steps": steps}, rtol=5 * TRACED)
 
 
 def test_shapes_that_are_refused(recorded, tmp_path):
