@@ -16,10 +16,12 @@ from test_geometry_commands import BOARD, SCENE, bent_photo
 
 from spectrabox.calibrate.geometry.lens_files import write_lens
 from spectrabox.capture.photo.image_files import write_exr, write_png
+from spectrabox.fixtures.demo_scenes import box_scene
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.spectral_files import write_examples
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.records import LightScale, Outcome
+from spectrabox.reconstruct.scene.light_position import LightPosition
 from spectrabox.session.commands import beam as beam_command
 from spectrabox.session.commands import light_position
 from spectrabox.session.commands.spectrum import _grid as grid_of
@@ -129,7 +131,8 @@ def test_is_a_chart_photo_good_enough(case, photos, tmp_path, recorded):
     photo, *more = CHART[case]
     answer = said(photos, "chart", f"DIR/{photo}", *more, "--json", "--overlay",
                   str(tmp_path / "o.png"))
-    recorded(answer, rtol=FIT)
+    # in a dim photo borders are found within noise, and slopes follow from where they are
+    recorded(answer, rtol=0.2 if photo == "dim.dng" else FIT)
     if case in (0, 3):
         recorded(said(photos, "chart", f"DIR/{photo}", *more), rtol=FIT, case="text")
         # round-off moves a drawn line by a pixel
@@ -146,7 +149,7 @@ def test_photos_become_signals(case, photos, tmp_path, recorded):
     words = [f"DIR/{word}" if word.endswith((".dng", ".png")) and "/" not in word else word
              for word in DEVELOP[case]]
     out = tmp_path / "o.exr"
-    recorded(said(photos, "develop", *words, "-o", str(out), "--json", also=[tmp_path]), rtol=1e-5)
+    recorded(said(photos, "develop", *words, "-o", str(out), "--json", also=[tmp_path]), rtol=FIT)
     if out.exists():
         recorded(content_of(out, [photos, tmp_path]), rtol=1e-4, case="file")   # single floats
     if case == 1:
@@ -328,6 +331,39 @@ def test_what_is_said_of_a_light_that_moved(of_box, recorded):
         found.append(light_position._text(estimate, "scene.xml", of_box).splitlines())
     assert len(found[1]) == len(found[2]) == len(found[0]) + 1
     recorded(found)
+
+
+def test_the_command_on_a_light(tmp_path, recorded, monkeypatch):
+    """What it asks of the fit, writes and says; the fit itself is another test's."""
+    (tmp_path / "box.xml").write_text(box_scene((40, 60)), encoding="utf-8")
+    rng = np.random.default_rng(2)
+    write_exr(tmp_path / "p.exr", rng.uniform(0.1, 0.6, (80, 120, 3)).astype(np.float32),
+              ["R", "G", "B"], 0.1)
+    (tmp_path / "paints.csv").write_text(
+        "# quantity: reflectance\nnm,white,red\n400,0.8,0.1\n700,0.7,0.5\n", encoding="utf-8")
+    asked = []
+
+    def fitted(scene, paints, response, photo, light_id, settings, progress):
+        asked.append([paints, response, photo.signal, light_id, settings])
+        return LightPosition("light", np.array([-1.0, 2.0, 0.5]), np.array([0.2, 0.3, 0.1]),
+                             np.diag([0.04, 0.09, 0.01]) + 0.001, LightScale(80.0, 1.2, None, "x"),
+                             7.5, 1.3, np.zeros((4, 3)),
+                             Outcome.STEP_LIMIT if settings.seed == 4 else Outcome.CONVERGED)
+    for name, stand_in in (("scene.light_position.refine_light_position", fitted),
+                           ("rendering.renderer.start_mitsuba", lambda device: None)):
+        monkeypatch.setattr(f"spectrabox.reconstruct.{name}", stand_in)
+    words = ("geometry", "light", "DIR/p.exr", "--scene", "DIR/box.xml", "--light", "A",
+             "--sensitivity", "Nikon 5100 (NPL)", "--reflectances", "DIR/paints.csv")
+    found = [said(tmp_path, *words, "-o", "DIR/out.xml", "--json"),
+             said(tmp_path, *words, "-o", "DIR/out.xml"),
+             said(tmp_path, *words, "-o", "DIR/out.xml", "--force", "--width", "24", "--spp", "7",
+                  "--seed", "4"),
+             said(tmp_path, *words, "-o", "DIR/paints.csv"),
+             said(tmp_path, *words, "-o", "DIR/p.xml", "--light-id", "none"),
+             said(tmp_path, *words, "-o", "DIR/p.xml", "--device", "x")]
+    recorded(found, case="answers")
+    recorded(asked, rtol=1e-5, case="what is asked of the fit")         # single floats
+    recorded(content_of(tmp_path / "out.xml", [tmp_path]), case="file")
 
 
 def test_templates_of_flat_photos_are_developed_as_they_are(tmp_path, recorded):

@@ -3,6 +3,7 @@
 Fits end where their steps are small, not at one bit pattern, and draws are those of the machine's
 eigenvectors: what follows from a fit is compared to 1e-3, what is made of draws within chance.
 """
+import contextlib
 import re
 import shutil
 
@@ -12,6 +13,9 @@ from compact_results import NUMBERS, compact
 from flat_example import HEAD, regions_toml, write_flat
 from said_by_commands import content_of, lines_of, said
 
+from spectrabox.session.batch.manifest import files_behind, made_by
+from spectrabox.session.batch.pool import Finished
+from spectrabox.session.config.session_file import read_session
 from spectrabox.session.report import svg
 
 FIT, CHANCE = 1e-3, 0.06
@@ -97,7 +101,8 @@ def test_the_report_of_flat_samples(finished, recorded):
     exact, drawn = parted(content_of(folder / "report.json", [folder]))
     recorded(exact, rtol=FIT, case="data")
     recorded(numbers_of(drawn), rtol=CHANCE, case="of draws")
-    recorded(words_of(line for line in content_of(folder / "report.html")
+    lines = content_of(folder / "report.html")
+    recorded(words_of(line for line in lines[:lines.index("Provenance")]     # then the machine
                       if not NUMBERS.match(line)), case="page")
 
 
@@ -212,6 +217,9 @@ def test_sessions_beside_each_other(session, finished, recorded):
               words_of(said(folder, "compare", "DIR/s", "DIR/t")["answer"]),
               said(folder, "compare", "DIR/s"), said(folder, "compare", "DIR/s", "DIR/none")],
              case="answers")
+    (folder / "empty").mkdir()
+    (folder / "empty" / "session.toml").write_text("", encoding="utf-8")
+    recorded(said(folder, "catalogue", "DIR/empty"), case="nothing to list")
     made = [said(folder, "catalogue", "DIR", *words) for words in (
         ("--json",), (), ("-o", "DIR/x.csv"), ("-o", "DIR/other.sqlite", "--json"))]
     for each in made:
@@ -220,6 +228,43 @@ def test_sessions_beside_each_other(session, finished, recorded):
     made[1]["answer"] = words_of(made[1]["answer"])
     recorded(made, case="catalogue")
     recorded(sorted(path.name for path in folder.iterdir()), case="files")
+
+
+class Here:
+    """A pool of this process alone."""
+
+    workers, budget_bytes, largest_bytes, about = 1, None, None, "one worker"
+
+    def start(self, task):
+        self.task = task
+
+    def wait(self):
+        return [Finished(self.task, self.task())]
+
+
+def test_a_batch_of_a_finished_session_and_what_is_none(session, recorded, monkeypatch):
+    folder = session.parent
+    (folder / "list.txt").write_text("s\nnone\n", encoding="utf-8")
+    monkeypatch.setattr("spectrabox.session.batch.workers.open_processes",
+                        lambda count: contextlib.nullcontext(Here()))
+    found = []
+    for words in (("DIR/s", "DIR/none", "--json"), ("--list", "DIR/list.txt", "-q", "--json"),
+                  ("DIR/s", "--json"), ("DIR/s",), ("--device", "x"), ()):
+        answer = said(folder, "batch", *words, "--out", "DIR/out")
+        if isinstance(answer["answer"], list):
+            answer["answer"] = words_of(answer["answer"])
+        found.append([answer["exit code"], answer["answer"], words_of(answer["told"])])
+    recorded(found)
+    recorded(words_of(content_of(folder / "out" / "batch.html")), case="page")
+    behind = files_behind(read_session(session))
+    recorded(sorted(behind), case="files behind")
+    assert all(each == ((session / name).stat().st_size, (session / name).stat().st_mtime_ns)
+               for name, each in behind.items())
+    before = made_by()
+    (folder / "kept").mkdir()
+    (folder / "kept" / "A.csv").write_text("nm,R,G,B\n400,1,2,3\n700,3,2,1\n", encoding="utf-8")
+    monkeypatch.setenv("SPECTRABOX_CAMERAS", str(folder / "kept"))
+    assert made_by() != before
 
 
 BROKEN = {

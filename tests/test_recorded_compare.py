@@ -211,6 +211,12 @@ def test_the_catalogue_holds_every_number(tmp_path, recorded):
               for row in tables["quantities"]], case="quantities")
 
 
+def test_a_light_in_words(recorded):
+    recorded([of_session._light_words(SimpleNamespace(cct=cct, word=word, file=file))
+              for cct, word, file in ((3200.0, None, None), (None, "unknown", None),
+                                      (None, None, "l.csv"), (6504.5, "x", "y"))])
+
+
 def test_which_folders_hold_sessions(tmp_path, recorded):
     for name in ("b", "a/one", "a/one/inside", "a/two/deep", "1/2/3/4", "1/2/3/4/5/6", ".hidden/s",
                  "c/d/e/f/g"):

@@ -7,7 +7,9 @@ import dataclasses
 import json
 import os
 import shutil
+import socket
 import sys
+import urllib.parse
 from fractions import Fraction
 from pathlib import Path
 
@@ -17,18 +19,20 @@ import pytest
 from compact_results import compact
 from flat_example import picture
 from served_page import wait_for
+from typer.testing import CliRunner
 
 from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.records import LinearImage, PhotoKind
+from spectrabox.session.cli import with_only
 from spectrabox.session.config.template import TEMPLATES
 from spectrabox.session.page import shooting
 from spectrabox.session.page.marks import Mark, corner_names, marked, photos_of
 from spectrabox.session.page.photo_views import PhotoViews
 from spectrabox.session.page.run_control import RunControl
-from spectrabox.session.page.server import SessionPage, page_app
+from spectrabox.session.page.server import SessionPage, page_app, serve
 from spectrabox.session.page.shooting import Shooting, judge_photo
 
 TOKEN = "a-token"
@@ -334,3 +338,33 @@ def test_a_run_is_told_as_it_ended(answer, code, tmp_path, recorded):
     after = control.state()
     assert 0 < after.pop("seconds") < 60 and before.pop("seconds") == 0
     recorded([before, after])
+
+
+def test_the_page_is_served_at_a_free_port(session, tmp_path, recorded, monkeypatch):
+    """Its address is told once, with a token of its own; a port in use is a sentence."""
+    import uvicorn
+    ran, told = [], []
+    monkeypatch.setattr(uvicorn.Server, "run",
+                        lambda server, sockets: ran.append((server, sockets[0].getsockname())))
+    page = SessionPage(session, tmp_path)
+    for _ in range(2):
+        serve(page, 0, told.append)
+    first, second = (urllib.parse.urlsplit(each) for each in told)
+    tokens = [urllib.parse.parse_qs(each.query)["token"][0] for each in (first, second)]
+    assert tokens[0] != tokens[1] and all(len(each) >= 32 for each in tokens)
+    assert [(first.hostname, first.port), (second.hostname, second.port)] == [
+        address for _, address in ran]
+    assert page.shooting.folder == tmp_path.resolve()
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(SpectraboxError, match=r"cannot be used .*give another with --port"):
+            serve(page, taken.getsockname()[1], told.append)
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    for words in (("open", str(session)), ("open", str(session), "--no-browser", "--watch",
+                                           str(tmp_path))):
+        result = CliRunner().invoke(with_only("open"), words)
+        assert result.exit_code == 0 and result.stdout.startswith("http://127.0.0.1:")
+        recorded(result.stderr, case=f"{len(words)} words")
+    assert len(opened) == 1

@@ -244,14 +244,13 @@ def serve(page: SessionPage, port: int, say: Callable[[str], None]) -> None:
     """
     import uvicorn
     token = secrets.token_urlsafe(24)
-    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listening.bind((HOST, port))
-    except OSError as error:
-        raise InputError(f"port {port} cannot be used ({error.strerror}); give another with "
-                         "--port, or none to take a free one") from None
-    with listening:
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listening.bind((HOST, port))
+        except OSError as error:
+            raise InputError(f"port {port} cannot be used ({error.strerror}); give another with "
+                             "--port, or none to take a free one") from None
         listening.listen()
         say(f"http://{HOST}:{listening.getsockname()[1]}/?token={token}")
         config = uvicorn.Config(page_app(page, token), log_level="warning", access_log=False)
