@@ -118,6 +118,9 @@ def read_reading(path: Path) -> SpectralReading:
             grid_from_nm(np.array(facts["wavelengths_nm"], dtype=float)),
             np.array(facts["values"], dtype=float), quantity,
             f"{facts['instrument']} {facts['serial_number']}, {facts['taken_at']}")
+        if spectrum is not None and spectrum.values.shape != spectrum.grid.nm.shape:
+            raise ValueError(f"{spectrum.values.size} values at {spectrum.grid.nm.size} "
+                             "wavelengths")
         return SpectralReading(spectrum=spectrum, quantity=quantity,
                                outcome=ReadingOutcome[facts["outcome"].upper()],
                                flags=tuple(facts["flags"]), **{name: facts[name] for name in FACTS})
