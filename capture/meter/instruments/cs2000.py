@@ -144,6 +144,8 @@ class Cs2000(Instrument):
         if reply in ("ER00", "ER17"):  # firmware before 3.00 knows RMTS,1 only
             self.line.write(b"RMTS,1\n")
             reply = self.line.read_line(REPLY_S)
+        if error := re.fullmatch(r"ER(\d\d)", reply):
+            raise refused(self, "RMTS", int(error[1]), ERRORS)
         if reply != "OK00":
             raise self.wrong(reply)
         self.restore.append(b"MSWE,1\n")
