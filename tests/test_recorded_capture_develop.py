@@ -54,13 +54,13 @@ def test_dark_frames_that_do_not_fit(recorded):
     recorded(table)
 
 
-def exposures(seconds=(0.01, 0.041, 0.11), power=1.0, ratio=1.0, height=72, width=110):
+def exposures(seconds=(0.01, 0.041, 0.11), power=1.0, ratio=1.0, height=72, width=110, level=0.8):
     """Photos of one scene, each with its own noise, clipped at 1."""
     signal = scene(height, width, 3, 1.1)
     images = []
     for number, exposure in enumerate(seconds):
         rng = np.random.default_rng(10 + number)
-        lit = signal * exposure / seconds[0] * (ratio if number == 1 else 1.0) * 0.8
+        lit = signal * exposure / seconds[0] * (ratio if number == 1 else 1.0) * level
         lit = lit ** power if number == 1 else lit
         variance = 1e-6 + np.array([2e-5, 3e-5, 5e-5]) * lit
         seen = lit + np.sqrt(variance) * rng.standard_normal(lit.shape)
@@ -76,6 +76,10 @@ def test_brackets(recorded, spills):
                           ("one", (0.05,)), ("flooded", (0.01, 0.09))):
         merged, notes = bracket.merge_exposures(exposures(seconds)[::-1], spills)
         recorded({"image": merged, "notes": notes}, rtol=1e-5, case=case)
+    # where one of two alike is saturated by its noise, the other is not
+    bright, notes = bracket.merge_exposures(exposures((0.02, 0.02, 0.06), level=1.07), spills)
+    assert not np.array_equal(bright.saturated, exposures((0.02,), level=1.07)[0].saturated)
+    recorded({"image": bright, "notes": notes}, rtol=1e-5, case="bright")
     image = exposures()[1]
     recorded({"line": bracket.variance_line(image),
               "near": bracket.near_saturated(image.saturated, spills)}, rtol=1e-5, case="line")

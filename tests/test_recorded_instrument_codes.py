@@ -41,7 +41,8 @@ VARIANTS = {
               "error in readings": {"said": {"M1\r": "-8\r\n"}}},
     "pr650": {"irradiance": {"unit": 1}, "bare returns": {"end": "\r"}, "feeds": {"end": "\n\r"},
               "coded serial number": {"said": {"d110\n": "000,60964418\r\n"}},
-              "echo": {"said": {"d110\n": "d110\r\n60964417\r\n"}}},
+              "echo": {"said": {"d110\n": "d110\r\n60964417\r\n"}},
+              "echo without an end": {"said": {"d110\n": "d11060964417\r\n"}}},
     "specbos1211": {"irradiance": {"head": 1}, "one header": {"label": "\r"},
                     "enquiries": {"said": {"*CONF:FUNC 6\r": "\x05\x05\x06", "*idn?\r":
                                            "\x05JETI_SB1211\r"}},
