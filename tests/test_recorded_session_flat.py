@@ -155,6 +155,7 @@ def test_shadows_on_a_chart(recorded):
     recorded({
         "all bands": {str(factor): notes(factor) for factor in (0.5, 0.9, 0.935, 0.945, 1.0, 1.2)},
         "one band": {str(factor): notes(factor, bands=1) for factor in (0.7, 0.85)},
+        "unequal": [notes(np.array(each)) for each in ([0.85, 0.9, 0.93], [0.8, 0.95, 0.97])],
         "dark": notes(0.5, (0,)), "many": notes(0.8, range(1, 10)),
         "two": notes(0.88, (3, 7))})
 
@@ -285,5 +286,8 @@ def test_errors_of_a_region_in_several_photos(recorded, monkeypatch):
     for cause in set(alone) - {"photo noise"}:
         np.testing.assert_allclose(both[cause], alone[cause])
     two_photos = _errors(task, config, [(one, 1, first), (two, 2, second)], model, drift)
+    three = _errors(task, config, [(one, 1, first), (two, 2, second), (two, 0, second)], model,
+                    drift)
     shared = white_at_regions._shared(covariance(3, 0.1), np.array([0.3, 0.2, 0.4]))
-    recorded({"one": alone, "two": two_photos, "model": [model.among_bands(3), shared]})
+    recorded({"one": alone, "two": two_photos, "three": three,
+              "model": [model.among_bands(3), shared]})

@@ -142,7 +142,6 @@ level = 0.8
 
 [picture]
 rect = [299.5, 59.5, 317.5, 69.5]
-format = "zarr"
 """
 
 

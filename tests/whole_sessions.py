@@ -157,7 +157,7 @@ def by_path(node, path="", found=None):
         for name, value in node.items():
             if name not in PASSING:
                 by_path(value, f"{path}.{name}", found)
-    elif isinstance(node, list):
+    elif isinstance(node, list | tuple):
         for value in node:
             by_path(value, f"{path}[]", found)
     elif isinstance(node, str) or node is None:

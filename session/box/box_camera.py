@@ -123,6 +123,8 @@ def straight_corners(config: SessionConfig, view: ViewInputs
     size = np.array([placed.lens.width, placed.lens.height])
 
     def straight(points: Mapping[str, tuple[float, float]]) -> dict[str, np.ndarray]:
+        if not points:          # a picture of a model in which nobody marked a corner
+            return {}
         seen = image_rays(np.array([*points.values()]).reshape(-1, 2), placed.lens)
         seen = seen @ pinhole(placed.lens).T
         return dict(zip(points, (seen[:, :2] / seen[:, 2:] + 0.5) / size, strict=True))
