@@ -270,7 +270,7 @@ def test_null_spaces(recorded):
         u, s, vt = np.linalg.svd(one.A, full_matrices=False)
         A = (u * [s[0], s[1], weakest * s[0]]) @ vt
         found[str(weakest)] = str(result_or_refusal(lambda A=A: null_space(
-            dataclasses.replace(one, A=A), np.zeros(7)).directions.shape)).partition("(")[0]
+            dataclasses.replace(one, A=A), np.zeros(7)).directions.shape))
     recorded((found, result_or_refusal(null_space, dataclasses.replace(one, A=0 * one.A),
                                        np.zeros(7))), case="rank")
 

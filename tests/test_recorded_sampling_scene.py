@@ -6,7 +6,7 @@ import pytest
 from sampling_cameras import curves, surface
 from sampling_inputs import lopsided_prior, result_or_refusal
 
-from spectrabox.radiometry.records import LightTransport
+from spectrabox.radiometry.records import LightTransport, Outcome
 from spectrabox.sampling.polytope.diagnostics import tail_shape
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.sampling.scene import sampling as scene_sampling
@@ -245,6 +245,21 @@ def test_draws_of_a_scene_converge_where_enough_are_effective(recorded, effectiv
     recorded(JointSamples(("a",), np.full((1, 1, 2), 0.5), effective, tail, 2000, 0.01,
                           1).converged)
     assert tail_shape(np.ones(400)) == 0
+
+
+@pytest.mark.parametrize("off, chance", [(0.0147, 1.058e-3), (0.015, 0.943e-3)])
+def test_a_picture_agrees_above_a_chance_of_one_in_a_thousand(recorded, off, chance):
+    given = scene(noise=0.02)
+    given["signal"] = given["signal"] * (1 + off * np.linspace(-1, 1, 8)[:, None])
+    problem = joint_problem(prior=lopsided_prior(), **given)
+    assert surprise(problem, find_modes(problem, 128)) == pytest.approx(chance, rel=0.01)
+    transport, signal, error, response = (given.pop(name) for name in (
+        "transport", "signal", "standard_error", "response"))
+    found = draw_scene(transport, signal, error, response, 100, 2, lopsided_prior(), **given,
+                       effective_wanted=5.0)
+    assert found["box"].outcome is (Outcome.THROUGH_TRANSPORT if chance > 1e-3
+                                    else Outcome.DISAGREES)
+    recorded(found["wall"].coefficients.shape)
 
 
 @pytest.mark.parametrize("off", [0.0, 0.9])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from sampling_cameras import response, surface
 from sampling_inputs import lopsided_prior, result_or_refusal
-from test_sampling_libraries import r_file
+from test_sampling_libraries import r_file, text
 
 from spectrabox.sampling.prior import low_rank as low_rank_file
 from spectrabox.sampling.prior import tables as tables_file
@@ -189,6 +189,46 @@ def test_a_folder_of_all_formats(recorded, tmp_path):
     (tmp_path / "few" / "c.csv").write_bytes((tmp_path / "c.csv").read_bytes())
     recorded([str(result_or_refusal(read_library, tmp_path / name)).replace(str(tmp_path), "FOLDER")
               for name in ("empty", "few", "none")], case="refused")
+
+
+def test_tables_of_text_that_hold_spectra(recorded, tmp_path):
+    """More than 20 wavelengths between 200 and 3000 nm, across the header or down a column."""
+    found = {}
+    for start, end, count in ((400, 700, 20), (400, 700, 21), (200, 700, 25), (201, 700, 25),
+                              (400, 2999, 25), (400, 3000, 25), (700, 400, 25)):
+        nm = np.linspace(start, end, count).round(1)
+        values = np.linspace(0.1, 0.3, count).round(4)
+        across = ",".join(map(str, nm)) + "\n" + ",".join(map(str, values)) + "\n"
+        down = "nm,a,b\n" + "".join(f"{w},{v},x\n" for w, v in zip(nm, values, strict=True))
+        for name, content in (("across", across), ("down", down), ("named", "name," + across)):
+            (tmp_path / "a.csv").write_text(content)
+            found[f"{name} {start} {end} {count}"] = READERS[".csv"](tmp_path / "a.csv")
+    (tmp_path / "a.csv").write_text("")
+    recorded(found)
+    assert READERS[".csv"](tmp_path / "a.csv") == []
+
+
+def test_two_data_frames_of_r(recorded, tmp_path):
+    """Version 3: whole numbers, words, attributes of attributes, and a symbol met before."""
+    def words(kind, *numbers):
+        return struct.pack(f">{1 + len(numbers)}i", kind, *numbers)
+
+    real = words(14, 3) + np.array([0.5, 0.25, -1.5], ">f8").tobytes()
+    whole = words(13, 3, 7, 8, 9)
+    said = words(16, 3) + text("a") + text("b") + words(9, -1)
+    names, end = words(1) + text("names"), words(254)
+    first = words(19 | 1 << 9, 3) + real + whole + said + words(2 | 1 << 10) + names \
+        + words(16, 3) + text("X400") + text("count") + text("word") + end
+    second = words(19 | 1 << 9, 1) + words(10, 2, 1, 0) + words(2 | 1 << 9 | 1 << 10) + end \
+        + words(2 << 8 | 255) + words(16, 1) + text("flag") + end
+    content = words(2 | 1 << 10) + words(1) + text("a") + first \
+        + words(2 | 1 << 10) + words(1) + text("b") + second + end
+    (tmp_path / "a.rda").write_bytes(b"RDX3\nX\n" + words(3, 0x40000, 0x30500, 5) + b"UTF-8"
+                                     + content)
+    found = read_r_columns(tmp_path / "a.rda")
+    recorded(found)
+    assert {name: column.tolist() for name, column in found.items()} == {
+        "X400": [0.5, 0.25, -1.5], "count": [7, 8, 9], "flag": [1, 0]}
 
 
 def test_damaged_libraries(recorded, tmp_path):
