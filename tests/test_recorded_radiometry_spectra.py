@@ -185,6 +185,32 @@ def test_spectra_of_files(recorded, tmp_path, monkeypatch):
     recorded(found, case="large")
 
 
+HALVES = (
+    '{"a": 1}', '["spectral_data"]', ' {"spectral_data": 1}', "Spectral Data 380[nm]",
+    "Model Name\tX", "Spectral Data 380[nm],1", "\ufeffModel Name\tX\n380nm\t1",
+    "Model Name\tX\r380nm\t1", "\n380nm\t1",
+    "BEGIN_DATA_FORMAT", "BEGIN_DATA", "BEGIN_DATA_FORMAT BEGIN_DATA",
+    "<a>colorexchangeformat.com</a>", "colorexchangeformat.com",
+    "<a>" + 3975 * " " + "ColorExchangeFormat.com", "<a>" + 3974 * " " + "ColorExchangeFormat.com",
+    "<a>iestm27</a>", "iestm27", "<SpectralDistribution/>", "<a>" + 4000 * " " + "IESTM27",
+    "Spectra Vista\ndata=\n", "Spectra Vista\n", "data= \n", 190 * " " + "Spectra Vista\ndata =",
+    187 * " " + "Spectra Vista\ndata =", "Data:\nWvl", "Data:\n\"Wvl", "Wvl", "Data:\nx Wvl",
+    "Data:\nChan.#\tWvl", "Data:\n\"Chan\",Wvl", "Data:\nChan Wvl", "ASD", "as2", "as7")
+
+
+def test_how_formats_are_told_apart(recorded, tmp_path):
+    path = tmp_path / "a.txt"
+    found = {f"{number} {half.strip()[:24]!r}": said(
+        lambda half=half: format_of(half.encode(), path)) for number, half in enumerate(HALVES)}
+    for start in (b"ASD", b"as1", b"as2", b"as8", b"as9"):
+        found[f"{start} and nul"] = [said(lambda end=end, start=start: format_of(
+            start + end, path)) for end in (b"\x00", 480 * b" " + b"\x00", 481 * b" " + b"\x00")]
+    for start in (b"ENVI", b"\n ENVI", 195 * b" " + b"ENVI", 197 * b" " + b"ENVI"):
+        found[f"{start.strip()} {len(start)}"] = [said(lambda end=end, start=start: format_of(
+            start + end, path)) for end in (b"\na = 1", b"\na")]
+    recorded(found)
+
+
 def test_files_that_lie_beside(recorded, tmp_path):
     for name in ("a.hdr", "a.sli", "b.hdr", "b", "c.sli.hdr", "c.sli", "d.sli", "e.hdr", "f.lib",
                  "f.hdr", "f.slb"):

@@ -47,19 +47,23 @@ def test_views_whose_responses_are_nearly_the_same(recorded, tmp_path):
     one, traced = hand.view(tmp_path, "one", 11, given=hand.stated_scale(1.7), known=())
     solution, record = hand.solved([traced], hand.SETTINGS)
     found = {}
-    wave, dip = np.cos(hand.NM / 40), -1 * (hand.NM == 537.5)
-    for off, change in ((0.0, wave), (0.9e-9, wave), (1.1e-9, wave), (1e-6, wave), (5e-9, dip)):
-        curves = one.sensitivities * (1 + off * change)
-        fit = dataclasses.replace(one.calibration.sensitivity, curves=curves)
+    wave, dip = np.cos(hand.NM / 40), -1.0 * (hand.NM == 537.5)
+
+    def varied(off, change):
+        fit = dataclasses.replace(one.calibration.sensitivity,
+                                  curves=one.sensitivities * (1 + off * change))
         other = dataclasses.replace(one, name="other", calibration=dataclasses.replace(
             one.calibration, sensitivity=fit))
-        away = np.abs(other.response / other.response.sum(axis=1)[:, None]
-                      - one.response / one.response.sum(axis=1)[:, None]).max()
-        joint = joint_record([one, other], [record.views[0]] * 2, solution.fit, [None, None])
-        found[f"{off:g}"] = joint.bands, away / (one.response / one.response.sum(
-            axis=1)[:, None]).max() > 1e-9
-        recorded({"signal": joint.signal, "covariance": joint.signal_covariance,
-                  "model": joint.model_covariance}, rtol=1e-4, case=f"{off:g}")
+        alone, both = (view.response / view.response.sum(axis=1)[:, None] for view in (other, one))
+        return other, np.abs(alone - both).max() / both.max()
+    for name, change in (("wave", wave), ("dip", dip)):
+        unit = varied(1e-6, change)[1] / 1e-6
+        for size in (0.0, 0.95e-9, 1.05e-9, 1e-6):      # of the response
+            other, away = varied(size / unit, change)
+            joint = joint_record([one, other], [record.views[0]] * 2, solution.fit, [None, None])
+            found[f"{name} {size:g}"] = joint.bands, bool(away > 1e-9)
+            recorded({"signal": joint.signal, "covariance": joint.signal_covariance,
+                      "model": joint.model_covariance}, rtol=1e-4, case=f"{name} {size:g}")
     recorded(found)
     # a band is the same up to 1e-9 of the response
     assert all((len(bands) == 6) == apart for bands, apart in found.values())

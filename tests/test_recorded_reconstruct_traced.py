@@ -53,7 +53,7 @@ from spectrabox.reconstruct.tracer.transport import (
 from spectrabox.reconstruct.view import MaterialSpec, View
 
 TRACED = 1e-3
-LEVEL = 0.4     # of photos of an object: of a grey one
+LEVEL = 0.07    # of photos of an object: of a grey one
 PROFILE = "angle,radiance\n0,2\n40,1.2\n80,0.3\n"
 BULB = '<emitter type="point" id="lamp"><point name="position" x="0.1" y="0.6" z="0.7"/></emitter>'
 SKY = '<emitter type="envmap" id="sky"><string name="filename" value="sky.exr"/></emitter>'
