@@ -183,6 +183,22 @@ def test_what_makes_a_calibration_doubtful(recorded, fewer_pairs):
     recorded(table, rtol=1e-3)      # numbers are written with two or three digits
 
 
+def test_when_a_stated_light_is_doubted(recorded, monkeypatch):
+    """Of two photos each by its own evidence; of bands of which no camera is known never."""
+    table = {}
+    for count in (3, 4):
+        shots = [shot(curves=bands(count, GRID)), shot(2, curves=bands(count, GRID),
+                                                       stated=spectrum(blue_light(), "blue.csv"))]
+        equations = [whole._as_equations(photo, GRID)[0] for photo in shots]
+        for first, second in ((6.93, 7.07), (12.3, 7.5), (-40.0, 6.9)):
+            evidence = iter((first, second))
+            monkeypatch.setattr(whole, "evidence_for_another_light",
+                                lambda *_, evidence=evidence: next(evidence))
+            table[f"{count} bands, {first} {second}"] = whole._light_doubts(
+                shots, equations, GRID, None)
+    recorded(table)
+
+
 # ---- refusals ------------------------------------------------------------------------------------
 
 def test_what_no_calibration_takes_is_refused(recorded):
