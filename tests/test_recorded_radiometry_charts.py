@@ -120,6 +120,7 @@ def test_measured_references(recorded, tmp_path):
         "columns": (values.reshape(4, 6, -1).swapaxes(0, 1).reshape(24, -1), plain, CLASSIC),
         "mirrored": (values.reshape(4, 6, -1)[:, ::-1].reshape(24, -1), plain, CLASSIC),
         "shuffled": (values[shuffled], plain, CLASSIC), "few": (values[:23], plain[:23], CLASSIC),
+        "own unnamed": (values[:4], plain[:4], own),
         "zeros": (values[:4], ["B01", "a 1", "B-2", "A002"], own)}
     found = {}
     for name, (rows, names, chart) in files.items():
@@ -233,7 +234,8 @@ WRITTEN = {
     "unknown": {"cuont": 3}, "unknown inside": {"inner": {"size": 1, "wrod": "x"}},
     "unknown part": {"parts": {"p": {"size": 1, "zise": 2}}}, "missing inside": {"inner": {}},
     "low": {"count": 0}, "high": {"share": 1.01}, "far": {"inner": {"size": 9.1}},
-    "huge": {"share": 1e301}, "nan": {"share": float("nan")}, "word": {"count": "3"},
+    "huge": {"share": 1e301}, "whole": {"share": 9 * 10**299},
+    "huge whole": {"share": 15 * 10**299}, "nan": {"share": float("nan")}, "word": {"count": "3"},
     "number": {"either": 3}, "list": {"either": [3]}, "half": {"count": 1.5}, "flag": {"on": 1},
     "pair short": {"pair": [1.0]}, "pair long": {"pair": [1.0, 2.0, 3.0]}, "no list": {"pair": 1.0},
     "empty": {"names": []}, "empty wanted": {"wanted": []}, "no table": {"inner": 3},

@@ -250,6 +250,20 @@ def test_the_first_of_two_signals_in_a_hold_counts():
     assert heard == [signal.SIGTERM]
 
 
+def test_signals_soon_after_another_are_not_heard(monkeypatch):
+    heard, now = [], [100.0]
+    monkeypatch.setattr(interruption.time, "monotonic", lambda: now[0])
+    before = signal.signal(signal.SIGTERM, lambda number, frame: heard.append(now[0]))
+    try:
+        with interruption.Interruptions(again_after_s=5.0) as interruptions:
+            for now[0] in (100.0, 101.0, 104.9, 105.1, 106.0):
+                interruptions._heard(signal.SIGTERM, None)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    # what came in between is raised with the next that is heard, or at the end
+    assert heard == [100.0, 105.1, 106.0]
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Shaped(Record):
     """Letters, a number, and what may be left out."""
@@ -305,6 +319,9 @@ def test_pictures_as_arrays(recorded, tmp_path, monkeypatch):
         opened = zarr_array.open_zarr(path)
         found[f"{half}"] = {"shape": opened.shape, "rows": opened.chunk_rows,
                             "type": str(opened.dtype), "values": opened.read(1, 4)}
+    import zarr
+    zarr.create_array(str(tmp_path / "plain.zarr"), data=picture, chunks=(2, 7, 3))
+    found["plain"] = zarr_array.open_zarr(tmp_path / "plain.zarr").chunk_rows
     tables = {"mean": rng.uniform(size=(3, 4)), "other": rng.uniform(size=(3, 6))}
     group = tmp_path / "low.zarr"
     with zarr_array.low_rank_rows(group, 5, 7, False, tables, {"about": [1, "x"]}) as take:

@@ -84,7 +84,8 @@ def test_interpolated_samples(recorded):
 def test_spectra_on_a_grid(recorded):
     fine, coarse = np.arange(395.0, 705.5, 2.5), np.arange(395.0, 706, 7.5)
     found = {name: on_grid(nm, np.stack([np.sin(nm / 37), np.cos(nm / 50)]), GRID, "lamp")
-             for name, nm in (("fine", fine), ("coarse", coarse), ("between", fine * 1.003 - 1.5))}
+             for name, nm in (("fine", fine), ("coarse", coarse), ("between", fine * 1.003 - 1.5),
+                              ("mixed", np.r_[fine[:40], fine[40::4], 708.0]))}
     for off in (0.9e-6, 1.1e-6):
         ends = np.linspace(400 + off, 700 - off, 40)
         found[f"{off}"] = said(lambda ends=ends: on_grid(ends, ends, GRID, "lamp")[[0, -1]])
