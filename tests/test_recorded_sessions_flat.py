@@ -227,4 +227,4 @@ def test_flat_samples_under_lamps_that_nobody_measured(recorded, tmp_path):
 def test_flat_samples_with_everything_at_once(recorded, tmp_path):
     folder = write_session(tmp_path / "session")
     finished, outputs = run_whole(folder)
-    hold_whole(recorded, finished, outputs, folder, 1e-3)
+    hold_whole(recorded, finished, outputs, folder, 1e-3, report=True)

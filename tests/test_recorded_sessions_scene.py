@@ -191,4 +191,4 @@ def write_session(folder):
 def test_a_scene_with_everything_at_once(recorded, tmp_path):
     folder = write_session(tmp_path / "session")
     finished, outputs = run_whole(folder)
-    hold_whole(recorded, finished, outputs, folder, 1e-3)
+    hold_whole(recorded, finished, outputs, folder, 1e-3, report=True)

@@ -187,12 +187,16 @@ def text_and_numbers(text):
                                  for number in NUMBER.findall(line)])}
 
 
-def hold_whole(recorded, finished, outputs, folder, rtol):
-    """Hold every stage, file, fact and sentence of a run to its record."""
+def hold_whole(recorded, finished, outputs, folder, rtol, *, report=False):
+    """Hold every stage, file, fact and sentence of a run to its record; with ``report`` also the
+    numbers of its report, which are those of the stages once more.
+    """
     seen, every = {}, {}
     for name, stage in finished.stored.items():
         every[name], seen[name] = stage_results(stage)
     every["files"], seen["beside"] = output_files(Path(folder))
+    if not report:
+        del every["files"]["report.json"]
     every["said"] = {"facts": compact(outputs.facts),
                      "text": without_paths(outputs.text, folder)}
     rough = {}
