@@ -26,7 +26,6 @@ BENT = Lens(600, 440, np.array([[655.0, 0, 311.3], [0, 661.0, 208.9], [0, 0, 1]]
 TURN, SHIFT = (np.pi - 0.13, 0.07, -0.04), (0.03, 0.14, 0.92)
 PLACES_M = np.array([[x * (1 + 0.1 * z), y, z] for x in (-0.24, 0.21) for y in (0.0, 0.31)
                      for z in (-0.37, -0.1, 0.0)])
-DEPTHS = (0.088, 0.094, 0.5)
 
 
 def said(call, *arguments, **more):
@@ -44,8 +43,6 @@ def of_pose(pose):
     return {"pose": pose, "errors": sizes(pose.covariance), "seen": camera_position(pose)}
 
 
-# ---- lenses and their files ----------------------------------------------------------------------
-
 def test_a_lens_and_its_file(recorded, tmp_path):
     write_lens(tmp_path / "lens.json", BENT)
     read = read_lens(tmp_path / "lens.json")
@@ -59,6 +56,12 @@ def test_what_is_no_lens_file_is_refused(recorded, tmp_path):
     changes = {"format": "spectrabox lens 2", "width": 3.5, "matrix": [[1, 2, 3]],
                "distortion": [0.1] * 4, "standard_error": [1] * 5, "rms_px": "none", "more": 1}
     files = {name: json.dumps(facts | {name: value}) for name, value in changes.items()}
+    rows = facts["matrix"]
+    for name, value in (("distortion", [0.1] * 6), ("standard_error", [1] * 3),
+                        ("distortion_error", [0.1] * 4), ("distortion_error", [0.1] * 6),
+                        ("matrix", [*rows, rows[0]]), ("matrix", [[650, 0], *rows[1:]]),
+                        ("matrix", [[650, 0, 300, 1], *rows[1:]])):
+        files[f"{name} of {len(value)}, {len(str(value))}"] = json.dumps(facts | {name: value})
     for axis in (0, 1):
         for focal in (0.0, -5.0, 1e-9):
             matrix = [list(row) for row in facts["matrix"]]
@@ -78,8 +81,6 @@ def test_a_camera_as_the_renderer_has_it(recorded):
     np.testing.assert_allclose(sensor["to_world"][:3, 3], camera_position(pose)[0], atol=1e-9)
 
 
-# ---- boards and points ---------------------------------------------------------------------------
-
 BOARD_TEXT = "columns = 9\nrows = 7\nsquare = 3.5\nmarker = 2.25\n"
 POSED = "origin = [1, 2.5, 3]\nright = [0, 0, -2]\ndown = [{tilt}, -1.5, 0]\n"
 
@@ -96,7 +97,9 @@ def test_boards_as_their_files_describe_them(recorded, tmp_path):
             "marker nearly": BOARD_TEXT.replace("2.25", "3.49"),
             "in part": BOARD_TEXT + "origin = [1, 2, 3]\nright = [1, 0, 0]\n",
             "no length": BOARD_TEXT + "origin = [1, 2, 3]\nright = [1, 0, 0]\ndown = [0, 0, 0]\n",
-            "words": "words", "unknown": BOARD_TEXT + "colour = 1\n"}.items():
+            "words": "words", "unknown": BOARD_TEXT + "colour = 1\n",
+            **{f"origin {origin}": BOARD_TEXT + POSED.format(tilt=0).replace(
+                "[1, 2.5, 3]", origin) for origin in ("[1, 2]", "[1, 2, 3, 4]")}}.items():
         (tmp_path / "board.toml").write_text(text, encoding="utf-8")
         table[name] = said(read_board, tmp_path / "board.toml")
     for tilt in (0.00098, 0.00102, -0.00102):   # radians, as right is along z
@@ -116,6 +119,8 @@ def test_points_of_a_scene_and_of_a_photo(recorded, tmp_path):
     for name, text in {
             "two": "[points.a]\nscene = [1, 2, 3]\npx = [4, 5.5]\n[points.'b c']\n"
                    "scene = [-1, 0.5, 2]\npx = [7, 8]\n",
+            "one px": "[points.a]\nscene = [1, 2, 3]\npx = [4]\n",
+            "four": "[points.a]\nscene = [1, 2, 3, 4]\npx = [4, 5]\n",
             "none": "[points]\n", "short": "[points.a]\nscene = [1, 2]\npx = [4, 5]\n",
             "long": "[points.a]\nscene = [1, 2, 3]\npx = [4, 5, 6]\n"}.items():
         (tmp_path / "points.toml").write_text(text, encoding="utf-8")
@@ -175,8 +180,6 @@ def test_views_that_leave_a_lens_open_are_refused(recorded, monkeypatch):
         table[f"{degrees} degrees"] = calibrated(1.0, 0.01, degrees)
     recorded(table)
 
-
-# ---- photos without distortion, rays, overlays ---------------------------------------------------
 
 def image(height, width, step=1.0, seed=3):
     rng = np.random.default_rng(seed)
@@ -289,7 +292,7 @@ def test_points_that_give_no_pose_are_refused(recorded, monkeypatch):
     flat = np.array([[x, y, 0.0] for x in (-0.2, 0.02, 0.2) for y in (-0.1, 0.12)])
     frontal = seen(flat, (np.pi, 0, 0), (0, 0, 0.9), np.random.default_rng(1), lens=plain)
     table["flat, free"] = free(flat, frontal, 600, 440).partition("open by")[0]
-    for depth in DEPTHS:
+    for depth in (0.088, 0.094, 0.5):
         shallow = PLACES_M * [1, 1, depth]
         shown = clicks(0.5, plain, places=shallow)
         table[f"shallow by {depth}, free"] = said(

@@ -91,6 +91,12 @@ def test_files_that_say_where_a_wall_is(recorded, tmp_path):
         return found if isinstance(found, str) else found.model_dump()
 
     at = LAMP.at.tolist()
+    lengths = {f"{name} of {len(value)}": {name: value} for name, longest in (
+        ("size_mm", [1300.0, 900.0, 10.0]), ("lamp_at_mm", [*at, 5.0]),
+        ("lamp_size_mm", [80.0, 50.0, 10.0]), ("lamp_look_at_mm", [650.0, 440.0, 0.0]),
+        ("corners_px", [*CORNERS, [10.0, 50.0]])) for value in (longest, longest[:-2])}
+    lengths |= {f"corner of {count}": {"corners_px": [[24.31, 18.17, 0.0][:count], *CORNERS[1:]]}
+                for count in (1, 3)}
     recorded({name: read(**changes) for name, changes in {
         "plain": {}, "all": {"lamp_look_at_mm": [650.0, 440.0], "lamp_error_mm": 4.5},
         "near": {"lamp_at_mm": [*at[:2], 79.0]}, "as near": {"lamp_at_mm": [*at[:2], 80.0]},
@@ -99,7 +105,7 @@ def test_files_that_say_where_a_wall_is(recorded, tmp_path):
         "three corners": {"corners_px": CORNERS[:3]}, "error": {"lamp_error_mm": -0.1},
         "no error": {"lamp_error_mm": 0}, "large error": {"lamp_error_mm": 1001},
         "small": {"size_mm": [0.09, 900]}, "smallest": {"size_mm": [0.1, 900]},
-        "unknown": {"lamps": 3}}.items()})
+        "unknown": {"lamps": 3}, **lengths}.items()})
 
 
 # ---- the beam of a lamp --------------------------------------------------------------------------
