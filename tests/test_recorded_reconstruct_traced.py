@@ -378,7 +378,7 @@ def test_commands_that_fetch_llvm(recorded, tmp_path, monkeypatch):
     def run(command, **options):
         if options.get("capture_output"):
             commands.append(command)
-            return SimpleNamespace(stdout="libllvm18\nlibedit2\n  Depends: x\nlibc6\n<virtual>\n"
+            return SimpleNamespace(stdout="libllvm18\n\nlibedit2\n  Depends: x\nlibc6\n<virtual>\n"
                                    "|libx\nlibtinfo6\n", returncode=0)
         scratch.append(options["cwd"])
         commands.append([placeless(word, Path(options["cwd"])) for word in command])
