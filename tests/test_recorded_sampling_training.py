@@ -372,6 +372,10 @@ def test_tables_of_signals(recorded, monkeypatch):
     default = build_table(prior, matrix, wanted=points_around(signals[5:6], 25))
     recorded((default.mean, default.side, int((default.row >= 0).sum())), rtol=1e-4,
              case="default")
+    whole = build_table(prior, matrix, 0.02, 7)
+    assert np.all(whole.row >= 0)
+    np.testing.assert_allclose(whole.mean[whole.row[wanted]], table.mean[table.row[wanted]],
+                               atol=1e-4)       # the modes stand still to 1e-4
     callable_noise = build_table(prior, matrix, lambda s: relative_errors(s, 0.02), 7, wanted)
     np.testing.assert_array_equal(callable_noise.mean, table.mean)
     recorded(result_or_refusal(build_table, prior, response(4)[1]), case="refused")
