@@ -52,7 +52,9 @@ def raw_frame(height=96, width=128, pattern="GRBG", white=4095.0, **options):
 
 
 def dng(path, pattern="GRBG", height=96, width=128, **options):
-    """A DNG of the scene; ``three`` writes pixels of every colour."""
+    """A DNG of the scene; ``three`` writes pixels of every colour, ``hot`` so many that stand out.
+    """
+    hot = options.pop("hot", 0)
     if options.pop("three", False):
         rng = np.random.default_rng(3)
         signal = scene(height, width) + 0.004 * rng.standard_normal((height, width, 3))
@@ -66,6 +68,7 @@ def dng(path, pattern="GRBG", height=96, width=128, **options):
             dark = np.reshape(BLACK, (2, 2))[y % 2, x % 2] + 1.5
             dark += 2 * np.random.default_rng(9).standard_normal(pixels.shape)
             pixels[cover] = np.rint(dark)[cover]
+    pixels[7, 5:5 + 6 * hot:6] = 3000
     write_dng(path, pixels, **{"pattern": pattern, "white": 4095, "bits": 12, "black": BLACK,
                                **SETTINGS, **options})
     return path

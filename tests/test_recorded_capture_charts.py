@@ -173,7 +173,7 @@ def test_other_charts_at_given_corners(recorded, tmp_path, name):
     recorded({"quads": quads, "agreement": agreement.chart_agreement(image, quads, signals, chart),
               "verdict": quality.judge_chart(image, ChartDetection(quads, 0.5, False, "given"),
                                              signals, chart), "edges": quality._half_edge(chart)},
-             rtol=1e-4)
+             rtol=2e-3)     # misfits and glare of nearly 0, out of single precision
 
 
 CASES = {"good": {}, "dark": {"signals": 0.05 * SIGNALS}, "noisy": {"noise": 0.03},
@@ -242,7 +242,7 @@ def test_figures_of_verdicts(recorded):
              "explained": [quality.uneven_light_reasons(light ** 3, light ** power)
                            for power in (2, 2.03, 1.9)],
              "excluded": [quality._light_reasons(np.where(np.arange(24) == 5, share, 0.01),
-                                                 CLASSIC.names, np.full(24, glare))
+                                                 CLASSIC.names, glare * np.linspace(1, 1.002, 24))
                           for share, glare in ((0.099, 0.0299), (0.101, 0.01), (0.02, 0.0301))],
              "camera": [quality._camera_reasons(*figures) for figures in (
                  (39.9, 0.199, 100), (40.1, 0.2, 99), (40.0, 0.201, 101))],
@@ -284,12 +284,13 @@ def test_signals_of_reference_regions(recorded):
         table[f"{left} {right}"] = outcome(lambda left=left, right=right: region_signals(
             image, np.array([[[left, 20], [right, 20], [right, 60], [left, 60]]])))
     table["shape"] = outcome(lambda: region_signals(image, quads[0]))
-    table["nan"] = outcome(lambda: region_signals(image, quads * np.nan))
+    table["nan"] = outcome(lambda: region_signals(image, np.where(quads == 26.0, np.nan, quads)))
     recorded(table, rtol=1e-5)
 
 
 def test_cards_of_straight_rows(recorded):
-    corners = np.array([[12.0, 9.0], [80.0, 14.0], [77.0, 55.0], [10.0, 50.0]])
+    # no sample lies on an edge, where rounding would decide
+    corners = np.array([[12.137, 9.071], [80.313, 14.229], [77.183, 55.037], [10.291, 50.117]])
     signals = np.random.default_rng(3).random((12, 4))
     made = card_scene(64, 96, signals, corners, np.array([0.0, 11.0, 24.0, 40.0]),
                       np.array([0.0, 9.0, 21.0]), (8.0, 7.0), background=[0.1, 0.2, 0.3, 0.4],

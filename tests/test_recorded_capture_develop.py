@@ -179,7 +179,7 @@ def test_photos_developed_together(recorded, tmp_path):
     darks = []
     for number, exposure in enumerate((0.02, 0.02, 0.04)):
         darks.append(dng(tmp_path / f"dark{number}.dng", seed=20 + number, exposure_s=exposure,
-                         top=0.0001))
+                         top=0.0001, hot=3 + number))
     for case, arguments in (("one", (photos[:1], [], None)), ("bracket", (photos, [], None)),
                             ("darks", (photos, darks, None)),
                             ("one dark", (photos[:2], darks[:1], None)),
