@@ -3,6 +3,7 @@ import contextlib
 import dataclasses
 import json
 import os
+import sys
 from collections import deque
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,7 +14,12 @@ from compact_results import Texts, compact, without
 from flat_example import HEAD, regions_toml
 
 from spectrabox.capture.photo.image_files import write_exr
-from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
+from spectrabox.radiometry.errors import (
+    CheckError,
+    EnvironmentProblem,
+    InputError,
+    SpectraboxError,
+)
 from spectrabox.session.batch import batch, cluster, manifest, needs, processes, progress, tasks
 from spectrabox.session.batch.batch import kept_outcomes, run_batch
 from spectrabox.session.batch.folders import session_folders
@@ -300,3 +306,103 @@ def test_what_a_cluster_says_of_its_workers(recorded):
         pool = cluster.Cluster(client, 77)
         found.append([pool.about, pool.workers, pool.budget_bytes, pool.largest_bytes])
     recorded([found, cluster._of_workers({"MALLOC_TRIM_THRESHOLD_": 1, "OMP": 2})])
+
+
+def test_the_peak_of_memory_as_the_system_tells_it(tmp_path, recorded, monkeypatch):
+    monkeypatch.setattr(needs, "PEAK", tmp_path / "clear")
+    monkeypatch.setattr(needs, "STATUS", tmp_path / "status")
+    (tmp_path / "status").write_text("Name:\tx\nVmHWM:\t  1234 kB\nVmRSS:\t 1200 kB\n",
+                                     encoding="utf-8")
+    found = [needs.PeakMemory().peak()]
+    (tmp_path / "clear").write_text("", encoding="utf-8")
+    found += [needs.PeakMemory().peak(), (tmp_path / "clear").read_text(encoding="utf-8")]
+    monkeypatch.setattr(needs, "PEAK", tmp_path)        # no file
+    recorded([*found, needs.PeakMemory().peak()])
+
+
+class Future:
+    """Of a task that was given to Dask."""
+
+    status = "finished"
+
+    def result(self):
+        return "done"
+
+    def exception(self):
+        return "its end"
+
+
+class Dask:
+    """Stands in for Dask: notes what it is asked for."""
+
+    def __init__(self, fails=None):
+        self.asked, self.fails = [], fails
+        self.config = SimpleNamespace(set=self.set, get=lambda name: {"MALLOC_TRIM": 1, "A": 2})
+        self.scheduler_address, self.dashboard_link = "tcp://here:1", "http://here"
+        self.future = Future()
+
+    def set(self, settings):
+        self.asked.append(["set", settings])
+        return contextlib.nullcontext()
+
+    def scheduler_info(self, n_workers):
+        return {"workers": {"a": {"memory_limit": 0, "nthreads": 1}}}
+
+    def client(self, address, timeout):
+        if self.fails is not None:
+            raise self.fails
+        self.asked.append(["client", address, timeout])
+        return contextlib.nullcontext(self)
+
+    def local(self, **words):
+        self.asked.append(["local", words])
+        return contextlib.nullcontext(self)
+
+    def register_plugin(self, plugin):
+        self.asked.append(["plugin", plugin.name])
+
+    def wait_for_workers(self, count, timeout):
+        self.asked.append(["wait", count, timeout])
+
+    def submit(self, function, task, pure):
+        self.asked.append(["submit", function.__name__, pure])
+        self.status = "running"
+        return self.future
+
+
+def wait_for_futures(futures, timeout, return_when):
+    assert (timeout, return_when) == (cluster.LISTENING_S, "FIRST_COMPLETED")
+
+
+@pytest.mark.parametrize("address", ["local", "tcp://there:8786"])
+def test_what_is_asked_of_dask(address, recorded, monkeypatch):
+    def module(dask):
+        plugin = type("WorkerPlugin", (), {})
+        errors = SimpleNamespace(FuturesCancelledError=RuntimeError)
+        parts = SimpleNamespace(Client=dask.client, LocalCluster=dask.local, WorkerPlugin=plugin,
+                                wait=wait_for_futures, client=errors)
+        for name, each in (("dask", dask), ("distributed", parts), ("distributed.client", errors)):
+            monkeypatch.setitem(sys.modules, name, each)
+        return dask
+    monkeypatch.setattr(cluster, "free_memory", lambda: 1000)
+    dask, said = module(Dask()), []
+    task = Task(Path("s"), None, False, 7)
+    with cluster.open_cluster(address, 3) as pool:
+        found = [pool.about, pool.workers, pool.budget_bytes, pool.largest_bytes]
+        for status in ("finished", "error"):
+            dask.future.status = status
+            pool.start(task)
+            ended, = pool.wait()
+            said.append([type(ended).__name__, ended.task.tries, getattr(ended, "why", ""),
+                         getattr(ended, "outcome", "")])
+        dask.future.status = "lost"
+        pool.start(task)
+        with pytest.raises(EnvironmentProblem) as lost:
+            pool.wait()
+        said.append(str(lost.value))
+    recorded([found, dask.asked, said])
+    for error in (OSError("x"), ValueError("y"), TimeoutError()):
+        module(Dask(error))
+        with pytest.raises(EnvironmentProblem) as refused, cluster.open_cluster(address, 2):
+            pass
+        recorded(str(refused.value), case=type(error).__name__)

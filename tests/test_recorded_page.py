@@ -28,8 +28,8 @@ from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.records import LinearImage, PhotoKind
 from spectrabox.session.cli import with_only
 from spectrabox.session.config.template import TEMPLATES
-from spectrabox.session.page import shooting
-from spectrabox.session.page.marks import Mark, corner_names, marked, photos_of
+from spectrabox.session.page import run_control, shooting
+from spectrabox.session.page.marks import Mark, MarkedSession, corner_names, marked, photos_of
 from spectrabox.session.page.photo_views import PhotoViews
 from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.page.server import SessionPage, page_app, serve
@@ -251,6 +251,26 @@ def test_what_marks_make_of_a_file(recorded):
         marked("[x", Mark.model_validate(MARKS[3]))
 
 
+def test_what_is_no_mark(session, recorded):
+    marks, found = MarkedSession(session), []
+    digest = marks.read()[1]
+    for wrong in ({"kind": "region", "name": "a", "points": [[1], [2, 3]]},
+                  {"kind": "region", "name": "a", "points": [[1, 2, 3], [2, 3]]},
+                  {"kind": "region", "name": "a", "points": [[1, "x"], [2, 3]]},
+                  {"kind": "region", "name": "a", "point": [[1, 2]]}, {"name": "a"}, [], None,
+                  {"kind": "box corners", "points": [[1, 2]], "names": 3},
+                  {"kind": "region", "name": "a", "points": [[1, 2], [3, 4]], "photo": "cold"}):
+        with pytest.raises(SpectraboxError) as refused:
+            marks.apply(wrong, digest)
+        found.append(str(refused.value))
+    recorded(found)
+    assert not marks.can_undo and marks.read()[1] == digest
+    # a mark that changes nothing is nothing to undo
+    marks.apply({"kind": "region", "name": "red", "photo": "warm", "points": [[1, 2], [9, 11]]},
+                digest)
+    assert not marks.can_undo
+
+
 def test_names_of_photos_and_corners(recorded):
     import tomllib
     written = [{}, {"photos": 3}, {"photos": {"object": 3}}, tomllib.loads(SESSION),
@@ -327,7 +347,11 @@ SAYS = ("import sys; print(sys.argv[1]); print('a line ', file=sys.stderr); "
 
 @pytest.mark.parametrize("answer, code", [('{"verdict": "warn"}', 0), ('{"error": "no"}', 4),
                                           ("no JSON", 9)])
-def test_a_run_is_told_as_it_ended(answer, code, tmp_path, recorded):
+def test_a_run_is_told_as_it_ended(answer, code, tmp_path, recorded, monkeypatch):
+    started = []
+    popen = run_control.subprocess.Popen
+    monkeypatch.setattr(run_control.subprocess, "Popen", lambda *words, **more: (
+        started.append(more), popen(*words, **more))[1])
     control = RunControl(tmp_path, ("--allow-outside",))
     assert control._command[1:] == ["-m", "spectrabox", "run", str(tmp_path), "--json",
                                     "--allow-outside"]
@@ -337,7 +361,7 @@ def test_a_run_is_told_as_it_ended(answer, code, tmp_path, recorded):
     wait_for(lambda: not control.running and control.state()["lines"])
     after = control.state()
     assert 0 < after.pop("seconds") < 60 and before.pop("seconds") == 0
-    recorded([before, after])
+    recorded([before, after, started])
 
 
 def test_the_page_is_served_at_a_free_port(session, tmp_path, recorded, monkeypatch):
