@@ -11,6 +11,7 @@ from report_variants import left_out
 
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.radiometry.errors import InputError
+from spectrabox.session import report_check
 from spectrabox.session.report import figures, maps, metamers, tables, words
 from spectrabox.session.report.checked.cells import of, shows, value_at
 from spectrabox.session.report.checked.drawing import drawing_digest
@@ -83,6 +84,8 @@ def test_plain_shapes(results, recorded):
     one = dataclasses.replace(results.materials[0].samples, spectra=pair.spectra[:1],
                               coefficients=np.zeros((1, 4)))
     assert tables.metamers_section(one) is None
+    two = dataclasses.replace(one, spectra=pair.spectra[:2], coefficients=np.zeros((2, 4)))
+    assert tables.metamers_section(two) is not None
     recorded([figures.power_of_ten(each) for each in (1e-3, 1.0, 1e5)], case="ticks")
 
 
@@ -120,6 +123,11 @@ def test_which_texts_show_which_numbers(recorded):
             value_at({"a": [1]}, pointer)
     recorded(list(differences({"a": [1, 2], "b": 3, "c": {"d": 1}},
                               {"a": [1, 5], "c": {"d/e": 1}, "f": None})), case="differences")
+
+
+def test_of_many_places_the_first_are_named(recorded):
+    recorded([report_check._named([f"/{at}" for at in range(count)], "{} differs")
+              for count in (0, 1, 12, 13, 30)])
 
 
 def test_what_the_check_of_a_page_finds(results, recorded):

@@ -3,6 +3,7 @@
 Every criterion is swept across its limits, at them, and a few per cent to either side.
 """
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from spectrabox.radiometry.records import (
     SurfaceMisfit,
 )
 from spectrabox.session.report import flat_verdict, verdict
+from spectrabox.session.report.flat_methods import flat_methods
 from spectrabox.session.report.verdict import judge
 from spectrabox.session.report.words import (
     deviation_words,
@@ -203,6 +205,30 @@ def test_clipped_pixels_are_those_with_any_band_clipped(scene, example, recorded
         found.append(row(clipped(dataclasses.replace(example, photo=photo))))
         assert found[-1][1] == pytest.approx(count / len(flat))
     recorded(found)
+
+
+def flat_results(example, errors, levels, known=False, card=False):
+    """What the verdict and the methods of flat samples read."""
+    light = {f"r{at}": each for at, each in enumerate(zip(levels, errors, strict=True))}
+    half = len(light) // 2
+    photos = [SimpleNamespace(name=name, light=dict(list(light.items())[part]))
+              for name, part in (("one", slice(half)), ("two", slice(half, None)))]
+    materials = example.materials if known else example.materials[:2]
+    inputs = [{"role": "flat-field photo"}] if card else []
+    return SimpleNamespace(**(vars(example) | {"photos": photos, "materials": materials,
+                                               "inputs": inputs}))
+
+
+def test_the_light_on_flat_samples(example, recorded):
+    found = []
+    for error in around(flat_verdict.LIGHT_LIMITS):
+        results = flat_results(example, [0.3 * error, error, 0.2 * error], [0.93, 0.8, 1.04])
+        found.append([row(each) for each in flat_verdict._light(results)])
+        assert found[-1][0][1] == error and "“r1”" in found[-1][0][0]
+    found.append(rows(flat_verdict.judge_flat(flat_results(example, [0.01, 0.02], [1.1, 1.2]))))
+    recorded(found)
+    recorded([flat_methods(flat_results(example, [0.012, 0.034], [1.0, 0.9], known, card))
+              for known in (True, False) for card in (True, False)], case="methods")
 
 
 def test_every_outcome_has_its_grade(example, recorded):
