@@ -151,7 +151,8 @@ def test_photos_become_signals(case, photos, tmp_path, recorded):
     out = tmp_path / "o.exr"
     recorded(said(photos, "develop", *words, "-o", str(out), "--json", also=[tmp_path]), rtol=FIT)
     if out.exists():
-        recorded(content_of(out, [photos, tmp_path]), rtol=1e-4, case="file")   # single floats
+        # the variance in it is measured, from sums in single floats
+        recorded(content_of(out, [photos, tmp_path]), rtol=2 * FIT, case="file")
     if case == 1:
         recorded(said(photos, "develop", *words, "-o", str(out), also=[tmp_path]), case="text")
 
