@@ -21,6 +21,7 @@ from spectrabox.session.signals.signal_options import (
     read_signals,
     relative_to_white,
 )
+from spectrabox.session.signals.spectral_library import read_spectral_libraries
 
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "LED-B3"
 FINE = visible_grid(1)
@@ -151,6 +152,18 @@ def test_answers_of_plan(recorded, files, name):
     facts, text = plan_answer(request)
     # draws of the smoothness prior, which are of a chain
     recorded({"facts": compact(facts), "text": text}, 1e-6 if name == "plain" else 5e-3)
+
+
+def test_libraries_of_spectra(recorded, files):
+    (files / "folder").mkdir()
+    nm = np.arange(390, 711, 10)
+    for name, first in (("value", 390), ("short", 450)):
+        kept = nm[nm >= first]
+        (files / "folder" / f"{name}.csv").write_text(f"nm,{name}\n" + "\n".join(
+            f"{at},{0.2 + at / 2000}" for at in kept), encoding="utf-8")
+    (files / "folder" / "note.md").write_text("no spectra", encoding="utf-8")
+    words = [["truth.csv"], ["folder", "truth.csv"], ["folder/short.csv"], ["no such set"]]
+    recorded([said(read_spectral_libraries, each, visible_grid(20)) for each in words])
 
 
 def said(call, *arguments):
