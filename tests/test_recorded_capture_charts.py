@@ -301,3 +301,19 @@ def test_cards_of_straight_rows(recorded):
                                gradient_stops=1.1, subsamples=2, patch_mm=42.0),
         "default": chart_scene(60, 80, SIGNALS, CORNERS / 5)}, rtol=1e-5)
     assert chart_layout("SpyderCheckr 24").names
+
+
+def test_charts_in_other_numbers_of_bands_and_without_neutrals(recorded):
+    four = np.column_stack([SIGNALS, 0.5 * SIGNALS[:, 0] + 0.4 * SIGNALS[:, 2]])
+    linear = chart_scene(280, 380, four, CORNERS, gradient_stops=0.3)
+    noise = 0.002 * np.random.default_rng(6).standard_normal(linear.shape)
+    image = changed(photo(), signal=(linear + noise).astype(np.float32),
+                    variance=np.full_like(linear, 4e-6), saturated=linear > 2)
+    found = agreement.chart_agreement(image, given(image), typical_signals(4))
+    plain = changed(CLASSIC, neutrals=())
+    recorded({"agreement": found, "excess": agreement.white_excess(
+        four + 0.01, typical_signals(4), found.light), "verdict": quality.judge_chart(
+            photo(), detected(photo()), TYPICAL_SIGNALS, plain).reasons,
+        "noisy": quality.judge_chart(photo(noise=0.2), detected(photo()), TYPICAL_SIGNALS,
+                                     plain).reasons,
+        "white": agreement.white_patch(plain, TYPICAL_SIGNALS[::-1])}, rtol=1e-3)

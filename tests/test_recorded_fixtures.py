@@ -241,8 +241,16 @@ def test_mosaics_and_planes(recorded):
     recorded({**table, "matrix": matrix}, rtol=1e-4)    # single counts of 768 round otherwise
 
 
-def test_spectral_files(recorded):
+def test_spectral_files(recorded, tmp_path):
     made = {}
+    for version in ("ASD", "as6", "as7", "as8"):
+        for kind in (1, 2):
+            for reference in (True, False):
+                made[f"{version} {kind} {reference}"] = _hash(spectral_files.asd_bytes(
+                    version, kind, with_reference=reference))
+    made["single precision"] = _hash(spectral_files.asd_bytes("as7", 1, "<f4"))
+    made["examples"] = {name: path.name for name, path in
+                        spectral_files.write_examples(tmp_path).items()}
     for name in sorted(vars(spectral_files)):
         if name.endswith(("_text", "_bytes")) and not name.startswith("_"):
             made[name] = outcome(lambda name=name: _content(getattr(spectral_files, name)))
