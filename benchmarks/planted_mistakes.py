@@ -179,7 +179,7 @@ def main() -> None:
                 try:
                     found = tried(mistake, tree, costs, given.budget, given.out / "tests.log",
                                   given.tests, reached)
-                except ValueError as error:
+                except (ValueError, RuntimeError) as error:
                     print(f"{number}/{len(waiting)} refused: {error}", flush=True)
                     continue
                 results[mistake.name] = found

@@ -8,9 +8,9 @@ step that is not what it was. Whoever changes a number on purpose records anew, 
     python -m pytest tests/test_recorded_calibrate.py --record
 
 Anything made of numbers, texts, arrays, dictionaries, sequences, records and enumerations is
-compared. Of an array longer than ``WHOLE`` its shape, its root mean square and four sums with fixed
-random weights are kept: any number that moves, or two that change places, move these. Numbers in
-texts are compared as numbers.
+compared. Of an array longer than ``WHOLE`` its shape, its root mean square and three sums with
+fixed random weights are kept: any number that moves, or two that change places, move these. Numbers
+in texts are compared as numbers.
 """
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ import numpy as np
 
 FOLDER = Path(__file__).parent / "recorded"
 WHOLE = 12              # numbers of an array that are kept one by one
-DIGITS = 10             # of a number kept
-SUMS = 4
+DIGITS = 9              # of a number kept
+SUMS = 3
 NOTHING = 1e-13         # what is left of a difference of two equal numbers near one
 SHOWN = 12              # numbers that moved, in a message
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w])")
-Leaf = str | int | float | bool | None | list[Any]
+Leaf = str | int | float | bool | None | dict[str, Any]
 
 
 def leaves(found: object, path: str = "") -> Iterator[tuple[str, Leaf]]:
-    """Path and plain value of everything that a result is made of.
+    """Path and plain value of everything that a result is made of; an array is one value.
 
     Raises
     ------
@@ -69,8 +69,8 @@ def leaves(found: object, path: str = "") -> Iterator[tuple[str, Leaf]]:
     elif isinstance(found, Set):
         yield path, ", ".join(sorted(map(str, found)))
     elif isinstance(found, Sequence) and not isinstance(found, bytes | bytearray):
-        if len(found) > WHOLE and all(isinstance(each, int | float) for each in found):
-            yield from _array_leaves(np.asarray(found, float), path)
+        if found and all(_is_number(each) or isinstance(each, np.number) for each in found):
+            yield path, _kept(found, [len(found)])
         else:
             yield f"{path}:len", len(found)
             for number, value in enumerate(found):
@@ -78,6 +78,10 @@ def leaves(found: object, path: str = "") -> Iterator[tuple[str, Leaf]]:
     else:
         raise TypeError(f"{path or 'the result'} is a {type(found).__name__}, which no record "
                         "keeps: give its numbers")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _plain(number: Any) -> int | float | str:
@@ -88,26 +92,28 @@ def _plain(number: Any) -> int | float | str:
 
 
 def _array_leaves(found: np.ndarray, path: str) -> Iterator[tuple[str, Leaf]]:
-    yield f"{path}:shape", list(found.shape)
     if found.dtype.kind in "OUS":
+        yield f"{path}:shape", _kept(found.shape, [found.ndim])
         for index in np.ndindex(found.shape):
             yield from leaves(found[index], f"{path}{list(index)}")
-        return
-    values = found.astype(float).ravel()
+    else:
+        yield path, _kept(found.astype(float).ravel(), list(found.shape))
+
+
+def _kept(numbers: Sequence[float] | np.ndarray, shape: list[int]) -> dict[str, Any]:
+    """What is kept of numbers: all of a few; of many their size, and sums with fixed weights."""
+    if len(numbers) <= WHOLE:
+        return {"shape": shape, "values": [_plain(value) for value in numbers]}
+    values = np.asarray(numbers, float)
+    kept: dict[str, Any] = {"shape": shape}
     finite = np.isfinite(values)
     if not finite.all():
-        yield f"{path}:not finite", int((~finite).sum())
-        yield f"{path}:first not finite", int(np.argmin(finite))
+        kept |= {"not finite": int((~finite).sum()), "first": int(np.argmin(finite))}
     values = np.where(finite, values, 0.0)
-    if values.size <= WHOLE:
-        for number, value in enumerate(values):
-            yield f"{path}[{number}]", _plain(value)
-        return
-    size = float(np.sqrt(np.mean(values**2)))
-    yield f"{path}:rms", _plain(size)
     weights = np.random.default_rng(values.size).standard_normal((SUMS, values.size))
-    for number, value in enumerate(weights @ values / math.sqrt(values.size)):
-        yield f"{path}:sum {number}", _plain(value)
+    sums = weights @ values / math.sqrt(values.size)
+    return kept | {"rms": _plain(np.sqrt(np.mean(values**2))),
+                   "sums": [_plain(value) for value in sums]}
 
 
 def moved(recorded: Mapping[str, Leaf], found: Mapping[str, Leaf], rtol: float) -> list[str]:
@@ -117,35 +123,40 @@ def moved(recorded: Mapping[str, Leaf], found: Mapping[str, Leaf], rtol: float) 
     """
     said = [f"{path}: recorded, not found any more" for path in recorded.keys() - found.keys()]
     said += [f"{path}: not recorded yet" for path in found.keys() - recorded.keys()]
-    scales = _scales(recorded)
-    for path in sorted(recorded.keys() & found.keys()):
+    for path in recorded.keys() & found.keys():
         before, now = recorded[path], found[path]
-        if not _same(before, now, rtol, scales[_whole(path)]):
-            change = (f" ({(now - before) / before:+.2g} of it)"
-                      if _is_number(before) and _is_number(now) and before else "")
-            said.append(f"{path}: {before!r} recorded, {now!r} now{change}")
+        if isinstance(before, dict) and isinstance(now, dict):
+            said += [f"{path}{change}" for change in _moved_numbers(before, now, rtol)]
+        elif not _same(before, now, rtol):
+            said.append(f"{path}: {_change(before, now)}")
     return sorted(said)
 
 
-def _whole(path: str) -> str:
-    return re.sub(r"(\[\d+\]|:(rms|sum \d+))$", "", path)
+def _change(before: object, now: object) -> str:
+    share = (f" ({(now - before) / before:+.2g} of it)"       # type: ignore[operator]
+             if _is_number(before) and _is_number(now) and before else "")
+    return f"{before!r} recorded, {now!r} now{share}"
 
 
-def _scales(recorded: Mapping[str, Leaf]) -> dict[str, float]:
-    scales: dict[str, float] = {}
-    for path, value in recorded.items():
-        size = abs(value) if _is_number(value) else 0.0
-        scales[_whole(path)] = max(size, scales.get(_whole(path), 0.0))
-    return scales
+def _moved_numbers(before: dict[str, Any], now: dict[str, Any], rtol: float) -> list[str]:
+    for name in ("shape", "not finite", "first"):
+        if before.get(name) != now.get(name):
+            return [f", {name}: {before.get(name)} recorded, {now.get(name)} now"]
+    name = "values" if "values" in before else "sums"
+    finite = [abs(value) for value in before[name] if _is_number(value)]
+    scale = before.get("rms", max(finite, default=0.0))
+    said = [f", {name} {place}: {_change(old, new)}" for place, (old, new)
+            in enumerate(zip(before[name], now[name], strict=True))
+            if not _same(old, new, rtol, scale)]
+    if not _same(before.get("rms"), now.get("rms"), rtol):
+        said.append(f", rms: {_change(before['rms'], now['rms'])}")
+    return said
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _same(before: Leaf, now: Leaf, rtol: float, scale: float) -> bool:
+def _same(before: Leaf, now: Leaf, rtol: float, scale: float = 0.0) -> bool:
     if _is_number(before) and _is_number(now) and float in (type(before), type(now)):
-        return bool(abs(before - now) <= rtol * max(scale, abs(before)) + NOTHING)  # type: ignore
+        limit = rtol * max(scale, abs(before)) + NOTHING    # type: ignore[arg-type]
+        return bool(abs(before - now) <= limit)             # type: ignore[operator]
     if isinstance(before, str) and isinstance(now, str):
         if NUMBER.sub("#", before) != NUMBER.sub("#", now):
             return False

@@ -24,7 +24,8 @@ NUMBER = re.compile(r"(?<![\w.#])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 # what changes from run to run, with the machine or with the version
 PASSING = {"provenance", "made_from", "sha256", "bytes", "seconds", "report", "spectra", "versions",
            "finished", "command", "machine", "system", "code", "llvm", "plots", "tableSchema",
-           "swatches", "pictures"}
+           "swatches", "pictures",
+           "next_measurement_nm"}       # of draws, between wavelengths that are nearly alike
 # small differences of large numbers: linearised where a search stopped, and inverted
 DIFFERENCES = re.compile(r"held_out|relative_covariance|chi_square|left.out")
 
@@ -220,5 +221,5 @@ def _without_differences(node, rough, path=""):
 
 
 def without_paths(text, folder):
-    """A text that names no folder of this machine."""
-    return text.replace(str(folder), "FOLDER")
+    """A text that names no folder of this machine, and in its table no next measurement."""
+    return re.sub(r"\d+ nm (?=│)", "", text.replace(str(folder), "FOLDER"))

@@ -22,7 +22,7 @@ from benchmarks.planted.mistake import Mistake
 LIBRARIES = ("numpy", "scipy.optimize", "scipy.stats", "scipy.linalg", "scipy.interpolate", "cv2",
              "numba", "sklearn.mixture", "colour", "matplotlib.pyplot", "pydantic", "rawpy",
              "OpenImageIO", "typer", "rich", "pytest")
-ENDED = (0, 1, 2)       # exit codes of pytest: passed, failed, could not be imported
+NOT_RUN = (4, 5)        # exit codes of pytest: used wrongly, no tests found
 LEFT_BEHIND = shutil.ignore_patterns(".git", ".venv", "build", ".mypy_cache", ".ruff_cache",
                                      ".pytest_cache", "demo-session*")
 NO_MORE_S = 600.0       # of the clock, for tests that wait for ever
@@ -102,7 +102,7 @@ def run_tests(tree: Path, tests: Sequence[str], limit_s: float, log: Path,
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     status = os.waitstatus_to_exitcode(ended[1])
-    if status > 0 and status not in ENDED:
+    if status in NOT_RUN:
         raise RuntimeError(f"the tests did not run: {_first_failure(log)} (see {log})")
     return TestRun(status, round(spent, 1), _first_failure(log) if status >= 0
                    else f"ended by {signal.Signals(-status).name}")
