@@ -163,8 +163,13 @@ def test_curves_come_back_from_the_form_of_rawtoaces(tmp_path):
     inside = (nm >= 400) & (nm <= 700)
     np.testing.assert_allclose(curves[:, inside], sensitivities(CAMERA, GRID), rtol=1e-8)
     assert not curves[:, ~inside].any()
-    stored = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
-    assert stored["spectral_data"]["index"]["standard_error"] == ["R", "G", "B"]
+    stored = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["spectral_data"]
+    assert stored["index"]["standard_error"] == ["R", "G", "B"]
+    with np.load(tmp_path / "draws.npz") as draws:      # the scatter of one draw is the error
+        expected = np.sqrt(np.mean((draws["curves"] - draws["curves"].mean(axis=0))**2, axis=0)
+                           * len(draws["curves"]) / (len(draws["curves"]) - 1))
+    errors = np.array(list(stored["data"]["standard_error"].values())).T
+    np.testing.assert_allclose(errors[:, inside], expected, rtol=1e-6, atol=1e-9)
 
 
 def test_the_form_of_rawtoaces_is_that_of_its_own_data(tmp_path):

@@ -190,6 +190,21 @@ def test_uneven_light_changes_nothing_of_what_counts_as_dust(slope):
     np.testing.assert_allclose(found.covariance_of_mean[0], expected, atol=1e-3 * expected.max())
 
 
+def test_pixels_at_the_clip_point_count_as_saturated_where_they_are_left_out_as_glints():
+    rng, pixels = np.random.default_rng(35), 20
+    signal = 0.5 + 0.003 * rng.uniform(-1, 1, (pixels, pixels, 3))
+    glint = np.zeros((pixels, pixels), bool)
+    glint[rng.integers(0, pixels, 17), rng.integers(0, pixels, 17)] = True
+    signal[glint, 0] = 1.0
+    saturated = np.zeros(signal.shape, bool)
+    saturated[glint, 0] = True
+    quads = np.array([[[0, 0], [pixels - 1, 0], [pixels - 1, pixels - 1], [0, pixels - 1]]], float)
+    found = sample_patches(dataclasses.replace(image(signal), saturated=saturated),
+                           ChartDetection(quads, 1.0, False, ""))
+    assert found.pixels[0] == pixels**2 - glint.sum()
+    np.testing.assert_allclose(found.saturated_fraction[0], [glint.mean(), 0, 0], rtol=1e-12)
+
+
 def test_errors_of_a_chart_photo_are_correlated_as_its_bands_are():
     rng = np.random.default_rng(28)
     truth = 1e-6 * np.array([[4.0, 3.0, 0.0], [3.0, 4.0, -1.0], [0.0, -1.0, 2.0]])

@@ -14,6 +14,7 @@ from spectrabox.capture.meter.measurement import (
     trusted_identity,
 )
 from spectrabox.capture.meter.serial_line import Pace
+from spectrabox.capture.transcripts import replay
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.replay import record, replay_transcript, settings_of
 from spectrabox.capture.transcripts.transcript import (
@@ -111,3 +112,24 @@ def test_a_recording_can_be_recorded_again_and_replayed(tmp_path):
     assert len(played.readings) == 3 and not played.problems and not played.synthetic
     for before, after in zip(first, played.readings, strict=True):
         np.testing.assert_array_equal(before.spectrum.values, after.spectrum.values)
+
+
+@pytest.mark.parametrize("speed, expected", [(4.0, 0.25), (0.5, 2.0), (0.0, 0.0)])
+def test_a_recording_plays_as_fast_as_is_asked(monkeypatch, speed, expected):
+    """Waits of the instrument and limits of its driver alike; without a speed nobody waits."""
+    player, paces = replay.TranscriptPlayer, []
+    scales = []
+
+    def play(transcript, time_scale, over_socket):
+        scales.append(time_scale)
+        return player(transcript, time_scale=0.0, over_socket=over_socket)
+
+    def pace(scale, **limits):
+        paces.append(scale)
+        return Pace(0.0, **limits)
+
+    monkeypatch.setattr(replay, "TranscriptPlayer", play)
+    monkeypatch.setattr(replay, "Pace", pace)
+    replay_transcript(read_transcript(FOLDER / "pr655.transcript"), speed=speed)
+    assert scales == [expected]
+    assert paces == [expected] if expected else 0 < paces[0] < 0.1
