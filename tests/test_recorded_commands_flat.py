@@ -248,6 +248,7 @@ def test_a_batch_of_a_finished_session_and_what_is_none(session, recorded, monke
     monkeypatch.setattr("spectrabox.session.batch.workers.open_processes",
                         lambda count: contextlib.nullcontext(Here()))
     found = []
+    monkeypatch.chdir(folder)       # the table is as wide as the names of sessions
     for words in (("DIR/s", "DIR/none", "--json"), ("--list", "DIR/list.txt", "-q", "--json"),
                   ("DIR/s", "--json"), ("DIR/s",), ("--device", "x"), ()):
         answer = said(folder, "batch", *words, "--out", "DIR/out")

@@ -10,6 +10,7 @@ import shutil
 import socket
 import sys
 import urllib.parse
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
 
@@ -76,7 +77,8 @@ def ask(app, path, body=None, query="", token=TOKEN, host="127.0.0.1:80", method
              "path": path, "raw_path": path.encode(), "query_string": query.encode(),
              "headers": [(key.encode(), value.encode()) for key, value in named.items()],
              "server": ("127.0.0.1", 80), "client": ("127.0.0.1", 5)}
-    asyncio.run(app(scope, receive, send))
+    with ThreadPoolExecutor(1) as own:      # a browser's loop may run in this thread
+        own.submit(asyncio.run, app(scope, receive, send)).result()
     answer = b"".join(message.get("body", b"") for message in sent[1:])
     kept = {name.decode(): value.decode() for name, value in sent[0]["headers"]
             if name.decode() in (*HEADERS, "content-type")}

@@ -24,8 +24,8 @@ NUMBER = re.compile(r"(?<![\w.#])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 # what changes from run to run, with the machine or with the version
 PASSING = {"provenance", "made_from", "sha256", "bytes", "seconds", "report", "spectra", "versions",
            "finished", "command", "machine", "system", "code", "llvm", "plots", "tableSchema",
-           "swatches", "pictures",
-           "next_measurement_nm"}       # of draws, between wavelengths that are nearly alike
+           "swatches", "pictures"}
+CHANCE = {"next_measurement_nm"}        # of draws, between wavelengths that are nearly alike
 # small differences of large numbers: linearised where a search stopped, and inverted
 DIFFERENCES = re.compile(r"held_out|relative_covariance|chi_square|left.out")
 
@@ -119,7 +119,7 @@ def _without_arrays(node):
     """Records without the names of their arrays, which stand beside."""
     if isinstance(node, dict):
         return {name: _without_arrays(value) for name, value in node.items()
-                if name not in PASSING
+                if name not in PASSING | CHANCE
                 and not (isinstance(value, dict) and set(value) == {"array"})}
     return [_without_arrays(value) for value in node] if isinstance(node, list) else node
 
