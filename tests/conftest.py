@@ -2,7 +2,6 @@
 import os
 import shutil
 import signal
-from pathlib import Path
 
 import pytest
 
@@ -30,14 +29,6 @@ def pytest_xdist_auto_num_workers(config):
 def pytest_addoption(parser):
     parser.addoption("--record", action="store_true",
                      help="record results anew (tests/recorded) in place of comparing them")
-
-
-@pytest.fixture
-def recorded(request):
-    """Compares a result with the one recorded for this test: ``recorded(result)``."""
-    from recorded_results import FOLDER, Record
-    file = FOLDER / f"{Path(request.path).stem}.json"
-    return Record(file, request.node.name, request.config.getoption("--record"))
 
 
 @pytest.fixture(scope="session")

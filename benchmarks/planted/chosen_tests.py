@@ -15,7 +15,8 @@ def sources() -> dict[str, Path]:
     """Every module of the project and of its tests by the name that it is imported by."""
     found = {"spectrabox." + ".".join(path.relative_to(ROOT).with_suffix("").parts): path
              for room in ROOMS for path in (ROOT / room).rglob("*.py")}
-    return found | {path.stem: path for path in (ROOT / "tests").glob("*.py")}
+    tests = sorted((ROOT / "tests").rglob("*.py"), key=lambda path: -len(path.parts))
+    return found | {path.stem: path for path in tests}      # the outer conftest is the one meant
 
 
 @cache
@@ -53,5 +54,5 @@ def nearest_tests(file: str) -> list[tuple[int, str]]:
     """Distance and path of every test file that reaches a source file, nearest first."""
     module = "spectrabox." + ".".join(Path(file).with_suffix("").parts)
     tests = [name for name in sources() if name.startswith("test_")]
-    return sorted((distances(test)[module], f"tests/{test}.py") for test in tests
-                  if module in distances(test))
+    return sorted((distances(test)[module], str(sources()[test].relative_to(ROOT)))
+                  for test in tests if module in distances(test))

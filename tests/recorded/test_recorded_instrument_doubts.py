@@ -16,7 +16,7 @@ from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Quantity, Spectrum
 
-RECORDED = Path(__file__).resolve().parent.parent / "fixtures" / "spotread"
+RECORDED = Path(__file__).resolve().parents[2] / "fixtures" / "spotread"
 
 
 def _swapped(old, new, count=1):

@@ -1,11 +1,11 @@
 """Results as they were recorded, and what has moved since.
 
 A law says what is right; a record says what is different. Tests of laws come first; the records
-behind ``tests/test_recorded_*.py`` notice a change that no law was written for: one number of one
+of this folder notice a change that no law was written for: one number of one
 step that is not what it was. Whoever changes a number on purpose records anew, reads what moved
 (``git diff tests/recorded``) and says why in the commit:
 
-    python -m pytest tests/test_recorded_calibrate.py --record
+    python -m pytest tests/recorded/test_recorded_calibrate_curves.py --record
 
 Anything made of numbers, texts, arrays, dictionaries, sequences, records and enumerations is
 compared. Of an array longer than ``WHOLE`` its shape, its root mean square and three sums with
@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-FOLDER = Path(__file__).parent / "recorded"
+FOLDER = Path(__file__).parent / "results"
 WHOLE = 12              # numbers of an array that are kept one by one
 DIGITS = 9              # of a number kept
 SUMS = 3
@@ -184,7 +184,7 @@ class Record:
     Parameters
     ----------
     file : Path
-        ``tests/recorded/NAME.json``.
+        ``results/NAME.json``.
     record : bool
         Write what is found in place of comparing it.
     """
@@ -212,7 +212,7 @@ class Record:
             self.file.parent.mkdir(exist_ok=True)
             self.file.write_text(_written(known), encoding="utf-8")
             return
-        anew = f"python -m pytest tests/{self.file.stem}.py --record"
+        anew = f"python -m pytest tests/recorded/{self.file.stem}.py --record"
         assert name in known, f"nothing is recorded for {name}: {anew}"
         said = moved(known[name], now, rtol)
         more = f"\n  and {len(said) - SHOWN} more" if len(said) > SHOWN else ""
