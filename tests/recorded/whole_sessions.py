@@ -133,7 +133,7 @@ def output_files(folder):
         if path.suffix in (".png", ".exr"):
             pictures[name] = pixels(path)
         elif path.suffix == ".json":
-            numbers[name] = compact(json.loads(path.read_text(encoding="utf-8")))
+            numbers[name] = _settled(json.loads(path.read_text(encoding="utf-8")))
         elif path.suffix != ".html":
             numbers[name] = text_and_numbers(path.read_text(encoding="utf-8"))
     return numbers, pictures
@@ -179,6 +179,12 @@ def compact(node):
     return made
 
 
+def _settled(node):
+    """The same without what hangs on chance."""
+    return {path: value for path, value in compact(node).items()
+            if path.rpartition(".")[2] not in CHANCE}
+
+
 def text_and_numbers(text):
     """The numbers of a text in order, and each of its lines without them, counted."""
     kept = [line for line in text.splitlines() if "Date" not in line and "spectrabox 0" not in line]
@@ -198,7 +204,7 @@ def hold_whole(recorded, finished, outputs, folder, rtol, *, report=False):
     every["files"], seen["beside"] = output_files(Path(folder))
     if not report:
         del every["files"]["report.json"]
-    every["said"] = {"facts": compact(outputs.facts),
+    every["said"] = {"facts": _settled(outputs.facts),
                      "text": without_paths(outputs.text, folder)}
     rough = {}
     for name, results in every.items():
