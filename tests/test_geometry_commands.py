@@ -12,6 +12,7 @@ from test_calibrate_pose import CORNERS, TURN
 from test_calibrate_pose import SHIFT as BOX_SHIFT
 from typer.testing import CliRunner
 
+from spectrabox.calibrate.geometry import projection
 from spectrabox.calibrate.geometry.board import read_board
 from spectrabox.calibrate.geometry.lens import Lens, Pose, mitsuba_sensor, pinhole
 from spectrabox.calibrate.geometry.lens_files import read_lens, write_lens
@@ -164,6 +165,21 @@ def test_box_corners_give_the_pose_without_a_lens(folder):
         "70", "69")
     assert "principal point in the middle and no distortion are assumed" in outcome.stdout
     assert (folder / "scene.xml").read_text(encoding="utf-8") == SCENE
+
+
+def test_the_overlay_shows_marked_points_and_where_the_pose_has_them(folder, monkeypatch):
+    lens = lens_of_focal_length(700.0, 640, 480)
+    true, marked = (seen(CORNERS, TURN, BOX_SHIFT, np.random.default_rng(1), noise, lens)
+                    for noise in (0.0, 0.3))
+    drawn = []
+    monkeypatch.setattr(projection, "points_overlay",
+                        lambda picture, *points: drawn.extend(points) or picture)
+    call("pose", bent_photo(folder, TILTS[0]), "--scene", folder / "scene.xml", "--points",
+         points_file(folder, marked), "--out", folder / "posed.xml", "--overlay",
+         folder / "seen.png")
+    np.testing.assert_allclose(drawn[0], marked, atol=1e-3)
+    # a fit of 7 numbers to 16 takes away two thirds of their scatter
+    assert np.sum((drawn[1] - true)**2) < np.sum((marked - true)**2)
 
 
 def test_undistorting_a_photo_writes_a_linear_one(folder):

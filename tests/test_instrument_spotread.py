@@ -155,6 +155,10 @@ def test_a_session_is_measured_with_spotread(spotread, tmp_path):
     assert [" -N " in line for line in (folder / "asked").read_text().splitlines()] == [False, True]
     transcripts = list((session / "spectra" / "readings").glob("*.transcript"))
     assert len(transcripts) == 1 and "Result is XYZ" in transcripts[0].read_text()
+    code, _, err = measure(tmp_path / "room", "--with", "spotread", "--ambient")
+    assert code == 0, err
+    light = (tmp_path / "room" / "spectra" / "light.csv").read_text()
+    assert light.startswith("# quantity: irradiance\n")
     # another instrument of the same kind is not averaged in
     for name in ("emission.txt",):
         file = folder / name

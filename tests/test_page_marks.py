@@ -36,6 +36,13 @@ def test_a_region_that_is_marked_again_keeps_what_is_known_of_it():
         "polygon": [[0, 0], [9, 0], [0, 9]], "known": "spectra/card.csv", "photo": "warm"}
 
 
+def test_a_polygon_gives_way_to_a_rectangle():
+    text = marked(FLAT, a_mark(name="old", points=[[0, 0], [9, 0], [0, 9]], photo="warm"))
+    again = marked(text, a_mark(name="old", points=[[5, 6], [7, 9]]))
+    assert tomllib.loads(again)["regions"]["old"] == {"rect": [5, 6, 7, 9],
+                                                      "known": "spectra/card.csv"}
+
+
 def test_a_region_can_be_taken_away_and_with_the_last_one_its_table():
     text = marked(FLAT, a_mark(name="old"))
     assert "regions" not in tomllib.loads(text) and "# the only photo" in text

@@ -72,6 +72,18 @@ def test_the_state_says_photos_marks_and_stages(session):
         assert state["report"] is None and state["shooting"] is None and not state["undo"]
 
 
+def test_stages_are_looked_at_again_when_the_session_says_something_else(session):
+    file = session / "session.toml"
+    text = file.read_text(encoding="utf-8")
+    with served(session) as (address, _):
+        before = asked(address + "/api/state")[1]["stages"]
+        file.write_text(text + "\n[nothing]\nsuch = 1\n", encoding="utf-8")
+        state = asked(address + "/api/state")[1]
+        assert before and state["problems"] and state["stages"] == []
+        file.write_text(text, encoding="utf-8")
+        assert asked(address + "/api/state")[1]["stages"] == before
+
+
 def test_the_pixels_under_the_pointer_are_those_of_the_file(session, tmp_path):
     from spectrabox.capture.photo.linear import open_photo
     from spectrabox.capture.photo.preview import preview_rgb8

@@ -20,6 +20,7 @@ from spectrabox.sampling.prior.certified import (
     FamilyStanding,
 )
 from spectrabox.session.report.maps import residual_limit, residual_maps
+from spectrabox.session.report.methods import capture_words
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import write_report
 from spectrabox.session.report.svg import band_colours, plain_line
@@ -314,3 +315,12 @@ def with_ratio(results, ratio):
     agreement = dataclasses.replace(made.agreement, ratio=ratio)
     return dataclasses.replace(results, reconstruction=dataclasses.replace(made,
                                                                            agreement=agreement))
+
+
+def test_a_pixel_with_one_clipped_band_is_left_out_as_a_whole(tmp_path):
+    results = example_session(tmp_path)
+    saturated = np.zeros(results.photo.signal.shape, bool)
+    saturated[::2, ::2, 1] = True
+    photo = dataclasses.replace(results.photo, saturated=saturated)
+    said = capture_words(dataclasses.replace(results, photo=photo), "It was")
+    assert f"; {percent(0.25)} of the pixels were clipped and left out." in said
