@@ -33,7 +33,7 @@ from benchmarks.planted.scratch_tree import (
     planted,
     run_tests,
 )
-from benchmarks.planted.whole_suite import apart, failed_tests, noticed_by_suite
+from benchmarks.planted.whole_suite import apart, noticed_by_suite
 
 MAX_S = 400.0       # of processor time, of one test file
 SECONDS_A_LINE = 0.04   # of a test file, before its time is known
@@ -198,9 +198,8 @@ def _try_suite(tree: Path, mistakes: list[Mistake], results: dict[str, dict[str,
     """The whole suite for mistakes that survived and did not meet it yet."""
     left = [each for each in mistakes if not results[each.name]["noticed"]
             and not results[each.name].get("suite")]
-    known = failed_tests(folder / "map.log") if reached is not None else []
     for group in apart(left, most):
-        found = noticed_by_suite(tree, group, folder / "suite.log", reached, known)
+        found = noticed_by_suite(tree, group, folder / "suite.log", reached)
         for mistake in group:
             results[mistake.name]["suite"] = True
             if mistake.name in found:
