@@ -1,1 +1,1 @@
-"""Joins capture, calibration, light transport and sampling: arrays and records in, records out, no files."""
+"""Joins the stages: arrays and records in, records out, no files and no printing."""

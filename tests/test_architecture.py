@@ -7,7 +7,8 @@ ROOT = Path(__file__).resolve().parent.parent
 STAGES = ("capture", "calibrate", "reconstruct", "sampling")
 PACKAGES = ("radiometry", *STAGES, "measure", "session", "fixtures")
 MAY_IMPORT = {"radiometry": {"radiometry"}, **{stage: {"radiometry", stage} for stage in STAGES},
-              "measure": {"radiometry", *STAGES, "measure"}, "session": {*PACKAGES}, "fixtures": {"fixtures", "radiometry"}}
+              "measure": {"radiometry", *STAGES, "measure"}, "session": {*PACKAGES},
+              "fixtures": {"fixtures", "radiometry"}}
 EXCEPTIONS = {("fixtures/box_render.py", "spectrabox.reconstruct.rendering.llvm"):
               "drjit aborts on a wrong LLVM, whoever imports it"}
 OWNERS = {"serial": ("capture/meter/serial_line.py",),
