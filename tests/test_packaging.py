@@ -15,7 +15,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = ("calibrate", "capture", "fixtures", "measure", "radiometry", "reconstruct", "sampling", "session")
+FOLDERS = ("radiometry", "capture", "calibrate", "reconstruct", "sampling", "measure", "session",
+           "fixtures")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 WITH = {"dask"}         # what an extra brings along
 OUTSIDE = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
