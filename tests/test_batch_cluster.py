@@ -48,6 +48,16 @@ def test_a_cluster_makes_the_bits_of_processes_though_a_worker_is_killed(session
         assert results_of(folder) == results_of(session)
 
 
+def test_a_cluster_of_this_machine_listens_to_this_machine_alone():
+    psutil = pytest.importorskip("psutil")
+    with open_workers("local", 1, 1) as pool:
+        workers = psutil.Process().children(recursive=True)
+        listening = {each.laddr.ip for process in (psutil.Process(), *workers)
+                     for each in process.net_connections() if each.status == psutil.CONN_LISTEN}
+        assert pool.workers == 1 and workers
+    assert listening == {"127.0.0.1"}
+
+
 class KillingOnce:
     """A pool of which the worker in one session is killed the first time."""
 

@@ -18,6 +18,9 @@ from spectrabox.session.batch.pool import Finished, Lost, Work, do_work
 from spectrabox.session.batch.processes import KEPT_FREE, settle, shares_of_cores
 
 LOCAL = "local"
+# Scheduler, workers and dashboard: whoever reaches them can run code as this user.
+LOOPBACK = "127.0.0.1"
+DASHBOARD_PORT = 8787   # Dask takes a free one where this one is taken
 CONNECTING_S = 20.0
 LISTENING_S = 2.0       # between two looks whether the scheduler is there
 RETRIES = 1             # of a task whose worker died
@@ -119,7 +122,9 @@ def open_cluster(address: str, workers: int) -> Iterator[Cluster]:
             free = free_memory()
             budget = None if free is None else round(free * (1 - KEPT_FREE))
             local = stack.enter_context(LocalCluster(
-                n_workers=workers, threads_per_worker=1, memory_limit=0, silence_logs=50))
+                n_workers=workers, threads_per_worker=1, memory_limit=0, silence_logs=50,
+                host=LOOPBACK, dashboard_address=f"{LOOPBACK}:{DASHBOARD_PORT}",
+                worker_dashboard_address=f"{LOOPBACK}:0"))
             address = local.scheduler_address
         try:
             client = stack.enter_context(Client(address, timeout=CONNECTING_S))
