@@ -27,9 +27,11 @@ def test_every_name_of_colour_science_is_here():
 
 
 @pytest.mark.parametrize("table", THEIRS)
-def test_every_table_is_theirs_to_the_last_bit(table):
+def test_every_table_is_theirs(table):
     nm, curves = published_curves(*table.split("/", 1))
-    np.testing.assert_array_equal(np.vstack([nm, curves]), THEIRS[table])
+    # colour-science calculates some tables (xyY to XYZ, CIE daylights): a processor with other
+    # vector units rounds them otherwise, by a few eps; published tables have at most 10 digits.
+    np.testing.assert_allclose(np.vstack([nm, curves]), THEIRS[table], rtol=1e-12, atol=1e-14)
 
 
 def test_a_chart_has_its_24_patches_in_one_order():
