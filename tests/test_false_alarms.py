@@ -23,7 +23,7 @@ from spectrabox.sampling.further import more_measurements
 from spectrabox.sampling.further.conditioning import Reading
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful
 from spectrabox.sampling.prior.mixture import GRID, load_prior, reflectance
-from spectrabox.sampling.prior.posterior import posterior, unlikeness, with_floor
+from spectrabox.sampling.prior.posterior import novelty, posterior, with_floor
 
 SIGNIFICANCE = 1e-4
 SIGMAS = stats.norm.isf(SIGNIFICANCE / 2)
@@ -51,7 +51,7 @@ def test_how_surprising_a_signal_of_the_prior_is_follows_chi_square(bands, error
     found = posterior(known, measured.relative_response, signals, measured.noise_covariance)
     assert_uniform(stats.chi2(bands).sf(found.surprise))
     limit = SimpleNamespace(familiar_surprise=float(stats.chi2(bands).isf(0.2)))
-    assert_share(unlikeness(limit, found, measured.noise_covariance) > 1, 0.2)
+    assert_share(novelty(limit, found, measured.noise_covariance) > 1, 0.2)
 
 
 @pytest.mark.parametrize("nm, level", [((450.0,), 0.2), ((430.0, 560.0, 650.0), 0.2),

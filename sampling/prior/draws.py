@@ -31,8 +31,8 @@ from spectrabox.sampling.prior.posterior import (
     MixturePosterior,
     allowed_misfit,
     band_factors,
+    novelty,
     posterior,
-    unlikeness,
     with_floor,
 )
 from spectrabox.sampling.prior.smoothness import smoothness_prior
@@ -132,7 +132,7 @@ def prior_spectra(measurement: SpectralMeasurement, draws: int, seed: int,
     outcome, method = Outcome.FAMILIAR, "learnt prior"
     mixture = _posterior(prior, relative_response, measurement)
     allowed = float(allowed_misfit(measurement.noise_covariance))
-    if unlikeness(prior, mixture, measurement.noise_covariance)[0] > 1:
+    if novelty(prior, mixture, measurement.noise_covariance)[0] > 1:
         prior, outcome, method = smoothness_prior(), Outcome.UNFAMILIAR, "smoothness prior"
         mixture = _posterior(prior, relative_response, measurement)
         if mixture.misfit[0] > allowed:

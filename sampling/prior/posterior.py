@@ -292,8 +292,8 @@ def widened(mean: np.ndarray, lower: np.ndarray, upper: np.ndarray,
             np.clip(mean + factor * (upper - mean), 0, 1))
 
 
-def unlikeness(prior: LogitMixture, mixture: MixturePosterior,
-               covariance: np.ndarray) -> np.ndarray:
+def novelty(prior: LogitMixture, mixture: MixturePosterior,
+            covariance: np.ndarray) -> np.ndarray:
     """How unlike what the prior knows signals (T,) are; beyond 1 it does not explain them.
 
     Parameters

@@ -24,8 +24,8 @@ from spectrabox.sampling.prior.mixture import GRID, LogitMixture
 from spectrabox.sampling.prior.posterior import (
     STILL,
     mean_and_spread,
+    novelty,
     posterior,
-    unlikeness,
 )
 
 SIDE = 25                   # odd, so that grey is on the lattice
@@ -46,16 +46,16 @@ class Uplifted:
 
     mean: np.ndarray                # (n, 61)
     standard_deviation: np.ndarray  # (n, 61)
-    unlikeness: np.ndarray          # (n,) beyond 1 the prior does not explain the signal
+    novelty: np.ndarray          # (n,) beyond 1 the prior does not explain the signal
 
 
 @dataclass(frozen=True)
 class UpliftTable:
-    """Mean and standard deviation (L, 61), and unlikeness (L,), at L points of the lattice."""
+    """Mean and standard deviation (L, 61), and novelty (L,), at L points of the lattice."""
 
     mean: np.ndarray
     standard_deviation: np.ndarray
-    unlikeness: np.ndarray
+    novelty: np.ndarray
     row: np.ndarray             # (side, side, side) of each point, -1 where it was left out
     relative_response: np.ndarray
 
@@ -112,7 +112,7 @@ def build_tables(prior: LogitMixture, relative_response: np.ndarray,
     row = np.full(wanted.shape, -1, dtype=np.int32)
     row[wanted] = same.ravel()
     return [UpliftTable(made.mean.astype(np.float32), made.standard_deviation.astype(np.float32),
-                        made.unlikeness.astype(np.float32), row, relative_response)
+                        made.novelty.astype(np.float32), row, relative_response)
             for made in _uplifted(prior, relative_response, signals, errors(signals), progress,
                                   TABLE_STILL)]
 
@@ -190,7 +190,7 @@ def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
             mixture = posterior(prior, relative_response, signals[rows], errors, mixture,
                                 still=still)
             drawn, _ = as_drawn(prior, relative_response, signals[rows], errors, mixture)
-            made.append((*mean_and_spread(drawn), unlikeness(prior, mixture, errors)))
+            made.append((*mean_and_spread(drawn), novelty(prior, mixture, errors)))
         return made
 
     shape = len(signals), GRID.nm.size
@@ -202,7 +202,7 @@ def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
             rows = slice(start, start + batch)
             for made, (mean, spread, unlike) in zip(every, parts, strict=True):
                 made.mean[rows], made.standard_deviation[rows] = mean, spread
-                made.unlikeness[rows] = unlike
+                made.novelty[rows] = unlike
             progress(min(start + batch, len(signals)) / len(signals))
     return every
 

@@ -147,7 +147,7 @@ class LitPixels:
 
     def one_by_one(self, rows: Rows, *,
                    roughly: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mean and standard deviation (n, 61), and unlikeness (n,), each pixel by itself.
+        """Mean and standard deviation (n, 61), and novelty (n,), each pixel by itself.
 
         Parameters
         ----------
@@ -170,7 +170,7 @@ class LitPixels:
                 covariance += self.errors.by_curves(signals, kind)
             made = uplift_signals(self.errors.prior, self.errors.responses[kind], signals,
                                   covariance, still=GUESSED_STILL if roughly else STILL)
-            for whole, part in zip(found, (made.mean, made.standard_deviation, made.unlikeness),
+            for whole, part in zip(found, (made.mean, made.standard_deviation, made.novelty),
                                    strict=True):
                 whole[some] = part
         return found
@@ -201,7 +201,7 @@ def write_picture(pixels: LitPixels, section: PictureSection, folder: Path,
     folder : Path
     progress : function of the share that is done
     besides : function of (first, last, made), optional
-        Takes what is made of some rows: mean (n, P), spread (n, Q), unlikeness (n,), code of
+        Takes what is made of some rows: mean (n, P), spread (n, Q), novelty (n,), code of
         unseen.py (n,), and whether they are beyond white.
 
     Returns
@@ -255,7 +255,7 @@ class _Tables:
     """What signals say where errors are least, and how that changes to where they are largest."""
 
     row: np.ndarray             # (side, side, side) of each point of the lattice
-    kept: np.ndarray            # (L, P + Q + 1) mean, standard deviation and unlikeness where least
+    kept: np.ndarray            # (L, P + Q + 1) mean, standard deviation and novelty where least
     change: np.ndarray          # (L, P + Q + 1)
 
 
@@ -298,7 +298,7 @@ def _tables_of(pixels: LitPixels, kept: KeptWavelengths, wanted: np.ndarray, kin
                           progress)
     low, high = (np.column_stack([table.mean[:, kept.mean],
                                   table.standard_deviation[:, kept.spread],
-                                  table.unlikeness]) for table in tables)
+                                  table.novelty]) for table in tables)
     return _Tables(tables[0].row, low, high - low)
 
 

@@ -1,4 +1,4 @@
-"""Pictures for the eye of the spectra of every pixel: colours, bands, uncertainty, unlikeness.
+"""Pictures for the eye of the spectra of every pixel: colours, bands, uncertainty, novelty.
 
 Written some rows at a time as PNG, and reduced for the report on the way. A pixel without a
 spectrum is shown in magenta; where there are more reasons than clipping, a map says which.
@@ -22,7 +22,7 @@ from spectrabox.session.picture.unseen import COLOURS, SEEN
 
 MASKED = (255, 0, 255)
 MAX_SPREAD = 0.1        # mean standard deviation at the end of its colours
-MAX_UNLIKE = 2.0        # unlikeness at the end of its colours; 1 is the limit of what is explained
+MAX_UNLIKE = 2.0        # novelty at the end of its colours; 1 is the limit of what is explained
 SPREAD_COLOURS, UNLIKE_COLOURS = "viridis", "RdBu_r"
 REDUCED_PX = 800        # longer side of what the report shows
 CODES = 256
@@ -34,7 +34,7 @@ Encode = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Map:
-    """One map: how it is made of mean (n, P), mean spread (n,) and unlikeness (n,), and shown; None
+    """One map: how it is made of mean (n, P), mean spread (n,) and novelty (n,), and shown; None
     where it is the code of why there is no spectrum.
     """
 
@@ -110,7 +110,7 @@ class Reduced:
 @contextlib.contextmanager
 def map_rows(folder: Path, height: int, width: int, maps: Sequence[Map], reduced: Reduced
              ) -> Iterator[Callable[[int, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]]:
-    """A function of (first row, mean, mean spread, unlikeness, code of why there is no spectrum)
+    """A function of (first row, mean, mean spread, novelty, code of why there is no spectrum)
     that writes rows of all maps.
     """
     with contextlib.ExitStack() as files:
