@@ -47,7 +47,6 @@ from spectrabox.radiometry.records import (
     WavelengthGrid,
 )
 from spectrabox.reconstruct.engines import gradient
-from spectrabox.reconstruct.engines.per_wavelength import descend, monochrome_job
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.fit.spectrum_prior import smooth_prior
 from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
@@ -58,6 +57,8 @@ from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import TracedTransport, shaded_images, trace_transport
 from spectrabox.reconstruct.view import MaterialSpec, View
+
+from benchmarks.paper.per_wavelength import descend, monochrome_job
 
 COEFFICIENTS, STEPS, GRADIENT_SPP, TRACE_SPP, PHOTO_SPP = 7, 200, 16, 64, 4096
 SHORTER = 20            # the per-wavelength engine runs this share of the steps
@@ -161,8 +162,7 @@ def by_wavelengths(view: View, steps: int) -> tuple[np.ndarray, float]:
     starts in the time.
     """
     start = time.perf_counter()
-    fit = descend(monochrome_job(view, InversionSettings(COEFFICIENTS, steps, 1, 3)),
-                  lambda done, what: None)
+    fit = descend(monochrome_job(view, InversionSettings(COEFFICIENTS, steps, 1, 3)))
     return fit.coefficients, time.perf_counter() - start
 
 

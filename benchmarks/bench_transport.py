@@ -17,16 +17,17 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import numpy as np
-from bench_inversion import cornell_view, traced
 from scipy.stats import t as student
 
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.interreflection import signal
 from spectrabox.radiometry.response import response_matrix
-from spectrabox.reconstruct.engines.per_wavelength import VARIANT, WAVELENGTHS, monochrome_xml
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.rendering.renderer import all_cores, load_scene, render, start_mitsuba
 from spectrabox.reconstruct.view import View
+
+from benchmarks.bench_inversion import cornell_view, traced
+from benchmarks.paper.per_wavelength import VARIANT, WAVELENGTHS, monochrome_xml
 
 WIDTH, BLOCK, BOUNCES, LEVEL = 32, 8, 6, 0.01
 

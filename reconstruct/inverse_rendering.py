@@ -18,8 +18,7 @@ from spectrabox.reconstruct.agreement import (
     surface_agreement,
 )
 from spectrabox.reconstruct.engines.answer import EngineAnswer
-from spectrabox.reconstruct.engines.gradient_engine import engine_for, invert_by_gradient
-from spectrabox.reconstruct.engines.per_wavelength import invert_per_wavelength
+from spectrabox.reconstruct.engines.gradient import invert_by_gradient
 from spectrabox.reconstruct.engines.transport_engine import (
     require_named_lights,
     require_plain_products,
@@ -28,12 +27,14 @@ from spectrabox.reconstruct.engines.transport_engine import (
 from spectrabox.reconstruct.fit.transport_fit import TransportFit
 from spectrabox.reconstruct.joint_reconstruction import joint_record
 from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
+from spectrabox.reconstruct.scene.scene_file import not_plain_products
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 from spectrabox.reconstruct.view import View
 from spectrabox.reconstruct.view_checks import check_views
 
+# engines that take one photo; the others trace the light, and take several
 SINGLE_VIEW: dict[str, Callable[[View, InversionSettings, Progress], EngineAnswer]] = {
-    "gradient": invert_by_gradient, "per-wavelength": invert_per_wavelength}
+    "gradient": invert_by_gradient}
 
 
 def reconstruct(view: View, settings: InversionSettings, progress: Progress) -> Reconstruction:
@@ -67,8 +68,13 @@ def settings_for(views: Sequence[View],
         raise InputError(f"there is no engine {settings.engine!r}; use one of {', '.join(ENGINES)}")
     chosen: tuple[str, ...] = ()
     if settings.engine == "auto":
-        engine, chosen = engine_for([view.scene_file for view in views])
-        settings = replace(settings, engine=engine)
+        glossy = dict.fromkeys(name for view in views
+                               for name in not_plain_products(view.scene_file))
+        if glossy:
+            chosen = (f"The gradient engine was chosen, since {', '.join(glossy)} is coated or "
+                      "glossy: its light is no plain product of reflectances, as the transport "
+                      "engine needs.",)
+        settings = replace(settings, engine="gradient" if glossy else "transport")
     if len(views) > 1 and settings.engine in SINGLE_VIEW:
         raise InputError(f"the engine {settings.engine!r} takes one photo, and {len(views)} are "
                          "given; set [reconstruct] engine = \"transport\", or leave photos out")

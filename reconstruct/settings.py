@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from spectrabox.radiometry.records import LearntSpectra
 
 # auto: transport, or gradient for glossy materials
-Engine = Literal["auto", "transport", "gradient", "per-wavelength", "single-bounce"]
+Engine = Literal["auto", "transport", "gradient", "single-bounce"]
 SpectrumPrior = Literal["learnt", "smooth", "none"]
 ENGINES: tuple[str, ...] = get_args(Engine)
 SPECTRUM_PRIORS: tuple[str, ...] = get_args(SpectrumPrior)

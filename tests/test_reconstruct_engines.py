@@ -13,7 +13,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import band_products, exponents_up_to
 from spectrabox.radiometry.records import Outcome
 from spectrabox.reconstruct import view as view_module
-from spectrabox.reconstruct.engines import per_wavelength, transport_engine
+from spectrabox.reconstruct.engines import transport_engine
 from spectrabox.reconstruct.engines.gradient import fit_by_gradient
 from spectrabox.reconstruct.engines.transport_engine import (
     FEW_SPP,
@@ -30,6 +30,7 @@ from spectrabox.reconstruct.settings import ENGINES
 from spectrabox.reconstruct.tracer.transport import shaded_images, trace_transport
 from spectrabox.reconstruct.view_checks import check_views
 
+from benchmarks.paper.per_wavelength import descend, monochrome_job
 from tests.cornell_problem import (
     GRID,
     TRUTH,
@@ -177,10 +178,10 @@ def test_the_gradient_agrees_with_finite_differences(box):
                                                abs=4 * error + 0.01 * abs(np.mean(differences)))
 
 
-def test_the_per_wavelength_engine_goes_downhill(box, photo):
+def test_the_paper_s_brute_force_goes_downhill(box, photo):
     view = view_of(box, photo)
     settings = plain_settings(5, steps=4, spp=1, seed=1)
-    fit = per_wavelength.descend(per_wavelength.monochrome_job(view, settings), silent)
+    fit = descend(monochrome_job(view, settings))
     assert fit.coefficients.shape == (3, 5) and np.all((fit.coefficients >= 0)
                                                        & (fit.coefficients <= 1))
     assert fit.loss_history[-1] < 0.8 * fit.loss_history[0]
@@ -188,9 +189,9 @@ def test_the_per_wavelength_engine_goes_downhill(box, photo):
 
 def test_an_unknown_engine_is_named(box, photo):
     with pytest.raises(InputError, match="no engine 'magic'; use one of auto, transport, gradient, "
-                       "per-wavelength, single-bounce"):
+                       "single-bounce"):
         reconstruct(view_of(box, photo), plain_settings(9, engine="magic"), silent)
-    assert set(ENGINES) == {"transport", "gradient", "per-wavelength", "single-bounce", "auto"}
+    assert set(ENGINES) == {"transport", "gradient", "single-bounce", "auto"}
 
 
 def test_a_scene_without_any_scale_is_refused(box, photo):

@@ -10,8 +10,12 @@ import pytest
 
 from spectrabox.radiometry.records import Outcome
 from spectrabox.reconstruct.engines import gradient, transport_engine
-from spectrabox.reconstruct.engines.gradient import fit_by_gradient, reflectance_key, stalled
-from spectrabox.reconstruct.engines.gradient_engine import invert_by_gradient
+from spectrabox.reconstruct.engines.gradient import (
+    fit_by_gradient,
+    invert_by_gradient,
+    reflectance_key,
+    stalled,
+)
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import read_scene

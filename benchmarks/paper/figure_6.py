@@ -22,19 +22,18 @@ from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
 from spectrabox.radiometry.records import LightScale, SpectralMeasurement
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
-from spectrabox.reconstruct.shape.mesh import write_mesh
-from spectrabox.reconstruct.shape.shape import (
-    ShapeReconstruction,
-    ShapeSettings,
-    reconstruct_shape,
-    with_mesh,
-)
 from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import load_prior
 
-from benchmarks.paper.silhouette import silhouette
+from benchmarks.paper.mesh import silhouette, write_mesh
+from benchmarks.paper.shape_fit import (
+    ShapeReconstruction,
+    ShapeSettings,
+    reconstruct_shape,
+    with_mesh,
+)
 from benchmarks.paper.synthetic_photo import (
     BANDS,
     GRID,

@@ -22,7 +22,6 @@ from spectrabox.fixtures.cornell_box import cornell_box_xml
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
 from spectrabox.radiometry.records import LightScale, SpectralMeasurement
 from spectrabox.reconstruct.engines.gradient import LEARNING_RATE, START, cosine_rate
-from spectrabox.reconstruct.engines.per_wavelength import VARIANT, monochrome_xml
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -31,6 +30,7 @@ from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import load_prior
 
+from benchmarks.paper.per_wavelength import VARIANT, monochrome_xml
 from benchmarks.paper.synthetic_photo import (
     BANDS,
     GRID,

@@ -18,7 +18,10 @@ import numpy as np
 
 from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.response import relative_operator
 from spectrabox.reconstruct.agreement import scale_from_surfaces
+from spectrabox.reconstruct.engines.answer import EngineAnswer
+from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_xml import BLACK
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import View
@@ -29,8 +32,7 @@ LAST_RATE = 0.05         # of the first, reached by a cosine
 TAIL = 0.25              # share of the steps over which the step size falls
 WINDOW = 30  # steps: the mean loss of these is compared with that of as many before them
 STALLED = 1.0            # standard errors by which it must have fallen to go on
-# of a descent without that rule: the loss fell by more than this share over the tail
-STILL_FALLING = 0.10
+FINAL_SPP, FINAL_PASSES = 256, 4     # of the rendering that the photo is compared with
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,37 @@ class GradientFit:
     scale: float
     loss_history: np.ndarray
     outcome: Outcome
+
+
+def invert_by_gradient(view: View, settings: InversionSettings,
+                       progress: Progress) -> EngineAnswer:
+    """Coefficients by gradient descent through Mitsuba's ``prb`` integrator and spectral film.
+
+    Parameters
+    ----------
+    view : View
+        With a light scale or a known material.
+    settings : InversionSettings
+    progress : function of (fraction done, what is being done)
+
+    Returns
+    -------
+    EngineAnswer
+        The averaged last steps, whose scatter is taken for the error of the signals.
+    """
+    fit = fit_by_gradient(view, settings, progress)
+    rendered, _ = render(view.scene(fit.coefficients), FINAL_SPP, settings.seed + 7919,
+                         FINAL_PASSES)
+    operator = relative_operator(view.response, view.basis(settings.coefficients))
+    tail = fit.tail @ operator.T
+    covariance = np.array([np.cov(tail[:, index], rowvar=False) for index in range(tail.shape[1])])
+    notes = () if fit.outcome is Outcome.STEP_LIMIT else (
+        f"The descent stopped after {len(fit.loss_history)} of at most {settings.steps} steps: its "
+        "error no longer fell by more than its noise.",)
+    return EngineAnswer(fit.coefficients, fit.coefficients @ operator.T, covariance,
+                        rendered[None], fit.loss_history,
+                        "gradient descent (Mitsuba prb, specfilm)", settings.spp, fit.outcome,
+                        notes)
 
 
 def fit_by_gradient(view: View, settings: InversionSettings,
@@ -168,16 +201,3 @@ def cosine_rate(fraction: float) -> float:
         Of the steps that are done, 0 to 1.
     """
     return LAST_RATE + (1 - LAST_RATE) * 0.5 * (1 + np.cos(np.pi * fraction))
-
-
-def outcome_of(losses: np.ndarray) -> Outcome:
-    """Whether the loss still fell over the tail, by the means of its two halves.
-
-    Parameters
-    ----------
-    losses : (I,) array
-        Of all steps.
-    """
-    tail = losses[-max(int(TAIL * losses.size), 4):]
-    first, second = tail[:tail.size // 2].mean(), tail[tail.size // 2:].mean()
-    return Outcome.STEP_LIMIT if second < (1 - STILL_FALLING) * first else Outcome.CONVERGED

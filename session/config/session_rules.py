@@ -121,7 +121,7 @@ def _picture(config: SessionConfig) -> list[str]:
 def _scene_picture(config: SessionConfig) -> list[str]:
     """What a picture of a scene cannot take into account."""
     chosen, problems = config.reconstruct, []
-    if chosen.engine in ("gradient", "per-wavelength"):
+    if chosen.engine == "gradient":
         problems.append(f"{FILE_NAME}: [picture] of a scene needs its light traced; set "
                         f"reconstruct.engine = \"transport\" in place of {chosen.engine!r}, or "
                         "leave [picture] out")

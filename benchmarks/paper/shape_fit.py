@@ -1,22 +1,37 @@
-"""One stage of the shape fit: descent of mesh and spectrum together, on fixed triangles.
+"""Shape and spectrum of one object from photos around it (paper Sec. 4.2, Fig. 6).
 
-The squared error has its gradient by the spectrum and by the surface's position from Mitsuba's
-``prb``, and by the outline from ``edges.py``. Vertices v follow uniform Adam in u = (I +
-diffusion L) v (Nicolet et al. 2021, Algorithm 1).
+A sphere is moved towards the photos by gradient descent, coarse to fine, while the spline
+coefficients of the object's spectrum are estimated along with it. The squared error has its
+gradient by the spectrum and by the surface's position from Mitsuba's ``prb``, and by the outline
+from ``add_outline_gradient``. Vertices v follow uniform Adam in u = (I + diffusion L) v (Nicolet et
+al. 2021, Algorithm 1). The spectrum of the descent is a starting point: put the mesh into the views
+(``with_mesh``) and let the transport engine estimate the spectrum with its uncertainty.
 """
 from __future__ import annotations
 
+import copy
+import tempfile
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from spectrabox.reconstruct.engines.gradient import reflectance_key
+from spectrabox.radiometry.progress import Progress
+from spectrabox.radiometry.records import Outcome
+from spectrabox.reconstruct.engines.gradient import reflectance_key, stalled
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_xml import BLACK
-from spectrabox.reconstruct.shape.edges import add_outline_gradient
-from spectrabox.reconstruct.shape.mesh import large_steps
 from spectrabox.reconstruct.view import View
+
+from benchmarks.paper.mesh import (
+    add_outline_gradient,
+    icosphere,
+    large_steps,
+    subdivided,
+    write_mesh,
+)
 
 SPECTRUM_RATE = 0.02        # of the coefficients, per step
 GREY_RANGE = (0.05, 0.95)   # of the flat spectrum to start from
@@ -33,6 +48,110 @@ class Stage:
     diffusion: float
     spp: int
     views: int = 4      # of every step, drawn anew
+
+
+STAGES = (Stage(3, 40, 0.03, 19.0, 8), Stage(4, 40, 0.02, 19.0, 8), Stage(4, 50, 0.01, 8.0, 8))
+
+
+@dataclass(frozen=True)
+class ShapeSettings:
+    """Stages of the fit, coefficients of the spectrum and seed."""
+
+    coefficients: int = 9
+    stages: tuple[Stage, ...] = STAGES  # coarse to fine
+    seed: int = 1
+
+
+@dataclass(frozen=True)
+class ShapeReconstruction:
+    """A closed mesh in the scenes' coordinates and the object's spectrum."""
+
+    vertices: np.ndarray        # (V, 3)
+    faces: np.ndarray           # (F, 3) anticlockwise seen from outside
+    coefficients: np.ndarray    # (N,)
+    spectrum: np.ndarray        # (P,) reflectance on the calibration's grid
+    # mean over the views of a step of the squared error, in squares of the brightest pixel
+    loss_history: np.ndarray
+    outcome: Outcome
+
+
+def reconstruct_shape(views: Sequence[View], shape_id: str, settings: ShapeSettings,
+                      progress: Progress) -> ShapeReconstruction:
+    """Mesh and spectrum that explain several photos of one object.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Three or more, each with its light scale. Their scenes hold the object as a shape with the
+        id ``shape_id``, for instance a sphere, about where and as large as it is: the fit starts
+        from the sphere in its bounding box. The object's own material is the only unknown one.
+    shape_id : str
+    settings : ShapeSettings
+    progress : function of (fraction done, what is being done)
+    """
+    vertices, faces = icosphere(settings.stages[0].level)
+    centre, radius = bounding_sphere(views[0], shape_id)
+    vertices = centre + radius * vertices
+    coefficients = np.empty(0)
+    losses: list[float] = []
+    total = sum(stage.steps for stage in settings.stages)
+    with tempfile.TemporaryDirectory() as folder:
+        for number, stage in enumerate(settings.stages):
+            last_level = settings.stages[number - 1].level if number else stage.level
+            for _ in range(stage.level - last_level):
+                vertices, faces = subdivided(vertices, faces)
+            path = Path(folder) / f"stage_{number}.ply"
+            write_mesh(path, vertices, faces)
+            shown = [with_mesh(view, shape_id, path) for view in views]
+            if not coefficients.size:
+                coefficients = flat_start(shown, settings.coefficients, stage.spp, settings.seed)
+
+            def part(step: int, before: int = len(losses)) -> None:
+                progress((before + step) / total, "moving the mesh")
+
+            vertices, coefficients, history = descend(
+                shown, shape_id, vertices, faces, coefficients,
+                replace(stage, rate=stage.rate * radius), settings.seed * 1009 + number, part)
+            losses += history
+    outcome = Outcome.CONVERGED if stalled(history, len(history) // 2) else Outcome.STEP_LIMIT
+    return ShapeReconstruction(vertices, faces, coefficients,
+                               views[0].basis(settings.coefficients) @ coefficients,
+                               np.array(losses), outcome)
+
+
+def with_mesh(view: View, shape_id: str, mesh: Path) -> View:
+    """The view with a mesh file instead of one of its shapes.
+
+    Parameters
+    ----------
+    view : View
+        Stays as it is.
+    shape_id : str
+        Of a shape of its scene, whose material the mesh takes over.
+    mesh : Path
+        PLY file, in the scene's coordinates.
+    """
+    root = copy.deepcopy(view.scene_file.root)
+    shape = next(node for node in root.iter("shape") if node.get("id") == shape_id)
+    for child in [child for child in shape if child.tag != "ref"]:
+        shape.remove(child)
+    shape.set("type", "ply")
+    ET.SubElement(shape, "string", name="filename", value=str(mesh.resolve()))
+    return replace(view, scene_file=replace(view.scene_file, root=root))
+
+
+def bounding_sphere(view: View, shape_id: str) -> tuple[np.ndarray, float]:
+    """Centre (3,) and radius of the sphere in a shape's bounding box, in the scene's coordinates.
+
+    Parameters
+    ----------
+    view : View
+    shape_id : str
+        Of a shape of its scene.
+    """
+    box = next(shape for shape in view.scene().shapes() if shape.id() == shape_id).bbox()
+    lower, upper = np.array(box.min, dtype=float).ravel(), np.array(box.max, dtype=float).ravel()
+    return (lower + upper) / 2, float((upper - lower).mean() / 2)
 
 
 def flat_start(views: Sequence[View], coefficients: int, spp: int, seed: int) -> np.ndarray:
@@ -55,7 +174,7 @@ def flat_start(views: Sequence[View], coefficients: int, spp: int, seed: int) ->
         If a view has no light scale.
     """
     grey = np.full((1, coefficients), TRIAL_GREY)
-    rendered = [render(view.scene(grey), spp, seed)[0] * _scale(view) for view in views]
+    rendered = [render(view.scene(grey), spp, seed)[0] * light_scale(view) for view in views]
     ratio = [view.measured.sum() / image.sum() for view, image in zip(views, rendered, strict=True)]
     return np.full(coefficients, np.clip(TRIAL_GREY * np.median(ratio), *GREY_RANGE))
 
@@ -90,7 +209,7 @@ def descend(views: Sequence[View], shape_id: str, vertices: np.ndarray, faces: n
     import mitsuba as mi
 
     to_steps, from_steps = large_steps(faces, len(vertices), stage.diffusion)
-    losses_of = [_ViewLoss(view, coefficients, shape_id) for view in views]
+    losses_of = [ViewLoss(view, coefficients, shape_id) for view in views]
     positions = mi.ad.Adam(lr=stage.rate, uniform=True)
     spectrum = mi.ad.Adam(lr=SPECTRUM_RATE)
     positions["u"] = mi.Float(to_steps(vertices).astype(np.float32).ravel())
@@ -118,14 +237,14 @@ def descend(views: Sequence[View], shape_id: str, vertices: np.ndarray, faces: n
     return vertices, coefficients, losses
 
 
-class _ViewLoss:
+class ViewLoss:
     """An open scene and its photo; squared error relative to the brightest pixel, mean over pixels.
     """
 
     def __init__(self, view: View, coefficients: np.ndarray, shape_id: str) -> None:
         import mitsuba as mi
 
-        self.scene, self.scale = view.scene(coefficients[None]), _scale(view)
+        self.scene, self.scale = view.scene(coefficients[None]), light_scale(view)
         self.photo, self.basis = view.measured, view.basis(coefficients.size)
         saturated = view.photo.saturated
         self.weight = ~saturated / (np.where(saturated, 0.0, self.photo).max() ** 2
@@ -156,7 +275,8 @@ class _ViewLoss:
                 float(np.sum(self.weight * error**2)))
 
 
-def _scale(view: View) -> float:
+def light_scale(view: View) -> float:
+    """The view's light scale, which the fit does not estimate."""
     if view.light_scale is None:
         raise ValueError("the shape fit needs the light scale of every view")
     return view.light_scale.value

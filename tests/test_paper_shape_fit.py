@@ -1,4 +1,4 @@
-"""The shape fit: meshes, the gradient at the outline, a small whole fit, and what is refused."""
+"""The shape fit: meshes, the gradient at the outline, and a small whole fit."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -7,22 +7,27 @@ import numpy as np
 import pytest
 
 from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
-from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import read_scene
-from spectrabox.reconstruct.shape.descent import Stage, _ViewLoss
-from spectrabox.reconstruct.shape.edges import add_outline_gradient
-from spectrabox.reconstruct.shape.mesh import icosphere, large_steps, subdivided, write_mesh
-from spectrabox.reconstruct.shape.shape import (
+from spectrabox.reconstruct.view import MaterialSpec, View
+
+from benchmarks.paper.mesh import (
+    add_outline_gradient,
+    icosphere,
+    large_steps,
+    silhouette,
+    subdivided,
+    write_mesh,
+)
+from benchmarks.paper.shape_fit import (
     ShapeSettings,
+    Stage,
+    ViewLoss,
     bounding_sphere,
     reconstruct_shape,
     with_mesh,
 )
-from spectrabox.reconstruct.view import MaterialSpec, View
-
-from benchmarks.paper.silhouette import silhouette
 from tests.cornell_problem import BANDS, GRID, SCALE_ONE, camera, photo_of
 
 WIDTH = 24
@@ -94,7 +99,7 @@ def test_the_slope_of_the_loss_by_the_spectrum_is_that_of_differences(tmp_path, 
     view = replace(view, light_scale=LightScale(scale, None, None, "given"),
                    photo=photo_of(scale * np.full((WIDTH, WIDTH, 3), 4.0)))
     middle, step = np.full(5, 0.4), np.array([0.03, 0.02, -0.01, 0.02, 0.03])
-    loss = _ViewLoss(view, middle, "object")
+    loss = ViewLoss(view, middle, "object")
     ahead, behind = (loss.gradients(vertices, middle + sign * step, 64, 7)[2] for sign in (1, -1))
     slope = np.mean([loss.gradients(vertices, middle, 64, draw)[1] for draw in (7, 9)], axis=0)
     # 64 paths of 576 pixels, whose light is direct; central differences of a parabola are exact
@@ -194,19 +199,3 @@ def test_the_start_is_the_sphere_of_the_scene(tmp_path):
     centre, radius = bounding_sphere(blank_views(tmp_path, 1)[0], "object")
     # Mitsuba's boxes are float32.
     np.testing.assert_allclose([*centre, radius], [0, 0, 0, 1], atol=1e-6)
-
-
-def test_what_no_shape_can_be_found_from_is_refused(tmp_path):
-    views = blank_views(tmp_path, 3)
-    for given, shape, materials, words in (
-        (views[:2], "object", MATERIALS, "2 photos of the object are given; 3 or more"),
-        (views, "teapot", MATERIALS,
-         r"view_0\.xml has no shape with the id 'teapot'; it has object"),
-        ([*views[:2], replace(views[2], light_scale=None)], "object", MATERIALS,
-         "scale of view 2 is unknown"), (views, "object", (MaterialSpec("paint", "paint", PAINT),),
-                                         "has no material of unknown spectrum"),
-        (views, "object", (*MATERIALS, MaterialSpec("stand", "stand")),
-         "the spectrum of stand is unknown")):
-        with pytest.raises(InputError, match=words):
-            reconstruct_shape([replace(view, materials=materials) for view in given], shape,
-                              ShapeSettings(), silent)

@@ -15,24 +15,22 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.progress import Progress
+from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import response_matrix
-from spectrabox.reconstruct.engines.answer import EngineAnswer
 from spectrabox.reconstruct.engines.gradient import (
     LEARNING_RATE,
     START,
     TAIL,
     GradientFit,
     cosine_rate,
-    outcome_of,
 )
-from spectrabox.reconstruct.engines.gradient_engine import answer_of_descent
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import View
 
 WAVELENGTHS = 31
 VARIANT = "llvm_ad_mono"
+STILL_FALLING = 0.10    # share by which the loss of the last steps fell: above, more are needed
 _SPECTRUM = re.compile(r'<spectrum name="(\w+)" type="regular">.*?</spectrum>', re.DOTALL)
 _FILM = re.compile(r'<film type="specfilm">.*?</film>', re.DOTALL)
 
@@ -54,33 +52,8 @@ class MonochromeJob:
     seed: int
 
 
-def invert_per_wavelength(view: View, settings: InversionSettings,
-                          progress: Progress) -> EngineAnswer:
-    """Coefficients by gradient descent through one monochrome rendering per wavelength.
-
-    Parameters
-    ----------
-    view : View
-        Without a light scale 1 is taken.
-    settings : InversionSettings
-        ``steps`` steps of ``spp`` paths per pixel and wavelength.
-    progress : function of (fraction done, what is being done)
-    """
-    fit = descend(monochrome_job(view, settings), progress)
-    return answer_of_descent(view, settings, fit, f"gradient descent, {WAVELENGTHS} monochrome "
-                             "renderings a step")
-
-
-def descend(job: MonochromeJob, progress: Progress) -> GradientFit:
-    """Coefficients after all steps of the job, run in a process of its own.
-
-    Parameters
-    ----------
-    job : MonochromeJob
-    progress : function of (fraction done, what is being done)
-        Called once, at the start.
-    """
-    progress(0.0, f"{job.steps} steps of {job.basis.shape[0]} renderings")
+def descend(job: MonochromeJob) -> GradientFit:
+    """Coefficients after all steps of the job, run in a process of its own."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         return pool.submit(_descend, job).result()
 
@@ -182,3 +155,10 @@ def _descend(job: MonochromeJob) -> GradientFit:
             tail.append(np.array([np.array(optimizer[key]) for key in names], dtype=np.float64))
     history, last = np.array(losses), np.array(tail)
     return GradientFit(last.mean(axis=0), last, scale, history, outcome_of(history))
+
+
+def outcome_of(losses: np.ndarray) -> Outcome:
+    """Whether the loss (I,) still fell over the tail, by the means of its two halves."""
+    tail = losses[-max(int(TAIL * losses.size), 4):]
+    first, second = tail[:tail.size // 2].mean(), tail[tail.size // 2:].mean()
+    return Outcome.STEP_LIMIT if second < (1 - STILL_FALLING) * first else Outcome.CONVERGED

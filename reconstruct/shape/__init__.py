@@ -1,1 +1,0 @@
-"""Shape and spectrum of one object from several photos."""
