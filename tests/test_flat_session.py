@@ -19,11 +19,16 @@ from flat_example import (
     write_flat,
 )
 
-from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.fixtures.flat_sample import lamplight, vignetting, write_photo
 from spectrabox.fixtures.paints import NM, paint
-from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.flat.assemble import assemble_flat
 from spectrabox.session.pipeline import run_stages
+from spectrabox.session.report.flat_verdict import judge_flat
+from spectrabox.session.report.verdict import Status
 from spectrabox.session.stages.stored_records import samples_of, signals_of
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -272,6 +277,40 @@ def test_a_warmer_lamp_over_the_samples_is_seen_on_a_white_card(flat_session):
         HEAD + regions_toml(known=("white_wall",)), encoding="utf-8")
     with pytest.raises(SpectraboxError, match="photographed under different light"):
         run(flat_session)
+
+
+def with_card(folder, name, factor):
+    """Say that a region is of known spectrum, off by a factor from what it is."""
+    text = table_text(NM, {"value": factor * paint(name)[1]}, quantity=Quantity.REFLECTANCE,
+                      source="a card")
+    (folder / "spectra" / f"{name}.csv").write_text(text, encoding="utf-8")
+    (folder / "session.toml").write_text(HEAD + regions_toml(known=(name,)), encoding="utf-8")
+
+
+def test_a_card_stated_far_from_its_level_is_refused(flat_session):
+    with_card(flat_session, "white_wall", 0.5)
+    with pytest.raises(CheckError, match=r"is stated to reflect 0\.42 and reads 0\.8"):
+        run(flat_session)
+
+
+def test_a_card_stated_off_its_level_is_doubted(flat_session):
+    with_card(flat_session, "white_wall", 1.1)      # the light is known to about 2.5 % there
+    finished = run(flat_session)
+    notes = finished.stored["signals"].record(tuple[str, ...], "notes")
+    assert any("standard errors darker than the chart's light" in note for note in notes)
+    verdict = judge_flat(assemble_flat(read_session(flat_session), finished, {}))
+    assert verdict.status is Status.WARN and "The level of “white_wall”" in verdict.says
+
+
+def test_a_true_card_far_from_the_chart_in_uneven_light_is_believed(flat_session):
+    light = lamplight((320, 480), [(0.0, 0.1, 0.5, 1.0)]) * vignetting((320, 480), 0.8)
+    x0, y0, x1, y1 = rect_of("green_wall")
+    assert light[y0:y1, x0:x1].mean() < 0.6 * light[:y1, :x1].max()
+    write_photo(flat_session / "photos" / "sample.dng", picture(light=light / light.max()),
+                Fraction(1, 60), np.random.default_rng(10))
+    with_card(flat_session, "green_wall", 1.0)
+    misfits = run(flat_session).stored["signals"].record(np.ndarray, "level misfits")
+    assert np.abs(misfits).max() < 3
 
 
 def test_the_demo_finds_the_paints_of_a_painting_under_an_unknown_lamp(tmp_path):

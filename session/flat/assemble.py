@@ -101,4 +101,12 @@ def _photo(config: SessionConfig, stored: Mapping[str, StoredStage],
         (round(width * photo.sensor_step), round(height * photo.sensor_step)),
         {name: np.array(region.outline()) for name, region in shown},
         chart[0].corners_px if chart is not None and own_chart else None, over,
-        stored["signals"].record(np.ndarray, view.record("light map")))
+        stored["signals"].record(np.ndarray, view.record("light map")),
+        _misfits(config, stored, view))
+
+
+def _misfits(config: SessionConfig, stored: Mapping[str, StoredStage],
+             view: ViewInputs) -> dict[str, float]:
+    known = [name for name, section in regions_of(config, view) if section.known is not None]
+    misfits = stored["signals"].record(np.ndarray, view.record("level misfits"))
+    return {} if misfits is None else dict(zip(known, misfits.tolist(), strict=True))

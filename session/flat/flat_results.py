@@ -26,6 +26,8 @@ class PhotoOfRegions:
     light: dict[str, tuple[float, float]]
     # over the photo: light and its relative error, (2, h, w); None where it shows no region
     light_map: np.ndarray | None
+    # of each known region: its level against the light's, in standard errors of both
+    level_misfits: dict[str, float]
 
 
 @dataclass(frozen=True, kw_only=True)

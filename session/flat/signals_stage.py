@@ -20,6 +20,7 @@ from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig,
 from spectrabox.session.flat.white_at_regions import (
     PhotoWhite,
     far_notes,
+    level_notes,
     light_map,
     white_at_regions,
     with_known,
@@ -48,7 +49,9 @@ def find_signals(task: StageTask) -> dict[str, Any]:
     dict
         "signals", a SurfaceSignals; of every photo the "light" (R, 2) on its regions, relative to
         that on the chart, with its relative error, and both over the photo as "light map" (2, h,
-        w), None where it shows no region; the "drift" of the light, a LightDrift or None; "notes".
+        w), None where it shows no region, and how far the levels of its known regions are from the
+        light's as "level misfits", in standard errors; the "drift" of the light, a LightDrift or
+        None; "notes".
 
     Raises
     ------
@@ -68,12 +71,14 @@ def find_signals(task: StageTask) -> dict[str, Any]:
         task.progress(number / len(config.all_views), view.photo_files[0])
         white = white_of_photo(task, view, responses[number], drift)
         if white is not None:
-            records["notes"] += far_notes(white)
+            records["notes"] += far_notes(white) + level_notes(white)
         found.append(white)
     records["signals"] = _stacked(task, calibrations, responses, found, known, model, drift)
     if drift is not None:
         records["notes"] += (drift.sentence,)
     for view, white in zip(config.all_views, found, strict=True):
+        records[view.record("level misfits")] = None if white is None else np.array(
+            list(white.level_misfits.values()))
         records[view.record("light")] = None if white is None else _light_on_regions(white)
         records[view.record("light map")] = None if white is None else light_map(
             task, view, _chart_view(config, view))

@@ -35,6 +35,7 @@ from spectrabox.session.stages.stored_records import chart_of, photo_of
 WHITE, LIGHT = "white on the chart", "light over the picture"
 KNOWN_ERROR = 0.005         # relative, of a known spectrum: its angle to the light, wear
 OTHER_COLOUR, SIGMAS = 0.04, 4.0    # relative and in standard errors: the light is another
+LEVEL_DOUBTED, LEVEL_REFUSED = 3.0, 5.0     # standard errors between a known level and the light's
 MAP_COLUMNS = 24            # of the map of the light over a photo
 FAR = 0.05                  # relative error of the light on a region, above which to say so
 
@@ -54,6 +55,8 @@ class PhotoWhite:
     causes: tuple[str, ...]
     mean: np.ndarray                    # (Z,) corrections to the above
     covariance: np.ndarray              # (Z, Z)
+    # of each known region: how far its level is from the light's, in standard errors of both
+    level_misfits: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def white(self) -> np.ndarray:
@@ -70,10 +73,12 @@ class PhotoWhite:
         glare = self.glare + self.mean[bands:2 * bands]
         return np.asarray((self.samples.mean - glare) / self.white)
 
-    def jacobian(self, region: int) -> np.ndarray:
-        """Derivative (K, Z) of a region's relative signal by the unknowns."""
+    def jacobian(self, region: int, signal: np.ndarray | None = None) -> np.ndarray:
+        """Derivative (K, Z) of a region's relative signal by the unknowns, where the signal is the
+        measured one or ``signal`` (K,).
+        """
         bands, regions = self.glare.size, len(self.samples.names)
-        signal = self.signal[region]
+        signal = self.signal[region] if signal is None else signal
         rows = np.zeros((bands, self.mean.size))
         rows[:, :bands] = np.diag(-signal)
         rows[:, bands:2 * bands] = np.diag(-1 / self.white[region])
@@ -196,21 +201,60 @@ def with_known(found: PhotoWhite, known: Mapping[str, np.ndarray],
     Raises
     ------
     CheckError
-        If the light on a known region is of another colour than on the chart.
+        If the light on a known region is of another colour than on the chart, or its level is far
+        beyond the errors from what the chart's light gives.
     """
+    misfits = {}
     for name in known:
         region = found.samples.names.index(name)
+        misfits[name] = _level_misfit(found, region, known[name], errors[name])
         rows, target = found.jacobian(region), known[name]
         residual = target - found.signal[region]
         spread = rows @ found.covariance @ rows.T + found.noise(region) + errors[name] \
             + KNOWN_ERROR**2 * np.outer(target, target)
         _require_one_light(found.samples.names[region], residual / target,
                            spread / np.outer(target, target))
+        _require_one_level(name, found.signal[region], target, misfits[name])
         gain = np.linalg.solve(spread, rows @ found.covariance).T
         found = dataclasses.replace(
             found, mean=found.mean + gain @ residual,
             covariance=symmetric(found.covariance - gain @ rows @ found.covariance))
-    return found
+    return dataclasses.replace(found, level_misfits=misfits)
+
+
+def _level_misfit(found: PhotoWhite, region: int, target: np.ndarray, error: np.ndarray) -> float:
+    """How far the level of a known region is from what the light gives, in standard errors.
+
+    The errors are those that the signal has if ``target`` (K,) is right. Those of the light are
+    relative and multiply; those of glare and noise add: a level that is too high is compared in
+    the logarithm and one that is too low is not, so that large errors are never overstated.
+    """
+    ratio = found.signal[region] / target
+    rows = found.jacobian(region, target) / target[:, None]
+    both = np.outer(target, target)
+    covariance = rows @ found.covariance @ rows.T + (found.noise(region) + error) / both \
+        + KNOWN_ERROR**2
+    weights = np.linalg.solve(covariance, np.ones(len(ratio)))
+    level = float(weights @ ratio / weights.sum())
+    return (float(np.log(level)) if level > 1 else level - 1) * float(np.sqrt(weights.sum()))
+
+
+def _require_one_level(name: str, signal: np.ndarray, target: np.ndarray, misfit: float) -> None:
+    """Refuse a known region whose level contradicts the light on it."""
+    if abs(misfit) > LEVEL_REFUSED:
+        raise CheckError(f"region {name!r} is stated to reflect {target.mean():.2f} and reads "
+                         f"{signal.mean():.2f} in the chart's light, {abs(misfit):.0f} standard "
+                         "errors away: state the right reflectance, or take chart and samples "
+                         "under one light, without a shadow on either")
+
+
+def level_notes(found: PhotoWhite) -> tuple[str, ...]:
+    """Known regions whose level is further from the light's than chance explains."""
+    return tuple(
+        f"region {name!r} of known spectrum is {abs(misfit):.1f} standard errors "
+        f"{'brighter' if misfit > 0 else 'darker'} than the chart's light makes it: check its "
+        "stated reflectance, and for a shadow on it or on the chart"
+        for name, misfit in found.level_misfits.items() if abs(misfit) > LEVEL_DOUBTED)
 
 
 def far_notes(found: PhotoWhite) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.session.flat.flat_results import FlatResults
+from spectrabox.session.flat.white_at_regions import LEVEL_DOUBTED
 from spectrabox.session.report.verdict import (
     Criterion,
     Status,
@@ -25,7 +26,8 @@ CLIPPED_LIMITS = (0.05, float("inf"))   # of the photo; regions and chart are re
 def judge_flat(results: FlatResults) -> Verdict:
     """Verdict on a session of flat samples: PASS, WARN or FAIL."""
     fit = results.calibration.sensitivity.outcome
-    criteria = (*_light(results), chart_agreement(results), *left_out(results),
+    criteria = (*_light(results), *_known_levels(results), chart_agreement(results),
+                *left_out(results),
                 *calibration_doubts(results),
                 Criterion("Sensitivity fit", None, fit.name.replace("_", " ").lower(), "converged",
                           outcome_status(fit), f"Sensitivity fit: {fit.value}"),
@@ -53,6 +55,22 @@ def _light(results: FlatResults) -> list[Criterion]:
                              percent(change), "corrected", Status.INFO,
                              f"The light changes by {percent(change)} between chart and regions, "
                              "which is corrected within its error.")]
+
+
+def _known_levels(results: FlatResults) -> list[Criterion]:
+    """How far the stated levels of known regions are from what the chart's light gives."""
+    misfits = {name: misfit for photo in results.photos
+               for name, misfit in photo.level_misfits.items()}
+    if not misfits:
+        return []
+    worst = max(misfits, key=lambda name: abs(misfits[name]))
+    size = abs(misfits[worst])
+    status = Status.PASS if size <= LEVEL_DOUBTED else Status.WARN
+    return [Criterion("Level of known regions against the chart's light, worst region", size,
+                      f"{size:.1f} standard errors", f"pass up to {LEVEL_DOUBTED:.0f}", status,
+                      f"The level of “{worst}”, of known spectrum, is {size:.1f} standard errors "
+                      "from what the chart's light gives" + ("." if status is Status.PASS else
+                      ": check its stated reflectance, and for a shadow on it or on the chart."))]
 
 
 def _clipped(results: FlatResults) -> Criterion:
