@@ -28,7 +28,7 @@ from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.replay import settings_of
 from spectrabox.capture.transcripts.transcript import Event, Transcript
 from spectrabox.fixtures.meter_transcripts import SyntheticMeter, changed_meters
-from spectrabox.radiometry.outside.interruption import SIGNALS
+from spectrabox.session.interruption import SIGNALS, Interruptions
 
 PACE = Pace(scale=0.002, shortest_limit_s=0.5)
 BUSY_S = 0.1                # a played measurement; the line is deaf to all that comes during it
@@ -122,8 +122,9 @@ def run(meter: SyntheticMeter, point: int, number: int) -> tuple[bool, dict[str,
     with player, mock.patch.object(serial, "serial_for_url", interrupting), \
             mock.patch.object(serial_line, "INNER_TIMEOUT_S", 0.005):
         try:
-            measure_once(meter.driver, player.port, settings_of(transcript),
-                         lambda direction, data: None, pace=PACE)
+            with Interruptions() as interruptions:
+                measure_once(meter.driver, player.port, settings_of(transcript),
+                             lambda direction, data: None, pace=PACE, held=interruptions.held)
         except KeyboardInterrupt:
             interrupted = True
         except InstrumentError:

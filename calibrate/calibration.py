@@ -32,7 +32,6 @@ from spectrabox.calibrate.trust import chart_colour_differences, doubts, other_r
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.light_scale import scale_from_signals
-from spectrabox.radiometry.outside.second_process import beside
 from spectrabox.radiometry.records import (
     Calibration,
     CalibrationDoubt,
@@ -164,9 +163,8 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         if isinstance(first.light, UnknownLight):
             prior_fit, posterior, said = _products(fitted, first.light, grid, chosen.prior, apart)
         else:
-            with beside(lambda: _light_doubts(photos, fitted, grid, chosen.prior)) as lights:
-                prior_fit = prior_calibration(fitted, grid, chosen.prior, apart)
-                doubtful, said = lights()
+            prior_fit = prior_calibration(fitted, grid, chosen.prior, apart)
+            doubtful, said = _light_doubts(photos, fitted, grid, chosen.prior)
             doubtful = (*doubts(prior_fit), *doubtful)
         said = (*sentences(prior_fit, grid), *said)
         scale, without = scale_of_photo(prior_fit, 0), in_chart_order(prior_fit.without, first.used)

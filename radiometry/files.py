@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.outside.interruption import TIDYING_S, Interruptions
 
 UNFINISHED = ".spectrabox-"      # begins the name of a file that is being written
 
@@ -108,7 +107,7 @@ def write_text_whole(path: Path, text: str) -> None:
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """An empty file that takes the place of ``path`` when the block ends well, and is then on disk;
-    it vanishes otherwise, also where Ctrl-C or a signal ends the block.
+    it vanishes otherwise, also where Ctrl-C ends the block.
 
     Parameters
     ----------
@@ -120,8 +119,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     EnvironmentProblem
         If the folder cannot be written, or the path is a link or a folder.
     """
-    with writable(path.parent), \
-            Interruptions(held=True, again_after_s=TIDYING_S) as interruptions:
+    with writable(path.parent):
         require_no_link(path)
         if path.is_dir():
             raise EnvironmentProblem(f"{path} cannot be written: it is a folder; move it away, or "
@@ -129,11 +127,10 @@ def whole_file(path: Path) -> Iterator[Path]:
         # The name of its process: what a killed one leaves is swept, what one at work has is not.
         unfinished = path.with_name(f"{UNFINISHED}{os.getpid()}-{secrets.token_hex(6)}"
                                     f"{path.suffix}")
-        # exclusive: it follows no link, and gets the permissions that the umask leaves
-        os.close(os.open(unfinished, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         try:
-            with interruptions.released():
-                yield unfinished
+            # exclusive: it follows no link, and gets the permissions that the umask leaves
+            os.close(os.open(unfinished, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+            yield unfinished
             sync(unfinished)
             unfinished.replace(path)
             sync_folder(path.parent)
@@ -144,7 +141,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 @contextlib.contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
     """The name of a folder to be made that takes the place of ``path`` when the block ends well; it
-    vanishes otherwise, also where Ctrl-C or a signal ends the block.
+    vanishes otherwise, also where Ctrl-C ends the block.
 
     Parameters
     ----------
@@ -156,8 +153,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
     EnvironmentProblem
         If it cannot be written, or the path is a link or a file.
     """
-    with writable(path.parent), \
-            Interruptions(held=True, again_after_s=TIDYING_S) as interruptions:
+    with writable(path.parent):
         require_no_link(path)
         if path.is_file():
             raise EnvironmentProblem(f"{path} cannot be written: it is a file; move it away, or "
@@ -165,8 +161,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
         stem = path.with_name(f"{UNFINISHED}{os.getpid()}-{secrets.token_hex(6)}")
         unfinished, before = (stem.with_suffix(suffix) for suffix in (path.suffix, ".old"))
         try:
-            with interruptions.released():
-                yield unfinished
+            yield unfinished
             for file in unfinished.rglob("*"):
                 if file.is_file():
                     sync(file)

@@ -6,7 +6,7 @@ import io
 import os
 import sys
 import warnings
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 from typer.main import get_command
@@ -16,8 +16,6 @@ from spectrabox.session.command_line import (
     CommandGroup,
     flushed_output,
     last_resort,
-    seldom_look_for_cycles,
-    stop_on_signals,
 )
 from spectrabox.session.commands import (
     batch,
@@ -35,7 +33,7 @@ from spectrabox.session.commands import (
     session,
     spectrum,
 )
-from spectrabox.session.leaving import run_and_leave
+from spectrabox.session.interruption import stop_on_signals
 
 # rich_markup_mode None: its panels cost --help twice the time.
 app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
@@ -83,7 +81,6 @@ def main() -> None:
     # threads of small products would only wait for each other. NumPy and SciPy have one each, which
     # look here when they are loaded.
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    seldom_look_for_cycles()
     debug = "--debug" in sys.argv
     if not debug:
         warnings.simplefilter("ignore")     # lines of our code, which tell an operator nothing
@@ -96,10 +93,5 @@ def main() -> None:
         get_command(with_only("".join(sys.argv[1:2])))(prog_name="spectrabox")
 
 
-def program() -> NoReturn:
-    """``spectrabox`` as it is installed: ``main``, and out at once."""
-    run_and_leave(main)
-
-
 if __name__ == "__main__":
-    program()
+    main()

@@ -3,21 +3,17 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import gc
 import json
 import os
-import signal
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import FrameType
 from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
-from spectrabox.radiometry.outside.interruption import put_off
 from spectrabox.radiometry.outside.words import message, plain
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.",
@@ -42,7 +38,6 @@ SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "repo
             "Can they be trusted": ("certify", "judge"),
             "Trying it out": ("demo", "doctor")}
 INTERRUPTED = 130
-OBJECTS_BEFORE_GC = 200_000     # about 20 MB of them; 700 by default
 STOPPED = "interrupted: finished stages are kept, run the same command again to go on"
 
 NO_MEMORY = ("memory ran out: close other programs, or give smaller pictures, fewer draws or fewer "
@@ -70,37 +65,6 @@ class CommandGroup(TyperGroup):
 
 def _first_paragraph(text: str | None) -> str:
     return " ".join((text or "").split("\n\n")[0].split())
-
-
-class Stopped(KeyboardInterrupt):
-    """Asked to end by the system: SIGTERM or SIGHUP, which end a command as Ctrl-C does."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(f"signal {number}")
-        self.exit_code = 128 + number
-
-
-def seldom_look_for_cycles() -> None:
-    """Let Python look for cycles of objects seldom: it takes a twentieth of what a command takes,
-    and most commands leave none.
-    """
-    gc.set_threshold(OBJECTS_BEFORE_GC)
-
-
-def stop_on_signals() -> None:
-    """Let SIGTERM and SIGHUP end a command as Ctrl-C does, unless the caller has them ignored."""
-    def stop(number: int, frame: FrameType | None) -> None:
-        if put_off(number, frame):
-            return
-        if number == signal.SIGINT:
-            raise KeyboardInterrupt
-        raise Stopped(number)
-
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):      # Windows has no SIGHUP
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) in (signal.SIG_DFL,
-                                                               signal.default_int_handler):
-            signal.signal(number, stop)
 
 
 @contextlib.contextmanager

@@ -8,7 +8,6 @@ from pathlib import Path
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.keys import Key, as_stored, stage_keys
-from spectrabox.session.load_ahead import loading_ahead
 from spectrabox.session.progress_display import StageProgress
 from spectrabox.session.stages.order import stages_of
 from spectrabox.session.stages.stage_task import StageTask
@@ -114,39 +113,36 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
     if only is not None and only not in keys:
         raise InputError(f"there is no stage {only!r} in this session; it has {', '.join(keys)}")
     finished, photos = FinishedRun({}, {}), OpenPhotos()
-    whole = only is None and before is None
-    with loading_ahead(stages_of(config.flat), config.flat, whole, device) as ready_for:
-        for name, key in keys.items():
-            if name == before:
-                break
-            stored = load_stage(config.results_folder, name)
-            fresh = stored is not None and not stored.damage and stored.key == as_stored(key)
-            if only is not None and name != only:
-                later = order.index(name) > order.index(only)
-                if stored is not None and not stored.damage and (fresh or later):
-                    finished.stored[name] = stored
-                    finished.states[name] = "kept" if fresh else "stale"
-                elif not later:
-                    raise InputError(f"stage {name!r}, which comes before {only!r}, is not up to "
-                                     "date: run without --only")
-                continue
-            wanted = force and only in (None, name)
-            if stored is not None and fresh and not wanted:
-                finished.stored[name], finished.states[name] = stored, "kept"
-                progress(name, 1.0, "up to date")
-            else:
-                if stored is not None and stored.damage:
-                    progress(name, 0.0, "made again: its stored results are damaged "
-                             f"({stored.damage})")
-                ready_for(name)
-                with made_once(shared, name, as_stored(key)) as copied:
-                    finished.stored[name] = _run_stage(
-                        config, name, key, inputs, device, finished.stored, progress, photos
-                        ) if copied is None else _copied(config, name, key, inputs, copied,
-                                                         progress)
-                    if copied is None:
-                        share(shared, name, finished.stored[name])
-                finished.states[name] = "run" if copied is None else "copied"
+    for name, key in keys.items():
+        if name == before:
+            break
+        stored = load_stage(config.results_folder, name)
+        fresh = stored is not None and not stored.damage and stored.key == as_stored(key)
+        if only is not None and name != only:
+            later = order.index(name) > order.index(only)
+            if stored is not None and not stored.damage and (fresh or later):
+                finished.stored[name] = stored
+                finished.states[name] = "kept" if fresh else "stale"
+            elif not later:
+                raise InputError(f"stage {name!r}, which comes before {only!r}, is not up to "
+                                 "date: run without --only")
+            continue
+        wanted = force and only in (None, name)
+        if stored is not None and fresh and not wanted:
+            finished.stored[name], finished.states[name] = stored, "kept"
+            progress(name, 1.0, "up to date")
+        else:
+            if stored is not None and stored.damage:
+                progress(name, 0.0, "made again: its stored results are damaged "
+                         f"({stored.damage})")
+            with made_once(shared, name, as_stored(key)) as copied:
+                finished.stored[name] = _run_stage(
+                    config, name, key, inputs, device, finished.stored, progress, photos
+                    ) if copied is None else _copied(config, name, key, inputs, copied,
+                                                     progress)
+                if copied is None:
+                    share(shared, name, finished.stored[name])
+            finished.states[name] = "run" if copied is None else "copied"
     return finished
 
 

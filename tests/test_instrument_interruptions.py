@@ -1,4 +1,5 @@
 """However a measurement is broken off, the instrument has its own settings back."""
+import contextlib
 import os
 import signal
 
@@ -11,7 +12,7 @@ from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.replay import settings_of
 from spectrabox.fixtures.meter_transcripts import changed_meters
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.radiometry.outside.interruption import SIGNALS, Interruptions
+from spectrabox.session.interruption import SIGNALS, Interruptions
 
 from benchmarks.bench_interruptions import conversation, interruptions, run, settings_left
 
@@ -64,8 +65,12 @@ def test_the_handlers_of_signals_are_those_of_before_again():
     assert [signal.getsignal(number) for number in SIGNALS] == before
 
 
+@contextlib.contextmanager
 def opened(name, player, log=lambda direction, data: None):
-    return open_instrument(name, player.port, log, FAST)
+    """As the command opens it."""
+    with Interruptions() as interruptions, \
+            open_instrument(name, player.port, log, FAST, interruptions.held) as meter:
+        yield meter
 
 
 @pytest.mark.parametrize("name", ["cs2000", "cr250", "pr655", "specbos2501"])

@@ -27,10 +27,9 @@ from spectrabox.capture.meter.instruments.interface import (
     Instrument,
     MeterSettings,
 )
-from spectrabox.capture.meter.serial_line import Log, Pace, open_line
+from spectrabox.capture.meter.serial_line import Hold, Log, Pace, open_line
 from spectrabox.capture.meter.stated import check_stated
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.outside.interruption import Interruptions
 from spectrabox.radiometry.records import Quantity, Spectrum
 from spectrabox.radiometry.spectra.luminous import luminance_of
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
@@ -40,13 +39,13 @@ VISIBLE_NM = (400.0, 700.0)
 
 
 @contextlib.contextmanager
-def open_instrument(name: str, port: str, log: Log,
-                    pace: Pace | None = None) -> Iterator[Instrument]:
+def open_instrument(name: str, port: str, log: Log, pace: Pace | None = None,
+                    held: Hold = contextlib.nullcontext) -> Iterator[Instrument]:
     """A driver on an open line; the instrument is left as it was, however the block ends.
 
-    Ctrl-C, SIGTERM and SIGHUP are a KeyboardInterrupt here: a command under way is finished, the
-    instrument's answer or the end of its measurement is waited for, then settings are put back.
-    What could not be put back stays in ``restore`` of the driver.
+    Where ``held`` keeps interrupts back, a command under way is finished, the instrument's answer
+    or the end of its measurement is waited for, then settings are put back. What could not be put
+    back stays in ``restore`` of the driver.
 
     Parameters
     ----------
@@ -58,19 +57,22 @@ def open_instrument(name: str, port: str, log: Log,
         Called with everything that passes.
     pace : Pace or None
         None for real time.
+    held : function that gives a context, optional
+        Nothing interrupts a block that is run in it, at most one interrupt any other. By default
+        nothing is kept back.
 
     Raises
     ------
     InputError, InstrumentError
     """
     driver = driver_named(name)
-    with Interruptions() as interruptions:
-        instrument = driver(open_line(port, driver.line_settings, log, pace, interruptions.held))
+    instrument = driver(open_line(port, driver.line_settings, log, pace, held))
+    with contextlib.ExitStack() as closing:
         try:
             try:
                 yield instrument
             finally:
-                interruptions.hold()
+                closing.enter_context(held())
         finally:  # of its own: an interrupt may fall before the hold, and no second one is raised
             instrument.close()
 
@@ -136,12 +138,12 @@ def take_reading(instrument: Instrument, identity: Identity, *,
 
 
 def measure_once(name: str, port: str, wanted: MeterSettings, log: Log, *, pace: Pace | None = None,
-                 transcript: str = "") -> SpectralReading:
+                 transcript: str = "", held: Hold = contextlib.nullcontext) -> SpectralReading:
     """Open, identify, set, measure, read, verify and leave an instrument.
 
     Parameters
     ----------
-    name, port, log, pace
+    name, port, log, pace, held
         As in ``open_instrument``.
     wanted : MeterSettings
     transcript : str
@@ -151,7 +153,7 @@ def measure_once(name: str, port: str, wanted: MeterSettings, log: Log, *, pace:
     ------
     InputError, InstrumentError
     """
-    with open_instrument(name, port, log, pace) as instrument:
+    with open_instrument(name, port, log, pace, held) as instrument:
         identity = trusted_identity(instrument)
         instrument.settings(wanted)
         return take_reading(instrument, identity, transcript=transcript)

@@ -17,7 +17,7 @@ from multiprocessing.process import BaseProcess
 
 from spectrabox.radiometry.outside.free_memory import free_memory
 from spectrabox.session.batch.pool import Finished, Lost, Work, do_work
-from spectrabox.session.command_line import seldom_look_for_cycles, stop_on_signals
+from spectrabox.session.interruption import stop_on_signals
 
 KEPT_FREE = 0.1         # of the memory: the machine has other work
 ENDING_S = 20.0         # a stopped worker removes what it left half done
@@ -115,8 +115,7 @@ def _serve(line: Connection, cores: Sequence[int]) -> None:
 
 
 def settle(cores: Sequence[int]) -> None:
-    """Make this process a worker: on its own cores, where it has such, and as a command runs."""
-    seldom_look_for_cycles()
+    """Keep this process, a worker, on its own cores, where it has such."""
     if cores and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, cores)
 

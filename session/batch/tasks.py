@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import functools
-import gc
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -74,7 +73,6 @@ def do_task(task: Task) -> Outcome:
     Whatever goes wrong with the session is in the outcome, in a sentence. Only an interrupt is
     raised: what is whole then is kept.
     """
-    gc.collect()    # what the session before has left: else it counts as memory of this one
     start, memory = time.perf_counter(), PeakMemory()
     try:
         _require_same_program(task)

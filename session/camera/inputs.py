@@ -48,7 +48,6 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
 
     from spectrabox.radiometry.charts.left_out import left_out
     from spectrabox.radiometry.charts.references import reference_reflectances
-    from spectrabox.radiometry.outside.loaded_beside import loaded_beside
     from spectrabox.radiometry.spectra.stated_light import stated_light
     from spectrabox.session.camera.patch_files import read_patches
     known_lights = {name: stated_light(name, grid) for name in lights}
@@ -61,10 +60,9 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
                 for index in range(len(photos))]
     places = [corners[index if len(corners) > 1 else 0] if corners else None
               for index in range(len(photos))]
-    with loaded_beside(_load_what_fits):
-        found = [_patches_of_picture(photo, at, layout_of, reflectances, grid) if decode
-                 else read_patches(photo, layout_of)
-                 for photo, at, reflectances in zip(photos, places, chart_of, strict=True)]
+    found = [_patches_of_picture(photo, at, layout_of, reflectances, grid) if decode
+             else read_patches(photo, layout_of)
+             for photo, at, reflectances in zip(photos, places, chart_of, strict=True)]
     from spectrabox.calibrate.calibration import ChartPhoto
     charts: list[ChartPhoto] = []
     names: list[tuple[str, ...]] = []
@@ -82,17 +80,6 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
                              f"{', '.join(names[0])}; all photos must be of one camera, its bands "
                              "in the same order")
     return tuple(charts), names[0]
-
-
-def _load_what_fits() -> None:
-    """Import and read what the fit takes: LibRaw and OpenCV, at work meanwhile, leave Python free.
-    """
-    import spectrabox.calibrate.curve_band
-    import spectrabox.session.stages.left_out  # noqa: F401
-    from spectrabox.calibrate.prior.camera_prior import shipped_prior
-    from spectrabox.sampling.prior.mixture import load_prior
-    shipped_prior()
-    load_prior()
 
 
 def known_light(word: str, grid: WavelengthGrid) -> Spectrum:

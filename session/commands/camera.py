@@ -135,15 +135,13 @@ def fit(light: Lights, photos: ChartPhotos = None, chart: Charts = None,
                                   numbers_of_patches(leave_out), layout)
         from spectrabox.calibrate.calibration import CalibrationOptions, calibrate_chart
         from spectrabox.calibrate.curve_band import curve_band
-        from spectrabox.radiometry.outside.second_process import beside
         from spectrabox.session.stages.left_out import left_out_patches
         given_curves = None if curves is None else read_measured_curves(curves, len(names), grid)
         options = CalibrationOptions(method, None if prior_file is None else _prior(prior_file),
                                      curves=given_curves)
         result = calibrate_chart(charts, grid, options)
-        with beside(lambda: left_out_patches(result, charts[0].reflectances)) as without_each:
-            band = curve_band(result)
-            left_out = without_each()
+        band = curve_band(result)
+        left_out = left_out_patches(result, charts[0].reflectances)
         source = ", ".join(light_words(chart.light) for chart in charts)
         facts = {**facts_of(result, band, grid, charts[0].chart, left_out), "bands": list(names),
                  "light": source}

@@ -301,9 +301,11 @@ def _instrument(name: str, port: str, log: Log) -> Iterator[Instrument]:
     """An open instrument that is left as it was found, or else the operator is told so."""
     from spectrabox.capture.meter.measurement import open_instrument
     from spectrabox.capture.meter.serial_line import shown
+    from spectrabox.session.interruption import Interruptions
     opened: list[Instrument] = []
     try:
-        with open_instrument(name, port, log, _pace()) as meter:
+        with Interruptions() as interruptions, \
+                open_instrument(name, port, log, _pace(), interruptions.held) as meter:
             opened.append(meter)
             try:
                 yield meter

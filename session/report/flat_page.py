@@ -17,10 +17,9 @@ from spectrabox.session.report.page import (
     rendered,
     written_whole,
 )
-from spectrabox.session.report.page_templates import compiled
 from spectrabox.session.report.shapes.field_whiskers import field_whiskers
 from spectrabox.session.report.svg import band_colours, report_style
-from spectrabox.session.report.tables import input_rows, sections_beside
+from spectrabox.session.report.tables import input_rows, material_sections
 from spectrabox.session.report.verdict import Verdict
 
 REPORT = "flat.html.j2"
@@ -47,21 +46,19 @@ def render_flat_report(results: FlatResults) -> RenderedReport:
 
 
 def _page(results: FlatResults, verdict: Verdict) -> dict[str, Any]:
-    with sections_beside(results.materials, results.signals.grid.nm,
-                         results.signal_bands) as regions:
-        photos = [{"name": photo.name, "regions": photo.light,
-                   "figure": flat_figures.photo_figure(f"photo-{i}", photo),
-                   "light": flat_figures.light_figure(f"light-map-{i}", photo),
-                   "whiskers": field_whiskers(photo.light)}
-                  for i, photo in enumerate(results.photos, start=1)]
-        calibration = calibration_section(results, None)
-        compiled(REPORT)        # while regions are drawn
-        return {
-            "results": results, "verdict": verdict,
-            "pictures": pictures_of(results) | maps_of(results.picture),
-            "picture": results.picture,
-            "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
-            "surfaces": {"title": "Regions", "key": "regions", "one": "Region", "fitted": False},
-            "materials": regions(), "photos": photos, "calibration": calibration,
-            "inputs": input_rows(results), "methods": flat_methods(results),
-            }
+    photos = [{"name": photo.name, "regions": photo.light,
+               "figure": flat_figures.photo_figure(f"photo-{i}", photo),
+               "light": flat_figures.light_figure(f"light-map-{i}", photo),
+               "whiskers": field_whiskers(photo.light)}
+              for i, photo in enumerate(results.photos, start=1)]
+    return {
+        "results": results, "verdict": verdict,
+        "pictures": pictures_of(results) | maps_of(results.picture),
+        "picture": results.picture,
+        "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
+        "surfaces": {"title": "Regions", "key": "regions", "one": "Region", "fitted": False},
+        "materials": material_sections(results.materials, results.signals.grid.nm,
+                                       results.signal_bands),
+        "photos": photos, "calibration": calibration_section(results, None),
+        "inputs": input_rows(results), "methods": flat_methods(results),
+        }

@@ -33,7 +33,7 @@ from spectrabox.session.report.tables import (
     chart_section,
     held_out_rms,
     input_rows,
-    sections_beside,
+    material_sections,
     surface_rows,
 )
 from spectrabox.session.report.verdict import Verdict, judge
@@ -124,30 +124,26 @@ def maps_of(picture: PictureOfSpectra | None) -> dict[str, str]:
 
 
 def _page(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
-    with sections_beside(results.materials, results.reconstruction.grid.nm,
-                         results.signal_bands) as materials:
-        agreement = _agreement_section("", results.reconstruction, results.calibration,
-                                       results.bands) | {
-            "surfaces": surface_figure("surfaces", results.reconstruction)}
-        views, loss = _view_sections(results), loss_figure("loss",
-                                                           results.reconstruction.loss_history)
-        calibration = calibration_section(results, scale_words(results.light_scale))
-        geometry = geometry_section(results.geometry, {"": results.photo_preview} | {
-            view.name: view.photo_preview for view in results.views})
-        compiled(REPORT)        # while materials are drawn
-        return {
-            "results": results, "verdict": verdict,
-            "pictures": pictures_of(results) | {f"photo {view.name}": picture_data_uri(
-                view.photo_preview) for view in results.views} | maps_of(results.picture),
-            "picture": results.picture,
-            "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
-            "materials": materials(),
-            "surfaces": {"title": "Materials", "key": "materials", "one": "Material",
-                         "fitted": True},
-            "agreement": agreement, "views": views, "calibration": calibration,
-            "geometry": geometry, "loss": loss,
-            "inputs": input_rows(results), "methods": methods_text(results),
-            }
+    agreement = _agreement_section("", results.reconstruction, results.calibration,
+                                   results.bands) | {
+        "surfaces": surface_figure("surfaces", results.reconstruction)}
+    return {
+        "results": results, "verdict": verdict,
+        "pictures": pictures_of(results) | {f"photo {view.name}": picture_data_uri(
+            view.photo_preview) for view in results.views} | maps_of(results.picture),
+        "picture": results.picture,
+        "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
+        "materials": material_sections(results.materials, results.reconstruction.grid.nm,
+                                       results.signal_bands),
+        "surfaces": {"title": "Materials", "key": "materials", "one": "Material",
+                     "fitted": True},
+        "agreement": agreement, "views": _view_sections(results),
+        "calibration": calibration_section(results, scale_words(results.light_scale)),
+        "geometry": geometry_section(results.geometry, {"": results.photo_preview} | {
+            view.name: view.photo_preview for view in results.views}),
+        "loss": loss_figure("loss", results.reconstruction.loss_history),
+        "inputs": input_rows(results), "methods": methods_text(results),
+        }
 
 
 def _agreement_section(name: str, made: Reconstruction, calibration: Calibration,

@@ -1,14 +1,12 @@
 """Rows of the report's tables, and the figures that belong to one row."""
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from spectrabox.radiometry.appearance import reflectance_to_srgb
-from spectrabox.radiometry.outside.second_process import beside
 from spectrabox.radiometry.records import Reconstruction, SpectrumSamples
 from spectrabox.sampling.prior.certified import certified_sentence, mostly_in_doubt
 from spectrabox.session.calibration_facts import left_out_sentence
@@ -33,25 +31,15 @@ from spectrabox.session.report.words import OFF
 from spectrabox.session.store.results import CommonResults, MaterialResult
 
 
-@contextlib.contextmanager
-def sections_beside(materials: Sequence[MaterialResult], grid_nm: np.ndarray,
-                    signal_bands: tuple[str, ...]) -> Iterator[Callable[[], list[dict[str, Any]]]]:
-    """Draw what the report shows of every material beside the block, which is given a function
-    that waits for it.
-
-    Parameters
-    ----------
-    materials, grid_nm, signal_bands
-        As of ``material_section``.
-    """
-    with beside(lambda: [material_section(number, material, grid_nm, signal_bands)
-                         for number, material in enumerate(materials, start=1)]) as drawn:
-        yield lambda: [section | {"material": material}
-                       for section, material in zip(drawn(), materials, strict=True)]
+def material_sections(materials: Sequence[MaterialResult], grid_nm: np.ndarray,
+                      signal_bands: tuple[str, ...]) -> list[dict[str, Any]]:
+    """``_material_section`` of every material, numbered from 1."""
+    return [_material_section(number, material, grid_nm, signal_bands)
+            for number, material in enumerate(materials, start=1)]
 
 
-def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
-                     signal_bands: tuple[str, ...]) -> dict[str, Any]:
+def _material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
+                      signal_bands: tuple[str, ...]) -> dict[str, Any]:
     """What the report shows of one material: table row, figures and data table.
 
     Parameters
@@ -67,7 +55,7 @@ def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
     nm, curves = material_curves(material, grid_nm)
     shown = summary.mean if summary is not None else curves["given"]
     return {
-        "id": f"material-{number}",
+        "id": f"material-{number}", "material": material,
         "swatch": css_colour(reflectance_to_srgb(nm, shown)), "band_width": band_width(material),
         "columns": list(curves), "rows": every_10_nm(nm, curves),
         "figure": material_figure(f"spectrum-{number}", material, grid_nm),

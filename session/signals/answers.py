@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -166,12 +165,10 @@ def bulk_facts(request: SampleRequest, parsed: _Parsed,
     photo_noise = np.broadcast_to(first.noise_covariance, (len(y), *first.noise_covariance.shape))
     causes = causes_of_error(y, photo_noise, request.light_error, request.sensitivity_error)
     count = request.options.coefficients
-    with ThreadPoolExecutor(1) as aside:
-        bounds = aside.submit(bounds_of_many, spline_operator(first, count).A, y,
-                              np.sum(list(causes.values()), axis=0), basis_matrix(GRID.nm, count),
-                              request.level)
-        found = summaries(prior, response_on(first, GRID), y, causes, request.level)
-        bound_lower, bound_upper = bounds.result()
+    bound_lower, bound_upper = bounds_of_many(
+        spline_operator(first, count).A, y, np.sum(list(causes.values()), axis=0),
+        basis_matrix(GRID.nm, count), request.level)
+    found = summaries(prior, response_on(first, GRID), y, causes, request.level)
     seconds = (time.perf_counter() - started) / len(signals)
     results = []
     for row in range(len(signals)):

@@ -20,7 +20,6 @@ from spectrabox.calibrate.sensitivity import scale_of_photo
 from spectrabox.calibrate.trust import GLARE_SIGMA
 from spectrabox.capture.chart.quality import uneven_light_reasons
 from spectrabox.radiometry.light_scale import LAMP_AT_CHART, with_common_error
-from spectrabox.radiometry.outside.second_process import beside
 from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import (
     Calibration,
@@ -83,15 +82,13 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
                "predicted": None if first is None else first.predicted,
                "white": None if first is None else first.white,
                "prior": None if first is None else first.prior_standing}
-    with beside(lambda: None if first is None else left_out_patches(
-            first, read_chart_reference(config))) as left_out:
-        records |= _other_calibrations(config, shown, lights, irradiance, curves, first, camera)
-        records["glare"] = _certain_glare(first, charts)
-        if irradiance is not None:
-            _widen_by_lamp_position(config, records)
-        records["notes"] = () if irradiance is None else _uneven_notes(config, task.stored,
-                                                                       irradiance)
-        records["left out"] = left_out()
+    records |= _other_calibrations(config, shown, lights, irradiance, curves, first, camera)
+    records["glare"] = _certain_glare(first, charts)
+    if irradiance is not None:
+        _widen_by_lamp_position(config, records)
+    records["notes"] = () if irradiance is None else _uneven_notes(config, task.stored, irradiance)
+    records["left out"] = None if first is None else left_out_patches(
+        first, read_chart_reference(config))
     return records
 
 

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -61,12 +60,9 @@ def _find_and_sample_chart(task: StageTask, view: ViewInputs) -> dict[str, Any]:
                                        power_of(read_light(config, view.light)))
     chart = session_chart(config)
     detection = find_chart(photo, reference, chart_corners(config, view), chart)
-    with ThreadPoolExecutor(1) as beside:   # to compress a picture takes as long as to judge it
-        written = beside.submit(write_png, task.folder / f"{view.record('overlay')}.png",
-                                chart_overlay(photo, detection))
-        verdict = judge_chart(photo, detection, reference, chart,
-                              light_explained=config.chart_in_place)
-        written.result()
+    write_png(task.folder / f"{view.record('overlay')}.png", chart_overlay(photo, detection))
+    verdict = judge_chart(photo, detection, reference, chart,
+                          light_explained=config.chart_in_place)
     samples = verdict.samples
     require_unclipped(samples, chart.names, name)
     notes = (*notes, *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))

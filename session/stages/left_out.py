@@ -8,7 +8,6 @@ import numpy as np
 from spectrabox.calibrate.calibration import ChartCalibration
 from spectrabox.calibrate.left_out import PatchesWithout
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.outside.second_process import beside
 from spectrabox.radiometry.records import LeftOutPatches, WavelengthGrid, share_inside
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
 from spectrabox.sampling.prior.summaries import PriorSummaries, summaries
@@ -68,10 +67,9 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
             "calibration and photo": covariance / (white[:, :, None] * white[:, None, :])}, LEVEL)
 
     estimate = np.full(truth.shape, START)
-    with beside(lambda: found(truth @ common.T, truth)) as without_errors:
-        for _ in range(PASSES):
-            each = found(relative - np.einsum("ikp,ip->ik", responses - common, estimate), estimate)
-            estimate = each.mean
-        exact = without_errors()
+    for _ in range(PASSES):
+        each = found(relative - np.einsum("ikp,ip->ik", responses - common, estimate), estimate)
+        estimate = each.mean
+    exact = found(truth @ common.T, truth)
     return LeftOutPatches(GRID, each.mean, each.lower, each.upper, truth, kept_out,
                           share_inside(exact.lower, exact.upper, truth), LEVEL)

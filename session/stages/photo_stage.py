@@ -1,7 +1,6 @@
 """The stage that decodes object photos, to the render's size."""
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -47,10 +46,7 @@ def bin_object_photos(task: StageTask) -> dict[str, Any]:
         check_aspect(photo, read_session_scene(config, view), name)
         height, width = photo.signal.shape[:2]
         size = render_size(width, height, config.reconstruct.width)
-        with ThreadPoolExecutor(1) as beside:
-            written = beside.submit(write_png, task.folder / f"{view.record('preview')}.png",
-                                    preview_rgb8(photo))
-            records[view.record("photo")] = bin_image(photo, *size)
-            written.result()
+        write_png(task.folder / f"{view.record('preview')}.png", preview_rgb8(photo))
+        records[view.record("photo")] = bin_image(photo, *size)
         records["notes"] += notes
     return records

@@ -23,7 +23,6 @@ from spectrabox.radiometry.files import (
     sync_folder,
     writable,
 )
-from spectrabox.radiometry.outside.interruption import TIDYING_S, Interruptions
 
 FACTS, ARRAYS, SUMS = "facts.json", "arrays.npz", "SHA256SUMS"
 
@@ -107,22 +106,20 @@ def stage_folder(results: Path, stage: str) -> Iterator[Path]:
     """
     new, old, final = results / f".{stage}.new", results / f".{stage}.old", results / stage
     require_no_link(results)
-    with Interruptions(held=True, again_after_s=TIDYING_S) as interruptions:
-        try:
-            with writable(results):
-                sweep_stage(results, stage)
-                new.mkdir(parents=True)
-            with interruptions.released():
-                yield new
-            with writable(results):
-                _seal(new)
-                if final.exists():
-                    final.replace(old)
-                new.replace(final)
-                sync_folder(results)
-            shutil.rmtree(old, ignore_errors=True)
-        finally:
-            shutil.rmtree(new, ignore_errors=True)
+    try:
+        with writable(results):
+            sweep_stage(results, stage)
+            new.mkdir(parents=True)
+        yield new
+        with writable(results):
+            _seal(new)
+            if final.exists():
+                final.replace(old)
+            new.replace(final)
+            sync_folder(results)
+        shutil.rmtree(old, ignore_errors=True)
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
 
 
 def sweep_stage(results: Path, stage: str) -> None:
