@@ -26,6 +26,11 @@ def pytest_xdist_auto_num_workers(config):
     return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else (os.cpu_count() or 1) + 1
 
 
+def pytest_addoption(parser):
+    parser.addoption("--record", action="store_true",
+                     help="write the tables in tests/whole_sessions/ again")
+
+
 @pytest.fixture(scope="session")
 def browser():
     """The distribution's Chromium, driven by Playwright, or a skip with the reason.
