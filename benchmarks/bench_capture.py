@@ -1,5 +1,5 @@
-"""Decoding against ``rawpy.postprocess`` (time, memory), noise against the truth, damaged files, a
-7-band capture.
+"""Decoding against ``rawpy.postprocess`` (time, memory), noise against the truth, a 7-band
+capture.
 
 The 7-band capture is the folder ``flea3_chart`` under --data; without it that part is left out.
 """
@@ -30,7 +30,6 @@ from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.noise import PhotonTransfer
 from spectrabox.fixtures.chart_scene import GRID_MM, chart_scene, mosaic
 from spectrabox.fixtures.dng import BAYER_TILES, write_dng
-from spectrabox.radiometry.errors import InputError
 
 from benchmarks.mosaic_file import read_mosaic
 
@@ -165,36 +164,6 @@ def _scene() -> tuple[np.ndarray, np.ndarray]:
     return chart_scene(720, 1000, signals, corners), signals
 
 
-def damaged_files(folder: Path, files: int) -> dict[str, int]:
-    """What becomes of truncated, bit-flipped and mislabelled raws: refused in a sentence,
-    unchanged, or changed.
-    """
-    content = np.random.default_rng(2).integers(500, 16000, (96, 128)).astype(np.uint16)
-    write_dng(folder / "whole.dng", content)
-    whole, rng = (folder / "whole.dng").read_bytes(), np.random.default_rng(3)
-    intact = open_photo(folder / "whole.dng").signal
-    counts = {"refused": 0, "unchanged": 0, "changed": 0}
-    for index in range(files):
-        damaged = bytearray(whole)
-        if index % 3 == 0:
-            damaged = damaged[:rng.integers(0, len(whole))]
-        else:
-            for _ in range(rng.integers(1, 4)):
-                damaged[rng.integers(0, 800)] ^= 1 << int(rng.integers(0, 8))
-        suffix = (".dng", ".exr", ".tif", ".png", ".nef")[index % 5 if index % 7 == 0 else 0]
-        path = folder / f"damaged{suffix}"
-        path.write_bytes(damaged)
-        try:
-            image = open_photo(path)
-            same = image.signal.shape == intact.shape and np.allclose(image.signal, intact,
-                                                                      atol=1e-6)
-            counts["unchanged" if same else "changed"] += 1
-        except InputError as error:
-            counts["refused"] += 1
-            assert path.name in str(error), error
-    return counts
-
-
 def seven_bands(folder: Path) -> dict[str, Any]:
     """Patch signals of a 7-band capture against filter-weighted measured reflectances, as shares of
     the maximum.
@@ -271,7 +240,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--megapixels", type=float, nargs="+", default=[24.0, 60.0])
     parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--damaged", type=int, default=3000, help="files to damage")
     parser.add_argument("--data", type=Path, help="folder of measured data that holds flea3_chart")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the tables")
     arguments = parser.parse_args()
@@ -281,7 +249,7 @@ def main() -> None:
             "decoding": [decoding(folder, megapixels, arguments.repeats)
                          for megapixels in arguments.megapixels],
             "chart_command": chart_command(folder, arguments.repeats),
-            "noise": noise_accuracy(folder), "damaged": damaged_files(folder, arguments.damaged)}
+            "noise": noise_accuracy(folder)}
     if arguments.data is not None:
         facts["seven_bands"] = seven_bands(arguments.data / "flea3_chart")
     if arguments.json:
@@ -302,8 +270,6 @@ def main() -> None:
           "orders, 10 to 16 bits; noiseless patch means off by at most "
           f"{noise['worst_patch_mean_error_dn']:.2f} DN; chi-square {noise['chi_square']:.1f} of "
           f"{noise['degrees_of_freedom']} (p = {noise['p_value']:.2f})")
-    print("damaged raws: " + ", ".join(f"{count} {what}" for what,
-                                       count in facts["damaged"].items()))
     if "seven_bands" in facts:
         bands = facts["seven_bands"]
         print(f"{'band nm':>10}{'channel':>9}{'rms / max':>11}{'largest':>9}{'without field':>15}")

@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from other_surfaces import OTHERS
 
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.sampling.prior.mixture import EDGE, GRID, LogitMixture, load_prior, of_families
 from spectrabox.sampling.prior.posterior import calibrated_bands, posterior
+
+from benchmarks.other_surfaces import OTHERS
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
 TENTHS = np.array_split(np.arange(GRID.nm.size), 10)

@@ -1,10 +1,9 @@
 """What sessions and pictures take as they become many and large: the figures of docs/scale.md.
 
 ``pictures``: a synthetic picture of repeated tiles through ``spectrabox uplift``: seconds, memory
-and bytes by megapixels; ``steps``: where they go. ``sessions``: seconds and bytes of each stage of
-a session of flat samples and of a scene, and what a batch adds to each. ``tasks``: what Dask's
-scheduler adds to each of many empty and sleeping tasks, ``tiles``: what a command adds to each part
-of a picture. ``model``: what these say of more than was measured.
+and bytes by megapixels. ``sessions``: seconds and bytes of each stage of a session of flat samples
+and of a scene, and what a batch adds to each. ``tasks``: what Dask's scheduler adds to each of many
+empty and sleeping tasks. ``model``: what these say of more than was measured.
 """
 from __future__ import annotations
 
@@ -16,7 +15,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
@@ -28,7 +26,6 @@ from spectrabox.fixtures.flat_demo import write_flat_demo
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.session.signals.signal_options import response_of_names
-from spectrabox.session.signals.uplift_plan import Look, together
 
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"
 TASKS_AT_ONCE = 5000        # given to Dask before the first of them is waited for
@@ -41,7 +38,7 @@ def main() -> None:
         return
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("part", nargs="*",
-                        default=["pictures", "steps", "sessions", "tasks", "tiles", "model"])
+                        default=["pictures", "sessions", "tasks", "model"])
     parser.add_argument("--megapixels", default="10,20")
     parser.add_argument("--width", type=int, help="pixels; square by default. Memory grows with "
                         "the width alone, so that a low picture shows it")
@@ -64,10 +61,6 @@ def main() -> None:
             sessions()
         elif part == "tasks":
             tasks(options.tasks, options.workers)
-        elif part == "steps":
-            steps()
-        elif part == "tiles":
-            tiles(options.tasks, options.workers)
         elif part == "model":
             model()
 
@@ -141,31 +134,6 @@ def write_repeated(path: Path, height: int, width: int) -> None:
     assert file.close()
 
 
-def steps() -> None:
-    """Seconds of processor of the steps of four megapixels, to 16 coefficients each."""
-    from spectrabox.session.signals.uplift import UpliftRequest, job_of
-    from spectrabox.session.signals.uplift_plan import look, planned
-    with tempfile.TemporaryDirectory() as name:
-        path = Path(name) / "picture.exr"
-        write_repeated(path, 2048, 2048)
-        job = job_of(UpliftRequest(path, Path(name), CAMERA, LIGHT, None, 0.01, 25, 10, False,
-                                   form="zarr", coefficients=16))
-        rows = range(0, 2048, TILE)
-        at = [time.process_time()]
-        signals = [job.signals(first, first + TILE) for first in rows]
-        at.append(time.process_time())
-        found = together(look(job, first, first + TILE) for first in rows)
-        at.append(time.process_time())
-        plan = planned(job, found, lambda share: None)
-        at.append(time.process_time())
-        for each in signals:
-            plan.made(job, each)
-        read, looked, made, used = np.diff([*at, time.process_time()])
-        print(f"s of processor a megapixel: read {read / 4.194:.3f}, read and looked at "
-              f"{looked / 4.194:.3f}, looked up {used / 4.194:.3f}; once, basis and table: "
-              f"{made:.1f} s")
-
-
 # ---- sessions
 
 def sessions() -> None:
@@ -193,27 +161,6 @@ def sessions() -> None:
                 taken, used, _ = timed(words)
                 print(f"  batch, {what:<12} {taken:7.2f} s ({used:.2f} s of processor)")
             shutil.rmtree(out)
-        look_at(flat)
-
-
-def look_at(folder: Path, times: int = 20) -> None:
-    """Seconds of processor that a batch's command takes to give one session to a worker, and to
-    see by the manifest that it is done.
-    """
-    from spectrabox.session.batch.manifest import files_behind, store_outcome, stored_outcome
-    from spectrabox.session.batch.tasks import Order, Outcome, tried_task
-    from spectrabox.session.config.session_file import read_session
-    order = Order((folder,), folder / "out", "cpu", False, "x")
-    store_outcome(order.out, Outcome(str(folder), "done", of=files_behind(read_session(folder))),
-                  "x")
-    for what, work in (("read before its worker starts", lambda: tried_task(folder, order)),
-                       ("seen to be done", lambda: stored_outcome(order.out, folder, "x"))):
-        work()
-        started = time.process_time()
-        for _ in range(times):
-            work()
-        print(f"a session {what}: {(time.process_time() - started) / times * 1e3:.1f} ms of "
-              "processor")
 
 
 # ---- the scheduler
@@ -248,32 +195,6 @@ def rest(seconds: float, number: int) -> int:
     if seconds:
         time.sleep(seconds)
     return number
-
-
-@dataclass(frozen=True)
-class Looked:
-    """A task of a picture's first reading that takes no time: what is left is the command's own."""
-
-    first: int
-    write: bool = False
-    tries: int = 0
-
-    def __call__(self) -> Look:
-        """Which points of a table rows need, and some of their signals."""
-        return Look(np.ones((25,) * 3, dtype=bool), 0, np.zeros((500, 3), np.float32))
-
-
-def tiles(count: int, workers: int) -> None:
-    """Seconds of processor that a command takes to give rows to processes and hear of them."""
-    from spectrabox.session.batch.workers import open_workers
-    from spectrabox.session.tiles.picture import in_turn
-    with open_workers(None, workers, count) as pool:
-        list(in_turn(pool, 1, map(Looked, range(workers))))     # they have started
-        used = time.process_time()
-        together(in_turn(pool, 1, map(Looked, range(count))))
-        used = time.process_time() - used
-    print(f"{count} tasks of rows on {workers} processes: {used / count * 1e3:.2f} ms of processor "
-          "a task in the command that gives them")
 
 
 # ---- what follows

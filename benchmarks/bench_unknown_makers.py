@@ -7,15 +7,10 @@ of a camera is the relative RMSE of each curve, scaled to the green maximum, mea
 "holds" is the share of wavelengths and bands at which the 90 % band holds the true curve.
 ``--lens`` puts a lens of its own in front of every camera that is photographed: a smooth factor of
 that standard deviation, the same for all bands.
-
-``--nested`` chooses the constants of the prior from ``CANDIDATES`` for each maker in turn on the
-cameras of all other makers (product of error and band's interval score, maker left out and camera
-left out counting alike), and judges them on that maker: what the choice adds to the figures.
 """
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 import time
 from pathlib import Path
@@ -37,18 +32,9 @@ from spectrabox.radiometry.spectra.spectrum_files import on_grid
 
 GRID = visible_grid()
 LIGHTS = (("D65",), ("LED-B3",), ("D65", "A"), ("LED-B3", "A"), ("D65", "A", "LED-B3", "FL11"))
-NESTED_LIGHTS = (("LED-B3",), ("LED-B3", "A"))
 NOISE = 0.01
 LENS_NM = 100.0
 MISS = 20.0                  # of the interval score: 2 / (1 - 0.9)
-CANDIDATES = (
-    CONSTANTS,
-    dataclasses.replace(CONSTANTS, localised=(0.25, 60.0, 0.3)),
-    dataclasses.replace(CONSTANTS, localised=(0.75, 60.0, 0.3)),
-    dataclasses.replace(CONSTANTS, localised=(0.5, 120.0, 0.3)),
-    dataclasses.replace(CONSTANTS, kin_between=0.25),
-    dataclasses.replace(CONSTANTS, family_weight=0.45, kin_weight=0.25),
-    dataclasses.replace(CONSTANTS, within=0.8, broad_between=1.2))
 
 
 def prior_without(database: CameraDatabase, left_out: np.ndarray,
@@ -107,20 +93,6 @@ def makers_of(database: CameraDatabase) -> np.ndarray:
     return np.array([name.split()[0] for name in database.names])
 
 
-def nested(database: CameraDatabase) -> dict[str, Any]:
-    """Figures of every maker with the constants that were best for the others."""
-    makers = makers_of(database)
-    both = [[run(database, by_maker, NESTED_LIGHTS, constants) for by_maker in (True, False)]
-            for constants in CANDIDATES]
-    scores = np.array([np.mean([np.log(figures[..., 0] * figures[..., 2]).mean(axis=1)
-                                for figures in pair], axis=0) for pair in both])
-    chosen = {str(maker): int(scores[:, makers != maker].mean(axis=1).argmin())
-              for maker in np.unique(makers)}
-    judged = np.array([both[chosen[maker]][0][camera] for camera, maker in enumerate(makers)])
-    return {"scores": scores.mean(axis=1).tolist(), "chosen": chosen,
-            "rows": rows_of(judged, NESTED_LIGHTS)}
-
-
 def rows_of(figures: np.ndarray, lights: tuple[tuple[str, ...], ...]) -> list[dict[str, Any]]:
     """Median and worst error and mean share held, for each set of lights."""
     return [{"lights": " + ".join(names), "median": float(np.nanmedian(figures[:, index, 0])),
@@ -139,18 +111,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, required=True, help="folder with cameras/")
     parser.add_argument("--lens", type=float, default=0.0, help="standard deviation of a lens")
-    parser.add_argument("--nested", action="store_true",
-                        help="choose the prior's constants on other makers first")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     database = read_camera_database(arguments.data / "cameras")
     start = time.process_time()
-    if arguments.nested:
-        result = nested(database)
-        print(json.dumps(result) if arguments.json else result["chosen"])
-        if not arguments.json:
-            print_rows("nested", result["rows"])
-        return
     rows = {title: rows_of(run(database, by_maker, LIGHTS, lens_sd=arguments.lens), LIGHTS)
             for title, by_maker in (("maker", True), ("camera", False))}
     if arguments.json:

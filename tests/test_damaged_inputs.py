@@ -1,5 +1,5 @@
 """Damaged and hostile files of every kind end in a result or in a sentence; nothing outside their
-folder is written. The large form is benchmarks/bench_damaged_inputs.py.
+folder is written.
 """
 import bz2
 import gzip
@@ -23,7 +23,7 @@ from spectrabox.radiometry.outside.archives import (
     unpacked,
 )
 
-from benchmarks.damaged_inputs import subjects
+from tests.damaged_inputs import subjects
 
 COPIES = 12
 

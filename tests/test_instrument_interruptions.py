@@ -14,7 +14,7 @@ from spectrabox.fixtures.meter_transcripts import changed_meters
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.session.interruption import SIGNALS, Interruptions
 
-from benchmarks.bench_interruptions import conversation, interruptions, run, settings_left
+from tests.interrupted_instruments import conversation, interruptions, run, settings_left
 
 METERS = {meter.driver: meter for meter in changed_meters()}
 # Typed to character by character, a PR-655 has the most points at which a command can be cut.

@@ -18,7 +18,7 @@ from spectrabox.capture.meter.stated import (
 from spectrabox.fixtures.meter_transcripts import NO_FAULT, SPECTRUM_FAULTS, faulty_meters, lamp
 from spectrabox.radiometry.published.tables import LIGHTS, OBSERVERS, published_curves
 
-from benchmarks.transcript_trials import spectrum_trial
+from tests.transcript_trials import spectrum_trial
 
 FINE_NM = np.arange(380.0, 781.0)
 INSTRUMENTS = {"cs2000": (1, 5), "cr250": (2, 5), "pr655": (4, 8)}      # step and bandwidth, nm

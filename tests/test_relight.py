@@ -16,7 +16,7 @@ from spectrabox.session.relight import OBSERVER, _spread
 from spectrabox.session.stages.inputs import GRID, read_reflectance
 from spectrabox.session.store.session_lock import outputs_writer
 
-from benchmarks.killed_runs import started
+from tests.killed_runs import started
 from tests.test_command_line import call
 
 

@@ -9,7 +9,7 @@ from spectrabox.capture.transcripts.faults import Fault, FaultKind
 from spectrabox.capture.transcripts.transcript import read_transcript
 from spectrabox.fixtures.meter_transcripts import FOLDER, clean_meters
 
-from benchmarks.transcript_trials import (
+from tests.transcript_trials import (
     DEADLINE_S,
     TOO_FAST,
     WRONG_SPEED,
@@ -18,7 +18,7 @@ from benchmarks.transcript_trials import (
     subject_of,
 )
 
-PLACES = 3                  # benchmarks/bench_fault_matrix.py runs more
+PLACES = 3                  # of each fault in a recording
 METERS = [meter.name for meter in clean_meters()]
 FAULTS = [kind.value for kind in FaultKind] + [WRONG_SPEED, TOO_FAST]
 

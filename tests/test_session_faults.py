@@ -1,5 +1,4 @@
-"""A session whose runs are killed at their renames, or start twice, ends as one left alone. The
-large form is benchmarks/bench_killed_runs.py.
+"""A session whose runs are killed at their renames, or start twice, ends as one left alone.
 """
 import json
 import shutil
@@ -10,7 +9,7 @@ from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.session.store.session_lock import only_writer
 from spectrabox.session.store.store import load_stage, save_stage, stage_folder
 
-from benchmarks.killed_runs import killed_at, leftovers, results_of, started, was_killed
+from tests.killed_runs import killed_at, leftovers, results_of, started, was_killed
 from tests.test_command_line import call
 
 RUN = ("--device", "cpu")

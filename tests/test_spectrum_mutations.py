@@ -11,7 +11,7 @@ from spectrabox.fixtures.spectral_files import write_examples
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 
-COPIES = 350                # of each format; benchmarks/bench_mutated_files.py makes ten thousand
+COPIES = 350                # of each format
 
 
 @pytest.fixture(scope="module")

@@ -38,7 +38,7 @@ TRAINING = ("CES99", "NIST CQS test colours", "CIE 13.3 test colours")
 SIDE, NOISE, DARKEST = 40, 0.005, 0.35
 OBSERVER, LIGHT = "CIE 1931 2 Degree Standard Observer", "D65"
 REQUEST = JudgeRequest(None, 1.0, None, OBSERVER, LIGHT, ("D65", "A", "FL11"), 2000, 0, 7, False,
-                       None)
+                       None, ())
 
 
 def fine_response() -> np.ndarray:

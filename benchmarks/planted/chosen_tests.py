@@ -7,7 +7,8 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-ROOMS = ("radiometry", "capture", "calibrate", "reconstruct", "sampling", "session", "fixtures")
+ROOMS = ("radiometry", "capture", "calibrate", "reconstruct", "sampling", "measure", "session",
+         "fixtures")
 
 
 @cache

@@ -1,6 +1,4 @@
-"""Runs of a session that are killed at a change of a file, and two runs at once: the trials of
-bench_killed_runs.py and of its small form among the tests.
-"""
+"""Runs of a session that are killed at a change of a file, and two runs at once."""
 from __future__ import annotations
 
 import os
@@ -15,7 +13,7 @@ from spectrabox.radiometry.files import sha256_of
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = "from spectrabox.session.cli import main\nmain()"
 KILLED = """import sys
-from benchmarks.killed_runs import kill_at
+from tests.killed_runs import kill_at
 kill_at(int(sys.argv.pop(1)), sys.argv.pop(1))
 """
 

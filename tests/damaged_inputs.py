@@ -1,5 +1,5 @@
 """Every kind of file that the readers and the light commands take, a small one of each, and what
-reads it: the subjects of bench_damaged_inputs.py and of its small form among the tests.
+reads it.
 """
 from __future__ import annotations
 

@@ -1,15 +1,10 @@
 """Every instrument, interrupted by SIGINT, SIGTERM or SIGHUP throughout a conversation: is it ever
 left with changed settings?
-
-    python benchmarks/bench_interruptions.py [--points 40] [--json]
 """
 from __future__ import annotations
 
-import argparse
-import json
 import re
 import signal
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,7 +22,7 @@ from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.replay import settings_of
 from spectrabox.capture.transcripts.transcript import Event, Transcript
-from spectrabox.fixtures.meter_transcripts import SyntheticMeter, changed_meters
+from spectrabox.fixtures.meter_transcripts import SyntheticMeter
 from spectrabox.session.interruption import SIGNALS, Interruptions
 
 PACE = Pace(scale=0.002, shortest_limit_s=0.5)
@@ -146,27 +141,3 @@ def interruptions(meter: SyntheticMeter, points: int) -> list[Interrupted]:
         trials.append(Interrupted(meter.driver, number.name, point, interrupted, left,
                                   time.monotonic() - started))
     return trials
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--points", type=int, default=40, help="interruptions of each instrument")
-    parser.add_argument("--json", action="store_true", help="one object on standard output")
-    arguments = parser.parse_args()
-    rows = {}
-    for meter in changed_meters():
-        trials = interruptions(meter, arguments.points)
-        rows[meter.driver] = {"interruptions": len(trials),
-                              "ended_by_it": sum(trial.interrupted for trial in trials),
-                              "left_changed": [trial.point for trial in trials if not trial.left],
-                              "longest_s": round(max(trial.seconds for trial in trials), 2)}
-        if not arguments.json:
-            print(meter.driver, *(f"{key}={value}" for key, value in rows[meter.driver].items()),
-                  flush=True)
-    if arguments.json:
-        print(json.dumps(rows))
-    return int(any(row["left_changed"] for row in rows.values()))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
