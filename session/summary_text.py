@@ -26,7 +26,7 @@ def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
     """
     agreement, verdict = results.reconstruction.agreement, judge(results)
     return {"report": str(report), "spectra": str(report.with_name("spectra.csv")),
-            "verdict": verdict.status.name.lower(), "says": verdict.says,
+            "verdict": verdict.status.name.lower(), "says": verdict.sentence,
             "stages": results.stages,
             "materials": [_material_facts(material, results) for material in results.materials],
             "surfaces": [{"name": name, "ratio": [float(value) for value in ratio]}

@@ -27,8 +27,7 @@ from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.flat.assemble import assemble_flat
 from spectrabox.session.pipeline import run_stages
-from spectrabox.session.report.flat_verdict import judge_flat
-from spectrabox.session.report.verdict import Status
+from spectrabox.session.report.verdict import Status, judge
 from spectrabox.session.stages.stored_records import samples_of, signals_of
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -298,8 +297,8 @@ def test_a_card_stated_off_its_level_is_doubted(flat_session):
     finished = run(flat_session)
     notes = finished.stored["signals"].record(tuple[str, ...], "notes")
     assert any("standard errors darker than the chart's light" in note for note in notes)
-    verdict = judge_flat(assemble_flat(read_session(flat_session), finished, {}))
-    assert verdict.status is Status.WARN and "The level of “white_wall”" in verdict.says
+    verdict = judge(assemble_flat(read_session(flat_session), finished, {}))
+    assert verdict.status is Status.WARN and "The level of “white_wall”" in verdict.sentence
 
 
 def test_a_true_card_far_from_the_chart_in_uneven_light_is_believed(flat_session):

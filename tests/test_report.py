@@ -20,7 +20,7 @@ from spectrabox.sampling.prior.certified import (
     FamilyStanding,
 )
 from spectrabox.session.report.maps import residual_limit, residual_maps
-from spectrabox.session.report.methods import capture_words
+from spectrabox.session.report.methods import methods_text
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import write_report
 from spectrabox.session.report.svg import band_colours, plain_line
@@ -142,9 +142,9 @@ def test_the_surface_that_does_not_fit_is_named_in_words(usual):
     results, text = usual
     verdict = judge(results)
     assert verdict.status is Status.WARN
-    assert verdict.says == ("The surface “left wall” does not fit: in band R the photo is "
+    assert verdict.sentence == ("The surface “left wall” does not fit: in band R the photo is "
                             f"{percent(WORST_RATIO - 1)} brighter than the rendering.")
-    assert verdict.says in text
+    assert verdict.sentence in text
 
 
 @pytest.mark.parametrize("median, worst, status", [
@@ -165,7 +165,7 @@ def test_a_fit_that_was_stopped_early_is_a_warning(tmp_path, outcome, status):
     made = dataclasses.replace(results.reconstruction, outcome=outcome)
     verdict = judge(dataclasses.replace(results, reconstruction=made))
     assert verdict.status is status
-    assert any(outcome.value in criterion.says for criterion in verdict.criteria)
+    assert any(outcome.value in criterion.sentence for criterion in verdict.criteria)
 
 
 @pytest.mark.parametrize("deviation, status", [(-0.08, Status.WARN), (0.31, Status.FAIL)])
@@ -177,7 +177,7 @@ def test_a_surface_beyond_chance_and_stated_errors_is_heard(tmp_path, deviation,
     misfit = SurfaceMisfit("white / panel", deviation, "white / panel does not fit: gloss")
     made = dataclasses.replace(results.reconstruction, misfits=(misfit,))
     verdict = judge(dataclasses.replace(results, reconstruction=made))
-    assert verdict.status is status and "white / panel does not fit: gloss" in verdict.says
+    assert verdict.status is status and "white / panel does not fit: gloss" in verdict.sentence
 
 
 @pytest.mark.parametrize("doubt", CalibrationDoubt)
@@ -186,7 +186,7 @@ def test_a_doubtful_calibration_is_a_warning_of_its_own(tmp_path, doubt):
     results = with_ratio(results, np.ones_like(results.reconstruction.agreement.ratio))
     doubted = dataclasses.replace(results.calibration, doubts=(doubt,))
     verdict = judge(dataclasses.replace(results, calibration=doubted))
-    assert verdict.status is Status.WARN and verdict.says == f"Calibration: {doubt.value}."
+    assert verdict.status is Status.WARN and verdict.sentence == f"Calibration: {doubt.value}."
     names = [each.name for each in verdict.criteria if each.status is Status.WARN]
     assert names == [DOUBTS[doubt]]
 
@@ -228,10 +228,10 @@ def test_what_is_assumed_between_the_photos_is_said_with_its_cost(tmp_path):
     scale = with_common_error(results.light_scale, REPEATABILITY, 0.015)
     materials = [dataclasses.replace(material, variance_shares={REPEATABILITY: share})
                  for material, share in zip(results.materials, (0.1, 0.3), strict=False)]
-    said, = (criterion.says for criterion
+    said, = (criterion.sentence for criterion
              in judge(dataclasses.replace(results, light_scale=scale, materials=materials)).criteria
              if criterion.name.startswith("Light and shutter"))
-    assert "within 1.5 %" in said and "20 % of the variance" in said and "[drift]" in said
+    assert "repeat to 1.5 %" in said and "20 % of the variance" in said and "[drift]" in said
     assert not any(criterion.name.startswith("Light and shutter")
                    for criterion in judge(results).criteria)
 
@@ -322,5 +322,5 @@ def test_a_pixel_with_one_clipped_band_is_left_out_as_a_whole(tmp_path):
     saturated = np.zeros(results.photo.signal.shape, bool)
     saturated[::2, ::2, 1] = True
     photo = dataclasses.replace(results.photo, saturated=saturated)
-    said = capture_words(dataclasses.replace(results, photo=photo), "It was")
+    said = methods_text(dataclasses.replace(results, photo=photo))[0]
     assert f"; {percent(0.25)} of the pixels were clipped and left out." in said

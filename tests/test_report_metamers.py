@@ -96,4 +96,4 @@ def test_page_and_numbers_say_the_same(tmp_path):
         wanted = metamer_facts(metamer_pair(material.samples))
         assert fact["delta_e00"] == wanted["delta_e00"]
         for difference in wanted["delta_e00"].values():
-            assert re.search(rf'delta_e00/[^"]*">{difference:.1f}</td>', page)
+            assert re.search(f">{difference:.1f}</td>", page)

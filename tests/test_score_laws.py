@@ -78,4 +78,4 @@ def test_a_rehearsal_is_judged_by_the_material_whose_bands_hold_least():
         for name, coverage in (("good", 0.97), ("poor", 0.88), ("fair", 0.94))]}
     criterion, = _rehearsal(SimpleNamespace(rehearsal=facts))
     assert criterion.value == 0.88 and criterion.status is Status.WARN
-    assert "(poor) holds 88.0%" in criterion.says
+    assert "(poor) holds 88.0%" in criterion.sentence

@@ -262,7 +262,7 @@ def test_what_repeating_light_costs_is_its_share_in_the_mean_and_of_the_worst():
         {REPEATABILITY: 0.1, "noise": 0.9}, {REPEATABILITY: 0.4}, {"noise": 1.0})]
     scale = with_common_error(LightScale(1.0, 0.1, None, "chart photo"), REPEATABILITY, 0.02)
     found, = _between_photos(SimpleNamespace(light_scale=scale, materials=made))
-    assert "25 % of the variance" in found.says and "up to 40 % of a material" in found.says
+    assert "25 % of the variance" in found.sentence and "up to 40 % of a material" in found.sentence
     assert found.value == 0.02
 
 

@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from markupsafe import Markup
-
 from spectrabox.radiometry.files import whole_file
 from spectrabox.session.batch.table import counts
 from spectrabox.session.batch.tasks import Outcome
-from spectrabox.session.report.page_templates import TEMPLATES, templates
+from spectrabox.session.report.page import style_sheet, templates
 
 FILE = "batch.html"
 # the status whose colours a row has
@@ -35,7 +33,7 @@ def write_page(out: Path, outcomes: Sequence[Outcome], sessions: int) -> Path:
              "says": each.says.splitlines()} for each in outcomes]
     text = templates().get_template("batch.html.j2").render(
         rows=rows, sessions=sessions, counts=counts(outcomes),
-        style=Markup((TEMPLATES / "report.css").read_text()))
+        style=style_sheet())
     with whole_file(page) as unfinished:
         unfinished.write_bytes(text.encode("utf-8", "backslashreplace"))
     return page

@@ -140,10 +140,10 @@ def report(folder: Folder,
         from spectrabox.session.config.session_file import read_session
         config = read_session(folder, allow_outside)
         if compare:
-            from spectrabox.session.report_check import check_report
+            from spectrabox.session.report.check import check_report
             found = check_report(config)
             text = "\n".join(f"- {fault}" for fault in found.faults) or (
-                f"report and data agree: {found.shown} entries of tables, plots and pictures, "
+                f"report and data agree: {found.shown} numbers and sentences of the page, "
                 f"{found.files} files, and the numbers made again from the stored results")
             answer(as_json, {"agrees": not found.faults, "faults": list(found.faults),
                              "shown": found.shown, "files": found.files}, text)

@@ -12,8 +12,8 @@ from spectrabox.radiometry.colour_difference import lab_from_xyz
 from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.picture.picture_results import picture_facts
-from spectrabox.session.report.flat_verdict import judge_flat
 from spectrabox.session.report.numbers import family_facts
+from spectrabox.session.report.verdict import judge
 from spectrabox.session.report.words import percent
 from spectrabox.session.store.results import MaterialResult
 
@@ -28,9 +28,9 @@ def flat_facts(results: FlatResults, report: Path) -> dict[str, Any]:
     report : Path
         Of report.html.
     """
-    verdict = judge_flat(results)
+    verdict = judge(results)
     return {"report": str(report), "spectra": str(report.with_name("spectra.csv")),
-            "verdict": verdict.status.name.lower(), "says": verdict.says,
+            "verdict": verdict.status.name.lower(), "says": verdict.sentence,
             "stages": results.stages,
             "regions": [_region(region, results) for region in results.materials],
             "left_out": None if results.chart is None or results.chart.left_out is None
@@ -56,8 +56,8 @@ def flat_text(results: FlatResults) -> str:
         table.add_row(region.name, *_cells(region, light.get(region.name)))
     stream = io.StringIO()
     Console(file=stream, width=110).print(table)
-    verdict = judge_flat(results)
-    lines = [stream.getvalue().rstrip(), f"verdict: {verdict.status.name}. {verdict.says}"]
+    verdict = judge(results)
+    lines = [stream.getvalue().rstrip(), f"verdict: {verdict.status.name}. {verdict.sentence}"]
     if results.picture is not None:
         lines.append(results.picture.sentence)
     lines += [f"warning: {sentence}" for sentence in results.warnings]

@@ -9,8 +9,7 @@ from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.flat.assemble import assemble_flat
 from spectrabox.session.flat.facts import flat_facts, flat_text
 from spectrabox.session.pipeline import FinishedRun
-from spectrabox.session.report.flat_page import write_flat_report
-from spectrabox.session.report.page import NUMBERS_NAME
+from spectrabox.session.report.page import NUMBERS_NAME, write_report
 from spectrabox.session.store.provenance import provenance
 from spectrabox.session.store.spectra_table import spectra_files
 
@@ -20,7 +19,7 @@ def write_flat_outputs(config: SessionConfig, finished: FinishedRun, command_lin
     """Write report and spectra into the session folder; as ``write_outputs.write_outputs_of``."""
     results = assemble_flat(config, finished,
                             provenance(command_line, config.session.seed, device))
-    report = write_flat_report(results)
+    report = write_report(results)
     with writable(results.folder):
         (results.folder / "spdx").mkdir(exist_ok=True)
     texts = spectra_files(results, results.signals.grid.nm)

@@ -1,7 +1,8 @@
-"""The methods paragraph of a paper, filled with the numbers of one session."""
+"""Paragraphs for the methods section of a paper, with the numbers of one session."""
 from __future__ import annotations
 
 from spectrabox.radiometry.records import LightScale, Spectrum
+from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report.verdict import (
     chart_residuals,
     median_surface_error,
@@ -12,16 +13,18 @@ from spectrabox.session.report.words import deviation_words, exposure, listed, n
 from spectrabox.session.store.results import CommonResults, SessionResults
 
 
-def methods_text(results: SessionResults) -> list[str]:
+def methods_text(results: SessionResults | FlatResults) -> list[str]:
     """Paragraphs that can be pasted into a paper."""
+    if isinstance(results, FlatResults):
+        return [_capture(results, "Flat samples were"), _camera(results), _flat_light(results),
+                _sampling(results)]
     scale = (f"The factor from rendered signal to the photo's signal, from "
              f"{results.light_scale.source}, is {scale_words(results.light_scale)}.")
-    return [capture_words(results, "The scene was"), f"{camera_words(results)} {scale}",
-            _reconstruction(results), sampling_words(results), _agreement(results)]
+    return [_capture(results, "The scene was"), f"{_camera(results)} {scale}",
+            _reconstruction(results), _sampling(results), _agreement(results)]
 
 
-def capture_words(results: CommonResults, subject: str) -> str:
-    """How the photos were taken; ``subject`` begins the sentence: "The scene was"."""
+def _capture(results: CommonResults, subject: str) -> str:
     photo = results.photo
     settings = [f"exposure {exposure(photo.exposure_s)}" if photo.exposure_s is not None else "",
                 f"ISO {photo.iso:g}" if photo.iso is not None else "",
@@ -35,8 +38,7 @@ def capture_words(results: CommonResults, subject: str) -> str:
             "pixels were clipped and left out.")
 
 
-def camera_words(results: CommonResults) -> str:
-    """How the camera and the light became known."""
+def _camera(results: CommonResults) -> str:
     fit = results.calibration.sensitivity
     parts = [f"Camera sensitivities: {fit.method}."]
     rms = root_mean_square(chart_residuals(results))
@@ -76,8 +78,7 @@ def _reconstruction(results: SessionResults) -> str:
             f"{made.basis.shape[1]} coefficients on {nm[0]:g}–{nm[-1]:g} nm. {made.outcome.value}")
 
 
-def sampling_words(results: CommonResults) -> str:
-    """How spectra were drawn."""
+def _sampling(results: CommonResults) -> str:
     drawn = [m for m in results.materials if m.samples is not None and m.summary is not None]
     if not drawn:
         return "No spectra were drawn: every material was given."
@@ -102,3 +103,16 @@ def _agreement(results: SessionResults) -> str:
             f"of {len(results.bands)} bands, median over {len(agreement.names)} surfaces); the "
             f"worst surface is “{agreement.names[worst[0]]}”, where the photo is "
             f"{deviation_words(float(agreement.ratio[worst]))} in band {results.bands[worst[1]]}.")
+
+
+def _flat_light(results: FlatResults) -> str:
+    errors = [error for photo in results.photos for _, error in photo.light.values()]
+    known = [region.name for region in results.materials if region.summary is None]
+    given = f" Regions of known spectrum ({listed(known)}) corrected it." if known else ""
+    flat = any(row.get("role") == "flat-field photo" for row in results.inputs)
+    card = " The photos were divided by one of a white card." if flat else ""
+    return ("Signals of regions were divided by what a perfect white would read there: the white "
+            "level and the quadratic light field of the chart fit, the field carried from the "
+            "chart to the regions by regression over arrangements of lamps at unknown distances "
+            f"and the lens's fall-off.{card}{given} The light on the regions is known within "
+            f"{percent(min(errors))} to {percent(max(errors))}.")

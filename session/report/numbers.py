@@ -11,10 +11,9 @@ from spectrabox.session.box.geometry_record import SceneGeometry
 from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report.metamers import metamer_facts, metamer_pair
-from spectrabox.session.report.shapes.swatches import swatch_facts
 from spectrabox.session.report.spectra import every_10_nm, material_curves
+from spectrabox.session.report.swatches import swatch_facts
 from spectrabox.session.report.verdict import (
-    Criterion,
     Verdict,
     chart_residuals,
     root_mean_square,
@@ -29,18 +28,30 @@ from spectrabox.session.store.results import (
 SCHEMA = "spectrabox-results/1"
 
 
-def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
+def report_numbers(results: SessionResults | FlatResults, verdict: Verdict) -> dict[str, Any]:
     """Everything the report shows, images left out; wavelengths in nm, shares as fractions."""
-    made = results.reconstruction
-    return {
+    common = {
         "schema": SCHEMA, "name": results.name, "operator": results.operator,
-        "notes": results.notes,
-        "bands": results.bands,
-        "verdict": {"status": verdict.status, "says": verdict.says,
-                    "criteria": [_criterion(c) for c in verdict.criteria]},
-        "materials": [_material(m, made.grid.nm) for m in results.materials],
-        "signal_bands": results.signal_bands,
-        "agreement": _agreement(made.agreement),
+        "notes": results.notes, "bands": results.bands,
+        "verdict": {"status": verdict.status, "says": verdict.sentence,
+                    "criteria": [{"name": c.name, "value": c.value, "shown": c.shown,
+                                  "limit": c.limit, "status": c.status, "says": c.sentence}
+                                 for c in verdict.criteria]},
+        "signal_bands": results.signal_bands, "calibration": _calibration(results),
+        "chart": None if results.chart is None else _chart(results, results.chart),
+        "clipped_share": results.photo.saturated.any(axis=2).mean(),
+        "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
+        "provenance": results.provenance, "made_from": results.made_from,
+        }
+    return common | (_flat_numbers(results) if isinstance(results, FlatResults)
+                     else _scene_numbers(results, common["calibration"]))
+
+
+def _scene_numbers(results: SessionResults, calibration: dict[str, Any]) -> dict[str, Any]:
+    fit = results.reconstruction
+    return {
+        "materials": [_material(m, fit.grid.nm) for m in results.materials],
+        "agreement": _agreement(fit.agreement),
         "views": [{"name": view.name, "bands": view.bands,
                    "agreement": _agreement(view.reconstruction.agreement),
                    "light": _fields(view.calibration.light, "values", "standard_error", "quantity",
@@ -48,39 +59,24 @@ def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
                    "light_scale": _fields(view.reconstruction.light_scale, "value",
                                           "standard_error", "source")}
                   for view in results.views],
-        "calibration": _calibration(results) | {"light_scale": _fields(
+        "calibration": calibration | {"light_scale": _fields(
             results.light_scale, "value", "standard_error", "residuals", "source")},
-        "chart": None if results.chart is None else _chart(results, results.chart),
-        "reconstruction": {"engine": made.engine, "spp": made.spp, "seed": made.seed,
-                           "outcome": made.outcome, "loss_history": made.loss_history,
-                           "pixels_used": int(made.used.sum()),
-                           "pixels": made.used.size, "white_signal": made.white_signal},
-        "clipped_share": results.photo.saturated.any(axis=2).mean(),
+        "reconstruction": {"engine": fit.engine, "spp": fit.spp, "seed": fit.seed,
+                           "outcome": fit.outcome, "loss_history": fit.loss_history,
+                           "pixels_used": int(fit.used.sum()),
+                           "pixels": fit.used.size, "white_signal": fit.white_signal},
         "geometry": None if results.geometry is None else _geometry(results.geometry),
-        "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
-        "provenance": results.provenance, "made_from": results.made_from,
         }
 
 
-def flat_numbers(results: FlatResults, verdict: Verdict) -> dict[str, Any]:
-    """The same of a session of flat samples."""
-    nm = results.signals.grid.nm
+def _flat_numbers(results: FlatResults) -> dict[str, Any]:
     return {
-        "schema": SCHEMA, "name": results.name, "operator": results.operator,
-        "notes": results.notes, "bands": results.bands,
-        "verdict": {"status": verdict.status, "says": verdict.says,
-                    "criteria": [_criterion(c) for c in verdict.criteria]},
-        "regions": [_material(region, nm) for region in results.materials],
-        "signal_bands": results.signal_bands,
+        "regions": [_material(region, results.signals.grid.nm) for region in results.materials],
         "photos": [{"name": photo.name, "size_px": photo.size_px, "outlines_px": photo.outlines,
                     "light": {name: {"level": level, "standard_error": error}
                               for name, (level, error) in photo.light.items()}}
                    for photo in results.photos],
-        "light": results.light, "calibration": _calibration(results),
-        "chart": None if results.chart is None else _chart(results, results.chart),
-        "clipped_share": results.photo.saturated.any(axis=2).mean(),
-        "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
-        "provenance": results.provenance, "made_from": results.made_from,
+        "light": results.light,
         }
 
 
@@ -93,11 +89,6 @@ def _geometry(geometry: SceneGeometry) -> dict[str, Any]:
                                    for corner, residual in zip(view.corners, view.residuals_px,
                                                                strict=True)]}
                       for view in geometry.views]}
-
-
-def _criterion(criterion: Criterion) -> dict[str, Any]:
-    return {"name": criterion.name, "value": criterion.value, "shown": criterion.shown,
-            "limit": criterion.limit, "status": criterion.status, "says": criterion.says}
 
 
 def _material(material: MaterialResult, nm: np.ndarray) -> dict[str, Any]:

@@ -14,17 +14,20 @@ import unicodedata
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
-from spectrabox.session.report.checked.drawing import Drawing, named_series, plotted
 from spectrabox.session.report.safe_json import json_for_script
 
+DIGITS = 6          # significant, of a plotted number: far finer than a line is drawn
 MARGIN_IN, LEGEND_ROW_IN, LEGEND_LETTER_IN = 0.12, 0.18, 7.5 / 72
 INK, QUIET, GRID = "#22262b", "#6b7280", "#e3e6ea"
 NATURAL = {"R": "#c2352b", "G": "#2c8a4b", "B": "#2b5fb8"}
@@ -44,6 +47,20 @@ STYLE = {
     "image.interpolation": "none", "hatch.linewidth": 0.4, "hatch.color": "#9aa1ab",
     "figure.facecolor": "none", "axes.facecolor": "none",
     }
+
+
+class Drawing(Markup):
+    """A figure as HTML, with its name on the page, its heading, and the numbers plotted in it."""
+
+    name: str
+    heading: str
+    axes: list[dict[str, Any]]
+
+    def __new__(cls, fragment: str, name: str, title: str,
+                axes: list[dict[str, Any]]) -> Drawing:
+        drawing = super().__new__(cls, fragment)
+        drawing.name, drawing.heading, drawing.axes = name, title, axes
+        return drawing
 
 
 @dataclass(frozen=True)
@@ -135,7 +152,6 @@ def inline_svg(drawing: Figure, name: str, title: str, description: str,
     name : prefix of every id in the fragment; letters, digits and hyphens, unique on the page
     title, description : what a screen reader says; any text
     """
-    named_series(drawing)
     view_box, body = _split(_svg_text(drawing))
     opening = Markup('<svg class="plot" viewBox="{}" role="img" aria-labelledby="{}-title {}-desc">'
                      '<title id="{}-title">{}</title><desc id="{}-desc">{}</desc>').format(
@@ -143,7 +159,46 @@ def inline_svg(drawing: Figure, name: str, title: str, description: str,
     svg = opening + Markup(_with_prefix(body, name)) + Markup("</svg>")
     box = Markup('<div class="plot-box" id="{}">{}{}</div>')
     return Drawing(box.format(name, svg, _readout_html(drawing, readout)), name, title,
-                   plotted(drawing))
+                   plotted_numbers(drawing))
+
+
+def plotted_numbers(drawing: Figure) -> list[dict[str, Any]]:
+    """What each pair of axes of a drawn figure shows, to six significant digits.
+
+    Returns
+    -------
+    list of dict
+        ``x_limits``, ``y_limits``, ``x_name``, ``y_name``; ``lines`` with ``label``, ``x``, ``y``;
+        ``bars`` with ``label`` and ``corners`` (x0, y0, x1, y1); ``curves``, collections of lines
+        or areas, with ``label`` and ``points``.
+    """
+    return [{
+        "x_limits": _rounded(axes.get_xlim()), "y_limits": _rounded(axes.get_ylim()),
+        "x_name": axes.get_xlabel(), "y_name": axes.get_ylabel(),
+        "lines": [{"label": _label(line), "x": _rounded(line.get_xdata()),
+                   "y": _rounded(line.get_ydata())} for line in axes.lines
+                  if line.get_transform() is axes.transData and np.size(line.get_xdata())],
+        "bars": [{"label": str(bars.get_label()),
+                  "corners": _rounded([bar.get_x(), bar.get_y(), bar.get_x() + bar.get_width(),
+                                       bar.get_y() + bar.get_height()])}
+                 for bars in axes.containers for bar in bars if isinstance(bar, Rectangle)],
+        "curves": [{"label": _label(curves), "points": [_rounded(np.transpose(path.vertices))
+                                                        for path in curves.get_paths()]}
+                   for curves in axes.collections
+                   if isinstance(curves, LineCollection | PolyCollection)],
+        } for axes in drawing.axes if axes.lines or axes.containers or axes.collections]
+
+
+def _label(artist: Any) -> str:
+    label = str(artist.get_label())
+    return "" if label.startswith("_") else label
+
+
+def _rounded(values: Any) -> np.ndarray:
+    array = np.asarray(values, dtype=float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = 10.0 ** (DIGITS - 1 - np.floor(np.log10(np.abs(array))))
+        return np.where(np.isfinite(scale), np.round(array * scale) / scale, array)
 
 
 def _svg_text(drawing: Figure) -> str:

@@ -1,7 +1,6 @@
 """Rows of the report's tables, and the figures that belong to one row."""
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,8 +16,7 @@ from spectrabox.session.report.figures import (
 from spectrabox.session.report.maps import surface_colours
 from spectrabox.session.report.metamers import LIGHTS, metamer_drawing, metamer_pair
 from spectrabox.session.report.numbers import band_width, standard_errors
-from spectrabox.session.report.shapes.prior_share import prior_share_figure
-from spectrabox.session.report.shapes.swatches import css_colour, swatch_section
+from spectrabox.session.report.small_figures import prior_share_figure
 from spectrabox.session.report.spectra import (
     error_budget_figure,
     every_10_nm,
@@ -26,21 +24,15 @@ from spectrabox.session.report.spectra import (
     material_curves,
     material_figure,
 )
+from spectrabox.session.report.swatches import css_colour, swatch_section
 from spectrabox.session.report.verdict import CHART_LIMITS, chart_residuals, root_mean_square
 from spectrabox.session.report.words import OFF
 from spectrabox.session.store.results import CommonResults, MaterialResult
 
 
-def material_sections(materials: Sequence[MaterialResult], grid_nm: np.ndarray,
-                      signal_bands: tuple[str, ...]) -> list[dict[str, Any]]:
-    """``_material_section`` of every material, numbered from 1."""
-    return [_material_section(number, material, grid_nm, signal_bands)
-            for number, material in enumerate(materials, start=1)]
-
-
-def _material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
-                      signal_bands: tuple[str, ...]) -> dict[str, Any]:
-    """What the report shows of one material: table row, figures and data table.
+def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
+                     signal_bands: tuple[str, ...]) -> dict[str, Any]:
+    """The material, and what the report shows of it: table row, figures and data table.
 
     Parameters
     ----------
@@ -104,7 +96,7 @@ def chart_section(results: CommonResults) -> dict[str, Any] | None:
         "limit": CHART_LIMITS[0],
         "left_out": None if (patches := results.chart.left_out) is None else {
             "figure": left_out_figure("left-out", patches, results.chart.layout),
-            "level": patches.level, "says": left_out_sentence(patches)},
+            "level": patches.level, "sentence": left_out_sentence(patches)},
         }
 
 

@@ -1,6 +1,4 @@
-"""Is this session good? Each criterion with its value, its limit and what it says, and the verdict
-over all.
-"""
+"""Is this session good? Each criterion with value, limit and sentence, and the verdict over all."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -16,6 +14,8 @@ from spectrabox.radiometry.records import (
     SurfaceAgreement,
 )
 from spectrabox.session.calibration_facts import left_out_sentence
+from spectrabox.session.flat.flat_results import FlatResults
+from spectrabox.session.flat.white_at_regions import LEVEL_DOUBTED
 from spectrabox.session.report.words import deviation_words, percent
 from spectrabox.session.store.rehearsals import too_narrow, verdict_sentence
 from spectrabox.session.store.results import AS_INTENDED, CommonResults, SessionResults
@@ -29,6 +29,7 @@ CLIPPED_LIMITS = (0.05, float("inf"))
 # of wavelengths of patches left out, that the band should hold and does not: simulated charts of
 # cameras and lamps outside the prior stay below it (benchmarks/bench_patch_errors.py)
 LEFT_OUT_SHORT = 0.03
+LIGHT_LIMITS = (0.05, 0.15)           # relative error of the light on a region of a flat sample
 DOUBTS = {CalibrationDoubt.UNLIKE_CAMERAS: "Calibration like that of measured cameras",
           CalibrationDoubt.WRONG_LIGHT: "Stated light against the chart",
           CalibrationDoubt.COLOUR_MATRIX: "Curves against the colour matrix in the photo's file"}
@@ -63,7 +64,7 @@ class Criterion:
     shown: str
     limit: str
     status: Status
-    says: str
+    sentence: str
 
 
 @dataclass(frozen=True)
@@ -71,34 +72,77 @@ class Verdict:
     """The worst status of all criteria, and the sentence that explains it."""
 
     status: Status
-    says: str
+    sentence: str
     criteria: tuple[Criterion, ...]
 
 
-def judge(results: SessionResults) -> Verdict:
-    """Verdict on a session: PASS, WARN or FAIL."""
-    compared = [("", results.reconstruction.agreement, results.bands)]
-    compared += [(f" in the photo “{view.name}”", view.reconstruction.agreement,
-                  view.bands) for view in results.views]
-    fitted = [("", results.reconstruction)]
-    fitted += [(f" in the photo “{view.name}”", view.reconstruction) for view in results.views]
-    level = [*(_median_surface(agreement, where) for where, agreement, _ in compared),
-             *(_worst_surface(agreement, bands, where) for where, agreement, bands in compared)]
-    misfits = [_misfits(view, where) for where, view in fitted]
-    if results.picture is not None:
-        level = [replace(each, status=Status.INFO) for each in level]
-        misfits = [each if each.status is Status.PASS else
-                   replace(each, status=Status.WARN, says=PATTERNS) for each in misfits]
-    criteria = (*level, *misfits, *calibration_doubts(results),
-                chart_agreement(results), *left_out(results), _clipped(results),
-                *_outcomes(results),
-                *_between_photos(results),
-                *_rehearsal(results), coverage(results))
-    status = max((c.status for c in criteria), key=lambda s: s.value)
-    reasons = dict.fromkeys(c.says for c in criteria if c.status is status)
+def judge(results: SessionResults | FlatResults) -> Verdict:
+    """Verdict on a session: PASS, WARN or FAIL, the worst of its criteria."""
+    if isinstance(results, FlatResults):
+        own = [*_light(results), *_known_levels(results)]
+        good = "The chart fits, and the light on every region is known within the limits."
+    else:
+        own, good = _scene_criteria(results), \
+            "Photo, rendering and calibration agree within the limits."
+    fit = results.calibration.sensitivity.outcome
+    criteria = (*own, *calibration_doubts(results), _chart_agreement(results),
+                *held_out_patches(results), _clipped(results),
+                _outcome("Sensitivity fit", fit), *_samplers(results), _coverage(results))
+    status = max((criterion.status for criterion in criteria), key=lambda one: one.value)
     if status in (Status.WARN, Status.FAIL):
+        reasons = dict.fromkeys(c.sentence for c in criteria if c.status is status)
         return Verdict(status, " ".join(reasons), criteria)
-    return Verdict(status, "Photo, rendering and calibration agree within the limits.", criteria)
+    return Verdict(status, good, criteria)
+
+
+def _scene_criteria(results: SessionResults) -> list[Criterion]:
+    """Photo against rendering, misfits, the fit, changes between the photos, rehearsal."""
+    photos = [("", results.reconstruction, results.bands)]
+    photos += [(f" in the photo “{view.name}”", view.reconstruction, view.bands)
+               for view in results.views]
+    agreement = [*(_median_surface(photo.agreement, where) for where, photo, _ in photos),
+                 *(_worst_surface(photo.agreement, bands, where) for where, photo, bands in photos)]
+    misfits = [_misfits(photo, where) for where, photo, _ in photos]
+    if results.picture is not None:
+        agreement = [replace(each, status=Status.INFO) for each in agreement]
+        misfits = [each if each.status is Status.PASS else
+                   replace(each, status=Status.WARN, sentence=PATTERNS) for each in misfits]
+    return [*agreement, *misfits, _outcome("Inverse rendering", results.reconstruction.outcome),
+            *_between_photos(results), *_rehearsal(results)]
+
+
+def _light(results: FlatResults) -> list[Criterion]:
+    """How well the light on the worst region is known, and how much it changes."""
+    light = {(photo.name, name): level_and_error for photo in results.photos
+             for name, level_and_error in photo.light.items()}
+    (_, worst), (_, error) = max(light.items(), key=lambda item: item[1][1])
+    levels = np.array([level for level, _ in light.values()] + [1.0])
+    change = float(levels.max() / levels.min() - 1)
+    known = _graded("Error of the light on the regions, worst region", error, LIGHT_LIMITS,
+                    f"The light on “{worst}” is known to {percent(error)}"
+                    + ("." if error <= LIGHT_LIMITS[0] else ": it lies far from the chart, or the "
+                       "light is uneven; put the chart or a white card next to it, or photograph "
+                       "a white card in the samples' place as flat field."))
+    return [known, Criterion("Change of the light from the chart to the regions", change,
+                             percent(change), "corrected", Status.INFO,
+                             f"The light changes by {percent(change)} between chart and regions, "
+                             "which is corrected within its error.")]
+
+
+def _known_levels(results: FlatResults) -> list[Criterion]:
+    """How far the stated levels of known regions are from what the chart's light gives."""
+    misfits = {name: misfit for photo in results.photos
+               for name, misfit in photo.level_misfits.items()}
+    if not misfits:
+        return []
+    worst = max(misfits, key=lambda name: abs(misfits[name]))
+    size = abs(misfits[worst])
+    status = Status.PASS if size <= LEVEL_DOUBTED else Status.WARN
+    return [Criterion("Level of known regions against the chart's light, worst region", size,
+                      f"{size:.1f} standard errors", f"pass up to {LEVEL_DOUBTED:.0f}", status,
+                      f"The level of “{worst}”, of known spectrum, is {size:.1f} standard errors "
+                      "from what the chart's light gives" + ("." if status is Status.PASS else
+                      ": check its stated reflectance, and for a shadow on it or on the chart."))]
 
 
 def chart_residuals(results: CommonResults) -> np.ndarray | None:
@@ -144,7 +188,7 @@ def _median_surface(agreement: SurfaceAgreement, where: str) -> Criterion:
     if value is None:
         return Criterion(name, None, "not measured", _limit(MEDIAN_LIMITS), Status.WARN,
                          f"No surface could be compared with the photo{where}.")
-    return graded(name, value, MEDIAN_LIMITS,
+    return _graded(name, value, MEDIAN_LIMITS,
                    f"Half of the surfaces agree with the photo within {percent(value)} in every "
                    f"band{where}.")
 
@@ -158,7 +202,7 @@ def _worst_surface(agreement: SurfaceAgreement, bands: tuple[str, ...], where: s
     surface, band = worst
     ratio = float(agreement.ratio[worst])
     fits = "fits least" if abs(ratio - 1) <= WORST_LIMITS[0] else "does not fit"
-    return graded(name, abs(ratio - 1), WORST_LIMITS,
+    return _graded(name, abs(ratio - 1), WORST_LIMITS,
                    f"The surface “{agreement.names[surface]}”{where} {fits}: in band {bands[band]} "
                    f"the photo is {deviation_words(ratio)} than the rendering.")
 
@@ -192,11 +236,11 @@ def calibration_doubts(results: CommonResults) -> list[Criterion]:
         rows.append(Criterion(
             name, None, "doubtful" if doubtful else "no doubt", "no doubt",
             Status.WARN if doubtful else Status.PASS, f"Calibration: {doubt.value}." if doubtful
-            else "Nothing speaks against camera and light spectrum belonging together."))
+            else "No sign of a wrong light spectrum."))
     return rows
 
 
-def left_out(results: CommonResults) -> list[Criterion]:
+def held_out_patches(results: CommonResults) -> list[Criterion]:
     """How well each chart patch is predicted by a calibration without it; nothing without a chart.
 
     Parameters
@@ -208,40 +252,41 @@ def left_out(results: CommonResults) -> list[Criterion]:
         return []
     held, expected = float(patches.inside.mean()), float(patches.expected.mean())
     short = expected - held > LEFT_OUT_SHORT
-    says = f"{left_out_sentence(patches).capitalize()}."
+    sentence = f"{left_out_sentence(patches).capitalize()}."
     if short:
-        says += (" Less means that signals or their errors are off: the chart is not that of its "
-                 "reference or soiled, light glares on it, or the light is not the stated one.")
+        sentence += (" Less means that signals or their errors are off: the chart is not that of "
+                     "its reference or soiled, light glares on it, or the light is not the stated "
+                     "one.")
     return [Criterion("Chart patches left out, inside the band", held, percent(held),
-                      f"{percent(expected)} expected", Status.WARN if short else Status.INFO, says)]
+                      f"{percent(expected)} expected", Status.WARN if short else Status.INFO,
+                      sentence)]
 
 
-def chart_agreement(results: CommonResults) -> Criterion:
+def _chart_agreement(results: CommonResults) -> Criterion:
     name = "Chart residual, rms over patches and bands"
     value = root_mean_square(chart_residuals(results))
     if value is None:
         return Criterion(name, None, "no chart", _limit(CHART_LIMITS), Status.INFO,
                          "Sensitivities were read from a file; no chart photo tests them.")
-    return graded(name, value, CHART_LIMITS, "The calibration reproduces the chart within "
+    return _graded(name, value, CHART_LIMITS, "The calibration reproduces the chart within "
                    f"{percent(value)} rms.")
 
 
-def _clipped(results: SessionResults) -> Criterion:
-    value = float(results.photo.saturated.any(axis=2).mean())
-    return graded("Clipped pixels, left out of the fit", value, CLIPPED_LIMITS,
-                   f"{percent(value)} of the object photo is clipped and was left out.")
+def _clipped(results: CommonResults) -> Criterion:
+    share = float(results.photo.saturated.any(axis=2).mean())
+    if isinstance(results, FlatResults):
+        return _graded("Clipped parts of the photo", share, CLIPPED_LIMITS,
+                       f"{percent(share)} of the photo is clipped, none of it in a region.")
+    return _graded("Clipped pixels, left out of the fit", share, CLIPPED_LIMITS,
+                   f"{percent(share)} of the object photo is clipped and was left out.")
 
 
-def _outcomes(results: SessionResults) -> list[Criterion]:
-    named = [("Sensitivity fit", results.calibration.sensitivity.outcome),
-             ("Inverse rendering", results.reconstruction.outcome)]
-    rows = [Criterion(name, None, outcome.name.replace("_", " ").lower(), "converged",
-                      outcome_status(outcome), f"{name}: {outcome.value}")
-            for name, outcome in named]
-    return [*rows, *samplers(results)]
+def _outcome(name: str, outcome: Outcome) -> Criterion:
+    return Criterion(name, None, outcome.name.replace("_", " ").lower(), "converged",
+                     GRADES.get(outcome, Status.WARN), f"{name}: {outcome.value}")
 
 
-def samplers(results: CommonResults) -> list[Criterion]:
+def _samplers(results: CommonResults) -> list[Criterion]:
     """Whether the draws of every estimated surface are as intended."""
     drawn = [(m.name, m.samples) for m in results.materials if m.samples is not None]
     if not drawn:
@@ -252,14 +297,9 @@ def samplers(results: CommonResults) -> list[Criterion]:
         return [Criterion("Samplers", None, "as intended", "as intended", Status.PASS,
                           "Sampler of every estimated material: "
                           f"{drawn[0][1].outcome.value}")]
-    says = "; ".join(f"“{name}”: {sentence}" for name, sentence in doubtful)
+    reservations = "; ".join(f"“{name}”: {sentence}" for name, sentence in doubtful)
     return [Criterion("Samplers", None, "see words", "as intended", Status.WARN,
-                      f"Sampler of {says}")]
-
-
-def outcome_status(outcome: Outcome) -> Status:
-    """How serious an outcome of a fit or a sampler is."""
-    return GRADES.get(outcome, Status.WARN)
+                      f"Sampler of {reservations}")]
 
 
 def _between_photos(results: SessionResults) -> list[Criterion]:
@@ -274,12 +314,12 @@ def _between_photos(results: SessionResults) -> list[Criterion]:
             f"to {percent(max(shares))} of a material's)" if shares else "")
     return [Criterion("Light and shutter from chart photo to object photo", stated[0],
                       percent(stated[0]), "stated, not measured", Status.INFO,
-                      f"Light and shutter are taken to repeat within {percent(stated[0])}{cost}. A "
+                      f"We assume lamp and shutter repeat to {percent(stated[0])}{cost}. A "
                       "grey reference that both photos show ([drift]) measures it instead and "
                       "narrows every band.")]
 
 
-def coverage(results: CommonResults) -> Criterion:
+def _coverage(results: CommonResults) -> Criterion:
     name = "Measured truth inside the band"
     tested = [(m.scores.coverage, m.summary.level) for m in results.materials
               if m.scores is not None and m.summary is not None]
@@ -304,10 +344,11 @@ def _rehearsal(results: SessionResults) -> list[Criterion]:
                       f"R{verdict_sentence(facts)[1:]}.")]
 
 
-def graded(name: str, value: float, limits: tuple[float, float], says: str) -> Criterion:
+def _graded(name: str, value: float, limits: tuple[float, float],
+            sentence: str) -> Criterion:
     status = Status.PASS if value <= limits[0] else Status.WARN if value <= limits[
         1] else Status.FAIL
-    return Criterion(name, value, percent(value), _limit(limits), status, says)
+    return Criterion(name, value, percent(value), _limit(limits), status, sentence)
 
 
 def _limit(limits: tuple[float, float]) -> str:

@@ -54,4 +54,33 @@
     folded.forEach((each) => { each.open = true; });
   });
   window.addEventListener("afterprint", () => folded.forEach((each) => { each.open = false; }));
+  // Files that somebody chooses, against the digests and numbers embedded in the page.
+  const says = document.getElementById("check-says");
+  const embedded = () => JSON.parse(document.getElementById("spectrabox-results").textContent);
+  const hex = async (bytes) => [...new Uint8Array(await crypto.subtle.digest("SHA-256", bytes))]
+    .map((byte) => byte.toString(16).padStart(2, "0")).join("");
+  const fileSentence = async (file, numbers) => {
+    const bytes = await file.arrayBuffer();
+    if (file.name === "report.json") {
+      const same = new TextDecoder().decode(bytes).trim() === document.getElementById("spectrabox-results").textContent.trim();
+      return [same, same ? "report.json holds the numbers of this page." : "report.json holds other numbers than this page."];
+    }
+    const known = Object.values(numbers.made_from).filter((group) => typeof group === "object")
+      .flatMap((group) => Object.entries(group)).concat(numbers.inputs.map((row) => [row.file, row.sha256]));
+    const digest = await hex(bytes), match = known.find(([, sha256]) => sha256 === digest);
+    if (match) return [true, `${match[0]} is the file that this page was made from.`];
+    return [false, known.some(([name]) => name.split("/").pop() === file.name)
+      ? `${file.name} is not as it was when this page was made.` : `This page was not made from ${file.name}.`];
+  };
+  document.getElementById("check-files").addEventListener("change", async (event) => {
+    const numbers = embedded(), sentences = [];
+    for (const file of event.target.files) sentences.push(await fileSentence(file, numbers));
+    says.replaceChildren(...sentences.map(([same, sentence]) => {
+      const line = document.createElement("p");
+      line.className = same ? "PASS" : "FAIL";
+      line.textContent = sentence;
+      return line;
+    }));
+    says.dataset.wrong = sentences.filter(([same]) => !same).length;
+  });
 })();

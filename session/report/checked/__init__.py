@@ -1,1 +1,0 @@
-"""Whether tables, plots and pictures of a report still show its numbers."""

@@ -1,1 +1,0 @@
-"""Figures of plain shapes, which the page draws without a plotting library."""
