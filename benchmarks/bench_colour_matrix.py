@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.calibrate.colour_matrix import DOUBTFUL, matrix_deviation, matrix_doubt
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.capture.photo.raw import read_raw

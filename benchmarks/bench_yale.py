@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.calibration import calibration_from_curves
+from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.capture.photo.binning import bin_image, render_size
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.radiometry.grid import visible_grid

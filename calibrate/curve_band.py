@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.calibrate.calibration import ChartCalibration
+from spectrabox.calibrate.chart_calibration import ChartCalibration
 from spectrabox.calibrate.prior.curve_posterior import draw_curves
 from spectrabox.radiometry.shaped import Record
 

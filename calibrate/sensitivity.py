@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import ChartEquations, PatchError
-from spectrabox.calibrate.left_out import PatchesWithout
+from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.calibrate.photo_checks import (
     WORST_CHI_SQUARE,
     WORST_MODEL_ERROR,

@@ -253,7 +253,7 @@ class ChartWhite(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class PriorStanding(Record):
+class PriorInfluence(Record):
     """How much of a camera's curves is a prior's and not a chart's, and whom they are most like."""
 
     share: Annotated[np.ndarray, "K P"]             # of the prior's standard deviation, left; 0-1
@@ -267,7 +267,7 @@ def share_inside(lower: np.ndarray, upper: np.ndarray, truth: np.ndarray) -> np.
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOutPatches(Record):
+class HeldOutPatches(Record):
     """Reflectance of each patch of a chart from its own signal and a calibration without it."""
 
     grid: WavelengthGrid
@@ -275,7 +275,7 @@ class LeftOutPatches(Record):
     lower: Annotated[np.ndarray, "I P"]             # pointwise band at ``level``
     upper: Annotated[np.ndarray, "I P"]
     reference: Annotated[np.ndarray, "I P"]         # of the chart, taken as the truth
-    kept_out: Annotated[np.ndarray, "I"]            # bool: of no fit at all, by the operator's word
+    excluded: Annotated[np.ndarray, "I"]            # bool: of no fit at all, by the operator's word
     expected: Annotated[np.ndarray, "I"]            # as ``inside``, had nothing erred
     level: float
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.records import Calibration, LeftOutPatches, LightPosterior
+from spectrabox.radiometry.records import Calibration, HeldOutPatches, LightPosterior
 
 TWO_SIGMA = 2.0
 
@@ -41,30 +41,30 @@ def posterior_facts(light: LightPosterior) -> dict[str, Any]:
             "sentences": list(light.sentences)}
 
 
-def left_out_facts(patches: LeftOutPatches, names: Sequence[str]) -> dict[str, Any]:
+def left_out_facts(patches: HeldOutPatches, names: Sequence[str]) -> dict[str, Any]:
     """The same as plain numbers: ``left_out`` of docs/reference/json.md.
 
     Parameters
     ----------
-    patches : LeftOutPatches
+    patches : HeldOutPatches
     names : sequence of I str
         Of the patches.
     """
     rows = [{"patch": number + 1, "name": names[number], "rmse": float(patches.rmse[number]),
              "inside": float(patches.inside[number]),
              "expected": float(patches.expected[number]),
-             "kept_out": bool(patches.kept_out[number])}
+             "kept_out": bool(patches.excluded[number])}
             for number in range(len(patches.mean))]
     return {"rmse_mean": float(patches.rmse.mean()), "coverage_95": float(patches.inside.mean()),
             "expected_95": float(patches.expected.mean()), "level": patches.level, "patches": rows}
 
 
-def left_out_sentence(patches: LeftOutPatches) -> str:
+def left_out_sentence(patches: HeldOutPatches) -> str:
     """One sentence on all patches.
 
     Parameters
     ----------
-    patches : LeftOutPatches
+    patches : HeldOutPatches
     """
     return (f"each patch from the others: reflectance within {patches.rmse.mean():.3f} (rms), "
             f"{patches.inside.mean():.0%} of it inside the {patches.level:.0%} band (of a chart's "

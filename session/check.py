@@ -55,7 +55,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Foresight:
+class CheckResult:
     """What a run of a session would meet."""
 
     problems: list[Problem]     # each sentence once, in the order of the inputs
@@ -74,11 +74,11 @@ class Foresight:
 
 def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
     """Everything that would stop or spoil a run of this session; empty when it is ready."""
-    return foresee(folder, allow_outside).problems
+    return preflight_check(folder, allow_outside).problems
 
 
-def foresee(folder: Path, allow_outside: bool = False, device: str = DEVICE,
-            shared: Path | None = None) -> Foresight:
+def preflight_check(folder: Path, allow_outside: bool = False, device: str = DEVICE,
+                    shared: Path | None = None) -> CheckResult:
     """Everything that would stop or spoil a run of this session, and what it will take.
 
     Parameters
@@ -97,7 +97,7 @@ def foresee(folder: Path, allow_outside: bool = False, device: str = DEVICE,
         problems.append(Problem(f"{folder} cannot be written: change its permissions",
                                 EnvironmentProblem.exit_code))
     if config is None:
-        return Foresight(problems, None)
+        return CheckResult(problems, None)
 
     def attempt(read: Callable[..., Any], *arguments: Any) -> Any:
         """The result, or None with the problem noted."""
@@ -113,7 +113,7 @@ def foresee(folder: Path, allow_outside: bool = False, device: str = DEVICE,
     tracing_bytes = None if problems else attempt(_run_up_to_tracing, config, device, shared)
     if problems:        # a stage stops at its first fault: say those of the other photos too
         _attempt_photos(config, attempt)
-    return Foresight(problems, tracing_bytes)
+    return CheckResult(problems, tracing_bytes)
 
 
 def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:

@@ -76,8 +76,8 @@ def light_as_stated(monkeypatch):
     """Calibrations that look for no other lamp which would explain the chart better: two thirds of
     their time, for tests of something else.
     """
-    from spectrabox.calibrate import calibration
-    monkeypatch.setattr(calibration, "_light_doubts", lambda *_: ((), ()))
+    from spectrabox.calibrate import chart_calibration
+    monkeypatch.setattr(chart_calibration, "_light_doubts", lambda *_: ((), ()))
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ import scipy.io
 from spectrabox.calibrate.geometry.board import read_board, read_points
 from spectrabox.calibrate.geometry.lens_files import read_lens
 from spectrabox.calibrate.prior.camera_database import read_camera_database
-from spectrabox.calibrate.prior.camera_prior import load_prior as load_camera_prior
+from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.capture.meter.measurement_files import read_reading, reading_facts
 from spectrabox.capture.photo.image_files import (
     open_channels,

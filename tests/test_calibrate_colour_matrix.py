@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from spectrabox.calibrate.calibration import ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
 from spectrabox.calibrate.colour_matrix import (
     SPREAD,
     TYPICAL,

@@ -8,9 +8,9 @@ import pytest
 from calibrate_cameras import GRID, cameras, led, on_grid
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.calibrate.curve_band import curve_band
-from spectrabox.calibrate.prior.camera_prior import load_prior
+from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, read_spectrum
@@ -103,7 +103,7 @@ def test_a_prior_is_built_from_a_folder(tmp_path):
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     assert len(facts["cameras"]) == 14 and len(facts["skipped"]) == 1
-    assert load_prior(tmp_path / "mine.npz").licence == "CC0"
+    assert load_camera_prior(tmp_path / "mine.npz").licence == "CC0"
 
 
 def test_preflight_answers_before_shooting():

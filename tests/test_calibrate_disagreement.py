@@ -13,7 +13,7 @@ from calibrate_cameras import (
 )
 from calibrate_cameras import cameras_at_10_nm as cameras
 
-from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.records import Quantity, Spectrum
 

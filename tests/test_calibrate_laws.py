@@ -21,9 +21,9 @@ from calibrate_cameras import (
 )
 from scipy import optimize
 
-from spectrabox.calibrate import calibration, colour_matrix
+from spectrabox.calibrate import chart_calibration, colour_matrix
 from spectrabox.calibrate.beam.beam_fit import _jackknife
-from spectrabox.calibrate.calibration import (
+from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     ChartPhoto,
     calibrate_chart,
@@ -333,7 +333,7 @@ def calibrated():
     curves = on_grid(cameras(1, 44)[0])
     made = {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibration, "_light_doubts", lambda *_: ((), ()))
+        patch.setattr(chart_calibration, "_light_doubts", lambda *_: ((), ()))
         for method in ("nonnegative", "smooth", "file", "prior"):
             options = CalibrationOptions("prior" if method == "file" else method, coarse_prior(),
                                          curves=curves if method == "file" else None)

@@ -19,7 +19,7 @@ from calibrate_cameras import (
 from calibrate_cameras import cameras_at_10_nm as cameras
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.curve_posterior import draw_curves, sensitivity_draws

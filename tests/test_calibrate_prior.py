@@ -19,13 +19,13 @@ from calibrate_cameras import (
 )
 from calibrate_cameras import cameras_at_10_nm as cameras
 
-from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.camera_prior import (
     NOT_LOCALISED,
-    load_prior,
-    save_prior,
+    load_camera_prior,
+    save_camera_prior,
     shipped_prior,
 )
 from spectrabox.calibrate.prior.curve_posterior import draw_curves, nonnegative
@@ -264,8 +264,8 @@ def test_eight_bands_are_fitted_by_default():
 
 def test_a_prior_survives_its_file(tmp_path):
     made = prior()
-    save_prior(tmp_path / "p.npz", made)
-    read = load_prior(tmp_path / "p.npz")
+    save_camera_prior(tmp_path / "p.npz", made)
+    read = load_camera_prior(tmp_path / "p.npz")
     # Stored in single precision: eps of float32 times the largest value.
     np.testing.assert_allclose(read.means, made.means, atol=1e-6)
     np.testing.assert_allclose(read.covariances(), made.covariances(), atol=1e-6)
@@ -275,9 +275,9 @@ def test_a_prior_survives_its_file(tmp_path):
 def test_a_file_that_is_no_prior_is_refused(tmp_path):
     (tmp_path / "p.npz").write_bytes(b"not a prior")
     with pytest.raises(InputError, match=r"p\.npz is not a camera prior"):
-        load_prior(tmp_path / "p.npz")
+        load_camera_prior(tmp_path / "p.npz")
     with pytest.raises(InputError, match="make a prior with 'spectrabox camera prior FOLDER"):
-        load_prior(tmp_path / "none.npz")
+        load_camera_prior(tmp_path / "none.npz")
 
 
 def test_too_few_cameras_make_no_prior():

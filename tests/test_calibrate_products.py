@@ -18,7 +18,7 @@ from spectrabox.calibrate.chart_equations import (
     noise_covariance,
     some_patches,
 )
-from spectrabox.calibrate.left_out import covariance_without, weights_without
+from spectrabox.calibrate.held_out_patches import covariance_without, weights_without
 from spectrabox.calibrate.prior.prior_fit import GAINS
 from spectrabox.calibrate.products.lamps import (
     Lamps,

@@ -28,7 +28,7 @@ from spectrabox.calibrate.chart_equations import (
     field_terms_at,
     nuisance_sd,
 )
-from spectrabox.calibrate.left_out import patch_moments
+from spectrabox.calibrate.held_out_patches import patch_moments
 from spectrabox.calibrate.prior.prior_fit import EXPOSURE_SD, _in_curves, _joint_prior
 from spectrabox.calibrate.products.product_fit import WIDENING, in_curves
 from spectrabox.calibrate.products.product_posterior import linearised

@@ -265,8 +265,8 @@ def test_the_order_of_a_digital_sg_is_known_from_its_published_colours(tmp_path)
 
 @pytest.mark.parametrize("numbers", [[1], [24], [3, 7, 24], []])
 def test_patches_are_kept_out_by_their_numbers_from_one(numbers):
-    kept_out = left_out(numbers, LAYOUTS["ColorChecker Classic"], "--leave-out")
-    assert kept_out.shape == (24,) and (np.flatnonzero(kept_out) + 1).tolist() == numbers
+    excluded = left_out(numbers, LAYOUTS["ColorChecker Classic"], "--leave-out")
+    assert excluded.shape == (24,) and (np.flatnonzero(excluded) + 1).tolist() == numbers
     for wrong in (0, 25, -1):
         with pytest.raises(InputError, match=f"--leave-out {wrong} is no patch; those of"):
             left_out([wrong], LAYOUTS["ColorChecker Classic"], "--leave-out")

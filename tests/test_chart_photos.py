@@ -6,7 +6,7 @@ import pytest
 from chart_photos import GRID, PRINTED, layout_named, noisy, photograph, true_reflectances, turned
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.calibration import ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import sample_patches
 from spectrabox.capture.chart.quality import judge_chart

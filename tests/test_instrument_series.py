@@ -4,7 +4,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from spectrabox.capture.meter.calibration import Calibration, read_calibration, require_comparable
 from spectrabox.capture.meter.measurement_files import (
     read_reading,
     readings_folder,
@@ -15,6 +14,11 @@ from spectrabox.capture.meter.measurement_files import (
 from spectrabox.capture.meter.measurement_plot import png_plot, text_plot
 from spectrabox.capture.meter.measurement_series import reflectance_from, series_of, series_spectrum
 from spectrabox.capture.meter.measurement_targets import claim, note_role, result_file
+from spectrabox.capture.meter.meter_calibration import (
+    MeterCalibration,
+    read_calibration,
+    require_comparable,
+)
 from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.grid import grid_from_nm
@@ -173,7 +177,7 @@ def by(serial_number, values, model="PR-655"):
 
 
 def calibration(serial_number, factor, error=None, nm=NM):
-    return Calibration(serial_number, Spectrum(grid_from_nm(nm), np.full(nm.size, factor),
+    return MeterCalibration(serial_number, Spectrum(grid_from_nm(nm), np.full(nm.size, factor),
                                                Quantity.RELATIVE, "test",
                                                None if error is None else np.full(nm.size, error)))
 

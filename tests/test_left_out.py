@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID
 
-from spectrabox.calibrate.calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
-from spectrabox.calibrate.products.stated_light import evidence_for_another_light, light_doubts
+from spectrabox.calibrate.products.light_evidence import evidence_for_another_light, light_doubts
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import (
     CalibrationDoubt,
-    LeftOutPatches,
+    HeldOutPatches,
     PatchSamples,
     Quantity,
     Spectrum,
@@ -29,13 +29,13 @@ SURFACES = chart_reflectances("BabelColor Average", GRID)
 CURVES = sensitivities("Nikon 5100 (NPL)", GRID)     # a camera that the shipped prior leaves out
 
 
-def chart_photo(name, stated, seed=3, kept_out=None, raise_patch=1.0):
+def chart_photo(name, stated, seed=3, excluded=None, raise_patch=1.0):
     """A chart under a CIE light with 1 % of noise, said to be under another."""
     signal = SURFACES @ (CURVES * light(name, GRID) * GRID.weights_nm).T
     signal *= 0.9 / signal.max() * (1 + 0.01 * np.random.default_rng(seed).standard_normal((24, 3)))
     signal[4] *= raise_patch
     samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), 0 * signal, 0 * signal)
-    return ChartPhoto(samples, SURFACES, stated, kept_out=kept_out)
+    return ChartPhoto(samples, SURFACES, stated, excluded=excluded)
 
 
 def spectrum(name):
@@ -49,7 +49,7 @@ def test_every_calibration_predicts_each_patch_from_the_others(method):
                                  curves=CURVES if method == "file" else None)
     made = calibrate_chart([photo], GRID, options)
     patches = left_out_patches(made, SURFACES)
-    assert patches.mean.shape == (24, 61) and not patches.kept_out.any()
+    assert patches.mean.shape == (24, 61) and not patches.excluded.any()
     # Three signals leave an rms of 0.02 to 0.04 to a learnt prior even with the true curves.
     assert patches.rmse.mean() < 0.045
     # 24 curves of about 3 independent readings each: 95 % less 3 standard errors of 2.6 %.
@@ -62,16 +62,16 @@ def test_every_calibration_predicts_each_patch_from_the_others(method):
 @pytest.mark.usefixtures("light_as_stated")
 @pytest.mark.parametrize("stated", [UnknownLight(kind="led"), spectrum("LED-B3")])
 def test_a_patch_kept_out_changes_nothing_but_itself(stated):
-    kept_out = np.arange(24) == 4
-    fits = [calibrate_chart([chart_photo("LED-B3", stated, kept_out=kept_out,
+    excluded = np.arange(24) == 4
+    fits = [calibrate_chart([chart_photo("LED-B3", stated, excluded=excluded,
                                          raise_patch=factor)], GRID) for factor in (1.0, 1.5)]
     first, second = (fit.calibration.sensitivity.curves for fit in fits)
     np.testing.assert_array_equal(first, second)
     np.testing.assert_array_equal(fits[0].predicted, fits[1].predicted)
     before, after = (left_out_patches(fit, SURFACES) for fit in fits)
-    assert before.kept_out[4] and after.kept_out.sum() == 1
+    assert before.excluded[4] and after.excluded.sum() == 1
     assert np.abs(after.mean[4] - before.mean[4]).max() > 0.05    # its own signal is 50 % more
-    others = ~kept_out
+    others = ~excluded
     np.testing.assert_allclose(after.mean[others], before.mean[others], atol=1e-9)
 
 
@@ -92,7 +92,7 @@ def test_an_unknown_light_leaves_products_and_a_posterior_of_its_own(name, kind)
     ("LED-B3", "LED-B3", False), ("D65", "D65", False), ("A", "A", False), ("FL11", "FL11", False),
     ("LED-B3", "A", True), ("A", "D65", True), ("D65", "FL11", True), ("FL11", "LED-B3", True)])
 def test_a_light_that_contradicts_the_chart_is_named(true, stated, contradicts):
-    from spectrabox.calibrate.calibration import _as_equations
+    from spectrabox.calibrate.chart_calibration import _as_equations
     photo, _ = _as_equations(chart_photo(true, spectrum(stated)), GRID)
     evidence = evidence_for_another_light([photo], shipped_prior(), light(stated, GRID), GRID)
     assert light_doubts(evidence) == ((CalibrationDoubt.WRONG_LIGHT,) if contradicts else ())
@@ -133,7 +133,7 @@ def left_out(inside, expected):
     """A chart whose bands hold a share of the reference, with what is expected of it."""
     reference = np.full((24, 61), 0.5)
     upper = np.where(np.arange(61) < inside * 61, 0.6, 0.45) * np.ones((24, 1))
-    return LeftOutPatches(PRIOR_GRID, reference, reference - 0.2, upper, reference,
+    return HeldOutPatches(PRIOR_GRID, reference, reference - 0.2, upper, reference,
                           np.zeros(24, bool), np.full(24, expected), 0.95)
 
 

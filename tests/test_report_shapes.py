@@ -9,7 +9,7 @@ from report_example import GRID, example_session
 
 from spectrabox.calibrate.trust import chart_colour_differences
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
-from spectrabox.radiometry.records import LeftOutPatches, PriorStanding
+from spectrabox.radiometry.records import HeldOutPatches, PriorInfluence
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.prior.certified import FamilyStanding
 from spectrabox.session.report.numbers import report_numbers
@@ -40,12 +40,12 @@ def session(tmp_path_factory):
     predicted = reference @ relative_response("cie_2_1931", "D65", grid).T
     measured = predicted * np.random.default_rng(3).normal(1, 0.002, predicted.shape)
     measured[SOILED] *= 0.7
-    left_out = LeftOutPatches(grid, reference, reference - 0.05, reference + 0.05, reference,
+    left_out = HeldOutPatches(grid, reference, reference - 0.05, reference + 0.05, reference,
                               np.zeros(24, dtype=bool), np.full(24, 0.95), 0.95)
     chart = dataclasses.replace(
         results.chart, predicted=predicted, left_out=left_out,
         samples=dataclasses.replace(results.chart.samples, mean=measured),
-        prior=PriorStanding(np.linspace(0, 1, 3 * grid.nm.size).reshape(3, -1),
+        prior=PriorInfluence(np.linspace(0, 1, 3 * grid.nm.size).reshape(3, -1),
                             ("Maker <A>", "Maker B"), np.array([0.9, 0.1])))
     fit = dataclasses.replace(results.calibration.sensitivity, residuals=1 - predicted / measured,
                               held_out_residuals=1 - 1.01 * predicted / measured)

@@ -12,7 +12,7 @@ from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.outside import free_memory as memory
 from spectrabox.reconstruct.tracer import transport
-from spectrabox.session.check import find_problems, foresee
+from spectrabox.session.check import find_problems, preflight_check
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages, stage_states
@@ -123,7 +123,7 @@ def test_check_says_what_run_would_refuse(captured, fault, sentence):
 
 
 def test_a_trace_for_which_memory_is_missing_is_refused_by_both(captured, monkeypatch):
-    needed = foresee(captured).tracing_bytes
+    needed = preflight_check(captured).tracing_bytes
     assert needed is not None and 0 < needed < 1 << 30
     monkeypatch.setattr(transport, "free_memory", lambda: 1000)
     (said,) = find_problems(captured)
@@ -145,7 +145,8 @@ def test_check_says_what_tracing_will_take(captured):
 
 
 def test_nothing_is_left_to_trace_of_a_finished_session(finished):
-    assert foresee(finished).tracing_bytes is None and foresee(finished).sentence == ""
+    result = preflight_check(finished)
+    assert result.tracing_bytes is None and result.sentence == ""
 
 
 @pytest.mark.parametrize("files, expected", [

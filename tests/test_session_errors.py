@@ -10,7 +10,7 @@ import pytest
 from test_posterior_laws import SMOOTH, mixture_of
 from test_session_laws import drift, views
 
-from spectrabox.calibrate.left_out import PatchesWithout
+from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.radiometry.light_scale import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read

@@ -6,7 +6,7 @@ from calibrate_cameras import GRID
 from spectrabox.calibrate.chart_equations import field_terms, field_terms_at
 from spectrabox.radiometry.chart import patch_centres_uv
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LeftOutPatches, Spectrum
+from spectrabox.radiometry.records import HeldOutPatches, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.stated_light import stated_light
 
@@ -46,7 +46,7 @@ def test_a_left_out_patch_is_scored_over_wavelengths():
     flat = np.full((24, 301), 0.5)
     lower = flat - 0.1
     reference = np.where(GRID.nm < 475, 0.7, 0.5) * np.ones((24, 1))
-    found = LeftOutPatches(GRID, flat, lower, flat + 0.1, reference, np.zeros(24, bool),
+    found = HeldOutPatches(GRID, flat, lower, flat + 0.1, reference, np.zeros(24, bool),
                            np.ones(24), 0.95)
     # 75 of 301 wavelengths are 0.2 off and outside.
     np.testing.assert_allclose(found.inside, 226 / 301)

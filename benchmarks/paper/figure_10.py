@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.calibration import (
+from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     ChartCalibration,
     ChartPhoto,

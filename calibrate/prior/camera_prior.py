@@ -127,7 +127,7 @@ def matern(nm: np.ndarray, length_nm: float, smoothness: float) -> np.ndarray:
     return polynomial * np.exp(-distance)
 
 
-def save_prior(path: Path, prior: CameraPrior) -> None:
+def save_camera_prior(path: Path, prior: CameraPrior) -> None:
     """Write a prior as an .npz without pickled objects, means in single precision.
 
     Parameters
@@ -146,13 +146,13 @@ def save_prior(path: Path, prior: CameraPrior) -> None:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
-def load_prior(path: Path) -> CameraPrior:
-    """Read a prior that ``save_prior`` wrote.
+def load_camera_prior(path: Path) -> CameraPrior:
+    """Read a prior that ``save_camera_prior`` wrote.
 
     Parameters
     ----------
     path : Path
-        An .npz that ``save_prior`` wrote.
+        An .npz that ``save_camera_prior`` wrote.
 
     Raises
     ------
@@ -185,4 +185,4 @@ def shipped_prior() -> CameraPrior:
     """
     with resources.as_file(resources.files("spectrabox.calibrate.prior") / "models"
                            / SHIPPED) as path:
-        return load_prior(path)
+        return load_camera_prior(path)

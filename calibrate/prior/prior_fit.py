@@ -25,7 +25,7 @@ from spectrabox.calibrate.chart_equations import (
     predicted_signal,
     unlit_design,
 )
-from spectrabox.calibrate.left_out import (
+from spectrabox.calibrate.held_out_patches import (
     PatchesWithout,
     covariance_without,
     gathered,

@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import ChartEquations, mean_error, nuisance_sd
-from spectrabox.calibrate.left_out import PatchesWithout, gathered, patch_moments
+from spectrabox.calibrate.held_out_patches import PatchesWithout, gathered, patch_moments
 from spectrabox.calibrate.photo_checks import require_apart, require_patches
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import (

@@ -26,7 +26,7 @@ from spectrabox.calibrate.chart_equations import (
     noise_covariance,
     nuisance_sd,
 )
-from spectrabox.calibrate.left_out import covariance_without, weights_without
+from spectrabox.calibrate.held_out_patches import covariance_without, weights_without
 from spectrabox.calibrate.prior.prior_fit import EXPOSURE_SD, GAINS, LINEARISED_AT
 from spectrabox.calibrate.products.lamps import GRID
 from spectrabox.calibrate.products.product_prior import ProductPrior

@@ -5,7 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from spectrabox.capture.meter.calibration import Calibration, factors_at, require_comparable
+from spectrabox.capture.meter.meter_calibration import (
+    MeterCalibration,
+    factors_at,
+    require_comparable,
+)
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Quantity, Spectrum
@@ -17,7 +21,7 @@ LOW_SIGNAL = 0.02           # of the standard's largest value: below, a ratio is
 
 
 def series_of(readings: Sequence[SpectralReading], name: str,
-              calibrations: Sequence[Calibration] = ()) -> ReadingSeries:
+              calibrations: Sequence[MeterCalibration] = ()) -> ReadingSeries:
     """Mean, spread and drift of the readings that hold a spectrum.
 
     Parameters
@@ -26,7 +30,7 @@ def series_of(readings: Sequence[SpectralReading], name: str,
         In the order they were taken.
     name : str
         Of what was measured, for errors.
-    calibrations : sequence of Calibration
+    calibrations : sequence of MeterCalibration
         Of the instruments; needed, of each, where there are several.
 
     Raises

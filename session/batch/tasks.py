@@ -92,12 +92,12 @@ def failed(task: Task, said: str, exit_code: int) -> Outcome:
 
 
 def _looked_at(task: Task) -> Outcome:
-    from spectrabox.session.check import foresee
+    from spectrabox.session.check import preflight_check
     from spectrabox.session.stages.order import all_stages
     from spectrabox.session.store.session_lock import only_writer
     order = task.order
     with only_writer(task.folder, all_stages(), "spectrabox batch"):
-        found = foresee(task.folder, order.allow_outside, order.device, order.out / SHARED)
+        found = preflight_check(task.folder, order.allow_outside, order.device, order.out / SHARED)
     if found.problems:
         return failed(task, "\n".join(each.sentence for each in found.problems),
                       min(each.exit_code for each in found.problems))

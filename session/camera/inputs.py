@@ -9,12 +9,12 @@ from spectrabox.radiometry.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
 
-    from spectrabox.calibrate.calibration import ChartCalibration, ChartPhoto
+    from spectrabox.calibrate.chart_calibration import ChartCalibration, ChartPhoto
     from spectrabox.calibrate.curve_band import CurveBand
     from spectrabox.radiometry.chart import Chart
     from spectrabox.radiometry.records import (
         Calibration,
-        LeftOutPatches,
+        HeldOutPatches,
         PatchSamples,
         Spectrum,
         UnknownLight,
@@ -52,7 +52,7 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     from spectrabox.session.camera.patch_files import read_patches
     known_lights = {name: stated_light(name, grid) for name in lights}
     layout_of = read_layout(layout)
-    kept_out = left_out(leave_out, layout_of, "--leave-out")
+    excluded = left_out(leave_out, layout_of, "--leave-out")
     named_charts: list[str | None] = list(references) or [None]
     known_charts = {name: reference_reflectances(name, layout_of, grid)
                     for name in named_charts}
@@ -63,13 +63,13 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     found = [_patches_of_picture(photo, at, layout_of, reflectances, grid) if decode
              else read_patches(photo, layout_of)
              for photo, at, reflectances in zip(photos, places, chart_of, strict=True)]
-    from spectrabox.calibrate.calibration import ChartPhoto
+    from spectrabox.calibrate.chart_calibration import ChartPhoto
     charts: list[ChartPhoto] = []
     names: list[tuple[str, ...]] = []
     for index, (photo, (measured, bands)) in enumerate(zip(photos, found, strict=True)):
         light = lights[index if len(lights) > 1 else 0]
         charts.append(ChartPhoto(measured, chart_of[index], known_lights[light],
-                                 kept_out=kept_out, chart=layout_of))
+                                 excluded=excluded, chart=layout_of))
         names.append(bands)
         if any(np.array_equal(measured.mean, chart.samples.mean) for chart in charts[:-1]):
             raise InputError(f"{photo.name} holds the same signals as another of the photos; "
@@ -201,7 +201,7 @@ def require_outputs(outputs: list[Path], inputs: list[Path]) -> None:
 
 
 def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthGrid, chart: Chart,
-             left_out: LeftOutPatches) -> dict[str, Any]:
+             left_out: HeldOutPatches) -> dict[str, Any]:
     """A calibration as plain numbers for a script (docs/json.md, ``camera fit``); ``left_out`` is
     of the first photo, which shows ``chart``.
     """

@@ -9,7 +9,7 @@ import numpy as np
 
 from spectrabox.calibrate.photo_checks import light_power
 from spectrabox.calibrate.preflight import preflight
-from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_prior, shipped_prior
+from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_camera_prior, shipped_prior
 from spectrabox.calibrate.prior.measured_prior import prior_of_curves
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.references import reference_reflectances
@@ -67,7 +67,7 @@ def _cameras(asked: Preparation) -> CameraPrior:
         _, names, _ = read_curves(asked.curves)
         return prior_of_curves(GRID, read_measured_curves(asked.curves, len(names), GRID),
                                CURVES_ERROR)
-    return shipped_prior() if asked.prior_file is None else load_prior(asked.prior_file)
+    return shipped_prior() if asked.prior_file is None else load_camera_prior(asked.prior_file)
 
 
 def _of_curves(asked: Preparation, light: Spectrum | UnknownLight, cameras: CameraPrior,

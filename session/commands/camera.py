@@ -31,7 +31,7 @@ from spectrabox.session.command_line import (
 from spectrabox.session.commands.sampling import AtHand, Filters
 
 if TYPE_CHECKING:
-    from spectrabox.calibrate.calibration import ChartCalibration
+    from spectrabox.calibrate.chart_calibration import ChartCalibration
     from spectrabox.calibrate.prior.camera_prior import CameraPrior
 
 METHODS = ("prior", "smooth", "nonnegative", "paper", "file")
@@ -133,7 +133,7 @@ def fit(light: Lights, photos: ChartPhotos = None, chart: Charts = None,
         charts, names = read_photos(list(given), list(light), list(reference or []),
                                   list(corners or []), bool(chart), grid,
                                   numbers_of_patches(leave_out), layout)
-        from spectrabox.calibrate.calibration import CalibrationOptions, calibrate_chart
+        from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
         from spectrabox.calibrate.curve_band import curve_band
         from spectrabox.session.stages.left_out import left_out_patches
         given_curves = None if curves is None else read_measured_curves(curves, len(names), grid)
@@ -170,12 +170,12 @@ def prior(folder: Annotated[Path, typer.Argument(metavar="FOLDER", show_default=
     with command(as_json, debug):
         check_ending(out, PRIORS)
         from spectrabox.calibrate.prior.camera_database import read_camera_database
-        from spectrabox.calibrate.prior.camera_prior import save_prior
+        from spectrabox.calibrate.prior.camera_prior import save_camera_prior
         from spectrabox.calibrate.prior.learnt_prior import build_prior
         database = read_camera_database(folder, leave_out=tuple(leave_out or ()))
         made = build_prior(database.nm, database.curves, database.names, licence=licence,
                            source=source or f"{len(database.names)} cameras of {folder.name}")
-        save_prior(out, made)
+        save_camera_prior(out, made)
         families = [members for members, level in zip(made.members, made.level, strict=True)
                     if level == 0]
         facts = {"file": str(out), "cameras": list(database.names),
@@ -257,8 +257,8 @@ def names(as_json: Json = False, debug: Debug = False) -> None:
 
 
 def _prior(path: Path) -> CameraPrior:
-    from spectrabox.calibrate.prior.camera_prior import load_prior
-    return load_prior(path)
+    from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+    return load_camera_prior(path)
 
 
 def _fit_text(facts: dict[str, Any], result: ChartCalibration, names: tuple[str, ...],

@@ -23,8 +23,8 @@ from spectrabox.session.command_line import (
 )
 
 if TYPE_CHECKING:
-    from spectrabox.capture.meter.calibration import Calibration, Maker
     from spectrabox.capture.meter.instruments.interface import Instrument, MeterSettings
+    from spectrabox.capture.meter.meter_calibration import Maker, MeterCalibration
     from spectrabox.capture.meter.serial_line import Log, Pace
     from spectrabox.radiometry.records import Spectrum
     from spectrabox.radiometry.spectra.readings import SpectralReading
@@ -116,9 +116,9 @@ def measure(
     """
     with command(as_json, debug):
         check_ending(png, {".png": "a picture of the spectrum"}, "--png")
-        from spectrabox.capture.meter.calibration import read_calibration
         from spectrabox.capture.meter.instruments.interface import MeterSettings
         from spectrabox.capture.meter.measurement_targets import claim
+        from spectrabox.capture.meter.meter_calibration import read_calibration
         names = _names(role, name)
         wanted = MeterSettings(integration_ms, averages, sync_hz)
         source = _source(port, instrument, program, ambient, wanted)
@@ -259,15 +259,15 @@ def _by_spotread(folder: Path, number: int, ambient: bool) -> Iterator[Taker]:
 
 
 def _measure_all(spectra: Path, role: str, names: list[str], source: Source, repeat: int,
-                 calibrations: list[Calibration], wait: bool) -> list[SpectralReading]:
+                 calibrations: list[MeterCalibration], wait: bool) -> list[SpectralReading]:
     """Take the readings that are still missing; those on disk are not taken again."""
-    from spectrabox.capture.meter.calibration import makers_of, require_comparable
     from spectrabox.capture.meter.measurement_files import (
         readings_folder,
         store_reading,
         stored_readings,
     )
     from spectrabox.capture.meter.measurement_targets import note_role
+    from spectrabox.capture.meter.meter_calibration import makers_of, require_comparable
 
     stored = {name: stored_readings(readings_folder(spectra, name)) for name in names}
     have = {name: sum(reading.spectrum is not None for reading in stored[name]) for name in names}
@@ -337,11 +337,10 @@ def _white_readings(spectra: Path, role: str) -> list[SpectralReading]:
 
 
 def _write_result(spectra: Path, role: str, names: list[str], white_reflectance: float,
-                  calibrations: Sequence[Calibration]) -> tuple[Path, Spectrum | None]:
+                  calibrations: Sequence[MeterCalibration]) -> tuple[Path, Spectrum | None]:
     """Write the mean, or the reflectance where a white standard was measured; gives the file and
     one spectrum.
     """
-    from spectrabox.capture.meter.calibration import makers_of, named, require_comparable
     from spectrabox.capture.meter.measurement_files import readings_folder, stored_readings
     from spectrabox.capture.meter.measurement_series import (
         reflectance_from,
@@ -349,6 +348,7 @@ def _write_result(spectra: Path, role: str, names: list[str], white_reflectance:
         series_spectrum,
     )
     from spectrabox.capture.meter.measurement_targets import result_file
+    from spectrabox.capture.meter.meter_calibration import makers_of, named, require_comparable
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.spectra.spectrum_files import table_text
 
@@ -386,7 +386,7 @@ def _write_result(spectra: Path, role: str, names: list[str], white_reflectance:
 
 
 def _series_facts(spectra: Path, names: list[str],
-                  calibrations: Sequence[Calibration]) -> list[dict[str, Any]]:
+                  calibrations: Sequence[MeterCalibration]) -> list[dict[str, Any]]:
     from spectrabox.capture.meter.measurement_files import readings_folder, stored_readings
     from spectrabox.capture.meter.measurement_series import series_of
     facts = []

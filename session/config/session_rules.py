@@ -170,7 +170,7 @@ def _scene(config: SessionConfig) -> list[str]:
         problems.append(f"{FILE_NAME}: photos.chart is missing, but sensitivities or scale are to "
                         "come from it; add the photo, or give [sensitivity] from = \"curves.csv\" "
                         "and [scale] from = \"material\"")
-    if config.scale.source == "chart" and not config.chart_in_place:
+    if config.scale.source == "chart" and not config.chart_pose_known:
         missing = "chart.scene" if config.box is None else "the table [scene.box.chart]"
         problems.append(f"{FILE_NAME}: {missing} is missing: a scale from the chart photo needs "
                         "light and chart in their places; add it, or use [scale] from = "
@@ -234,7 +234,7 @@ def _empty(rect: Sequence[float]) -> bool:
 def _views(config: SessionConfig) -> list[str]:
     problems = []
     for name, view in config.views.items():
-        if view.chart is not None and not config.chart_in_place and not config.flat:
+        if view.chart is not None and not config.chart_pose_known and not config.flat:
             problems.append(f"{FILE_NAME}: views.{name}.chart needs chart.scene: a scale from a "
                             "chart photo needs light and chart in their places")
         if view.turn_deg is not None and (config.box is None or config.box.turntable_mm is None

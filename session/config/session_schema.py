@@ -419,7 +419,7 @@ class SessionConfig(SessionTables):
         return None if self.scene is None else self.scene.box
 
     @property
-    def chart_in_place(self) -> bool:
+    def chart_pose_known(self) -> bool:
         """Whether the session says where light and chart stood for the chart photo."""
         return self.chart.scene is not None or (self.box is not None
                                                 and self.box.chart is not None)

@@ -7,20 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.calibration import (
+from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     ChartCalibration,
     ChartPhoto,
     calibrate_chart,
 )
-from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_prior
+from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_camera_prior
 from spectrabox.calibrate.prior.measured_prior import prior_of_curves
 from spectrabox.radiometry.records import PatchSamples, UnknownLight
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
     GRID,
-    kept_out_patches,
+    excluded_patches,
     read_chart_reference,
     read_light,
     read_sensitivities,
@@ -41,7 +41,7 @@ def calibrate_photos(task: StageTask) -> dict[str, Any]:
         The "calibration" of every view; of every view with a chart what "white" reads there, a
         ChartWhite; of the first chart the "irradiance" (I,) and the "predicted" signals (I, K);
         the "model error" (2,) of patches that the fit found, a PatchError; what is the
-        "prior"'s (PriorStanding), and its patches "left out".
+        "prior"'s (PriorInfluence), and its patches "left out".
     """
     config = task.config
     reference, layout = read_chart_reference(config), session_chart(config)
@@ -52,7 +52,7 @@ def calibrate_photos(task: StageTask) -> dict[str, Any]:
         shown = [view for view in views if view.chart]
         lights = {view.light: read_light(config, view.light) for view in views}
         photos = [ChartPhoto(_patches(task, view), reference, lights[view.light],
-                             kept_out=kept_out_patches(config), chart=layout) for view in shown]
+                             excluded=excluded_patches(config), chart=layout) for view in shown]
         made = calibrate_chart(photos, GRID, CalibrationOptions(prior=_prior(config)))
         assert made.prior_fit is not None
         records["notes"] += _shadow_notes(shown[0], made, session_chart(config).names)
@@ -60,7 +60,7 @@ def calibrate_photos(task: StageTask) -> dict[str, Any]:
             lit = np.full(len(made.predicted), np.nan)      # patches that are left out: not known
             lit[photos[0].used] = made.prior_fit.photos[0].field
             records |= {"predicted": made.predicted, "irradiance": lit,
-                        "prior": made.prior_standing,
+                        "prior": made.prior_influence,
                         "model error": np.array(made.prior_fit.patch_error),
                         "left out": left_out_patches(made, reference)}
         for view in views:
@@ -112,4 +112,4 @@ def _prior(config: SessionConfig) -> CameraPrior | None:
         _, curves = read_sensitivities(config)
         return prior_of_curves(GRID, curves, config.sensitivity.relative_error)
     return None if config.sensitivity.prior is None else \
-        load_prior(config.path(config.sensitivity.prior))
+        load_camera_prior(config.path(config.sensitivity.prior))

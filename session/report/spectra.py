@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter
 
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.records import (
-    LeftOutPatches,
+    HeldOutPatches,
     LightPosterior,
     Quantity,
     SensitivityFit,
@@ -252,7 +252,7 @@ def light_figure(name: str, light: Spectrum, posterior: LightPosterior | None = 
                       Readout(axes, nm, series, "Wavelength", "nm", digits))
 
 
-def left_out_figure(name: str, patches: LeftOutPatches, chart: Chart) -> Markup:
+def left_out_figure(name: str, patches: HeldOutPatches, chart: Chart) -> Markup:
     """Every patch's reflectance by a calibration without it: mean, band and reference, as printed
     on the chart.
 
@@ -260,7 +260,7 @@ def left_out_figure(name: str, patches: LeftOutPatches, chart: Chart) -> Markup:
     ----------
     name : str
         Of the figure on its page, unique there.
-    patches : LeftOutPatches
+    patches : HeldOutPatches
     chart : Chart
         Its layout.
     """
@@ -286,7 +286,7 @@ def left_out_figure(name: str, patches: LeftOutPatches, chart: Chart) -> Markup:
     lines(MEAN, 1.3, nm, patches.mean)
     lines(TRUTH, 1.0, nm, patches.reference, (0, (1, 1.2)))
     for number, (x, y) in enumerate(place[:, 0] + (nm[0], 1.02 * top)):
-        kept = ", kept out" if patches.kept_out[number] else ""
+        kept = ", kept out" if patches.excluded[number] else ""
         axes.text(x, y, f"{number + 1} {plain_line(chart.names[number], LETTERS // chart.columns)}"
                   f"{kept}\n{patches.rmse[number]:.3f}, {percent(patches.inside[number])} inside",
                   fontsize=7 if few else 4, va="bottom")

@@ -7,7 +7,7 @@ import numpy as np
 
 from spectrabox.radiometry.appearance import encoded_srgb, tristimulus
 from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
-from spectrabox.radiometry.records import LeftOutPatches
+from spectrabox.radiometry.records import HeldOutPatches
 from spectrabox.session.report.maps import display_bands, srgb_encoded
 from spectrabox.session.report.verdict import chart_residuals
 from spectrabox.session.store.results import CommonResults
@@ -75,7 +75,7 @@ def swatch_section(results: CommonResults) -> dict[str, Any] | None:
             "mean": None if difference is None else float(np.nanmean(difference))}
 
 
-def _chart_colours(measured: np.ndarray, predicted: np.ndarray, left_out: LeftOutPatches
+def _chart_colours(measured: np.ndarray, predicted: np.ndarray, left_out: HeldOutPatches
                    ) -> tuple[list[np.ndarray], np.ndarray]:
     """Encoded sRGB (I, 3) of both, and CIEDE2000 (I,) between them."""
     nm = left_out.grid.nm

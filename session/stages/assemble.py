@@ -27,7 +27,7 @@ from spectrabox.session.stages.stored_records import (
     left_out_of,
     notes_of,
     photo_of,
-    prior_standing_of,
+    prior_influence_of,
     samples_of,
 )
 from spectrabox.session.store.made_from import made_from
@@ -100,7 +100,7 @@ def chart_result(config: SessionConfig, run: FinishedRun) -> ChartResult | None:
     return ChartResult(chart[0], chart[1], predicted,
                        irradiance / np.fmax.reduce(irradiance),
                        config.results_folder / "chart" / "overlay.png", session_chart(config),
-                       left_out_of(run.stored), prior_standing_of(run.stored))
+                       left_out_of(run.stored), prior_influence_of(run.stored))
 
 
 def sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:

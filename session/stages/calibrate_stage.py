@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.calibration import (
+from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     ChartCalibration,
     ChartPhoto,
@@ -15,7 +15,7 @@ from spectrabox.calibrate.calibration import (
     calibration_from_curves,
     unknown_irradiance,
 )
-from spectrabox.calibrate.prior.camera_prior import load_prior
+from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.calibrate.sensitivity import scale_of_photo
 from spectrabox.calibrate.trust import GLARE_SIGMA
 from spectrabox.capture.chart.quality import uneven_light_reasons
@@ -36,7 +36,7 @@ from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.chart_stage import light_on_chart
 from spectrabox.session.stages.inputs import (
     GRID,
-    kept_out_patches,
+    excluded_patches,
     read_chart_reference,
     read_light,
     read_sensitivities,
@@ -59,7 +59,7 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
     dict
         The "calibration" of every view, and of the first chart the "irradiance" (I,), the
         "predicted" signals (I, K), its "white" (ChartWhite, by methods that fit one), what is the
-        "prior"'s (PriorStanding) and its patches "left out" (LeftOutPatches); None where there is
+        "prior"'s (PriorInfluence) and its patches "left out" (HeldOutPatches); None where there is
         no chart.
     """
     config = task.config
@@ -81,7 +81,7 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
     records: dict[str, Any] = {"calibration": camera, "irradiance": None if first is None else lit,
                "predicted": None if first is None else first.predicted,
                "white": None if first is None else first.white,
-               "prior": None if first is None else first.prior_standing}
+               "prior": None if first is None else first.prior_influence}
     records |= _other_calibrations(config, shown, lights, irradiance, curves, first, camera)
     records["glare"] = _certain_glare(first, charts)
     if irradiance is not None:
@@ -185,12 +185,12 @@ def _chart_photo(config: SessionConfig, number: int, shown: Mapping[int, PatchSa
                  lights: Sequence[Spectrum | UnknownLight],
                  irradiance: np.ndarray | None) -> ChartPhoto:
     return ChartPhoto(shown[number], read_chart_reference(config), lights[number], irradiance,
-                      kept_out_patches(config), chart=session_chart(config))
+                      excluded_patches(config), chart=session_chart(config))
 
 
 def _options(config: SessionConfig, curves: np.ndarray | None) -> CalibrationOptions:
     chosen = config.sensitivity
-    prior = None if chosen.prior is None else load_prior(config.path(chosen.prior))
+    prior = None if chosen.prior is None else load_camera_prior(config.path(chosen.prior))
     return CalibrationOptions(chosen.method or "prior", prior, chosen.coefficients, curves)
 
 

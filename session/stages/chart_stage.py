@@ -62,7 +62,7 @@ def _find_and_sample_chart(task: StageTask, view: ViewInputs) -> dict[str, Any]:
     detection = find_chart(photo, reference, chart_corners(config, view), chart)
     write_png(task.folder / f"{view.record('overlay')}.png", chart_overlay(photo, detection))
     verdict = judge_chart(photo, detection, reference, chart,
-                          light_explained=config.chart_in_place)
+                          light_explained=config.chart_pose_known)
     samples = verdict.samples
     require_unclipped(samples, chart.names, name)
     notes = (*notes, *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))

@@ -123,7 +123,7 @@ def read_chart_reference(config: SessionConfig) -> np.ndarray:
                                   config.folder)
 
 
-def kept_out_patches(config: SessionConfig) -> np.ndarray:
+def excluded_patches(config: SessionConfig) -> np.ndarray:
     """Whether the operator keeps each patch (I,) of the chart out of every fit.
 
     Raises

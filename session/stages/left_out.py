@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.calibrate.calibration import ChartCalibration
-from spectrabox.calibrate.left_out import PatchesWithout
+from spectrabox.calibrate.chart_calibration import ChartCalibration
+from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import LeftOutPatches, WavelengthGrid, share_inside
+from spectrabox.radiometry.records import HeldOutPatches, WavelengthGrid, share_inside
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
 from spectrabox.sampling.prior.summaries import PriorSummaries, summaries
 
@@ -18,7 +18,7 @@ START = 0.4             # reflectance of the first pass
 
 
 def left_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
-                     prior: LogitMixture | None = None) -> LeftOutPatches:
+                     prior: LogitMixture | None = None) -> HeldOutPatches:
     """Reflectance of each patch by the learnt prior, its calibration being that without it.
 
     Beside it stands how much of each band would hold if photo and calibration had not erred at all:
@@ -34,11 +34,11 @@ def left_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
         The shipped one by default.
     """
     return patches_without(calibrated.without, calibrated.calibration.sensitivity.grid,
-                           reflectances, calibrated.kept_out, prior)
+                           reflectances, calibrated.excluded, prior)
 
 
 def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances: np.ndarray,
-                    kept_out: np.ndarray, prior: LogitMixture | None = None) -> LeftOutPatches:
+                    excluded: np.ndarray, prior: LogitMixture | None = None) -> HeldOutPatches:
     """The same from what fits without each patch say.
 
     Parameters
@@ -47,7 +47,7 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
     grid : WavelengthGrid
         Of the fits, of P wavelengths.
     reflectances : (I, P) array
-    kept_out : (I,) bool array
+    excluded : (I,) bool array
         Patches that were in no fit.
     prior : LogitMixture or None
     """
@@ -71,5 +71,5 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
         each = found(relative - np.einsum("ikp,ip->ik", responses - common, estimate), estimate)
         estimate = each.mean
     exact = found(truth @ common.T, truth)
-    return LeftOutPatches(GRID, each.mean, each.lower, each.upper, truth, kept_out,
+    return HeldOutPatches(GRID, each.mean, each.lower, each.upper, truth, excluded,
                           share_inside(exact.lower, exact.upper, truth), LEVEL)

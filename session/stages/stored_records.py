@@ -9,11 +9,11 @@ from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
     ChartWhite,
+    HeldOutPatches,
     JointReconstruction,
-    LeftOutPatches,
     LinearImage,
     PatchSamples,
-    PriorStanding,
+    PriorInfluence,
     Reconstruction,
     SpectrumSamples,
     SpectrumSummary,
@@ -73,15 +73,15 @@ def chart_glare_of(stored: Mapping[str, StoredStage]) -> np.ndarray:
     return glare
 
 
-def left_out_of(stored: Mapping[str, StoredStage]) -> LeftOutPatches | None:
+def left_out_of(stored: Mapping[str, StoredStage]) -> HeldOutPatches | None:
     """The first chart's patches, each by a calibration without it; None without a chart photo."""
-    patches: LeftOutPatches | None = stored["calibrate"].record(LeftOutPatches, "left out")
+    patches: HeldOutPatches | None = stored["calibrate"].record(HeldOutPatches, "left out")
     return patches
 
 
-def prior_standing_of(stored: Mapping[str, StoredStage]) -> PriorStanding | None:
+def prior_influence_of(stored: Mapping[str, StoredStage]) -> PriorInfluence | None:
     """What of the camera's curves is the prior's; None where none was used."""
-    standing: PriorStanding | None = stored["calibrate"].record(PriorStanding, "prior")
+    standing: PriorInfluence | None = stored["calibrate"].record(PriorInfluence, "prior")
     return standing
 
 

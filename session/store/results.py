@@ -11,12 +11,12 @@ from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
-    LeftOutPatches,
+    HeldOutPatches,
     LightScale,
     LinearImage,
     Outcome,
     PatchSamples,
-    PriorStanding,
+    PriorInfluence,
     Reconstruction,
     Spectrum,
     SpectrumSamples,
@@ -82,8 +82,8 @@ class ChartResult:
     irradiance: np.ndarray            # (I,) relative irradiance of each patch, brightest 1
     overlay: Path                     # PNG
     layout: Chart = CLASSIC
-    left_out: LeftOutPatches | None = None      # each patch by a calibration without it
-    prior: PriorStanding | None = None          # None of curves that no prior was used for
+    left_out: HeldOutPatches | None = None      # each patch by a calibration without it
+    prior: PriorInfluence | None = None          # None of curves that no prior was used for
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,14 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, some_patches
 from spectrabox.calibrate.colour_matrix import matrix_contradicts
-from spectrabox.calibrate.left_out import PatchesWithout, in_chart_order
+from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
 from spectrabox.calibrate.measured_curves import check_measured_curves
 from spectrabox.calibrate.photo_checks import disagreement, light_power, refuse_disagreement
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.smooth_prior import SMOOTH_SOURCE
 from spectrabox.calibrate.products.lamps import lamps_like
+from spectrabox.calibrate.products.light_evidence import evidence_for_another_light, light_doubts
 from spectrabox.calibrate.products.product_fit import fit_products
-from spectrabox.calibrate.products.stated_light import evidence_for_another_light, light_doubts
 from spectrabox.calibrate.sensitivity import (
     CHART_ERROR,
     SPLINE_COEFFICIENTS,
@@ -40,7 +40,7 @@ from spectrabox.radiometry.records import (
     LightScale,
     Outcome,
     PatchSamples,
-    PriorStanding,
+    PriorInfluence,
     Quantity,
     SensitivityFit,
     Spectrum,
@@ -61,18 +61,18 @@ class ChartPhoto(Record):
     light: Spectrum | UnknownLight
     # On each patch for a light spectrum of 1. None: not known, a smooth field is allowed.
     irradiance: Annotated[np.ndarray, "I"] | None = None
-    kept_out: Annotated[np.ndarray, "I"] | None = None      # bool: patches that no fit may use
+    excluded: Annotated[np.ndarray, "I"] | None = None      # bool: patches that no fit may use
     chart: Chart = CLASSIC
 
     @property
     def used(self) -> np.ndarray:
         """Whether each patch (I,) may be used."""
-        return np.ones(len(self.reflectances), bool) if self.kept_out is None \
-            else ~self.kept_out.astype(bool)
+        return np.ones(len(self.reflectances), bool) if self.excluded is None \
+            else ~self.excluded.astype(bool)
 
     @property
-    def lit(self) -> np.ndarray:
-        """Irradiance (I,) on each patch; where it is not known one that sets no scale."""
+    def irradiance_or_pi(self) -> np.ndarray:
+        """Irradiance (I,) on each patch; pi where unknown."""
         return unknown_irradiance(len(self.reflectances)) if self.irradiance is None \
             else self.irradiance
 
@@ -99,13 +99,13 @@ class ChartCalibration(Record):
     held_out_delta_e: Annotated[np.ndarray, "I"]    # the same, the patch left out of the fit
     prior_fit: PriorFit | None                      # of the method "prior"
     without: PatchesWithout                         # the first photo's patches, each left out
-    kept_out: Annotated[np.ndarray, "I"]            # bool: of no fit at all
+    excluded: Annotated[np.ndarray, "I"]            # bool: of no fit at all
 
     @property
-    def prior_standing(self) -> PriorStanding | None:
+    def prior_influence(self) -> PriorInfluence | None:
         """What of the curves is the prior's; None by methods that use none."""
         fit = self.prior_fit
-        return None if fit is None else PriorStanding(
+        return None if fit is None else PriorInfluence(
             fit.prior_share, tuple(members for members, _ in fit.families),
             np.array([probability for _, probability in fit.families]))
 
@@ -150,11 +150,12 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         method = chosen.method if chosen.curves is None else "file"
         raise InputError(f"method {method} takes one photo; {len(photos)} photos need method prior")
     light, power, unseen = _power_of(first.light, grid)
-    lit = first.lit
+    irradiance = first.irradiance_or_pi
     prior_fit, posterior = None, None
     doubtful: tuple[CalibrationDoubt, ...] = ()
     if chosen.curves is not None:
-        fit, scale, predicted, without = _from_measured(first, power, lit, grid, chosen.curves)
+        fit, scale, predicted, without = _from_measured(first, power, irradiance, grid,
+                                                        chosen.curves)
         said: tuple[str, ...] = (
             check_measured_curves(_as_equations(first, grid)[0], chosen.curves, grid),)
     elif chosen.method == "prior":
@@ -175,10 +176,11 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         scale = replace(scale, residuals=fit.residuals)
     else:
         fit, scale, without = fit_sensitivities(
-            first.samples, first.reflectances, power, lit, grid, chosen.coefficients,
+            first.samples, first.reflectances, power, irradiance, grid, chosen.coefficients,
             method=chosen.method, used=first.used)
         said = (SPLINE_BANDS[chosen.method],)
-        predicted = scale.value * _chart_signals(grid, fit.curves, power, first.reflectances, lit)
+        predicted = scale.value * _chart_signals(grid, fit.curves, power, first.reflectances,
+                                                 irradiance)
     held_out = fit.residuals if fit.held_out_residuals is None else fit.held_out_residuals
     assert held_out is not None
     covariance = relative_prediction_covariance(held_out, first.samples)
@@ -302,7 +304,7 @@ def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> tuple[ChartEquatio
     """
     _, power, _ = _power_of(photo.light, grid)
     known = photo.irradiance is not None
-    whole = chart_equations(photo.samples, photo.reflectances, power, photo.lit, grid,
+    whole = chart_equations(photo.samples, photo.reflectances, power, photo.irradiance_or_pi, grid,
                             positions=None if known else photo.chart.centres_uv,
                             rows=photo.chart.rows)
     if photo.used.all():

@@ -21,14 +21,14 @@ Maker = tuple[str, str]     # model and serial number
 
 
 @dataclass(frozen=True)
-class Calibration:
+class MeterCalibration:
     """Factors by which an instrument's readings become those of the common standard."""
 
     serial_number: str
     factor: Spectrum        # 1, with its standard error where that is known
 
 
-def read_calibration(text: str) -> Calibration:
+def read_calibration(text: str) -> MeterCalibration:
     """A calibration as the operator names it, "65123456=pr655.csv".
 
     Parameters
@@ -51,7 +51,7 @@ def read_calibration(text: str) -> Calibration:
     if not POSSIBLE[0] <= low <= high <= POSSIBLE[1]:
         raise InputError(f"{file} holds factors from {low:.3g} to {high:.3g}; a calibration has "
                          f"factors near 1, {POSSIBLE[0]} to {POSSIBLE[1]}")
-    return Calibration(serial_number.strip(), factor)
+    return MeterCalibration(serial_number.strip(), factor)
 
 
 def makers_of(readings: Iterable[SpectralReading]) -> list[Maker]:
@@ -60,14 +60,14 @@ def makers_of(readings: Iterable[SpectralReading]) -> list[Maker]:
                               if reading.spectrum is not None))
 
 
-def require_comparable(makers: Sequence[Maker], calibrations: Sequence[Calibration],
+def require_comparable(makers: Sequence[Maker], calibrations: Sequence[MeterCalibration],
                        what: str) -> None:
     """Refuse to compare what different instruments read, unless each has its calibration.
 
     Parameters
     ----------
     makers : sequence of (model, serial number)
-    calibrations : sequence of Calibration
+    calibrations : sequence of MeterCalibration
     what : str
         Was read, for errors.
 
@@ -95,14 +95,14 @@ def named(makers: Sequence[Maker]) -> str:
     return " and ".join(f"{model} {serial_number}" for model, serial_number in makers)
 
 
-def factors_at(nm: np.ndarray, calibrations: Sequence[Calibration]) -> Mapping[
+def factors_at(nm: np.ndarray, calibrations: Sequence[MeterCalibration]) -> Mapping[
         str, tuple[np.ndarray, np.ndarray]]:
     """Factors (P,) and their standard errors (P,), zero where not known, by serial number.
 
     Parameters
     ----------
     nm : (P,) array
-    calibrations : sequence of Calibration
+    calibrations : sequence of MeterCalibration
 
     Raises
     ------
