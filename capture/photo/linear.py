@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -237,11 +236,10 @@ def _positions(frame: RawFrame, step: int) -> list[_Position]:
 
 
 def _over_rows(work: Callable[[slice], None], height: int, rows_of_tile: int) -> None:
-    """Do the work for blocks of rows that fit in the cache, on all cores."""
+    """Do the work for blocks of rows that fit in the cache."""
     block = ROWS_AT_ONCE * rows_of_tile
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        for _ in pool.map(work, (slice(start, start + block) for start in range(0, height, block))):
-            pass
+    for start in range(0, height, block):
+        work(slice(start, start + block))
 
 
 def _saturated(frame: RawFrame, positions: list[_Position], shape: tuple[int, ...],

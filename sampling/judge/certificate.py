@@ -5,8 +5,6 @@ its curves are also told apart by the family that their signals speak for most.
 """
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,19 +103,17 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, relative_response:
     bands = {level: (np.empty_like(truth), np.empty_like(truth)) for level in LEVELS}
     surprise, shares = np.empty(len(truth)), np.empty((len(truth), len(prior.families)))
 
-    def judge(start: int) -> None:
-        rows = slice(start, start + BATCH)
-        clean = truth[rows] @ relative_response.T
-        covariance = np.einsum("tk,kl->tkl", (noise * clean)**2, np.eye(len(relative_response)))
-        mixture = posterior(prior, relative_response, clean * (1 + errors[rows]), covariance)
-        surprise[rows], shares[rows] = mixture.surprise, prior.shares(mixture.weights)
-        mean[rows], ends = calibrated_bands(prior, mixture, LEVELS)
-        for (lower, upper), of_level in zip(ends, bands.values(), strict=True):
-            of_level[0][rows], of_level[1][rows] = lower, upper
-
-    # Every core has a part of its own: threads within its small products would only wait.
-    with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(judge, range(0, len(truth), BATCH)))
+    with threadpool_limits(1, "blas"):      # threads within small products would only wait
+        for start in range(0, len(truth), BATCH):
+            rows = slice(start, start + BATCH)
+            clean = truth[rows] @ relative_response.T
+            covariance = np.einsum("tk,kl->tkl", (noise * clean)**2,
+                                   np.eye(len(relative_response)))
+            mixture = posterior(prior, relative_response, clean * (1 + errors[rows]), covariance)
+            surprise[rows], shares[rows] = mixture.surprise, prior.shares(mixture.weights)
+            mean[rows], ends = calibrated_bands(prior, mixture, LEVELS)
+            for (lower, upper), of_level in zip(ends, bands.values(), strict=True):
+                of_level[0][rows], of_level[1][rows] = lower, upper
     lower, upper = bands[0.95]
     held = (truth >= lower) & (truth <= upper)
     curve = widened(mean, lower, upper, prior.curve_factor)

@@ -12,8 +12,6 @@ law is that of Laplace's approximation, not exact: the calibration is what makes
 """
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -188,11 +186,8 @@ def _draw(target: _Target, draws: int, seed: int) -> np.ndarray:
     sizes = [BLOCK] * (draws // BLOCK) + ([draws % BLOCK] if draws % BLOCK else [])
     seeds = np.random.SeedSequence(seed).spawn(len(sizes))
 
-    def block(size: int, seed: np.random.SeedSequence) -> np.ndarray:
-        return _block(target, size, np.random.default_rng(seed))
-
-    with ThreadPoolExecutor(min(len(sizes), os.cpu_count() or 1)) as pool:
-        return np.concatenate(list(pool.map(block, sizes, seeds)))
+    return np.concatenate([_block(target, size, np.random.default_rng(seed))
+                           for size, seed in zip(sizes, seeds, strict=True)])
 
 
 def _block(target: _Target, draws: int, rng: np.random.Generator) -> np.ndarray:

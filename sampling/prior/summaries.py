@@ -6,8 +6,6 @@ linearised components. All signals have one response; their noise may differ.
 """
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -69,12 +67,8 @@ def summaries(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
         return _batch(prior, relative_response, signals[rows],
                       {name: covariance[rows] for name, covariance in causes.items()}, level)
 
-    if len(signals) <= BATCH:
-        with threadpool_limits(1, "blas"):
-            return part(0)
-    # Every core has a part of its own: threads within its small products would only wait.
-    with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
-        parts = list(pool.map(part, range(0, len(signals), BATCH)))
+    with threadpool_limits(1, "blas"):      # threads within small products would only wait
+        parts = [part(start) for start in range(0, max(len(signals), 1), BATCH)]
     return PriorSummaries(*(np.concatenate([getattr(part, field.name) for part in parts])
                             for field in fields(PriorSummaries)))
 

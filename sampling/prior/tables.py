@@ -8,9 +8,7 @@ interpolation costs. More than three bands are computed pixel by pixel.
 """
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
 
@@ -179,31 +177,20 @@ def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
               covariances: Sequence[np.ndarray], progress: Progress,
               still: float) -> list[Uplifted]:
     """What signals say under each of several errors (n, K, K)."""
-    batch = max(min(BATCH, -(-len(signals) // 2)), 1)
-    starts = range(0, len(signals), batch)
-
-    def part(start: int) -> list[tuple[np.ndarray, ...]]:
-        rows = slice(start, start + batch)
-        made: list[tuple[np.ndarray, ...]] = []
-        mixture = None
-        for errors in (covariance[rows] for covariance in covariances):
-            mixture = posterior(prior, relative_response, signals[rows], errors, mixture,
-                                still=still)
-            drawn, _ = as_drawn(prior, relative_response, signals[rows], errors, mixture)
-            made.append((*mean_and_spread(drawn), novelty(prior, mixture, errors)))
-        return made
-
     shape = len(signals), GRID.nm.size
     every = [Uplifted(np.empty(shape), np.empty(shape), np.empty(len(signals)))
              for _ in covariances]
-    # Every core has a part of its own: threads within its small products would only wait.
-    with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
-        for start, parts in zip(starts, pool.map(part, starts), strict=True):
-            rows = slice(start, start + batch)
-            for made, (mean, spread, unlike) in zip(every, parts, strict=True):
-                made.mean[rows], made.standard_deviation[rows] = mean, spread
-                made.novelty[rows] = unlike
-            progress(min(start + batch, len(signals)) / len(signals))
+    with threadpool_limits(1, "blas"):      # threads within small products would only wait
+        for start in range(0, len(signals), BATCH):
+            rows, mixture = slice(start, start + BATCH), None
+            for uplifted, covariance in zip(every, covariances, strict=True):
+                mixture = posterior(prior, relative_response, signals[rows], covariance[rows],
+                                    mixture, still=still)
+                drawn, _ = as_drawn(prior, relative_response, signals[rows], covariance[rows],
+                                    mixture)
+                uplifted.mean[rows], uplifted.standard_deviation[rows] = mean_and_spread(drawn)
+                uplifted.novelty[rows] = novelty(prior, mixture, covariance[rows])
+            progress(min(start + BATCH, len(signals)) / len(signals))
     return every
 
 
