@@ -22,7 +22,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.outside.words import shortened
+from spectrabox.radiometry.system.words import shortened
 
 
 class Table(BaseModel):

@@ -3,7 +3,7 @@ ends.
 """
 from __future__ import annotations
 
-from spectrabox.radiometry.outside.words import message
+from spectrabox.radiometry.system.words import message
 
 
 class SpectraboxError(Exception):

@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
-from spectrabox.radiometry.outside.words import message, plain
+from spectrabox.radiometry.system.words import message, plain
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.",
                                         show_default=False)]

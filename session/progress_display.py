@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
-from spectrabox.radiometry.outside.words import plain
+from spectrabox.radiometry.system.words import plain
 
 StageProgress = Callable[[str, float, str], None]  # stage, share of it that is done, message
 

@@ -87,6 +87,56 @@ def may_import(path, package, module):
             or (name_of(path), module) in EXCEPTIONS)
 
 
+PROCESS = {"gc", "signal", "threading", "multiprocessing", "concurrent", "atexit", "os.fork",
+           "os._exit", "os.putenv", "os.environ.setdefault", "os.environ.update", "os.chdir",
+           "os.umask", "np.seterr", "sys.setrecursionlimit"}
+OWN_PROCESS = {("capture/transcripts/player.py", "threading"): "plays an instrument on a port",
+               ("reconstruct/rendering/renderer.py", "threading"): "a lock: Mitsuba starts once",
+               ("reconstruct/rendering/llvm.py", "os.environ"): "Dr.Jit has no other way",
+               ("reconstruct/rendering/llvm.py", "atexit"): "removes the HOME made for Dr.Jit"}
+
+
+def test_the_library_leaves_the_process_alone():
+    """A notebook can call any of it. Parallel work is given out by session/batch and session/tiles.
+    """
+    none_of(f"{name_of(path)} uses {name}: that changes the process of whoever calls it; do it in "
+            "session/" for path in modules()
+            if path.relative_to(ROOT).parts[0] not in ("session", "fixtures")
+            for name in process_changes(path) if (name_of(path), name) not in OWN_PROCESS)
+
+
+def process_changes(path):
+    used = {name.split(".")[0] for name in imports_of(path)}
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.Attribute):
+            used.add(ast.unparse(node))
+        if isinstance(node, ast.Subscript) and not isinstance(node.ctx, ast.Load) \
+                and ast.unparse(node.value) == "os.environ":
+            yield "os.environ"
+    yield from sorted(used & PROCESS)
+
+
+def needed_by(path, files):
+    """The files of ours that a file imports when it runs, at its top or in a function."""
+    types = {each for node in ast.walk(tree_of(path)) if isinstance(node, ast.If)
+             and ast.unparse(node.test) == "TYPE_CHECKING" for each in ast.walk(node)}
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.ImportFrom) and node.module and node not in types:
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+            yield from (files[name] for name in names if name in files)
+
+
+def test_no_files_import_each_other_in_a_circle():
+    files = {f"spectrabox.{name_of(path)[:-3].replace('/', '.')}": path for path in modules()}
+    waiting = {path: set(needed_by(path, files)) for path in modules()}
+    while free := {path for path, needed in waiting.items() if not needed & waiting.keys()
+                   or not any(path in needed for needed in waiting.values())}:
+        waiting = {path: needed for path, needed in waiting.items() if path not in free}
+    none_of(f"{name_of(path)} imports {name_of(other)}, which leads back to it: move what both "
+            "need into a third file" for path, needed in waiting.items()
+            for other in needed & waiting.keys())
+
+
 def test_the_package_links_to_each_folder_and_holds_nothing_else():
     inside = {path.name for path in (ROOT / "spectrabox").iterdir() if path.name != "__pycache__"}
     assert inside == {*PACKAGES, "__init__.py", "__main__.py", "py.typed"}

@@ -15,14 +15,14 @@ from batch_sessions import begun, copies, order_of, results_of, write_session
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.batch.batch import kept_outcomes, run_batch
 from spectrabox.session.batch.folders import session_folders
-from spectrabox.session.batch.manifest import store_outcome, stored_outcome
+from spectrabox.session.batch.manifest import Outcome, store_outcome, stored_outcome
 from spectrabox.session.batch.needs import PeakMemory, needed_bytes
 from spectrabox.session.batch.page import link, write_page
 from spectrabox.session.batch.pool import Finished, Lost
 from spectrabox.session.batch.processes import open_processes, shares_of_cores
 from spectrabox.session.batch.progress import spoken
 from spectrabox.session.batch.table import batch_facts, batch_text
-from spectrabox.session.batch.tasks import Outcome, Task, do_task
+from spectrabox.session.batch.tasks import Task, do_task
 from spectrabox.session.batch.workers import open_workers
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages

@@ -16,7 +16,7 @@ from spectrabox.capture.photo import image_files
 from spectrabox.capture.photo.image_files import read_linear_file, write_exr
 from spectrabox.fixtures.mutations import mutated, rewritten
 from spectrabox.radiometry.errors import InputError, SpectraboxError
-from spectrabox.radiometry.outside.archives import (
+from spectrabox.radiometry.system.archives import (
     DamagedArchiveError,
     opened_npz,
     opened_zip,

@@ -10,7 +10,7 @@ from spectrabox.capture.develop import developed
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.radiometry.outside import free_memory as memory
+from spectrabox.radiometry.system import free_memory as memory
 from spectrabox.reconstruct.tracer import transport
 from spectrabox.session.check import find_problems, preflight_check
 from spectrabox.session.cli import app

@@ -12,9 +12,9 @@ from sampling_cameras import surface
 from spectrabox.capture.photo.image_rows import exr_rows, open_rows
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import UNFINISHED, sweep_unfinished, whole_folder
-from spectrabox.radiometry.outside.bands_of_rows import read_by_bands, written_by_bands
 from spectrabox.radiometry.spectra.formats import zarr_array
 from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr, zarr_rows
+from spectrabox.radiometry.system.strips import read_by_strips, written_by_strips
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
@@ -131,8 +131,8 @@ def test_rows_come_and_go_through_bands_unchanged(height, band, step):
         read.append((first, last))
         return whole[first:last]
 
-    rows = read_by_bands(read_band, height, band)
-    with written_by_bands(lambda first, pixels: written.append((first, pixels.copy())),
+    rows = read_by_strips(read_band, height, band)
+    with written_by_strips(lambda first, pixels: written.append((first, pixels.copy())),
                           whole.shape, band, whole.dtype) as write:
         for first in range(0, height, step):
             part = rows(first, min(first + step, height))

@@ -34,8 +34,8 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file
-from spectrabox.radiometry.outside.archives import DamagedArchiveError, opened_npz
 from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 
 SHIPPED = "rawtoaces39.npz"
 NOT_LOCALISED = (0.0, 1.0, 1.0)

@@ -13,10 +13,10 @@ import numpy as np
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import require_no_link, write_text_whole
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.outside.names import file_stem, name_fault
-from spectrabox.radiometry.outside.words import shortened
 from spectrabox.radiometry.records import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
+from spectrabox.radiometry.system.names import file_stem, name_fault
+from spectrabox.radiometry.system.words import shortened
 
 READING = re.compile(r"(\d{3,})\.json")
 FACTS = ("instrument", "serial_number", "firmware", "integration_ms", "luminance", "taken_at",

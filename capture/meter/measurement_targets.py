@@ -8,8 +8,8 @@ from pathlib import Path
 from spectrabox.capture.meter.measurement_files import readings_folder
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.outside.words import shortened
 from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.system.words import shortened
 
 ROLES = ("light", "white", "paint", "chart")
 ROLE_FILE = "role.txt"          # in a folder of readings

@@ -14,8 +14,8 @@ import OpenImageIO as oiio
 from spectrabox.capture.photo.noise import photon_transfer
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of, whole_file
-from spectrabox.radiometry.outside.words import reason_of
 from spectrabox.radiometry.records import LinearImage, PhotoKind
+from spectrabox.radiometry.system.words import reason_of
 
 IMAGE_SUFFIXES = (".exr", ".tif", ".tiff", ".png", ".jpg", ".jpeg")
 LINEAR_FORMATS = ("openexr", "tiff")

@@ -28,14 +28,14 @@ from spectrabox.capture.photo.image_files import (
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file
-from spectrabox.radiometry.outside.bands_of_rows import (
+from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr
+from spectrabox.radiometry.system.strips import (
     ReadRows,
     WriteRows,
-    read_by_bands,
-    written_by_bands,
+    read_by_strips,
+    written_by_strips,
 )
-from spectrabox.radiometry.outside.words import reason_of
-from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr
+from spectrabox.radiometry.system.words import reason_of
 
 ROWS_PER_BLOCK = 16     # of a compressed EXR; fewer rows at a time unpack it again and again
 PNG_LEVEL = 2           # of 9: larger by a tenth than at 6, and three times as fast
@@ -139,7 +139,7 @@ def _reader(path: Path, file: Any, bands: Sequence[int]) -> ReadRows:
         require_finite(path, signal)
         return signal
 
-    return read_by_bands(read, spec.height, spec.tile_height) if spec.tile_width else read
+    return read_by_strips(read, spec.height, spec.tile_height) if spec.tile_width else read
 
 
 def _zarr_rows(path: Path) -> PictureRows:
@@ -156,7 +156,7 @@ def _zarr_rows(path: Path) -> PictureRows:
         require_finite(path, signal)
         return signal
 
-    return PictureRows(height, width, bands, read_by_bands(read, height, picture.chunk_rows),
+    return PictureRows(height, width, bands, read_by_strips(read, height, picture.chunk_rows),
                        picture.chunk_rows)
 
 
@@ -202,7 +202,7 @@ def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
     spec.tile_width = spec.tile_height = TILE_PX
     kind = np.dtype(np.float16 if half else np.float32)
     with _rows_of(path, spec, kind) as write, \
-            written_by_bands(write, (height, width, spec.nchannels), TILE_PX, kind) as take:
+            written_by_strips(write, (height, width, spec.nchannels), TILE_PX, kind) as take:
         yield take
 
 

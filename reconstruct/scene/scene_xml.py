@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.outside.words import plain
+from spectrabox.radiometry.system.words import plain
 from spectrabox.reconstruct.scene.elsewhere import (
     EMITTED,
     SKY_MAP,

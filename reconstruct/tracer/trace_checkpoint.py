@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.files import whole_file
-from spectrabox.radiometry.outside.archives import DamagedArchiveError, opened_npz
+from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 
 WRITE_EVERY_S = 20.0    # and when the trace is stopped
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import exponents_up_to, product_count, prune
-from spectrabox.radiometry.outside.free_memory import free_memory
+from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.reconstruct.rendering.renderer import all_cores
 from spectrabox.reconstruct.tracer.path_samples import MAX_POINTS
 from spectrabox.reconstruct.tracer.path_tracer import Tracer

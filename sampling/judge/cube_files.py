@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.outside.archives import DAMAGE
 from spectrabox.radiometry.spectra.beside import envi_header_of
 from spectrabox.radiometry.spectra.formats.envi import (
     DATA_TYPES,
@@ -24,6 +23,7 @@ from spectrabox.radiometry.spectra.formats.envi import (
     is_envi_header,
 )
 from spectrabox.radiometry.spectra.formats.table import number, text_of
+from spectrabox.radiometry.system.archives import DAMAGE
 from spectrabox.sampling.judge.cubes import (
     MOST_BANDS,
     Cube,

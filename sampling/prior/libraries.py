@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.outside.archives import (
+from spectrabox.radiometry.system.archives import (
     DAMAGE,
     MAX_UNPACKED,
     DamagedArchiveError,

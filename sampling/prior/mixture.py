@@ -22,8 +22,8 @@ from spectrabox.radiometry.covariance import is_covariance
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.outside.archives import DamagedArchiveError, opened_npz
 from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 from spectrabox.sampling.prior.certified import BandCertificate, FamilyCertificate
 from spectrabox.sampling.prior.families.words import WORDS, unknown_families
 

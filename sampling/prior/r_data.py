@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.outside.archives import DamagedArchiveError, unpacked
+from spectrabox.radiometry.system.archives import DamagedArchiveError, unpacked
 
 PAIRLIST, SYMBOL, CHARACTERS, LOGICAL, INTEGER, REAL, STRINGS, LIST = 2, 1, 9, 10, 13, 14, 16, 19
 REFERENCE, NIL = 255, 254

@@ -8,9 +8,9 @@ from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 
-from spectrabox.session.batch.manifest import store_outcome, stored_outcome
+from spectrabox.session.batch.manifest import Outcome, store_outcome, stored_outcome
 from spectrabox.session.batch.pool import Finished, Lost, Pool
-from spectrabox.session.batch.tasks import Order, Outcome, Task, failed, tried_task
+from spectrabox.session.batch.tasks import Order, Task, failed, tried_task
 
 TRIES = 2               # a task whose worker dies is tried once more
 WORKER_DIED = 7         # exit code: something about this machine

@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.radiometry.outside.free_memory import free_memory
+from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.session.batch.pool import Finished, Lost, Work, do_work
 from spectrabox.session.batch.processes import KEPT_FREE, settle, shares_of_cores
 

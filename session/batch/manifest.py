@@ -7,13 +7,14 @@ in doubt is run again, which keeps the stages that are up to date.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import json
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from spectrabox.radiometry.files import sha256_of, write_text_whole
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
-from spectrabox.session.batch.tasks import Outcome
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
 from spectrabox.session.run_outputs import STAGE
 from spectrabox.session.stages.order import (
@@ -30,6 +31,30 @@ from spectrabox.session.store.store import fingerprint, load_stage
 SESSIONS = "sessions"       # in the batch's folder
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a session, as the manifest keeps it."""
+
+    folder: str
+    state: str                  # "done", "failed", or "ready": looked at
+    name: str = ""
+    verdict: str = ""           # "pass", "warn" or "fail" of a session that is done
+    says: str = ""              # the verdict's sentence, or that of the failure
+    exit_code: int = 0
+    seconds: float = 0.0
+    report: str | None = None
+    stages: dict[str, tuple[str, float]] = field(default_factory=dict)   # state, seconds
+    needed_bytes: int = 0
+    peak_bytes: int | None = None       # that it took; None where the system does not say
+    of: dict[str, tuple[int, int]] = field(default_factory=dict)    # files: size, time of change
+
+    @property
+    def word(self) -> str:
+        """What the table calls it."""
+        return self.verdict.upper() if self.state == "done" else "ERROR"
+
+
+@functools.cache
 def made_by() -> str:
     """Digest of all that a result depends on beside its session: program, packages, cameras kept
     under a name.

@@ -7,8 +7,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 from spectrabox.radiometry.files import whole_file
+from spectrabox.session.batch.manifest import Outcome
 from spectrabox.session.batch.table import counts
-from spectrabox.session.batch.tasks import Outcome
 from spectrabox.session.report.page import style_sheet, templates
 
 FILE = "batch.html"

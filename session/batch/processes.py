@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from spectrabox.radiometry.outside.free_memory import free_memory
+from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.session.batch.pool import Finished, Lost, Work, do_work
 from spectrabox.session.interruption import stop_on_signals
 

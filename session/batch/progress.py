@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import time
 
-from spectrabox.session.batch.tasks import Outcome
+from spectrabox.session.batch.manifest import Outcome
 from spectrabox.session.command_line import tell
 from spectrabox.session.progress_display import StageProgress
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from spectrabox.session.batch.tasks import Outcome
+from spectrabox.session.batch.manifest import Outcome
 
 WIDTH = 110             # of the table, in characters
 MAX_SAID = 60           # of a sentence in it; the page has all

@@ -1,12 +1,12 @@
 """One session of a batch, looked at or run in whatever process it is sent to."""
 from __future__ import annotations
 
-import functools
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem, SpectraboxError
+from spectrabox.session.batch.manifest import Outcome, files_behind, made_by
 from spectrabox.session.batch.needs import PeakMemory, needed_bytes
 from spectrabox.session.command_line import interrupt_behind, said_of
 from spectrabox.session.config.session_file import read_session
@@ -42,29 +42,6 @@ class Task:
     def __call__(self) -> Outcome:
         """Do it, on a worker."""
         return do_task(self)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What came of a session, as the manifest keeps it."""
-
-    folder: str
-    state: str                  # "done", "failed", or "ready": looked at
-    name: str = ""
-    verdict: str = ""           # "pass", "warn" or "fail" of a session that is done
-    says: str = ""              # the verdict's sentence, or that of the failure
-    exit_code: int = 0
-    seconds: float = 0.0
-    report: str | None = None
-    stages: dict[str, tuple[str, float]] = field(default_factory=dict)   # state, seconds
-    needed_bytes: int = 0
-    peak_bytes: int | None = None       # that it took; None where the system does not say
-    of: dict[str, tuple[int, int]] = field(default_factory=dict)    # files: size, time of change
-
-    @property
-    def word(self) -> str:
-        """What the table calls it."""
-        return self.verdict.upper() if self.state == "done" else "ERROR"
 
 
 def do_task(task: Task) -> Outcome:
@@ -106,7 +83,6 @@ def _looked_at(task: Task) -> Outcome:
 
 
 def _run(task: Task) -> Outcome:
-    from spectrabox.session.batch.manifest import files_behind
     from spectrabox.session.pipeline import run_stages
     from spectrabox.session.run_outputs import outputs_of_run
     from spectrabox.session.stages.order import all_stages
@@ -143,13 +119,7 @@ def tried_task(folder: Path, order: Order) -> Task | Outcome:
 
 def _require_same_program(task: Task) -> None:
     """Refuse to make results that are not those of the batch's own machine."""
-    if _made_by() != task.order.made_by:
+    if made_by() != task.order.made_by:
         raise EnvironmentProblem("this worker's program, packages or kept cameras are not those "
                                  "that the batch began with: install the same, then run the same "
                                  "command again")
-
-
-@functools.cache
-def _made_by() -> str:
-    from spectrabox.session.batch.manifest import made_by
-    return made_by()

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.outside.names import file_stem
+from spectrabox.radiometry.system.names import file_stem
 from spectrabox.reconstruct.scene.box_scene import box_edges, chart_xml
 from spectrabox.session.box.box_camera import box_text, corners_in_photo, marked_corners
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs

@@ -11,10 +11,10 @@ import numpy as np
 from spectrabox.calibrate.camera_profile import ILLUMINANTS, IlluminantMatrices, matrices, target
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.outside.archives import DAMAGE
 from spectrabox.radiometry.published.aces_idt import aces_idt
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import sensitivities, test_reflectances
+from spectrabox.radiometry.system.archives import DAMAGE
 from spectrabox.session.camera.profile_files import write_dcp, write_rawtoaces, write_vkdt
 
 CHART, FRESH = "BabelColor Average", "CES99"    # fitted to, and never seen by the fit

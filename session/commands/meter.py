@@ -239,8 +239,8 @@ def _by_spotread(folder: Path, number: int, ambient: bool) -> Iterator[Taker]:
 
     from spectrabox.capture.meter.spotread import NAME, spotread_reading
     from spectrabox.capture.transcripts.transcript import TranscriptWriter
-    from spectrabox.radiometry.outside.words import plain
     from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.system.words import plain
     now = datetime.now(UTC)
     log = TranscriptWriter(folder / f"{now:%Y%m%dT%H%M%S.%f}.transcript",
                            {"instrument": NAME, "recorded": now.isoformat(timespec="seconds")})

@@ -82,7 +82,7 @@ def check(folder: Folder, allow_outside: Outside = False, as_json: Json = False,
           debug: Debug = False) -> None:
     """Read every input, run nothing long, say everything that is wrong at once."""
     with command(as_json, debug):
-        from spectrabox.radiometry.outside.free_memory import free_memory
+        from spectrabox.radiometry.system.free_memory import free_memory
         from spectrabox.session.check import preflight_check
         found = preflight_check(folder, allow_outside)
         problems = found.problems

@@ -4,8 +4,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.outside.names import name_fault, sharing_a_file
-from spectrabox.radiometry.outside.words import shortened
+from spectrabox.radiometry.system.names import name_fault, sharing_a_file
+from spectrabox.radiometry.system.words import shortened
 from spectrabox.sampling.prior.families.words import unknown_families
 from spectrabox.session.config.session_schema import (
     FILE_NAME,

@@ -24,7 +24,7 @@ from spectrabox.radiometry.files import (
     writable,
     write_text_whole,
 )
-from spectrabox.radiometry.outside.names import file_stem
+from spectrabox.radiometry.system.names import file_stem
 from spectrabox.session.config.session_schema import FILE_NAME
 from spectrabox.session.config.template import SCHEMA_NAME, write_schema
 

@@ -17,7 +17,7 @@ import numpy as np
 from spectrabox.capture.photo.image_rows import png_rows
 from spectrabox.capture.photo.preview import encode_srgb8
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
-from spectrabox.radiometry.outside.names import file_stem
+from spectrabox.radiometry.system.names import file_stem
 from spectrabox.session.picture.unseen import COLOURS, SEEN
 
 MASKED = (255, 0, 255)

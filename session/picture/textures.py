@@ -21,13 +21,13 @@ from scipy.sparse import csr_array
 from spectrabox.capture.photo.image_rows import exr_rows
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.outside.names import file_stem
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectral_layers import (
     STANDARD_DEVIATION,
     layer_names,
     layout_attributes,
 )
+from spectrabox.radiometry.system.names import file_stem
 from spectrabox.reconstruct.pixels.hits import hits_of
 from spectrabox.reconstruct.rendering.spectral_texture import NAME
 from spectrabox.session.picture.picture_maps import DAYLIGHT

@@ -20,12 +20,12 @@ from spectrabox.capture.photo.image_rows import exr_rows, open_layers, open_rows
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import writable
-from spectrabox.radiometry.outside.bands_of_rows import WriteRows
 from spectrabox.radiometry.spectra.formats.zarr_array import (
     COEFFICIENTS,
     low_rank_rows,
     read_group,
 )
+from spectrabox.radiometry.system.strips import WriteRows
 from spectrabox.sampling.prior.low_rank import LowRank
 from spectrabox.session.signals.spectra_rows import (
     DAYLIGHT,

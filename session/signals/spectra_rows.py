@@ -23,7 +23,6 @@ import numpy as np
 from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK, exr_rows
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
 from spectrabox.radiometry.files import writable
-from spectrabox.radiometry.outside.bands_of_rows import WriteRows
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.envi_cube import VALUES, envi_rows
 from spectrabox.radiometry.spectra.formats.zarr_array import SUFFIX as ZARR
@@ -34,6 +33,7 @@ from spectrabox.radiometry.spectra.spectral_layers import (
     layer_names,
     layout_attributes,
 )
+from spectrabox.radiometry.system.strips import WriteRows
 from spectrabox.sampling.prior.mixture import GRID
 
 PIXELS_AT_ONCE = 65_536

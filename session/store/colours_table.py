@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry.appearance import BRADFORD, tristimulus_weights
-from spectrabox.radiometry.outside.words import cell
+from spectrabox.radiometry.system.words import cell
 from spectrabox.session.store.results import MaterialResult
 
 DAYLIGHT = "D65"

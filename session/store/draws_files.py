@@ -12,7 +12,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import whole_file
-from spectrabox.radiometry.outside.words import cell
+from spectrabox.radiometry.system.words import cell
 from spectrabox.session.stages.stored_records import samples_of
 from spectrabox.session.store.store import StoredStage
 

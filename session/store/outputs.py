@@ -9,8 +9,8 @@ import numpy as np
 
 from spectrabox.capture.photo.image_files import write_exr, write_png
 from spectrabox.radiometry.files import writable, write_text_whole
-from spectrabox.radiometry.outside.names import file_stem
 from spectrabox.radiometry.records import Reconstruction
+from spectrabox.radiometry.system.names import file_stem
 from spectrabox.reconstruct.scene.scene_xml import materials_xml
 from spectrabox.session.report.maps import comparison_rgb8
 from spectrabox.session.store.results import SessionResults

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.outside.archives import DamagedArchiveError, opened_npz
 from spectrabox.radiometry.shaped import Record, array_fields
+from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 
 
 def pack(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.outside.names import file_stem
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.beside import metadata_beside
 from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
+from spectrabox.radiometry.system.names import file_stem
 from spectrabox.session.store.colours_table import colours_text
 from spectrabox.session.store.results import CommonResults, MaterialResult
 

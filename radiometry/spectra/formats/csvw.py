@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.outside.words import cell, plain
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.beside import metadata_beside
+from spectrabox.radiometry.system.words import cell, plain
 
 MAX_BYTES = 10_000_000
 QUANTITY, UNIT, SOURCE = "schema:variableMeasured", "schema:unitText", "dc:source"

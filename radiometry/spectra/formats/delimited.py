@@ -18,7 +18,6 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.outside.words import cell, from_cell, plain
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.cgats import BAND
 from spectrabox.radiometry.spectra.formats.csvw import facts_beside
@@ -29,6 +28,7 @@ from spectrabox.radiometry.spectra.formats.table import (
     number,
     text_of,
 )
+from spectrabox.radiometry.system.words import cell, from_cell, plain
 
 MAX_COLUMNS = 20_000        # spectra in one file
 MIN_ACROSS = 5              # wavelengths of a header that is taken for one of them

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.outside.words import reason_of
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.table import MAX_VALUES, SpectralTable
 from spectrabox.radiometry.spectra.spectral_layers import (
@@ -20,6 +19,7 @@ from spectrabox.radiometry.spectra.spectral_layers import (
     UNITS,
     spectral_layers,
 )
+from spectrabox.radiometry.system.words import reason_of
 
 MAGIC = b"\x76\x2f\x31\x01"
 PER_NM = (".nm^-1", " nm-1")

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.outside.words import plain
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.table import SpectralTable, number, text_of
+from spectrabox.radiometry.system.words import plain
 
 NAMESPACE = "http://www.ies.org/iestm2714"
 QUANTITIES = {"radiance": ("radiance", "W m-2 sr-1 nm-1"),

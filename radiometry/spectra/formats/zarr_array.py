@@ -16,7 +16,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import sync, whole_folder
-from spectrabox.radiometry.outside.bands_of_rows import WriteRows, written_by_bands
+from spectrabox.radiometry.system.strips import WriteRows, written_by_strips
 
 SUFFIX, METADATA = ".zarr", "zarr.json"
 CHUNK_PX = 128              # of one side; a chunk holds all bands
@@ -226,7 +226,7 @@ def _rows_of(folder: Path, shape: tuple[int, int, int]) -> Iterator[WriteRows]:
     def write(first: int, band: np.ndarray) -> None:
         array[first:first + len(band)] = band
 
-    with written_by_bands(write, shape, CHUNK_PX, array.dtype) as take:
+    with written_by_strips(write, shape, CHUNK_PX, array.dtype) as take:
         yield take
 
 

@@ -8,16 +8,21 @@ import unicodedata
 from collections.abc import Iterable
 
 MAX_CHARACTERS = 80
-MAX_BYTES = 200         # as UTF-8: a file's name holds 255, and more than the name stands in it
+MAX_BYTES = 200         # as UTF-8: a file's name holds 255, which the name is only a part of
 
 
 def name_fault(name: str) -> str | None:
-    """What is wrong with a name, as the end of a sentence; None where nothing is.
+    """Check a name.
 
     Parameters
     ----------
     name : str
         Such as "white paint", "B/W 50%" or "été 2".
+
+    Returns
+    -------
+    str or None
+        The rule that it breaks, as the end of a sentence.
     """
     if not name or not name[0].isalnum():
         return "a name begins with a letter or a digit"
@@ -31,7 +36,7 @@ def name_fault(name: str) -> str | None:
 
 
 def file_stem(name: str) -> str:
-    """What a file named after ``name`` is called, without its suffix.
+    """Name of the file for something called ``name``, without the suffix.
 
     Letters, digits, spaces, "-", "_" and "." stay; anything else becomes "-".
     """
@@ -39,7 +44,7 @@ def file_stem(name: str) -> str:
 
 
 def sharing_a_file(names: Iterable[str]) -> list[tuple[str, str]]:
-    """Pairs of names whose files would be one, also where capitals do not count."""
+    """Pairs of names that would get the same file, also where capitals do not count."""
     owners: dict[str, str] = {}
     shared = []
     for name in names:

@@ -47,7 +47,7 @@ def opened_npz(path: Path, limit: int = MAX_UNPACKED) -> Iterator[Mapping[str, n
     FileNotFoundError
         If there is no such file.
     """
-    with _damage_said(), path.open("rb") as file:
+    with _damage_reported(), path.open("rb") as file:
         with zipfile.ZipFile(file) as archive:
             require_small(archive, limit)
         file.seek(0)
@@ -66,7 +66,7 @@ def opened_zip(path: Path, limit: int = MAX_UNPACKED) -> Iterator[zipfile.ZipFil
     DamagedArchiveError
         As ``opened_npz``.
     """
-    with _damage_said(), zipfile.ZipFile(path) as archive:
+    with _damage_reported(), zipfile.ZipFile(path) as archive:
         require_small(archive, limit)
         yield archive
 
@@ -86,7 +86,7 @@ def require_small(archive: zipfile.ZipFile, limit: int = MAX_UNPACKED) -> None:
 
 
 def unpacked(content: bytes, limit: int = MAX_UNPACKED) -> bytes:
-    """What gzip, bzip2 or xz packed; anything else as it is.
+    """Unpack gzip, bzip2 or xz; anything else is returned as it is.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def unpacked(content: bytes, limit: int = MAX_UNPACKED) -> bytes:
     if opened is None:
         return content
     parts, size = [], 0
-    with _damage_said(), opened(io.BytesIO(content)) as source:
+    with _damage_reported(), opened(io.BytesIO(content)) as source:
         while part := source.read(CHUNK):
             size += len(part)
             if size > limit:
@@ -108,11 +108,11 @@ def unpacked(content: bytes, limit: int = MAX_UNPACKED) -> bytes:
 
 
 @contextlib.contextmanager
-def _damage_said() -> Iterator[None]:
+def _damage_reported() -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
         raise
     except DAMAGE as error:
-        said = " ".join(str(error).split())[:200] or type(error).__name__
-        raise DamagedArchiveError(said) from None
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise DamagedArchiveError(reason) from None

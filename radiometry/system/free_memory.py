@@ -22,9 +22,9 @@ def free_memory() -> int | None:
         machine: int | None = int(lines["MemAvailable"].split()[0]) * 1024
     except (OSError, KeyError, ValueError):
         machine = _built_in()
-    rooms = [room for limit, used in GROUPS if (room := _room(limit, used)) is not None]
-    rooms += [] if machine is None else [machine]
-    return min(rooms, default=None)
+    free = [left for limit, used in GROUPS if (left := _left_of_group(limit, used)) is not None]
+    free += [] if machine is None else [machine]
+    return min(free, default=None)
 
 
 def _built_in() -> int | None:
@@ -34,7 +34,7 @@ def _built_in() -> int | None:
         return None
 
 
-def _room(limit: Path, used: Path) -> int | None:
+def _left_of_group(limit: Path, used: Path) -> int | None:
     try:
         return max(int(limit.read_text()) - int(used.read_text()), 0)
     except (OSError, ValueError):       # no group, or its limit is "max"

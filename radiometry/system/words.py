@@ -1,5 +1,5 @@
-"""Words from files and people as messages and files may carry them: short, and with nothing in them
-that a terminal, an XML reader or a spreadsheet would obey.
+"""Words from files and people made safe for messages and files: short, without anything that a
+terminal, an XML reader or a spreadsheet would obey.
 """
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FORMULA = tuple("=+-@\t\r")
 
 
 def shortened(value: Any) -> str:
-    """A value as Python writes it, without its middle where it is long."""
+    """``repr`` of a value, without its middle where it is long."""
     return _without_middle(repr(value), MAX_VALUE)
 
 
@@ -27,7 +27,7 @@ def plain(text: str) -> str:
     text : str
         Ends of lines and tabs stay.
     """
-    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def message(text: str) -> str:
@@ -42,12 +42,12 @@ def cell(text: str) -> str:
 
 
 def from_cell(text: str) -> str:
-    """The word behind ``cell``."""
+    """Undo ``cell``."""
     return text[1:] if text.startswith("'") and text[1:].startswith(FORMULA) else text
 
 
 def reason_of(source: Any) -> str:
-    """What OpenImageIO says went wrong, in one line.
+    """The error message of OpenImageIO in one line.
 
     Parameters
     ----------

@@ -1,1 +1,0 @@
-"""What comes from outside and what goes there: names, words, archives, interruptions."""
