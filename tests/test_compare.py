@@ -14,21 +14,21 @@ from test_error_laws import image
 from typer.testing import CliRunner
 
 from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.measure.comparison import (
+    Quantity,
+    SessionQuantities,
+    control_chart,
+    lasting_shifts,
+    shift_sentence,
+    surface_pairs,
+)
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples, SpectrumSummary
 from spectrabox.session.cli import app
-from spectrabox.session.compare.control_chart import control_chart
-from spectrabox.session.compare.lasting_shift import lasting_shifts, shift_words
-from spectrabox.session.compare.quantities import (
-    BRIGHTNESS,
-    Quantity,
-    SessionQuantities,
-    find_sessions,
-)
+from spectrabox.session.compare.quantities import BRIGHTNESS, find_sessions
 from spectrabox.session.compare.quantities import _exposure as exposure
 from spectrabox.session.compare.quantities import _of_chart as of_chart
-from spectrabox.session.compare.surfaces import surface_pairs
 
 GRID = visible_grid(10.0)
 
@@ -138,7 +138,7 @@ def test_a_lasting_shift_is_said_with_its_first_session_and_its_error():
     # the largest difference of two successive ones makes the scatter larger than stated
     scatter = np.sqrt(np.mean(np.diff(values) ** 2) / 2)
     assert shift.standard_error == pytest.approx(scatter * np.sqrt(1 / 5 + 1 / 4))
-    assert shift_words(shift, "s5") == ("from s5 on, brightness of the chart differs by -5.9% ± "
+    assert shift_sentence(shift, "s5") == ("from s5 on, brightness of the chart differs by -5.9% ± "
                                         "1.0% from before (5 sessions before, 4 after)")
     assert lasting_shifts(sessions[:5]) == []           # too few to tell
 
@@ -212,7 +212,7 @@ def test_the_command_names_the_session_and_the_band(lab):
     assert {Path(one["folder"]).name for one in facts["out"]} == {"a-4"}
     assert "band 3 against the others" in {one["quantity"] for one in facts["out"]}
     text = CliRunner().invoke(app, ["compare", *folders]).output
-    assert "a-4: band 3 against the others is off by -" in text
+    assert "a-4: band 3 against the others is -" in text
     quiet = [folder for folder in folders if not folder.endswith("a-4")]
     assert "as before" in CliRunner().invoke(app, ["compare", *quiet]).output
 

@@ -1,4 +1,4 @@
-"""Commands that put finished sessions beside each other."""
+"""Commands that compare finished sessions."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -11,10 +11,12 @@ from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.session.command_line import Debug, Json, Outside, answer, command
 
 if TYPE_CHECKING:
-    from spectrabox.session.compare.control_chart import Verdict
-    from spectrabox.session.compare.lasting_shift import LastingShift
-    from spectrabox.session.compare.quantities import SessionQuantities
-    from spectrabox.session.compare.surfaces import SurfacePair
+    from spectrabox.measure.comparison import (
+        ControlVerdict,
+        LastingShift,
+        SessionQuantities,
+        SurfacePair,
+    )
 
 
 def register(app: typer.Typer) -> None:
@@ -29,10 +31,8 @@ def compare(folders: Annotated[list[Path], typer.Argument(
             allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
     """What changed between sessions: camera, light, chart, and surfaces of one name."""
     with command(as_json, debug):
-        from spectrabox.session.compare.control_chart import control_chart
-        from spectrabox.session.compare.lasting_shift import lasting_shifts
+        from spectrabox.measure.comparison import control_chart, lasting_shifts, surface_pairs
         from spectrabox.session.compare.quantities import session_quantities
-        from spectrabox.session.compare.surfaces import surface_pairs
         if len(folders) < 2:
             raise InputError("one session cannot be compared; name two or more")
         sessions = [session_quantities(folder, allow_outside) for folder in folders]
@@ -50,10 +50,9 @@ def catalogue(root: Annotated[Path, typer.Argument(
               allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
     """Every session under a folder, made anew as an SQLite file, and those that are out of line."""
     with command(as_json, debug):
+        from spectrabox.measure.comparison import control_chart, lasting_shifts
         from spectrabox.radiometry.files import writable
         from spectrabox.session.compare.catalogue import write_catalogue
-        from spectrabox.session.compare.control_chart import control_chart
-        from spectrabox.session.compare.lasting_shift import lasting_shifts
         from spectrabox.session.compare.quantities import find_sessions, session_quantities
         path = out or root / "sessions.sqlite"
         if path.suffix != ".sqlite":
@@ -75,7 +74,7 @@ def catalogue(root: Annotated[Path, typer.Argument(
                                           f"wrote {path}: {len(sessions)} sessions"]))
 
 
-def _facts(sessions: Sequence[SessionQuantities], verdicts: Sequence[Verdict],
+def _facts(sessions: Sequence[SessionQuantities], verdicts: Sequence[ControlVerdict],
            shifts: Sequence[LastingShift], pairs: Sequence[SurfacePair]) -> dict[str, Any]:
     return {"sessions": [{"folder": str(one.folder), "name": one.name, "camera": one.camera,
                           "light": one.light, "finished": one.finished,
@@ -96,10 +95,9 @@ def _facts(sessions: Sequence[SessionQuantities], verdicts: Sequence[Verdict],
                          for one in pairs]}
 
 
-def _text(sessions: Sequence[SessionQuantities], verdicts: Sequence[Verdict],
+def _text(sessions: Sequence[SessionQuantities], verdicts: Sequence[ControlVerdict],
           shifts: Sequence[LastingShift], pairs: Sequence[SurfacePair]) -> str:
-    from spectrabox.session.compare.control_chart import verdict_words
-    from spectrabox.session.compare.lasting_shift import shift_words
+    from spectrabox.measure.comparison import control_sentence, shift_sentence
     lines = [f"{one.folder}  {one.finished}  {one.camera or 'no chart photo'}, {one.light}"
              for one in sessions]
     for one in pairs:
@@ -109,11 +107,11 @@ def _text(sessions: Sequence[SessionQuantities], verdicts: Sequence[Verdict],
                                             "wavelengths" if one.disagree
                                             else "within their errors"))
     out = [one for one in verdicts if one.out]
-    lines += [verdict_words(one, str(sessions[one.session].folder)) for one in out]
-    lines += [shift_words(one, str(sessions[one.first].folder)) for one in shifts]
+    lines += [control_sentence(one, str(sessions[one.session].folder)) for one in out]
+    lines += [shift_sentence(one, str(sessions[one.first].folder)) for one in shifts]
     if not verdicts:
         lines.append("no two of these sessions have one camera under one light: brightness and "
                      "colour balance are not compared")
     elif not out and not shifts:
-        lines.append("camera, light and chart are as before, within what photos repeat")
+        lines.append("camera, light and chart are as before, within photo-to-photo repeatability")
     return "\n".join(lines)

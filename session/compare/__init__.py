@@ -1,1 +1,1 @@
-"""Sessions beside each other: what changed between them, and what only scattered."""
+"""Numbers of many finished sessions, and their catalogue as an SQLite file."""

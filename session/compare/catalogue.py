@@ -6,9 +6,8 @@ import sqlite3
 from collections.abc import Sequence
 from pathlib import Path
 
+from spectrabox.measure.comparison import ControlVerdict, SessionQuantities
 from spectrabox.radiometry.files import whole_file
-from spectrabox.session.compare.control_chart import Verdict
-from spectrabox.session.compare.quantities import SessionQuantities
 
 TABLES = """
 CREATE TABLE sessions (folder TEXT PRIMARY KEY, name TEXT, camera TEXT, light TEXT, finished TEXT);
@@ -19,7 +18,7 @@ CREATE TABLE quantities (folder TEXT REFERENCES sessions, quantity TEXT, value R
 
 
 def write_catalogue(path: Path, root: Path, sessions: Sequence[SessionQuantities],
-                    verdicts: Sequence[Verdict]) -> None:
+                    verdicts: Sequence[ControlVerdict]) -> None:
     """Write the catalogue, whole or not at all; nothing in it is not in the folders too.
 
     Parameters
@@ -28,7 +27,7 @@ def write_catalogue(path: Path, root: Path, sessions: Sequence[SessionQuantities
         Replaced where it exists.
     root : Path
         That folders are named from.
-    verdicts : sequence of Verdict
+    verdicts : sequence of ControlVerdict
         Of these sessions.
     """
     judged = {(one.session, one.quantity): one for one in verdicts}

@@ -1,15 +1,14 @@
-"""What a finished session says of its camera, light and chart: numbers to follow over months."""
+"""Numbers of finished sessions to follow over months, read from their folders."""
 from __future__ import annotations
 
 import contextlib
 import datetime
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.comparison import Quantity, SessionQuantities
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.records import (
     JointReconstruction,
@@ -27,37 +26,6 @@ from spectrabox.session.store.store import FACTS, StoredStage, load_stage
 MIN_PATCH = 0.03        # of the brightest patch: darker ones are glare and noise
 BRIGHTNESS, RESIDUAL, LEFT_OUT, SCALE = ("brightness of the chart", "chart residual",
                                          "patches left out, RMSE", "light scale")
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A number of one session and the standard error that its photos leave.
-
-    ``spread`` is what it scatters from session to session at least, by experience: an absolute
-    number in the unit of ``value``.
-    """
-
-    value: float
-    standard_error: float
-    spread: float
-
-
-@dataclass(frozen=True)
-class SessionQuantities:
-    """One session: who took it with what, its numbers, and the spectra of its surfaces."""
-
-    folder: Path
-    name: str
-    camera: str
-    light: str
-    finished: str                           # when its last stage ended, ISO 8601
-    quantities: dict[str, Quantity]
-    spectra: dict[str, SpectrumSummary]     # of surfaces that were estimated
-
-    @property
-    def setting(self) -> tuple[str, str]:
-        """What has to be the same for brightness and colour balance to be comparable."""
-        return self.camera, self.light
 
 
 def session_quantities(folder: Path, allow_outside: bool = False) -> SessionQuantities:
@@ -188,18 +156,3 @@ def _light_words(light: LightTable) -> str:
     if light.cct is not None:
         return f"{light.cct:g} K"
     return str(light.word or light.file)
-
-
-def series_by_setting(sessions: Sequence[SessionQuantities]
-                      ) -> Iterator[tuple[str, list[int], list[Quantity]]]:
-    """Each quantity of each camera under each light: its name, the indices of the sessions that
-    have it, in their order, and its values.
-    """
-    settings: dict[tuple[str, str], list[int]] = {}
-    for index, session in enumerate(sessions):
-        settings.setdefault(session.setting, []).append(index)
-    for members in settings.values():
-        names = dict.fromkeys(name for index in members for name in sessions[index].quantities)
-        for name in names:
-            having = [index for index in members if name in sessions[index].quantities]
-            yield name, having, [sessions[index].quantities[name] for index in having]
