@@ -96,7 +96,7 @@ def uplift(image: str, out: str, form: str, low_rank: str, by: str, marks: str) 
     """What the command does, with the seconds of processor at each tenth of the writing, and what
     a low rank costs.
     """
-    from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
+    from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
     at: list[float] = []
 
     def progress(stage: str, share: float, message: str) -> None:
@@ -108,10 +108,10 @@ def uplift(image: str, out: str, form: str, low_rank: str, by: str, marks: str) 
     if by == "one":
         facts, _ = uplift_answer(request, progress)
     else:
-        from spectrabox.session.tiles.picture import tiled_answer
+        from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
         dask = by.startswith("dask")
-        facts, _ = tiled_answer(request, "local" if dask else None, int(by.removeprefix("dask")),
-                                progress)
+        facts, _ = shared_uplift_answer(request, "local" if dask else None,
+                                        int(by.removeprefix("dask")), progress)
     Path(marks).write_text(json.dumps([at, facts.get("errors")]))
 
 

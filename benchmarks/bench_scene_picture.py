@@ -38,14 +38,14 @@ from spectrabox.fixtures.painted_box import (
     write_chart_session,
 )
 from spectrabox.fixtures.paints import NM, paint
+from spectrabox.measure.pictures.lit_photo import LitPhoto
 from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.sampling.prior.tables import uplift_signals
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.flat.signals_stage import response_of
-from spectrabox.session.picture import scene_light, scene_stage
-from spectrabox.session.picture.picture import LitPixels
+from spectrabox.session.pictures import scene_light, scene_stage
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.stages.inputs import GRID as FINE
 from spectrabox.session.stages.stored_records import calibrations_of
@@ -133,19 +133,19 @@ def as_grey(light: np.ndarray, to_signals: np.ndarray) -> Any:
     return illumination(light.mean(axis=1, keepdims=True) * own / own.mean(), to_signals)
 
 
-def flat_scores(folder: Path, finished: Any, pixels: LitPixels, some: np.ndarray,
+def flat_scores(folder: Path, finished: Any, pixels: LitPhoto, some: np.ndarray,
                 true: np.ndarray, seed: int) -> tuple[float, float, float]:
     """The same pixels as those of a flat sample: true signals with the noise of each, under the
     lamp's own light, and the session's calibration.
     """
-    rows = pixels.rows(0, pixels.photo.signal.shape[0], singly=True)
+    rows = pixels.block(0, pixels.photo.signal.shape[0], direct=True)
     assert rows.white is not None and rows.variance is not None
     sensed = camera_sensitivities() * lamp.radiance(NM)
     noise = rows.variance[some] / rows.white.signal[some]**2
     signals = true @ (sensed / sensed.sum(axis=1, keepdims=True)).T
     signals += np.sqrt(noise) * np.random.default_rng(seed).standard_normal(signals.shape)
     signals = np.clip(signals, 1e-4, 1)
-    kind = int(np.bincount(rows.kind[some]).argmax())
+    kind = 0 if rows.light is None else int(np.bincount(rows.light[some]).argmax())
     covariance = noise[:, :, None] * np.eye(3) + pixels.errors.by_curves(signals, kind)
     calibration = calibrations_of(read_session(folder), finished.stored)[0]
     response = response_of(calibration) @ interpolation_matrix(GRID.nm, FINE.nm)
@@ -165,20 +165,20 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
     """
     write_session(folder, kind, size, spp, seed)
     truth = painted_truth(patterns_of(kind, seed), size)
-    lit: list[LitPixels] = []
-    found = scene_stage.found_light
+    lit: list[LitPhoto] = []
+    found = scene_stage.converge_light
 
     def noted(*given: Any) -> Any:
         """The light; but the first masks no highlights: all lights are scored by the same pixels.
         """
         made = found(*given)
         if light != "as found":
-            made = replace(made, pixels=replace(made.pixels, highlights=False))
-        lit.append(made.pixels)
+            made = replace(made, photo=replace(made.photo, highlights=False))
+        lit.append(made.photo)
         return made
 
     answers = {}
-    scene_stage.found_light = noted     # type: ignore[assignment]
+    scene_stage.converge_light = noted     # type: ignore[assignment]
     try:
         for light in ("as found", "as grey", "direct only"):
             if light == "as grey":
@@ -200,7 +200,7 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
                 flat = flat_scores(folder, finished, lit[0], np.flatnonzero(seen), truth[seen],
                                    seed)
     finally:
-        scene_stage.found_light, scene_light.illumination = found, illumination
+        scene_stage.converge_light, scene_light.illumination = found, illumination
         scene_light.PENUMBRA_ERROR = PENUMBRA_ERROR
     print(f"{kind}: without a spectrum {1 - reasons[0]:.1%}; changes of the light by rounds "
           f"{np.round(rounds, 4).tolist()}", file=sys.stderr)
@@ -220,9 +220,9 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
     return rows
 
 
-def white_of(pixels: LitPixels, size: tuple[int, int]) -> np.ndarray:
+def white_of(pixels: LitPhoto, size: tuple[int, int]) -> np.ndarray:
     """Signal (H, W) of a perfect white at every pixel, mean over bands."""
-    white = pixels.rows(0, size[0], singly=True).white
+    white = pixels.block(0, size[0], direct=True).white
     assert white is not None
     return white.signal.mean(axis=1).reshape(size)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from spectrabox.sampling.prior.certified import certified_sentence, mostly_in_doubt
 from spectrabox.session.calibration_facts import left_out_facts, light_facts
-from spectrabox.session.picture.picture_results import picture_facts
+from spectrabox.session.pictures.picture_results import picture_facts
 from spectrabox.session.report.numbers import family_facts
 from spectrabox.session.report.verdict import judge, median_surface_error
 from spectrabox.session.report.words import percent

@@ -7,10 +7,10 @@ import pytest
 from test_error_budget import GRID as COARSE
 from test_error_budget import LIGHTS, calibration, curves_and_covariance
 
+from spectrabox.measure.pictures.curve_errors import curve_errors
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import SurfaceSignals
 from spectrabox.radiometry.response import response_matrix, white_signal
-from spectrabox.session.picture.curve_errors import curve_errors
 from spectrabox.session.stages.error_budget import light_covariance, sensitivity_covariance
 from spectrabox.session.stages.inputs import GRID
 

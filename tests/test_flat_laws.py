@@ -16,14 +16,14 @@ from spectrabox.calibrate.light_field import (
     PicturePoints,
     light_elsewhere,
 )
+from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.radiometry.light_drift import LightDrift
 from spectrabox.radiometry.light_scale import DRIFT, REPEATABILITY, ROUNDED_EXPOSURES
 from spectrabox.radiometry.records import ChartWhite, LinearImage, PhotoKind, RegionSamples
 from spectrabox.session.flat import signals_stage
 from spectrabox.session.flat import white_at_regions as module
-from spectrabox.session.flat.errors_of_pixels import PixelErrors, White
 from spectrabox.session.flat.white_at_regions import KNOWN_ERROR, white_at_regions, with_known
-from spectrabox.session.picture import picture_maps
+from spectrabox.session.pictures import picture_maps
 
 SIGMAS, DRAWS = 3.9, 40_000
 LEVEL, GLARE = np.array([0.6, 0.8, 0.5]), np.array([0.004, 0.006, 0.003])
@@ -148,8 +148,8 @@ def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
     white = White(LEVEL[None], covariance[None, :3, :3], covariance[None, :3, 3:])
     veil, noise = np.array([0.002, 0.001, 0.003]), np.array([[4e-6, 6e-6, 5e-6]])
     shared = 0.01**2 * np.eye(3)
-    errors = PixelErrors(np.zeros(1), np.zeros(1), white, GLARE, covariance[3:, 3:], veil, shared,
-                         model**2 * np.eye(3), None, None, None)
+    errors = PixelErrors(None, white, None, GLARE, covariance[3:, 3:], veil,
+                         shared + model**2 * np.eye(3), None, None, None)
     signal = np.array([[0.15, 0.4, 0.25]])
     draws = rng.multivariate_normal(np.zeros(6), covariance, DRAWS)
     photo_signal = signal * LEVEL + GLARE
@@ -212,7 +212,7 @@ def test_noise_is_averaged_over_photos_and_what_they_share_is_not(seen, monkeypa
 def test_a_reduced_map_is_the_mean_of_what_was_seen_of_each_block(monkeypatch):
     monkeypatch.setattr(picture_maps, "REDUCED_PX", 4)
     rng, of_map = np.random.default_rng(65), SimpleNamespace(file="map.png", channels=2,
-                                                                values=True)
+                                                                flags=False)
     values, seen = rng.uniform(size=(9, 12, 2)), rng.uniform(size=(9, 12)) < 0.8
     seen[:3, :3] = np.eye(3, dtype=bool)            # a third of a block: not enough
     reduced = picture_maps.Reduced(9, 12, [of_map])

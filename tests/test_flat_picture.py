@@ -13,13 +13,12 @@ from spectrabox.fixtures import lamp
 from spectrabox.fixtures.demo_photos import camera_sensitivities
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM
+from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.flat.outputs import write_flat_outputs
-from spectrabox.session.picture import picture as picture_stage
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.progress_display import with_time_left
-from spectrabox.session.signals import spectra_rows
 from spectrabox.session.stages.stored_records import samples_of
 
 LEFT, TOP, CELL, CELLS = 276, 30, 12, 14        # of a mosaic of surfaces, in pixels of the photo
@@ -131,8 +130,8 @@ def test_a_pixel_is_what_a_region_of_one_pixel_gives_however_many_rows_are_read(
     assert np.abs((once["mean.exr"][2, 1] - mean) / width).max() < 0.2
     # 1000 draws tell a spread to 2 %, in the tails of a skewed one to 5 %
     np.testing.assert_allclose(once["standard_deviation.exr"][2, 1], width[::2], rtol=0.2)
-    monkeypatch.setattr(spectra_rows, "ROWS_PER_BLOCK", 1)
-    monkeypatch.setattr(spectra_rows, "PIXELS_AT_ONCE", 1)
+    monkeypatch.setattr(pixel_spectra, "ROWS_PER_BLOCK", 1)
+    monkeypatch.setattr(pixel_spectra, "PIXELS_AT_ONCE", 1)
     shutil.rmtree(session / "results" / "picture")
     run(session)
     for name, values in once.items():
@@ -144,7 +143,7 @@ def test_a_table_gives_what_pixels_give_one_by_one_and_says_how_long_it_takes(se
     show = with_time_left(lambda stage, share, said: shares.append((share, said))
                           if stage == "picture" else None)
     for points, progress in ((0, show), (1e9, lambda *_: None)):
-        monkeypatch.setattr(picture_stage, "POINTS_IN_PIXELS", points)
+        monkeypatch.setattr(pixel_spectra, "POINT_IN_PIXELS", points)
         write_toml(session, QUARTER)
         shutil.rmtree(session / "results" / "picture")
         run(session, progress)

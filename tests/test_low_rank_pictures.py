@@ -9,15 +9,15 @@ from sampling_cameras import response, surface
 
 from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.capture.photo.image_rows import PictureRows
+from spectrabox.measure.pictures import pixel_spectra
+from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, merge_surveys, survey_rows
+from spectrabox.measure.pictures.uplift import ImageSource, plan_image
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.low_rank import LowRank, stated_errors
 from spectrabox.sampling.prior.mixture import GRID, load_prior
-from spectrabox.session.signals import spectra_rows
-from spectrabox.session.signals.low_rank_files import open_low_rank
+from spectrabox.session.pictures.low_rank_files import open_low_rank
+from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
 from spectrabox.session.signals.signal_options import response_of_names
-from spectrabox.session.signals.spectra_rows import KeptWavelengths
-from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
-from spectrabox.session.signals.uplift_plan import Job, directly, look, planned, together
 
 zarr = pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
 CAMERA, LIGHT, HEIGHT, WIDTH = "Nikon 5100 (NPL)", "D65", 150, 70
@@ -90,8 +90,8 @@ def test_all_forms_hold_the_same_coefficients(low, tmp_path):
 
 @pytest.mark.parametrize("rows", [1, 48])
 def test_coefficients_do_not_depend_on_how_the_picture_is_cut(rows, low, tmp_path, monkeypatch):
-    monkeypatch.setattr(spectra_rows, "ROWS_PER_BLOCK", rows)
-    monkeypatch.setattr(spectra_rows, "PIXELS_AT_ONCE", 1)
+    monkeypatch.setattr(pixel_spectra, "ROWS_PER_BLOCK", rows)
+    monkeypatch.setattr(pixel_spectra, "PIXELS_AT_ONCE", 1)
     facts = answer(tmp_path, picture(), "zarr")
     read = open_low_rank(facts["low_rank"])
     np.testing.assert_array_equal(read.coefficients(0, HEIGHT), low[0].coefficients(0, HEIGHT))
@@ -133,22 +133,22 @@ def test_others_find_arrays_and_names_in_the_group(low):
     assert group["coefficients"].metadata.dimension_names == ("y", "x", "component")
 
 
-def job_of_bands(bands, coefficients):
+def source_of_bands(bands):
     signals = np.array([response(bands)[1] @ surface(GRID.nm, seed) for seed in range(12)])
     image = signals.reshape(3, 4, bands).astype(np.float32)
     rows = PictureRows(3, 4, bands, lambda first, last: image[first:last])
-    return Job(rows, np.ones(bands, np.float32), response(bands)[1], load_prior(), 0.01, 5,
-               KeptWavelengths(10), coefficients)
+    return ImageSource(rows, np.ones(bands, np.float32), response(bands)[1], load_prior(), 0.01, 5)
 
 
 @pytest.mark.parametrize("bands", [3, 5])
 def test_pixels_that_are_computed_one_by_one_have_a_low_rank_too(bands):
-    job = job_of_bands(bands, 16)
-    plan = planned(job, together([look(job, 0, 2), look(job, 2, 3)]), lambda share: None)
-    assert plan.columns is None and plan.low_rank is not None
-    (coefficients,) = plan.made(job, job.signals(0, 3))
-    made = plan.low_rank.spectra(coefficients.astype(np.float16))
-    off = np.abs(made - directly(job, job.signals(0, 3)))[:, :31].max()
+    source, kept = source_of_bands(bands), KeptWavelengths(10)
+    survey = merge_surveys([survey_rows(source, 0, 2), survey_rows(source, 2, 3)])
+    plan = plan_image(source, kept, survey, 16)
+    assert not plan.tables and plan.low_rank is not None
+    block = source.block(0, 3)
+    made = plan.low_rank.spectra(plan.values(source, block).astype(np.float16))
+    off = np.abs(made[:, :31] - source.direct(block).mean[:, kept.mean]).max()
     assert plan.errors["pixels"] == 12 and "bound" not in plan.errors["mean"]
     # stated upwards to three digits
     assert 0.99 * plan.errors["mean"]["largest"] < off <= plan.errors["mean"]["largest"] + 1e-6

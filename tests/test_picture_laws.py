@@ -11,19 +11,20 @@ from scipy.sparse import csr_array
 from test_light_drift import photo
 from test_posterior_laws import SMOOTH, mixture_of
 
+from spectrabox.measure.pictures.crop import Crop
+from spectrabox.measure.pictures.illumination import Illumination, light_adaptation
+from spectrabox.measure.pictures.lit_photo import GREY, LitPhoto
+from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
+from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.pixels.light_nodes import LightNodes
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import reflectance_moments
-from spectrabox.session.picture import known_surfaces as known
-from spectrabox.session.picture import scene_light
-from spectrabox.session.picture.illumination import Illumination, brought_by
-from spectrabox.session.picture.known_surfaces import KnownSurfaces
-from spectrabox.session.picture.part_of_photo import Part
-from spectrabox.session.picture.picture import GREY, LitPixels
-from spectrabox.session.picture.pixel_errors import PixelErrors, White
+from spectrabox.session.pictures import reference_surfaces as references
+from spectrabox.session.pictures import scene_light
+from spectrabox.session.pictures.reference_surfaces import ReferenceSurfaces
 
-GRID = scene_light.GRID
+GRID = visible_grid()
 
 
 def errors_of(white, **changes):
@@ -32,7 +33,7 @@ def errors_of(white, **changes):
     none = np.zeros((bands, bands))
     parts = dict.fromkeys(("between", "light", "calibrations", "fine_responses", "prior"))
     parts |= {"white": white, "glare": np.zeros(bands), "glare_covariance": none,
-              "veil": np.zeros(bands), "shared": none, "model": none}
+              "veil": np.zeros(bands), "relative": none}
     return PixelErrors(**parts | changes)
 
 
@@ -49,8 +50,8 @@ def test_a_mid_grey_at_a_node_errs_as_pixels_of_it_do(glare):
     rng = np.random.default_rng(1)
     white = White(np.array([[0.9, 0.5, 0.7], [0.2, 0.1, 0.3]]),
                   np.tile(0.01**2 * (np.eye(3) + 1), (2, 1, 1)), np.zeros((2, 3, 3)))
-    pixels = LitPixels(lit_photo(rng), errors_of(white, glare=np.full(3, glare)))
-    found = pixels.at_nodes
+    pixels = LitPhoto(lit_photo(rng), errors_of(white, glare=np.full(3, glare)))
+    found = pixels.grey_variance
     for node, signal in enumerate(white.signal):
         logs = rng.multivariate_normal(np.zeros(3), white.log[node], 60_000)
         light = GREY * signal
@@ -83,16 +84,17 @@ def test_a_material_is_what_its_surface_reflects_and_not_what_most_pixels_show(m
     """
     levels = np.repeat([0.2, 0.8, 0.6], [6, 2, 4])
     spectra = levels[:, None] * np.ones(PRIOR_GRID.nm.size)
-    monkeypatch.setattr(LitPixels, "rows",
+    monkeypatch.setattr(LitPhoto, "block",
                         lambda *_, **__: SimpleNamespace(seen=np.ones(levels.size, bool)))
-    monkeypatch.setattr(LitPixels, "one_by_one", lambda *_, **__: (spectra, None, None))
+    monkeypatch.setattr(LitPhoto, "direct", lambda *_, **__: SimpleNamespace(mean=spectra))
     chart, dark = photo(), np.zeros((1, 3, 3))
     nodes = SimpleNamespace(weights=lambda row, column: csr_array(np.ones((levels.size, 1))))
-    scene = SimpleNamespace(view=SimpleNamespace(photo=chart), traced=SimpleNamespace(nodes=nodes))
-    pixels = LitPixels(chart, errors_of(White(np.ones((1, 3)), dark, dark)))
-    some = scene_light._SomePixels(np.repeat([2, 5], [8, 4]), np.zeros(levels.size, int),
+    scene = SimpleNamespace(view=SimpleNamespace(photo=chart, grid=GRID),
+                            traced=SimpleNamespace(nodes=nodes))
+    pixels = LitPhoto(chart, errors_of(White(np.ones((1, 3)), dark, dark)))
+    some = scene_light.PixelSample(np.repeat([2, 5], [8, 4]), np.zeros(levels.size, int),
                                    np.arange(levels.size), np.repeat([1.0, 3.0, 2.0], [6, 2, 4]))
-    found = scene_light._mean_spectra(scene, pixels, some)
+    found = scene_light.mean_spectra(scene, pixels, some)
     assert found.keys() == {2, 5}
     np.testing.assert_allclose(found[2], 0.5, rtol=1e-12)
     np.testing.assert_allclose(found[5], 0.6, rtol=1e-12)
@@ -119,11 +121,10 @@ def test_scatter_of_a_known_surface_is_that_beyond_its_noise(monkeypatch, spread
         traced=SimpleNamespace(nodes=SimpleNamespace(
             keys=np.array([np.arange(nodes) % walls, *np.zeros((2, nodes), int)])),
                                relative_variance=np.full(nodes, traced_noise**2)),
-        task=SimpleNamespace(config=SimpleNamespace(reconstruct=SimpleNamespace(
-            surface_error=0.0, brightness_error=0.0))),
+        disagreement=0.0,
         joint=SimpleNamespace(views=[SimpleNamespace(light_scale=LightScale(1, 0, None, ""))]))
-    monkeypatch.setattr(known, "surface_covariance", lambda *_: np.zeros((bands, bands)))
-    found = known.known_surfaces(scene, light, np.ones(nodes, bool)).covariance
+    monkeypatch.setattr(references, "surface_covariance", lambda *_: np.zeros((bands, bands)))
+    found = references.compare_reference_surfaces(scene, light, np.ones(nodes, bool)).covariance
     # 4000 nodes know a variance of 3 % squared to 2.2 %: 2e-5
     np.testing.assert_allclose(np.diag(found), spread**2, atol=3.9 * 2.2e-2 * (
         noise**2 + traced_noise**2 + spread**2))
@@ -137,7 +138,7 @@ def test_spectra_are_expected_behind_signals_as_draws_of_the_prior_have_them():
     tinted = response * np.linspace(0.7, 1.3, 61)
     light = Illumination(np.ones((1, 2)), np.ones((2, 1)), np.array([response, tinted]),
                          np.array([[0.8, 0.2]]), np.zeros(1, int))
-    found = brought_by(light, prior)
+    found = light_adaptation(light, prior)
     mean, covariance = reflectance_moments(prior)
     rng = np.random.default_rng(4)
     drawn = rng.multivariate_normal(mean, covariance, 40_000)
@@ -155,23 +156,22 @@ def test_what_is_uncertain_of_the_light_on_a_node_adds_up_as_variances(monkeypat
     light = (1 + 0.01 * column)[:, None] * np.ones(GRID.nm.size)    # rises by 1 % a node
     bands, traced_noise, ambient = 3, 0.004, 0.003
     to_signals = np.ones((bands, GRID.nm.size, 61)) / (61 * GRID.nm.size)
-    for name, value in (("known_surfaces", KnownSurfaces(LightScale(1.0, 0.0, None, ""),
-                                                         np.zeros((bands, bands)))),
-                        ("drift_of", None), ("glare_error", np.zeros(bands)), ("_under", None),
-                        ("with_scale", None), ("cut", None),
-                        ("scale_covariances", {"one": np.zeros((bands, bands))}),
-                        ("_responses", np.ones((1, bands, GRID.nm.size)))):
-        monkeypatch.setattr(scene_light, name, lambda *_, value=value: value)
-    part = SimpleNamespace(rows=slice(0, 12), columns=slice(0, 16))
+    for name, value in (("compare_reference_surfaces",
+                         ReferenceSurfaces(LightScale(1.0, 0.0, None, ""),
+                                           np.zeros((bands, bands)))),
+                        ("_calibration_under", None), ("crop_photo", None), ("replace", None),
+                        ("scale_covariances", {"one": np.zeros((bands, bands))})):
+        monkeypatch.setattr(scene_light, name, lambda *_, value=value, **__: value)
+    crop = SimpleNamespace(rows=slice(0, 12), columns=slice(0, 16))
     scene = SimpleNamespace(
-        part=part, to_signals=to_signals, calibration=None, prior=None,
-        edges=np.zeros((12, 16), bool), view=SimpleNamespace(photo=photo()),
+        crop=crop, to_signals=to_signals, calibration=None, prior=None,
+        edges=np.zeros((12, 16), bool), drift=None, veil=np.zeros(bands), ambient=ambient,
+        view=SimpleNamespace(photo=photo(), grid=GRID,
+                             sensitivities=np.ones((bands, GRID.nm.size))),
         traced=SimpleNamespace(nodes=nodes, relative_variance=np.full(row.size, traced_noise**2),
                                lamp=np.zeros(row.size, bool)),
-        joint=SimpleNamespace(views=[SimpleNamespace(measured=np.ones((2, 2, bands)))]),
-        task=SimpleNamespace(stored=None, config=SimpleNamespace(
-            stray_light=SimpleNamespace(ambient=ambient))))
-    white = scene_light._lit(scene, light)[0].errors.white
+        joint=SimpleNamespace(views=[None]))
+    white = scene_light.light_photo(scene, light)[0].errors.white
     slope = 0.01 / nodes.cell
     inner = (column > 0) & (column < column.max())
     uneven = scene_light.MISPLACED_PX * slope / light[:, 0]
@@ -183,10 +183,10 @@ def test_what_is_uncertain_of_the_light_on_a_node_adds_up_as_variances(monkeypat
 
 @pytest.mark.parametrize("step", [1.0, 2.0, 4.0])
 def test_a_developed_pixel_lies_in_the_middle_of_those_that_it_is_made_of(step):
-    part = Part(slice(3, 9), slice(2, 7), (0, 0, 1, 1), step)
+    crop = Crop(slice(3, 9), slice(2, 7), (0, 0, 1, 1), step)
     whole = np.arange(40.0).reshape(-1, int(step)).mean(axis=1)
-    np.testing.assert_allclose(part.x_px, whole[2:7])
-    np.testing.assert_allclose(part.y_px, whole[3:9])
+    np.testing.assert_allclose(crop.x_px, whole[2:7])
+    np.testing.assert_allclose(crop.y_px, whole[3:9])
 
 
 @pytest.mark.parametrize("cell", [1, 4, 5])
@@ -209,7 +209,7 @@ def test_a_mid_grey_errs_at_a_pixel_by_the_root_of_its_nodes_variance():
         white=white, glare=np.zeros(3), responses=np.ones((1, 3, 61)),
         between=lambda first, last: csr_array(np.ones(((last - first) * 50, 1))),
         light=SimpleNamespace(maps=np.ones((1, 1))),
-        brought=SimpleNamespace(signals=lambda signals, maps, kind: signals))
-    pixels = LitPixels(lit_photo(rng), errors)
-    rows = pixels.rows(0, 2, singly=False)
-    np.testing.assert_allclose(rows.own_error**2, pixels.at_nodes[0], rtol=1e-6)
+        adaptation=SimpleNamespace(signals=lambda signals, maps, kind: signals))
+    pixels = LitPhoto(lit_photo(rng), errors)
+    block = pixels.block(0, 2)
+    np.testing.assert_allclose(block.grey_error**2, pixels.grey_variance[0], rtol=1e-6)

@@ -18,6 +18,8 @@ from spectrabox.fixtures.painted_box import (
     write_picture_demo,
 )
 from spectrabox.fixtures.paints import NM
+from spectrabox.measure.pictures import pixel_spectra
+from spectrabox.measure.pictures.pixel_flags import EDGE, PENUMBRA, SEEN
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import products
 from spectrabox.reconstruct.pixels import pixel_light
@@ -28,8 +30,7 @@ from spectrabox.sampling.prior.tables import uplift_signals
 from spectrabox.session.check import preflight_check
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.picture import picture, scene_light, scene_stage
-from spectrabox.session.picture.unseen import EDGE, PENUMBRA, SEEN
+from spectrabox.session.pictures import picture_files, scene_light, scene_stage
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.run_outputs import rewritten_outputs
 from spectrabox.session.stages.stage_task import StageTask
@@ -72,14 +73,14 @@ def scene(finished):
     folder, made = finished
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pixel_light, "PATHS_OF_NODE", 400)
-        return scene_stage.scene_of(StageTask(read_session(folder), "cpu", made.stored, folder,
+        return scene_stage.traced_photo(StageTask(read_session(folder), "cpu", made.stored, folder,
                                               lambda *_: None, OpenPhotos()))
 
 
 @pytest.fixture(scope="module")
 def lighting(scene):
     """The light on it, and its spectra."""
-    return scene_light.found_light(scene, lambda _: None)
+    return scene_light.converge_light(scene, lambda _: None)
 
 
 @pytest.fixture(scope="module")
@@ -120,9 +121,9 @@ def test_the_bands_of_pixels_hold_their_paints(finished, truth):
     # twelve surfaces and errors that all pixels share: few independent cases, so one-sided bounds
     assert rmse < 0.06 and held > 0.9
     changes = made.stored["picture"].record(np.ndarray, "rounds")
-    assert changes[-1] <= scene_light.STANDS_STILL
+    assert changes[-1] <= scene_light.TOLERANCE
     # a patterned wall sends on other light than one of a single spectrum
-    assert changes[0] > scene_light.STANDS_STILL
+    assert changes[0] > scene_light.TOLERANCE
     assert "has converged" in made.stored["picture"].record(tuple[str, ...], "notes")[0]
 
 
@@ -130,22 +131,24 @@ def near_the_walls(lit, truth):
     """Mean and spread of the pixels next to the back wall's coloured neighbours, and their truth.
     """
     width = SIZE[1]
-    rows = lit.rows(0, SIZE[0], singly=True)
+    rows = lit.block(0, SIZE[0], direct=True)
     column = np.tile(np.arange(width), SIZE[0])
     some = rows.seen & np.isfinite(truth[..., 0]).ravel() \
         & ((column < width // 4) | (column >= 3 * width // 4))
     picked = np.flatnonzero(some)[::3]
     rows = replace(rows, **{name: getattr(rows, name)[picked] for name in (
-        "signals", "kind", "unseen", "place", "own_error", "variance")}, white=type(rows.white)(
-            *(part[picked] for part in vars(rows.white).values())))
-    mean, spread, _ = lit.one_by_one(rows)
+        "signals", "error_level", "measured", "flags", "grey_error", "variance")},
+        light=None if rows.light is None else rows.light[picked], white=rows.white.rows(picked))
+    made = lit.direct(rows)
     at = np.searchsorted(GRID.nm, STEP_NM)
-    return (mean[:, at], spread[:, at]), at_step(truth.reshape(-1, NM.size)[picked])
+    return (made.mean[:, at], made.standard_deviation[:, at]), at_step(
+        truth.reshape(-1, NM.size)[picked])
 
 
 def test_light_from_other_walls_counts_with_its_colour(scene, lighting, truth, monkeypatch):
     def scored(scene):
-        return scores(*near_the_walls(scene_light.found_light(scene, lambda _: None).pixels, truth))
+        light = scene_light.converge_light(scene, lambda _: None)
+        return scores(*near_the_walls(light.photo, truth))
 
     # the light's strength as from a chart, which no light from walls can make up for
     scene = replace(scene, view=replace(scene.view, light_scale=lighting.scale))
@@ -168,8 +171,8 @@ def test_light_from_other_walls_counts_with_its_colour(scene, lighting, truth, m
 
 def test_few_typical_lights_stand_for_the_light_on_every_pixel(lighting):
     """Spectra as of each pixel's own response, of which none are shared."""
-    lit = lighting.pixels
-    rows = lit.rows(0, SIZE[0], singly=True)
+    lit = lighting.photo
+    rows = lit.block(0, SIZE[0], direct=True)
     picked = np.flatnonzero(rows.seen)[::40]
     errors, light = lit.errors, lit.errors.light
     maps = errors.between(0, SIZE[0])[picked] @ light.maps
@@ -182,7 +185,7 @@ def test_few_typical_lights_stand_for_the_light_on_every_pixel(lighting):
              for response, signal, error in zip(own / white[..., None], signals, covariance,
                                                 strict=True)]
     shared = [uplift_signals(errors.prior, errors.responses[kind], signal[None], error[None])
-              for kind, signal, error in zip(rows.kind[picked], rows.within[picked], covariance,
+              for kind, signal, error in zip(rows.light[picked], rows.within[picked], covariance,
                                              strict=True)]
     mean, spread = (np.vstack([getattr(each, name) for each in alone])
                     for name in ("mean", "standard_deviation"))
@@ -192,13 +195,13 @@ def test_few_typical_lights_stand_for_the_light_on_every_pixel(lighting):
     assert np.sqrt(np.mean(off**2)) < 0.02 * np.sqrt(np.mean(spread**2))
 
 
-def test_tables_of_the_typical_lights_give_what_pixels_give_one_by_one(scene, tmp_path,
+def test_tables_of_the_typical_lights_give_what_pixels_give_one_by_one(scene, finished, tmp_path,
                                                                        monkeypatch):
-    lit = scene_light.found_light(scene, lambda _: None).pixels
-    made = []
+    lit = scene_light.converge_light(scene, lambda _: None).photo
+    made, section = [], read_session(finished[0]).picture
     for how, pixels_of_a_point in (("one-by-one", np.inf), ("tables", 0)):
-        monkeypatch.setattr(picture, "POINTS_IN_PIXELS", pixels_of_a_point)
-        picture.write_picture(lit, scene.task.config.picture, tmp_path / how, lambda _: None)
+        monkeypatch.setattr(pixel_spectra, "POINT_IN_PIXELS", pixels_of_a_point)
+        picture_files.write_picture(lit, section, tmp_path / how, lambda _: None)
         made.append([layers(tmp_path / how / f"{name}.exr") for name in ("mean",
                                                                          "standard_deviation")])
     (mean, spread), (quick_mean, quick_spread) = made
@@ -322,7 +325,7 @@ def test_rendering_the_textures_gives_back_the_photo(finished, scene, lighting, 
     walls = seen & ((column < 12) | (column >= 48))
     assert walls.sum() > 50
     # of each paint as a whole: single pixels have noise, and texels lie otherwise than they do
-    rows = lighting.pixels.rows(0, SIZE[0], singly=True)
+    rows = lighting.photo.block(0, SIZE[0], direct=True)
     off = (scale * image - view.photo.signal)[walls] / rows.white.signal.reshape(*SIZE, 3)[walls]
     _, paint = np.unique(truth[walls][:, ::50], axis=0, return_inverse=True)
     count = np.bincount(paint.ravel())

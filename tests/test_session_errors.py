@@ -11,17 +11,20 @@ from test_posterior_laws import SMOOTH, mixture_of
 from test_session_laws import drift, views
 
 from spectrabox.calibrate.held_out_patches import PatchesWithout
+from spectrabox.measure.pictures import illumination
+from spectrabox.measure.pictures.crop import Crop
+from spectrabox.measure.pictures.lit_photo import PhotoSpectra
+from spectrabox.measure.pictures.pixel_flags import SEEN
+from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths
 from spectrabox.radiometry.light_scale import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.session.batch import needs, processes
-from spectrabox.session.flat import errors_of_pixels as flat
-from spectrabox.session.picture import illumination, known_surfaces, textures
-from spectrabox.session.picture.unseen import SEEN
+from spectrabox.session.pictures import flat_stage as flat
+from spectrabox.session.pictures import reference_surfaces, textures
 from spectrabox.session.report.verdict import Status, _between_photos, _clipped
 from spectrabox.session.scores import score
-from spectrabox.session.signals.spectra_rows import KeptWavelengths
 from spectrabox.session.stages import calibrate_stage, reconstruct_stage
 from spectrabox.session.stages.left_out import patches_without
 
@@ -152,7 +155,7 @@ def test_a_signal_is_brought_to_another_light_exactly_where_spectra_are_as_expec
         response = np.einsum("nq,qkp->nkp", weights, light.shapes)
         return np.einsum("nkp,np->nk", response, spectra) / response.sum(axis=2)
     own, wanted = relative(maps), relative(light.typical[kind])
-    found = illumination.brought_by(light, None).signals(own, maps, kind)
+    found = illumination.light_adaptation(light, None).signals(own, maps, kind)
     # signals taken to err by 1 % of white, of which reflectances differ by 30 %
     assert np.abs(found - wanted).max() < 0.1 * np.abs(own - wanted).max()
     assert np.abs(own - wanted).max() > 0.005
@@ -174,14 +177,14 @@ def surfaces_of(noise, texture, seed):
         scene_materials=[SimpleNamespace(name="paint", reflectance=np.full(61, 0.2))])
     traced = SimpleNamespace(nodes=SimpleNamespace(keys=[number]),
                              relative_variance=np.zeros(4800))
-    settings = SimpleNamespace(surface_error=0.01, brightness_error=0.01)
     scene = SimpleNamespace(
         view=view, traced=traced, node_signals=(measured, (noise * clean) ** 2),
         compared=np.ones(4800, bool),
-        task=SimpleNamespace(config=SimpleNamespace(reconstruct=settings)),
+        disagreement=np.hypot(0.01, 0.01),
         joint=SimpleNamespace(views=[SimpleNamespace(
             light_scale=LightScale(1.0, 0.1, None, "photo"))]))
-    return known_surfaces.known_surfaces(scene, np.ones((4800, 61)), np.ones(4800, bool))
+    return reference_surfaces.compare_reference_surfaces(scene, np.ones((4800, 61)),
+                                                         np.ones(4800, bool))
 
 
 @pytest.mark.parametrize("texture", [0.0, 0.06])
@@ -202,7 +205,7 @@ def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(tmp_path, monke
     monkeypatch.setattr(textures, "hits_of", lambda *_: SimpleNamespace(
         uv=np.column_stack([u, v]), point=np.column_stack([u * columns, v * rows, 0 * u])))
     scene = SimpleNamespace(
-        part=SimpleNamespace(rows=slice(0, rows), columns=slice(0, columns)),
+        crop=SimpleNamespace(rows=slice(0, rows), columns=slice(0, columns)),
         view=SimpleNamespace(surface_materials=["paint"], known=(), size=(columns, rows),
                              scene_file=SimpleNamespace(surfaces={"wall": "bsdf"})),
         traced=SimpleNamespace(nodes=SimpleNamespace(surface=np.zeros(shape, int))),
@@ -212,7 +215,7 @@ def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(tmp_path, monke
     made = textures.Textures(scene, seen.reshape(shape), KeptWavelengths(5, full=True))
     for first in range(0, rows, 2):         # some rows at a time
         part = slice(first * columns, (first + 2) * columns)
-        made.add(first, first + 2, (mean[part], mean[part], None, seen[part], None))
+        made.add(first, first + 2, PhotoSpectra(mean[part], mean[part], None, seen[part], None))
     made.write(tmp_path)
     picture, nm = _read(str(tmp_path / "texture-wall.exr"))
     np.testing.assert_array_equal(nm, PRIOR_GRID.nm)
@@ -236,6 +239,7 @@ def test_errors_of_white_at_a_pixel_are_those_of_level_field_and_exposure_togeth
     monkeypatch.setattr(flat, "white_of_photo", lambda *_: found)
     monkeypatch.setattr(flat, "response_of", lambda *_: np.ones((bands, 301)))
     monkeypatch.setattr(flat, "drift_of", lambda *_: None)
+    monkeypatch.setattr(flat, "calibrations_of", lambda *_: [None])
     monkeypatch.setattr(flat, "photo_of",
                         lambda *_: SimpleNamespace(signal=np.ones((2, 2, bands))))
     monkeypatch.setattr(flat, "model_error", lambda *_: SimpleNamespace(
@@ -243,9 +247,8 @@ def test_errors_of_white_at_a_pixel_are_those_of_level_field_and_exposure_togeth
     monkeypatch.setattr(flat, "even_light", lambda *_: None)
     monkeypatch.setattr(flat, "PixelErrors", lambda between, white, *_: kept.update(white=white))
     task = SimpleNamespace(stored=None, config=SimpleNamespace(
-        stray_light=SimpleNamespace(glare=0.01)))
-    flat.errors_of_pixels(task, SimpleNamespace(name=""), None, (0.0, 0.0, 80.0, 60.0),
-                          (np.arange(3.0), np.arange(3.0)), None)
+        all_views=[SimpleNamespace(name="")], stray_light=SimpleNamespace(glare=0.01)))
+    flat.pixel_errors(task, Crop(slice(0, 3), slice(0, 3), (0.0, 0.0, 80.0, 60.0), 1.0), None)
     for node in range(count):
         rows = np.zeros((2 * bands, size))
         rows[:, :2 * bands] = np.eye(2 * bands)

@@ -16,7 +16,7 @@ from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, read_tab
 from spectrabox.reconstruct.rendering.renderer import all_cores, start_mitsuba
 from spectrabox.sampling.judge.cube_files import open_cube
 from spectrabox.session.commands.spectrum import _convert as convert
-from spectrabox.session.signals.spectra_rows import Canvas, KeptWavelengths, write_spectra
+from spectrabox.session.pictures.spectra_files import PictureLayout, write_spectra
 
 OTHERS = Path(colour.__file__).parent / "io" / "tests" / "resources"    # files of its own tests
 HALF, SINGLE = 2.0**-11, 2.0**-24       # relative rounding of half and single floats
@@ -36,22 +36,23 @@ def spectra():
 
 
 def write(folder, spectra, kept):
-    mean, spread = (values.reshape(-1, 61) for values in spectra)
-    rows = Canvas(HEIGHT, WIDTH, lambda first, last: slice(first * WIDTH, last * WIDTH),
-                  lambda part: (mean[part][:, kept.mean], spread[part][:, kept.spread]))
-    return write_spectra(rows, folder, kept, lambda share: None)
+    mean, deviation = spectra
+    parts = mean[..., kept.mean], deviation[..., kept.deviation]
+    blocks = ((first, last, tuple(part[first:last].reshape(-1, part.shape[2]) for part in parts))
+              for first, last in ((0, 16), (16, HEIGHT)))
+    return write_spectra(blocks, (HEIGHT, WIDTH), folder, kept, lambda share: None)
 
 
 @pytest.fixture(scope="module")
 def pictures(spectra, tmp_path_factory):
     """Files and values by the kept wavelengths that they are written with."""
     made = {}
-    for kept in (KeptWavelengths(10), KeptWavelengths(5, True), KeptWavelengths(10, form="envi")):
+    for kept in (PictureLayout(10), PictureLayout(5, True), PictureLayout(10, form="envi")):
         folder = tmp_path_factory.mktemp("pictures")
         mean, spread = spectra
         made[kept] = [(path, nm, values) for path, nm, values in zip(
             write(folder, spectra, kept).values(), kept.nm,
-            (mean[..., kept.mean], spread[..., kept.spread]), strict=True)]
+            (mean[..., kept.mean], spread[..., kept.deviation]), strict=True)]
     return made
 
 
@@ -206,6 +207,6 @@ def test_names_of_layers_say_their_wavelengths(names, expected):
 
 def test_a_picture_without_one_whole_pixel_is_an_error(tmp_path, spectra):
     empty = [np.full_like(values, np.nan) for values in spectra]
-    paths = write(tmp_path, empty, KeptWavelengths(10))
+    paths = write(tmp_path, empty, PictureLayout(10))
     with pytest.raises(InputError, match="none of its 105 pixels holds numbers"):
         read_table(paths["mean"])

@@ -10,6 +10,7 @@ from flat_example import write_flat
 from sampling_cameras import surface
 
 from spectrabox.capture.photo.image_rows import exr_rows, open_rows
+from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import UNFINISHED, sweep_unfinished, whole_folder
 from spectrabox.radiometry.spectra.formats import zarr_array
@@ -17,10 +18,9 @@ from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr, zarr_row
 from spectrabox.radiometry.system.strips import read_by_strips, written_by_strips
 from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
 from spectrabox.session.pipeline import run_stages
-from spectrabox.session.signals import spectra_rows
 from spectrabox.session.signals.signal_options import response_of_names
-from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
 from spectrabox.session.store.store import load_stage
 
 zarr = pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
@@ -95,8 +95,8 @@ def test_the_result_does_not_depend_on_how_the_picture_is_cut(form, image, of_sc
 @pytest.mark.parametrize("form", ["tiled-exr", "zarr"])
 def test_tiles_and_chunks_hold_what_scan_lines_hold(form, rows, image, of_scan_lines, tmp_path,
                                                     monkeypatch):
-    monkeypatch.setattr(spectra_rows, "ROWS_PER_BLOCK", rows)
-    monkeypatch.setattr(spectra_rows, "PIXELS_AT_ONCE", 1)
+    monkeypatch.setattr(pixel_spectra, "ROWS_PER_BLOCK", rows)
+    monkeypatch.setattr(pixel_spectra, "PIXELS_AT_ONCE", 1)
     monkeypatch.setattr(zarr_array, "CHUNK_PX", 32)
     monkeypatch.setattr(zarr_array, "CHUNKS_A_SHARD", 2)
     path = write_picture(tmp_path / "picture.exr", image, (64, 64))

@@ -17,10 +17,10 @@ from spectrabox.sampling.prior.mixture import GRID
 from spectrabox.session.batch.pool import Finished, Lost
 from spectrabox.session.batch.workers import open_workers
 from spectrabox.session.cli import app
+from spectrabox.session.pictures import shared_uplift as tiles
+from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
+from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
 from spectrabox.session.signals.signal_options import response_of_names
-from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
-from spectrabox.session.tiles import picture as tiles
-from spectrabox.session.tiles.picture import tiled_answer
 
 pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
 CAMERA, LIGHT, HEIGHT, WIDTH, TASKS = "Nikon 5100 (NPL)", "D65", 400, 70, 4
@@ -65,7 +65,8 @@ def contents(out):
 
 
 def answer(image, out, coefficients=None, workers=None, cluster=None):
-    return tiled_answer(request(image, out, coefficients), cluster, workers, lambda *_: None)[0]
+    return shared_uplift_answer(request(image, out, coefficients), cluster, workers,
+                                lambda *_: None)[0]
 
 
 class Inline:
@@ -258,14 +259,14 @@ def test_rows_that_are_wrong_end_the_command_with_their_sentence(tmp_path, inlin
 
 def test_a_worker_with_another_program_is_refused(image, tmp_path, inline, monkeypatch):
     inline()
-    monkeypatch.setattr(tiles, "made_by", lambda: "another")
+    monkeypatch.setattr(tiles, "code_digest", lambda: "another")
     with pytest.raises(SpectraboxError, match="this worker's program or packages are not those"):
         answer(image, tmp_path)
 
 
 def test_one_stream_is_not_shared_out(image, tmp_path):
     with pytest.raises(InputError, match="--to exr is one stream: give --to zarr"):
-        tiled_answer(request(image, tmp_path, form="exr"), None, 2, lambda *_: None)
+        shared_uplift_answer(request(image, tmp_path, form="exr"), None, 2, lambda *_: None)
 
 
 @pytest.mark.parametrize("words", [["--workers", "2"], ["--cluster", "local"]])

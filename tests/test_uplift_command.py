@@ -8,12 +8,12 @@ from spectral.io import envi
 from spectrabox.capture.photo import image_rows
 from spectrabox.capture.photo.image_files import read_linear_file, write_exr
 from spectrabox.capture.photo.image_rows import exr_rows, open_rows
+from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.sampling.prior.mixture import GRID, load_prior
 from spectrabox.sampling.prior.tables import build_table, uplift_directly, uplift_pixels
-from spectrabox.session.signals import spectra_rows
+from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
 from spectrabox.session.signals.signal_options import response_of_names
-from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
 
 CAMERA, LIGHT, SIDE = "Nikon 5100 (NPL)", "D65", 5
 HALF, SINGLE = 2.0**-11, 2.0**-24       # relative rounding of half and single floats
@@ -87,8 +87,8 @@ def test_what_is_written_does_not_depend_on_how_many_rows_are_read_at_once(tmp_p
     image = picture()
     whole = {name: stored(answer(tmp_path, image)[name])[0] for name in ("mean",
                                                                         "standard_deviation")}
-    monkeypatch.setattr(spectra_rows, "ROWS_PER_BLOCK", rows)
-    monkeypatch.setattr(spectra_rows, "PIXELS_AT_ONCE", 1)
+    monkeypatch.setattr(pixel_spectra, "ROWS_PER_BLOCK", rows)
+    monkeypatch.setattr(pixel_spectra, "PIXELS_AT_ONCE", 1)
     facts = answer(tmp_path, image)
     for name, values in whole.items():
         np.testing.assert_array_equal(stored(facts[name])[0], values)

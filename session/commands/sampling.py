@@ -213,16 +213,17 @@ def uplift(image: Image, out: OutFolder, sensitivity: Sensitivity, light: Light,
         if out.suffix.lower() in (".exr", ".hdr", ".img"):
             raise typer.BadParameter(f"{out.name} is the name of a file; a folder is needed, into "
                                      "which mean and standard deviation go", param_hint="--out")
+        from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
         from spectrabox.session.progress_display import progress_display, with_time_left
-        from spectrabox.session.signals.uplift import UpliftRequest, uplift_answer
         request = UpliftRequest(image, out, sensitivity, light, white, noise, side, step, full,
                                 tuple(family or ()), to, low_rank)
         with progress_display(quiet) as progress:
             if workers is None and cluster is None:
                 facts, text = uplift_answer(request, with_time_left(progress))
             else:
-                from spectrabox.session.tiles.picture import tiled_answer
-                facts, text = tiled_answer(request, cluster, workers, with_time_left(progress))
+                from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
+                facts, text = shared_uplift_answer(request, cluster, workers,
+                                                   with_time_left(progress))
         answer(as_json, facts, text)
 
 

@@ -13,7 +13,7 @@ from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig,
 from spectrabox.session.flat.flat_results import FlatResults, PhotoOfRegions
 from spectrabox.session.flat.region_stage import regions_of
 from spectrabox.session.flat.signals_stage import MODEL, NOISE
-from spectrabox.session.picture.picture_results import picture_of
+from spectrabox.session.pictures.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.scores import score
 from spectrabox.session.stages.assemble import (

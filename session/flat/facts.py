@@ -11,7 +11,7 @@ from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.colour_difference import lab_from_xyz
 from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
-from spectrabox.session.picture.picture_results import picture_facts
+from spectrabox.session.pictures.picture_results import picture_facts
 from spectrabox.session.report.numbers import family_facts
 from spectrabox.session.report.verdict import judge
 from spectrabox.session.report.words import percent

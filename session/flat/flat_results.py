@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.records import SurfaceSignals
-from spectrabox.session.picture.picture_results import PictureOfSpectra
+from spectrabox.session.pictures.picture_results import PictureOfSpectra
 from spectrabox.session.store.results import CommonResults
 
 

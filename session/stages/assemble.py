@@ -9,7 +9,7 @@ from spectrabox.radiometry.records import Calibration, JointReconstruction
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, spectrum_on_grid
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.picture.picture_results import picture_of
+from spectrabox.session.pictures.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.scores import score
 from spectrabox.session.stages.error_budget import (

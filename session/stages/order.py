@@ -27,7 +27,7 @@ class Stage:
 
 
 ROOM, FLAT_ROOM = "spectrabox.session.stages", "spectrabox.session.flat"
-PICTURE_ROOM = "spectrabox.session.picture"
+PICTURE_ROOM = "spectrabox.session.pictures"
 STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts"),
           "photo": Stage(f"{ROOM}.photo_stage", "bin_object_photos"),
           "calibrate": Stage(f"{ROOM}.calibrate_stage", "calibrate_views"),
@@ -40,7 +40,7 @@ FLAT_STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts"),
                "calibrate": Stage(f"{FLAT_ROOM}.calibrate_stage", "calibrate_photos"),
                "signals": Stage(f"{FLAT_ROOM}.signals_stage", "find_signals"),
                "sample": Stage(f"{FLAT_ROOM}.sample_stage", "sample_regions"),
-               "picture": Stage(f"{FLAT_ROOM}.picture_stage", "picture_of_spectra")}
+               "picture": Stage(f"{PICTURE_ROOM}.flat_stage", "picture_of_spectra")}
 
 
 # what writes report, spectra and pictures beside the results

@@ -24,7 +24,7 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.sampling.prior.certified import FamilyStanding
 from spectrabox.session.box.geometry_record import SceneGeometry
-from spectrabox.session.picture.picture_results import PictureOfSpectra
+from spectrabox.session.pictures.picture_results import PictureOfSpectra
 
 # outcomes of a sampler without reservation
 AS_INTENDED = frozenset({Outcome.EXACT, Outcome.FAMILIAR, Outcome.THROUGH_TRANSPORT})

@@ -1,15 +1,15 @@
-"""Pictures of spectra of low rank: of each pixel a few coefficients, and once a basis.
+"""Files of pictures of low rank: a few coefficients for each pixel, and one basis of spectra.
 
 ``low_rank.zarr`` is a group of ``coefficients`` (y, x, component), ``mean_basis`` and
 ``standard_deviation_basis`` (row, wavelength); ``low_rank.exr`` has a channel a coefficient and the
-rest in its header. A spectrum is row 0 of its basis, plus coefficients times the other rows. What
-that costs is stated beside it.
+rest in its header. A spectrum is row 0 of its basis, plus coefficients times the other rows. The
+file states the errors of that.
 """
 from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 
 from spectrabox.capture.photo.image_rows import exr_rows, open_layers, open_rows
-from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
+from spectrabox.measure.pictures.pixel_spectra import SpectraPlan
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import writable
 from spectrabox.radiometry.spectra.formats.zarr_array import (
     COEFFICIENTS,
     low_rank_rows,
@@ -27,13 +26,11 @@ from spectrabox.radiometry.spectra.formats.zarr_array import (
 )
 from spectrabox.radiometry.system.strips import WriteRows
 from spectrabox.sampling.prior.low_rank import LowRank
-from spectrabox.session.signals.spectra_rows import (
-    DAYLIGHT,
+from spectrabox.session.pictures.spectra_files import (
     SUFFIXES,
-    Canvas,
-    KeptWavelengths,
-    Rows,
-    in_order,
+    PictureLayout,
+    srgb_of_spectra,
+    write_blocks,
 )
 
 STEM = "low_rank"
@@ -51,7 +48,7 @@ class LowRankPicture:
     width: int
     mean_nm: np.ndarray             # (P,)
     standard_deviation_nm: np.ndarray   # (Q,)
-    errors: dict[str, Any]          # what the low rank costs, as the file states it
+    errors: dict[str, Any]          # of the low rank, as the file states them
     low_rank: LowRank
     coefficients: Callable[[int, int], np.ndarray]      # (first, last) -> (last - first, W, N)
 
@@ -83,48 +80,46 @@ def open_low_rank(path: Path | str) -> LowRankPicture:
             rows, words = open_layers(path, CHANNEL, WORD)
             about = json.loads(words)
             tables = [np.array(about[name], dtype=np.float32) for name in BASES]
-        mean_nm, spread_nm = (np.array(about[name], dtype=float) for name in NM)
+        mean_nm, deviation_nm = (np.array(about[name], dtype=float) for name in NM)
         whole = about["form"] == FORM and all(
             table.shape == (rows.bands + 1, each.size)
-            for table, each in zip(tables, (mean_nm, spread_nm), strict=True))
+            for table, each in zip(tables, (mean_nm, deviation_nm), strict=True))
         if not whole:
             raise InputError(f"{path.name} holds another form than '{FORM}', or parts that do not "
                              "fit together; write it again")
-        return LowRankPicture(rows.height, rows.width, mean_nm, spread_nm, about["errors"],
+        return LowRankPicture(rows.height, rows.width, mean_nm, deviation_nm, about["errors"],
                               LowRank(np.hstack(tables)), rows.read)
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"{path.name} cannot be read as a picture of low rank ({error}); write it "
                          "again") from None
 
 
-def write_low_rank(canvas: Canvas[Rows], folder: Path, kept: KeptWavelengths, low: LowRank,
-                   errors: dict[str, object], progress: Callable[[float], None]) -> Path:
+def write_low_rank(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]],
+                   size: tuple[int, int], folder: Path, layout: PictureLayout, plan: SpectraPlan,
+                   progress: Callable[[float], None]) -> dict[str, Path]:
     """Write the coefficients of all pixels and their basis, whole or not at all.
 
     Parameters
     ----------
-    canvas : Canvas
-        Of coefficients (n, N).
+    blocks : iterable of (first row, last row, (coefficients (n, N),))
+    size : (height, width)
     folder : Path
-    kept : KeptWavelengths
-    low : LowRank
-    errors : dict
+    layout : PictureLayout
+    plan : SpectraPlan
+        With a low rank.
     progress : function of the share that is done
 
     Returns
     -------
-    Path
-        Of the file.
+    dict
+        "low_rank" to its file.
     """
-    path = low_rank_path(folder, kept)
-    with writable(folder), _rows_of(path, canvas, kept, low, errors) as write:
-        for first, last, (coefficients,) in in_order(canvas):
-            write(first, coefficients.reshape(last - first, canvas.width, -1))
-            progress(last / canvas.height)
-    return path
+    path = low_rank_path(folder, layout)
+    write_blocks(blocks, size, folder, [_coefficient_rows(path, size, layout, plan)], progress)
+    return {STEM: path}
 
 
-def low_rank_path(folder: Path, kept: KeptWavelengths) -> Path:
+def low_rank_path(folder: Path, layout: PictureLayout) -> Path:
     """The file, by its format.
 
     Raises
@@ -132,36 +127,35 @@ def low_rank_path(folder: Path, kept: KeptWavelengths) -> Path:
     InputError
         For ENVI images, which have no place for a basis.
     """
-    if kept.form == "envi":
+    if layout.form == "envi":
         raise InputError("ENVI images have no place for the basis of --low-rank; give --to zarr, "
                          "exr or tiled-exr")
-    return folder / f"{STEM}{SUFFIXES[kept.form]}"
+    return folder / f"{STEM}{SUFFIXES[layout.form]}"
 
 
-def stated(kept: KeptWavelengths, low: LowRank,
-           errors: dict[str, object]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The two bases, by their names, and what else a file says."""
-    mean_nm, spread_nm = kept.nm
-    tables = dict(zip(BASES, np.split(low.basis, [mean_nm.size], axis=1), strict=True))
+def low_rank_attributes(plan: SpectraPlan) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The two bases by their names, and the other attributes of a file."""
+    assert plan.low_rank is not None
+    mean_nm, deviation_nm = plan.kept.nm
+    tables = dict(zip(BASES, np.split(plan.low_rank.basis, [mean_nm.size], axis=1), strict=True))
     return tables, {"form": FORM, "how": HOW, "quantity": "reflectance",
-                    "mean_nm": mean_nm.tolist(), "standard_deviation_nm": spread_nm.tolist(),
-                    "errors": errors}
+                    "mean_nm": mean_nm.tolist(), "standard_deviation_nm": deviation_nm.tolist(),
+                    "errors": plan.errors}
 
 
 @contextlib.contextmanager
-def _rows_of(path: Path, canvas: Canvas[Rows], kept: KeptWavelengths, low: LowRank,
-             errors: dict[str, object]) -> Iterator[WriteRows]:
-    tables, about = stated(kept, low, errors)
-    size = canvas.height, canvas.width
-    if kept.form == "zarr":
-        with low_rank_rows(path, *size, not kept.full, tables, about) as write:
+def _coefficient_rows(path: Path, size: tuple[int, int], layout: PictureLayout,
+                      plan: SpectraPlan) -> Iterator[WriteRows]:
+    tables, about = low_rank_attributes(plan)
+    if layout.form == "zarr":
+        with low_rank_rows(path, *size, not layout.full, tables, about) as write:
             yield write
         return
-    count = len(low.basis) - 1
+    basis = tables[BASES[0]]
     words = json.dumps(about | {name: [[float(f"{value:.9g}") for value in row] for row in table]
                                 for name, table in tables.items()})
-    colours = tables[BASES[0]] @ (TO_SRGB @ adapted_tristimulus(kept.nm[0], DAYLIGHT)).T.astype(
-        np.float32)
-    with exr_rows(path, *size, [*"RGB", *(f"{CHANNEL}{index:02d}" for index in range(count))],
-                  not kept.full, {WORD: words}, tiles=kept.form == "tiled-exr") as write:
+    colours = basis @ srgb_of_spectra(layout.nm[0])
+    names = [*"RGB", *(f"{CHANNEL}{index:02d}" for index in range(len(basis) - 1))]
+    with exr_rows(path, *size, names, not layout.full, {WORD: words},
+                  tiles=layout.form == "tiled-exr") as write:
         yield lambda first, made: write(first, np.dstack([colours[0] + made @ colours[1:], made]))

@@ -1,4 +1,4 @@
-"""A photo of a scene with the light on it traced, as its picture of spectra is made from it."""
+"""A photo of a scene with the light on it traced, and all that its pixels' errors depend on."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -6,7 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
+from spectrabox.measure.pictures.crop import Crop
 from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.light_drift import LightDrift
 from spectrabox.radiometry.records import Calibration, JointReconstruction
 from spectrabox.reconstruct.pixels.pixel_light import PixelLight
 from spectrabox.reconstruct.scene.regions import region_means
@@ -14,33 +16,25 @@ from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 from spectrabox.reconstruct.view import View
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import LogitMixture
-from spectrabox.session.picture.part_of_photo import Part
-from spectrabox.session.stages.inputs import GRID
-from spectrabox.session.stages.stage_task import StageTask
-from spectrabox.session.stages.stored_records import calibrations_of, joint_of
 
 
 @dataclass(frozen=True, eq=False)
-class SceneOfPicture:
-    """A photo of a scene with its light traced, and all that its pixels' errors depend on."""
+class TracedPhoto:
+    """A photo (H, W) of a scene with its light traced at N nodes."""
 
-    task: StageTask
     view: View                  # with the photo in full
     unit: UnitScene
     traced: PixelLight
-    part: Part
+    crop: Crop
     edges: np.ndarray           # (H, W) bool: pixels of the photo too near to another surface
     prior: LogitMixture
-
-    @property
-    def joint(self) -> JointReconstruction:
-        """The reconstruction whose spectra the light begins with."""
-        return joint_of(self.task.stored)
-
-    @property
-    def calibration(self) -> Calibration:
-        """Of the photo."""
-        return calibrations_of(self.task.config, self.task.stored)[0]
+    joint: JointReconstruction  # whose spectra the light begins with
+    calibration: Calibration
+    drift: LightDrift | None    # of the light, from the chart photo to this one
+    veil: np.ndarray            # (K,) signal: standard error of one veil over the whole photo
+    ambient: float              # standard error of stray light, of the brightest light
+    disagreement: float         # stated relative error by which photo and light disagree
+    seed: int
 
     @property
     def lamps(self) -> np.ndarray:
@@ -55,8 +49,9 @@ class SceneOfPicture:
         """Signal (K, P, 61) of light at each wavelength from reflectances of the prior, for a light
         scale of 1.
         """
-        sensed = self.view.sensitivities * self.view.grid.weights_nm
-        return np.asarray(sensed[:, :, None] * interpolation_matrix(PRIOR_GRID.nm, GRID.nm))
+        view = self.view
+        return np.asarray((view.sensitivities * view.grid.weights_nm)[:, :, None]
+                          * interpolation_matrix(PRIOR_GRID.nm, view.grid.nm))
 
     @cached_property
     def node_signals(self) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Why a pixel has no spectrum: codes, and the colours in which they are shown."""
+"""Flags of pixels: why one has no spectrum, and the colours in which a map shows it."""
 from __future__ import annotations
 
 import numpy as np

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN, WORDS
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.picture.unseen import COLOURS, SEEN, WORDS
 
 if TYPE_CHECKING:
     from spectrabox.session.store.store import StoredStage

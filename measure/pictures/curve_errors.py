@@ -13,12 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import Calibration
 from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.session.stages.error_budget import DARK
-from spectrabox.session.stages.inputs import GRID
+
+GRID = visible_grid()
+DARK = 1e-12
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The part of a photo that a picture shows."""
+"""The rectangle of a photo that a picture of spectra shows."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from spectrabox.radiometry.records import LinearImage
 
 
 @dataclass(frozen=True)
-class Part:
+class Crop:
     """A rectangle of a developed photo."""
 
     rows: slice
@@ -26,12 +26,17 @@ class Part:
 
     @property
     def y_px(self) -> np.ndarray:
-        """Rows (H,)."""
+        """Rows (H,) in the photo's pixels."""
         return (np.arange(self.rows.start, self.rows.stop) + 0.5) * self.step - 0.5
 
 
-def part_of(photo: LinearImage, rect: Sequence[float] | None) -> Part:
-    """The part between two opposite corners [x0, y0, x1, y1]; all of it by default.
+def crop_of(photo: LinearImage, rect: Sequence[float] | None) -> Crop:
+    """The rectangle between two opposite corners [x0, y0, x1, y1]; the whole photo by default.
+
+    Parameters
+    ----------
+    photo : LinearImage
+    rect : four floats, in pixels of the photo, or None
 
     Raises
     ------
@@ -52,12 +57,12 @@ def part_of(photo: LinearImage, rect: Sequence[float] | None) -> Part:
                     for low, high in ((left, right), (top, bottom)))
     if across.stop - across.start < 2 or down.stop - down.start < 2:
         raise InputError("picture.rect holds fewer than 2 x 2 pixels; enlarge it")
-    return Part(down, across, (left, top, right, bottom), step)
+    return Crop(down, across, (left, top, right, bottom), step)
 
 
-def cut(photo: LinearImage, part: Part) -> LinearImage:
-    """A part of a photo, without a copy of it."""
-    rows, columns = part.rows, part.columns
+def crop_photo(photo: LinearImage, crop: Crop) -> LinearImage:
+    """The pixels of a crop, without a copy of them."""
+    rows, columns = crop.rows, crop.columns
     return replace(photo, signal=photo.signal[rows, columns],
                    variance=photo.variance[rows, columns],
                    saturated=photo.saturated[rows, columns])

@@ -1,25 +1,24 @@
-"""What the surfaces of known materials say of the light on a picture: its scale, and its errors.
+"""Light on a picture as its surfaces of known reflectance show it: scale, and disagreement.
 
 The materials of the other surfaces may be painted with patterns, so that only the known ones tell
 light from reflectance. They are compared under the light that the picture's own spectra give.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from spectrabox.radiometry.light_scale import scale_from_signals
-from spectrabox.radiometry.records import JointReconstruction, LightScale, SurfaceAgreement
+from spectrabox.radiometry.records import LightScale, SurfaceAgreement
 from spectrabox.reconstruct.agreement import SCALE_ERROR, surface_covariance
-from spectrabox.reconstruct.view import View
-from spectrabox.session.picture.scene_of_picture import SceneOfPicture
+from spectrabox.session.pictures.traced_photo import TracedPhoto
 
-FEW = 8         # nodes of a surface, below which it is not compared
+MIN_NODES = 8   # of a surface that is compared
 
 
 @dataclass(frozen=True)
-class KnownSurfaces:
+class ReferenceSurfaces:
     """Light scale of the photo, and relative covariance (K, K) by which photo and light disagree.
     """
 
@@ -27,27 +26,29 @@ class KnownSurfaces:
     covariance: np.ndarray
 
 
-def known_surfaces(scene: SceneOfPicture, light: np.ndarray, even: np.ndarray) -> KnownSurfaces:
-    """Compare the surfaces of known materials with the light on them.
+def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
+                               even: np.ndarray) -> ReferenceSurfaces:
+    """Compare the surfaces of known reflectance with the light on them.
 
     Parameters
     ----------
-    scene : SceneOfPicture
+    scene : TracedPhoto
     light : (N, P) array
         At the nodes, for a light scale of 1.
-    even : (N,) bool
+    even : (N,) bool array
         Nodes where light does not change too quickly to be compared.
     """
     view, traced = scene.view, scene.traced
     measured, variance = scene.node_signals
-    sensed = view.sensitivities * view.grid.weights_nm
+    weights = view.sensitivities * view.grid.weights_nm
+    materials_by_name = {material.name: material for material in view.scene_materials}
     rows = []
     for number, name in enumerate(view.scene_file.surfaces):
-        material = view.scene_materials[_index(view, number)]
+        material = materials_by_name[view.surface_materials[number]]
         own = np.flatnonzero((traced.nodes.keys[0] == number) & even & scene.compared)
-        if material.reflectance is None or own.size < FEW:
+        if material.reflectance is None or own.size < MIN_NODES:
             continue
-        predicted = light[own] * material.reflectance @ sensed.T
+        predicted = light[own] * material.reflectance @ weights.T
         if not np.all(predicted > 0) or not np.all(measured[own] > 0):
             continue
         logs = np.log(measured[own] / predicted)
@@ -56,11 +57,9 @@ def known_surfaces(scene: SceneOfPicture, light: np.ndarray, even: np.ndarray) -
         rows.append((f"{material.name} / {name}", material.name, own.size,
                      measured[own].sum(axis=0), predicted.sum(axis=0),
                      np.sqrt(np.maximum(logs.var(axis=0) - noise, 0.0))))
-    settings, scale = scene.task.config.reconstruct, scene.joint.views[0].light_scale
-    stated = float(np.hypot(settings.surface_error, settings.brightness_error))
-    bands = measured.shape[1]
+    scale, bands = scene.joint.views[0].light_scale, measured.shape[1]
     if not rows:
-        return KnownSurfaces(scale, stated**2 * (np.eye(bands) + 1) / 2)
+        return ReferenceSurfaces(scale, scene.disagreement**2 * (np.eye(bands) + 1) / 2)
     names, materials, pixels, photo, model, spread = zip(*rows, strict=True)
     if view.light_scale is None:
         scale = scale_from_signals(np.array(photo), np.array(model), SCALE_ERROR, scale.source)
@@ -68,17 +67,5 @@ def known_surfaces(scene: SceneOfPicture, light: np.ndarray, even: np.ndarray) -
                                  np.array(photo) / (scale.value * np.array(model)),
                                  np.array(spread))
     within = np.einsum("sk,sl->kl", agreement.spread, agreement.spread) / len(rows)
-    return KnownSurfaces(scale, surface_covariance(agreement, frozenset(materials), stated)
-                         + within)
-
-
-def _index(view: View, surface: int) -> int:
-    """The material of a surface, among those of the scene."""
-    names = [material.name for material in view.scene_materials]
-    return names.index(view.surface_materials[surface])
-
-
-def with_scale(joint: JointReconstruction, scale: LightScale) -> JointReconstruction:
-    """The reconstruction with another light scale of its first photo."""
-    first, *others = joint.views
-    return replace(joint, views=(replace(first, light_scale=scale), *others))
+    return ReferenceSurfaces(scale, surface_covariance(agreement, frozenset(materials),
+                                                       scene.disagreement) + within)

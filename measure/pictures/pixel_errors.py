@@ -1,7 +1,7 @@
-"""White at every pixel of a photo, and the errors of the pixels' signals.
+"""White at every pixel of a photo, and the covariance of the pixels' signals.
 
-Both are known at nodes, and between these by straight lines. What a pixel errs by depends on its
-signal, on white there, and on its noise.
+White and its errors are known at nodes, and interpolated linearly between them. The covariance of a
+pixel depends on its signal, on white there, and on its noise.
 """
 from __future__ import annotations
 
@@ -12,16 +12,20 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
+from spectrabox.measure.pictures.curve_errors import CurveErrors, curve_errors
+from spectrabox.measure.pictures.illumination import (
+    Illumination,
+    LightAdaptation,
+    light_adaptation,
+)
 from spectrabox.radiometry.records import Calibration
 from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.posterior import mean_and_spread, posterior
-from spectrabox.session.picture.curve_errors import CurveErrors, curve_errors
-from spectrabox.session.picture.illumination import Brought, Illumination, brought_by
 
-GUESSED = 0.01          # of white: error of the signals whose spectra the errors are evaluated at
-GUESSED_AT_ONCE = 500
-GUESSED_STILL = 1e-3        # logits: a guess need not be nearer to its mode
+EXPECTED = 0.01         # of white: error of the signals whose spectra the errors are evaluated at
+EXPECTED_AT_ONCE = 500
+COARSE_TOLERANCE = 1e-3     # logits: a coarse spectrum need not be nearer to its mode
 
 
 @dataclass(frozen=True)
@@ -32,15 +36,14 @@ class White:
     log: np.ndarray             # (n, K, K) covariance of its logarithm
     log_and_glare: np.ndarray   # (n, K, K) between its logarithm and the glare
 
-    def repeated(self, count: int) -> White:
-        """The first point ``count`` times."""
-        return White(*(np.repeat(part[:1], count, axis=0)
-                       for part in (self.signal, self.log, self.log_and_glare)))
+    def rows(self, index: np.ndarray) -> White:
+        """Some of the points, by their index."""
+        return White(self.signal[index], self.log[index], self.log_and_glare[index])
 
 
 @dataclass(frozen=True, eq=False)
 class PixelErrors:
-    """White and light over a photo, at N nodes, and all else that its pixels' errors depend on."""
+    """White and light over a photo, at N nodes, and all that its pixels' errors depend on."""
 
     between: Callable[[int, int], csr_array]    # weights (n, N) of the nodes at pixels of some rows
     white: White                # at the nodes
@@ -48,8 +51,8 @@ class PixelErrors:
     glare: np.ndarray           # (K,) signal
     glare_covariance: np.ndarray    # (K, K)
     veil: np.ndarray            # (K,) signal: standard error of one veil over the whole photo
-    shared: np.ndarray          # (K, K) relative covariance that all pixels share
-    model: np.ndarray           # (K, K) relative covariance that every pixel has for itself
+    relative: np.ndarray        # (K, K) further relative covariance: drift of the light's colour,
+                                # disagreement of photo and model
     calibrations: Sequence[Calibration]     # J, with each of the typical lights
     fine_responses: np.ndarray  # (J, K, P) on GRID, rows summing to 1
     prior: LogitMixture
@@ -60,9 +63,9 @@ class PixelErrors:
         return self.light.responses
 
     @cached_property
-    def brought(self) -> Brought:
-        """How signals are brought to the typical lights."""
-        return brought_by(self.light, self.prior)
+    def adaptation(self) -> LightAdaptation:
+        """How signals are adapted to the typical lights."""
+        return light_adaptation(self.light, self.prior)
 
     @cached_property
     def curves(self) -> list[CurveErrors]:
@@ -91,27 +94,24 @@ class PixelErrors:
         inverse = 1 / white.signal
         between = signals[:, :, None] * white.log_and_glare * inverse[:, None, :]
         veil = self.veil * inverse
-        covariance = _outer(signals) * (white.log + self.shared + self.model) \
+        covariance = _outer(signals) * (white.log + self.relative) \
             + between + between.transpose(0, 2, 1) \
             + _outer(inverse) * self.glare_covariance + _outer(veil)
         own = variance * inverse**2
         covariance += own[:, :, None] * np.eye(signals.shape[1])
         return np.asarray((covariance + covariance.transpose(0, 2, 1)) / 2)
 
-    def by_curves(self, signals: np.ndarray, kind: int) -> np.ndarray:
-        """Covariance (n, K, K) of signals by the errors of sensitivities and light, for the spectra
-        that are likely behind, under one of the typical lights.
+    def by_curves(self, signals: np.ndarray, light: int) -> np.ndarray:
+        """Covariance (n, K, K) of signals (n, K) under one typical light by the errors of
+        sensitivities and light, for the spectra that the prior expects behind them.
         """
-        return self.curves[kind].covariance(signals, self._guesses(signals, kind))
-
-    def _guesses(self, signals: np.ndarray, kind: int) -> np.ndarray:
-        guesses = np.empty((len(signals), PRIOR_GRID.nm.size))
-        for start in range(0, len(signals), GUESSED_AT_ONCE):
-            some = signals[start:start + GUESSED_AT_ONCE]
-            mixture = posterior(self.prior, self.responses[kind], some,
-                                GUESSED**2 * np.eye(signals.shape[1]), still=GUESSED_STILL)
-            guesses[start:start + len(some)] = mean_and_spread(mixture)[0]
-        return guesses
+        spectra = np.empty((len(signals), PRIOR_GRID.nm.size))
+        for start in range(0, len(signals), EXPECTED_AT_ONCE):
+            some = signals[start:start + EXPECTED_AT_ONCE]
+            mixture = posterior(self.prior, self.responses[light], some,
+                                EXPECTED**2 * np.eye(signals.shape[1]), still=COARSE_TOLERANCE)
+            spectra[start:start + len(some)] = mean_and_spread(mixture)[0]
+        return self.curves[light].covariance(signals, spectra)
 
 
 def _outer(values: np.ndarray) -> np.ndarray:

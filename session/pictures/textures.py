@@ -2,11 +2,10 @@
 
 ``texture-NAME.exr`` holds the mean in the layout of ``mean.exr``, for the texture
 ``spectral_picture`` (reconstruct/rendering/spectral_texture.py), and
-``texture-NAME-standard_deviation.exr`` what it is known to. A texel is as large as the finest
+``texture-NAME-standard_deviation.exr`` its standard deviation. A texel is as large as the finest
 pixels, and has the mean of the pixels that show it; holes between these are filled from the nearest
-one. Beyond, the mean spectrum of the surface stands in, and its standard deviation is no number.
-Surfaces whose parts share texture coordinates, as the faces of a cube do, have a texture only where
-one of them is seen.
+texel. Beyond, the mean is that of the surface, and the standard deviation NaN. Surfaces whose parts
+share texture coordinates, as the faces of a cube do, have a texture only where one part is seen.
 """
 from __future__ import annotations
 
@@ -19,7 +18,9 @@ from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_array
 
 from spectrabox.capture.photo.image_rows import exr_rows
-from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
+from spectrabox.measure.pictures.lit_photo import PhotoSpectra
+from spectrabox.measure.pictures.pixel_flags import SEEN
+from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, row_blocks
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectral_layers import (
@@ -30,16 +31,14 @@ from spectrabox.radiometry.spectra.spectral_layers import (
 from spectrabox.radiometry.system.names import file_stem
 from spectrabox.reconstruct.pixels.hits import hits_of
 from spectrabox.reconstruct.rendering.spectral_texture import NAME
-from spectrabox.session.picture.picture_maps import DAYLIGHT
-from spectrabox.session.picture.scene_of_picture import SceneOfPicture
-from spectrabox.session.picture.unseen import SEEN
-from spectrabox.session.signals.spectra_rows import SPREAD, KeptWavelengths, Spectra, row_blocks
+from spectrabox.session.pictures.spectra_files import DEVIATION, srgb_of_spectra
+from spectrabox.session.pictures.traced_photo import TracedPhoto
 
-MOST_TEXELS = 8192          # along a side
-FEWEST_PIXELS = 16          # of a surface that gets a texture
-APART = 8.0                 # pixels: texels whose pixels lie further apart are of several parts
-FEW = 0.02                  # of the texels, which may be so at creases
-FINEST = 10                 # percentile of the pixels' sizes, which that of texels is
+MAX_TEXELS = 8192           # along a side
+MIN_PIXELS = 16             # of a surface that gets a texture
+APART = 8.0                 # pixels: texels whose pixels lie further apart show several parts
+MAX_APART = 0.02            # share of the texels, at creases
+FINEST = 10                 # percentile of the pixels' sizes, which is the size of texels
 HOLE = 6.0                  # texels from one that is seen: filled from there
 XML = "textures.xml"
 
@@ -65,20 +64,20 @@ class Textures:
 
     Parameters
     ----------
-    scene : SceneOfPicture
-    unseen : (H, W) array
-        Why pixels of the picture have no spectrum.
+    scene : TracedPhoto
+    flags : (H, W) array
+        Of pixel_flags.py.
     kept : KeptWavelengths
     """
 
-    def __init__(self, scene: SceneOfPicture, unseen: np.ndarray, kept: KeptWavelengths) -> None:
-        part, view = scene.part, scene.view
+    def __init__(self, scene: TracedPhoto, flags: np.ndarray, kept: KeptWavelengths) -> None:
+        part, view = scene.crop, scene.view
         self.kept = kept
         self.notes: tuple[str, ...] = ()
         surface = scene.traced.nodes.surface[part.rows, part.columns]
         unknown = [number for number, name in enumerate(view.surface_materials)
                    if name not in view.known]
-        row, column = np.nonzero(np.isin(surface, unknown) & (unseen == SEEN))
+        row, column = np.nonzero(np.isin(surface, unknown) & (flags == SEEN))
         hits = hits_of(scene.unit.scene, view.size, row + part.rows.start,
                        column + part.columns.start)
         of = surface[row, column]
@@ -89,7 +88,7 @@ class Textures:
         for number in unknown:
             own, beside = np.flatnonzero(of == number), pairs[of[pairs[:, 0]] == number]
             uv = hits.uv[own]
-            if own.size < FEWEST_PIXELS or not beside.size or np.ptp(uv, axis=0).min() == 0:
+            if own.size < MIN_PIXELS or not beside.size or np.ptp(uv, axis=0).min() == 0:
                 continue
             apart = np.linalg.norm(hits.point[beside[:, 0]] - hits.point[beside[:, 1]], axis=1)
             rows, columns = (_texels(np.abs(np.diff(hits.uv[beside, axis])[:, 0]))
@@ -110,16 +109,16 @@ class Textures:
             self.notes = (f"no texture of {', '.join(shared)}: several of their parts in the "
                           "photo share texture coordinates",)
 
-    def add(self, first: int, last: int, made: Spectra) -> None:
-        """Add the spectra of some rows."""
+    def add(self, first: int, last: int, spectra: PhotoSpectra) -> None:
+        """Add the spectra of rows ``first`` to ``last``."""
         texel = self._texel[first:last].ravel()
-        mean, spread, _, unseen, _ = made
-        some = np.flatnonzero((texel >= 0) & (unseen == SEEN))
+        some = np.flatnonzero((texel >= 0) & (spectra.flags == SEEN))
         texels, inverse, count = np.unique(texel[some], return_inverse=True, return_counts=True)
         of_texel = csr_array((np.ones(some.size, np.float32), (inverse, some)),
                              (texels.size, texel.size))
         self._count[texels] += count.astype(np.int32)
-        for sums, values in zip(self._sums, (mean, spread), strict=True):
+        for sums, values in zip(self._sums, (spectra.mean, spectra.standard_deviation),
+                                strict=True):
             sums[texels] += of_texel @ values
 
     def write(self, folder: Path) -> tuple[str, ...]:
@@ -133,7 +132,7 @@ class Textures:
                 continue
             count = self._count[own][seen, None].astype(np.float32)
             nearest, beyond = _filled(texture.texel[seen], texture.shape)
-            names = f"{texture.stem}.exr", f"{texture.stem}-{SPREAD}.exr"
+            names = f"{texture.stem}.exr", f"{texture.stem}-{DEVIATION}.exr"
             mean, spread = (sums[own][seen] / count for sums in self._sums)
             self._write(folder / names[0], mean, nearest, beyond, Quantity.REFLECTANCE)
             self._write(folder / names[1], spread, nearest, beyond, STANDARD_DEVIATION)
@@ -154,7 +153,7 @@ class Textures:
         nm = self.kept.nm[0 if what is Quantity.REFLECTANCE else 1]
         layers, elsewhere = layer_names(nm), np.full(nm.size, np.nan, np.float32)
         if what is Quantity.REFLECTANCE:
-            to_srgb = (TO_SRGB @ adapted_tristimulus(nm, DAYLIGHT)).T.astype(np.float32)
+            to_srgb = srgb_of_spectra(nm)
             elsewhere = np.r_[values.mean(axis=0) @ to_srgb, values.mean(axis=0)]
             layers, values = [*"RGB", *layers], np.hstack([values @ to_srgb, values])
         with exr_rows(path, height, width, layers, not self.kept.full,
@@ -195,7 +194,7 @@ def _texels(steps: np.ndarray) -> int:
     pixels, of those that do go along it.
     """
     along = steps[steps > steps.max() / 10]
-    return int(np.clip(round(1 / max(float(np.percentile(along, FINEST)), 1e-9)), 1, MOST_TEXELS))
+    return int(np.clip(round(1 / max(float(np.percentile(along, FINEST)), 1e-9)), 1, MAX_TEXELS))
 
 
 def _several_parts(texel: np.ndarray, point: np.ndarray, pixel: float) -> bool:
@@ -205,4 +204,4 @@ def _several_parts(texel: np.ndarray, point: np.ndarray, pixel: float) -> bool:
     off = np.linalg.norm(point - middle[texel], axis=1)
     worst = np.zeros(count.size)
     np.maximum.at(worst, texel, off)
-    return bool(np.mean(worst > APART * pixel) > FEW)
+    return bool(np.mean(worst > APART * pixel) > MAX_APART)

@@ -1,11 +1,11 @@
 """The colours of the light over a picture: a few shapes times maps, and some typical ones.
 
-Light from everywhere else is coloured: each pixel sees reflectances through a response of its own.
-Over a picture these have low rank: light = sum over a of map_a(pixel) shape_a(nm). Pixels whose
-light is alike are brought to that of one typical colour, so that one table of spectra serves them
-all: a signal under one light is predicted under another for the spectrum that is expected behind
-it, and what is then left is the difference of two lights that are alike times the error of that
-expectation.
+Light from other surfaces is coloured: each pixel sees reflectances through a response of its own.
+Over a picture these have low rank: light = sum over a of map_a(pixel) shape_a(nm). Signals of
+pixels with similar light are adapted to one typical colour of light, so that one table of spectra
+serves them all: a signal under one light is predicted under another for the spectrum that the prior
+expects behind it. The remaining error is the difference of two similar lights times the error of
+the expected spectrum.
 """
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from scipy.cluster.vq import kmeans2, vq
 
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance_moments
 
-RANK, LEFT_OUT = 8, 5e-4        # shapes at most; share of a light's strength that they may miss
-TYPICAL = 4                     # colours at most: more change spectra by 1 % of their error
+MAX_RANK, MAX_LEFT_OUT = 8, 5e-4   # shapes; share of a light's strength that they may miss
+MAX_TYPICAL = 4                 # colours: more change spectra by 1 % of their error
 SAME = 2e-3                     # relative: lights closer than this have one colour
-DRAWN = 4096                    # nodes by which typical colours are chosen
+SAMPLED = 4096                  # nodes by which typical colours are chosen
 EXPECTED = 0.01                 # of white: error of the signals of which spectra are expected
 
 
@@ -41,23 +41,25 @@ class Illumination:
     @property
     def responses(self) -> np.ndarray:
         """Relative response (J, K, 61) under the typical colours; rows sum to 1."""
-        found = np.einsum("jq,qkp->jkp", self.typical, self.shapes)
-        return np.asarray(found / found.sum(axis=2, keepdims=True))
+        responses = np.einsum("jq,qkp->jkp", self.typical, self.shapes)
+        return np.asarray(responses / responses.sum(axis=2, keepdims=True))
 
 
 @dataclass(frozen=True)
-class Brought:
-    """How signals are brought to the typical colours, for spectra as a prior expects them.
+class LightAdaptation:
+    """Change of signals from the light of a pixel to its typical colour, for the spectra that a
+    prior expects.
 
     To first order the expected spectrum is ``mean + gain (signal - response mean)``.
     """
 
     light: Illumination
     mean: np.ndarray            # (Q, K) signals of the prior's mean under each shape
-    gain: np.ndarray            # (J, Q, K, K) and of what a signal adds to it
+    gain: np.ndarray            # (J, Q, K, K) change of these by a signal under a typical colour
     centre: np.ndarray          # (J, K) signal of the prior's mean under the typical colours
 
-    def signals(self, signals: np.ndarray, maps: np.ndarray, kind: np.ndarray) -> np.ndarray:
+    def signals(self, signals: np.ndarray, maps: np.ndarray,
+                kind: np.ndarray | None) -> np.ndarray:
         """Signals (n, K) as they would be under the typical colour of each pixel.
 
         Parameters
@@ -65,25 +67,27 @@ class Brought:
         signals : (n, K) array
             Relative to white under the pixels' own light.
         maps : (n, Q) array
-            0 where there is no light to tell.
-        kind : (n,) int
+            0 where a pixel has no known light.
+        kind : (n,) int array or None
+            Index of the typical colour of each pixel; None where there is one.
         """
         if len(self.light.typical) == 1 and maps.shape[1] == 1:
             return signals
-        found = np.empty_like(signals)
+        adapted = np.empty_like(signals)
         white = self.light.shapes.sum(axis=2)
         for number, typical in enumerate(self.light.typical):
-            some = np.flatnonzero(kind == number)
+            some = np.arange(len(signals)) if kind is None else np.flatnonzero(kind == number)
             away = signals[some] - self.centre[number]
             under = self.mean + np.einsum("qkl,nl->nqk", self.gain[number], away)
-            lit = maps[some] @ white
-            own = np.einsum("nq,nqk->nk", maps[some], under) / np.where(lit > 0, lit, 1.0)
-            found[some] = signals[some] - own + (typical @ under) / (typical @ white)
-        return found
+            irradiance = maps[some] @ white
+            own = np.einsum("nq,nqk->nk", maps[some], under) \
+                / np.where(irradiance > 0, irradiance, 1.0)
+            adapted[some] = signals[some] - own + (typical @ under) / (typical @ white)
+        return adapted
 
 
-def brought_by(light: Illumination, prior: LogitMixture) -> Brought:
-    """How signals under the lights are brought to the typical ones."""
+def light_adaptation(light: Illumination, prior: LogitMixture) -> LightAdaptation:
+    """The adaptation of signals under the lights of a picture to its typical colours."""
     mean, covariance = reflectance_moments(prior)
     responses = light.responses
     gains = []
@@ -91,7 +95,7 @@ def brought_by(light: Illumination, prior: LogitMixture) -> Brought:
         seen = response @ covariance
         gain = np.linalg.solve(seen @ response.T + EXPECTED**2 * np.eye(len(response)), seen).T
         gains.append(np.einsum("qkp,pl->qkl", light.shapes, gain))
-    return Brought(light, light.shapes @ mean, np.array(gains), responses @ mean)
+    return LightAdaptation(light, light.shapes @ mean, np.array(gains), responses @ mean)
 
 
 def even_light(response: np.ndarray, nodes: int) -> Illumination:
@@ -106,17 +110,18 @@ def illumination(light: np.ndarray, to_signals: np.ndarray) -> Illumination:
     Parameters
     ----------
     light : (N, P) array
+        Radiance of a perfect white.
     to_signals : (K, P, 61) array
         Signal of light at each wavelength from reflectances on the prior's wavelengths.
     """
     strength = np.maximum(light.mean(axis=1, keepdims=True), 1e-30)
     colours = light / strength
     _, vectors = np.linalg.eigh(colours.T @ colours)
-    shapes = vectors[:, ::-1][:, :RANK].T
+    shapes = vectors[:, ::-1][:, :MAX_RANK].T
     maps = colours @ shapes.T
     left = np.sum(colours**2, axis=1, keepdims=True) - np.cumsum(maps**2, axis=1)
-    enough = left.max(axis=0) < colours.shape[1] * LEFT_OUT**2
-    rank = int(np.argmax(enough)) + 1 if enough.any() else RANK
+    enough = left.max(axis=0) < colours.shape[1] * MAX_LEFT_OUT**2
+    rank = int(np.argmax(enough)) + 1 if enough.any() else MAX_RANK
     shapes, maps = shapes[:rank], maps[:, :rank]
     typical, kind = _typical(maps)
     return Illumination(maps * strength, shapes, np.einsum("qp,kpr->qkr", shapes, to_signals),
@@ -125,12 +130,13 @@ def illumination(light: np.ndarray, to_signals: np.ndarray) -> Illumination:
 
 def _typical(maps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Typical colours (J, Q) and the nearest one (N,) of each node."""
-    lit = maps[np.any(maps != 0, axis=1)]
-    size = np.sqrt(np.mean(np.sum(lit**2, axis=1)))
-    if np.abs(lit - lit.mean(axis=0)).max() < SAME * size:
-        return lit.mean(axis=0, keepdims=True), np.zeros(len(maps), np.int32)
-    drawn = lit[np.linspace(0, len(lit) - 1, min(len(lit), DRAWN)).astype(int)]
-    different = len(np.unique(np.rint(drawn / (SAME * size)), axis=0))
-    centres, kind = kmeans2(drawn, min(TYPICAL, different), seed=1, minit="++")
+    with_light = maps[np.any(maps != 0, axis=1)]
+    size = np.sqrt(np.mean(np.sum(with_light**2, axis=1)))
+    if np.abs(with_light - with_light.mean(axis=0)).max() < SAME * size:
+        return with_light.mean(axis=0, keepdims=True), np.zeros(len(maps), np.int32)
+    sample = with_light[np.linspace(0, len(with_light) - 1,
+                                    min(len(with_light), SAMPLED)).astype(int)]
+    different = len(np.unique(np.rint(sample / (SAME * size)), axis=0))
+    centres, kind = kmeans2(sample, min(MAX_TYPICAL, different), seed=1, minit="++")
     centres = centres[np.unique(kind)]
     return centres, vq(maps, centres)[0]

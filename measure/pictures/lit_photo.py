@@ -1,0 +1,213 @@
+"""A photo with the light on every pixel, as signals relative to white there.
+
+White and light may come from a chart in the photo of a flat sample, or from light traced in a
+scene. A pixel's errors lie between those of the best and of the worst known places of the photo,
+for which the two tables of its spectra are made.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from spectrabox.measure.pictures.pixel_errors import COARSE_TOLERANCE, PixelErrors, White
+from spectrabox.measure.pictures.pixel_flags import CLIPPED, DARK, HIGHLIGHT, SEEN
+from spectrabox.measure.pictures.pixel_spectra import PixelBlock, SpectraPlan
+from spectrabox.radiometry.records import LinearImage
+from spectrabox.sampling.prior.mixture import GRID, LogitMixture
+from spectrabox.sampling.prior.posterior import STILL
+from spectrabox.sampling.prior.tables import MAX_SIGNAL, Uplifted, uplift_signals
+
+GREY = 0.3                  # signal by whose error the places of a photo are compared
+BEST_KNOWN, WORST_KNOWN = 5, 95     # percentiles of the places that the two tables are made for
+SIDE = 17                   # of the tables: noise leaves no finer detail
+NOISE_SAMPLES = 20_000      # pixels that tell how noise depends on the signal
+DARKEST = 1e-4              # of white: signals are taken for at least as bright
+SIGMAS = 4.0                # beyond white: what no reflectance gives
+
+
+@dataclass(frozen=True)
+class PhotoBlock(PixelBlock):
+    """The n pixels of some rows of a lit photo; a mid grey stands for those without a spectrum."""
+
+    measured: np.ndarray        # (n, K) relative to white, under the typical light of each pixel
+    flags: np.ndarray           # (n,) of pixel_flags.py
+    grey_error: np.ndarray      # (n,) relative standard error of a mid grey there
+    white: White | None         # where pixels are computed one by one
+    variance: np.ndarray | None     # (n, K) of the photo's noise, likewise
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Whether a pixel (n,) has a spectrum."""
+        return np.asarray(self.flags == SEEN)
+
+    @property
+    def within(self) -> np.ndarray:
+        """Signals (n, K) that a reflectance can give."""
+        return np.clip(self.measured, DARKEST, MAX_SIGNAL)
+
+
+@dataclass(frozen=True)
+class PhotoSpectra:
+    """Spectra of n pixels, NaN for those without one."""
+
+    mean: np.ndarray                # (n, P)
+    standard_deviation: np.ndarray  # (n, Q)
+    novelty: np.ndarray             # (n,) beyond 1 the prior does not explain the signal
+    flags: np.ndarray               # (n,) of pixel_flags.py
+    beyond_white: np.ndarray        # (n,) bool: brighter than white for certain
+
+
+@dataclass(frozen=True, eq=False)
+class LitPhoto:
+    """A part of a photo, and the light on it: a source of pixels' signals."""
+
+    photo: LinearImage          # the part alone
+    errors: PixelErrors
+    flags: np.ndarray | None = None     # (H, W) of pixel_flags.py, for reasons beside the photo's
+    highlights: bool = False    # whether what is brighter than white is a highlight: no spectrum
+
+    table_side, error_levels = SIDE, 2
+
+    @property
+    def size(self) -> tuple[int, int, int]:
+        """Height, width and number of bands."""
+        height, width, bands = self.photo.signal.shape
+        return height, width, bands
+
+    @property
+    def prior(self) -> LogitMixture:
+        """Of the reflectances."""
+        return self.errors.prior
+
+    @property
+    def responses(self) -> np.ndarray:
+        """Relative response (J, K, 61) under the typical lights."""
+        return self.errors.responses
+
+    @cached_property
+    def noise(self) -> np.ndarray:
+        """Variance (2, K) of the photo as a constant and a slope by the signal, fitted to some
+        pixels.
+        """
+        stride = max(1, int(np.sqrt(self.photo.signal[..., 0].size / NOISE_SAMPLES)))
+        signal, variance = (each[::stride, ::stride].reshape(-1, each.shape[2]).astype(float)
+                            for each in (self.photo.signal, self.photo.variance))
+        lines = [np.linalg.lstsq(np.column_stack([np.ones(len(x)), x]), y, rcond=None)[0]
+                 for x, y in zip(signal.T, variance.T, strict=True)]
+        return np.maximum(np.array(lines).T, 0)
+
+    @cached_property
+    def grey_variance(self) -> np.ndarray:
+        """Relative variance (N,) of a mid grey at the nodes of ``errors``."""
+        white = self.errors.white
+        signal = GREY * white.signal
+        variance = (self.noise[0] + self.noise[1] * (signal + self.errors.glare)) / signal**2
+        return np.asarray(np.mean(np.diagonal(white.log, axis1=1, axis2=2) + variance, axis=1))
+
+    def block(self, first: int, last: int, *, direct: bool = False) -> PhotoBlock:
+        """The pixels of rows ``first`` to ``last``.
+
+        Parameters
+        ----------
+        first, last : int
+        direct : bool
+            Whether with all that errors of single pixels need.
+        """
+        errors, bands = self.errors, self.photo.signal.shape[2]
+        weights = errors.between(first, last)
+        white = np.exp(weights @ np.log(errors.white.signal))
+        measured = self.photo.signal[first:last].reshape(-1, bands) - errors.glare
+        variance = weights @ self.grey_variance
+        low, high = np.percentile(self.grey_variance, [BEST_KNOWN, WORST_KNOWN])
+        high = max(high, low * (1 + 1e-6))
+        light = None
+        if len(errors.responses) > 1:   # that of the node of most weight
+            per_row = weights.nnz // weights.shape[0]
+            at = np.argmax(weights.data.reshape(-1, per_row), axis=1)
+            light = errors.light.kind[weights.indices.reshape(-1, per_row)[np.arange(at.size), at]]
+        signals = errors.adaptation.signals(measured / white, weights @ errors.light.maps, light)
+        # without a node there is no light to be known
+        grey_error = np.sqrt(np.where(variance > 0, variance, 1.0))
+        flags = np.zeros(len(measured), np.uint8) if self.flags is None \
+            else self.flags[first:last].ravel().copy()
+        clipped = self.photo.saturated[first:last].reshape(-1, bands).any(axis=1)
+        flags[(flags == SEEN) & clipped] = CLIPPED
+        flags[(flags == SEEN) & (measured <= 0).any(axis=1)] = DARK
+        if self.highlights:
+            brighter = np.max(signals - MAX_SIGNAL, axis=1) > SIGMAS * grey_error
+            flags[(flags == SEEN) & brighter] = HIGHLIGHT
+        seen = flags == SEEN
+        return PhotoBlock(
+            np.where(seen[:, None], np.clip(signals, DARKEST, MAX_SIGNAL), GREY),
+            None if light is None else np.where(seen, light, 0),
+            np.clip((variance - low) / (high - low), 0, 1).astype(np.float32), signals, flags,
+            grey_error, errors.white_at(weights) if direct else None,
+            self.photo.variance[first:last].reshape(-1, bands) if direct else None)
+
+    def table_errors(self, light: int, signals: np.ndarray) -> list[np.ndarray]:
+        """Covariances (n, K, K) of signals (n, K) under one typical light, at the best and at the
+        worst known places.
+        """
+        by_curves = self.errors.by_curves(signals, light)
+        return [self._errors_near(percentile, signals) + by_curves
+                for percentile in (BEST_KNOWN, WORST_KNOWN)]
+
+    def _errors_near(self, percentile: float, signals: np.ndarray) -> np.ndarray:
+        """Covariance (n, K, K) of signals at a place with more errors than a share of all."""
+        order = np.argsort(self.grey_variance)
+        node = order[round(percentile / 100 * (order.size - 1))]
+        there = self.errors.white.rows(np.full(len(signals), node))
+        constant, slope = self.noise
+        variance = constant + slope * (signals * there.signal + self.errors.glare)
+        return self.errors.at_white(signals, there, variance)
+
+    def direct(self, block: PhotoBlock, *, coarse: bool = False) -> Uplifted:
+        """Spectra of a block, each pixel by itself.
+
+        Parameters
+        ----------
+        block : PhotoBlock
+            With all that errors of single pixels need.
+        coarse : bool
+            As means of many pixels need it: without the errors of sensitivities and light, and no
+            nearer to modes than those need it.
+        """
+        assert block.white is not None and block.variance is not None
+        count, within = len(block.measured), block.within
+        whole = Uplifted(np.empty((count, GRID.nm.size)), np.empty((count, GRID.nm.size)),
+                         np.empty(count))
+        lights = np.zeros(count, int) if block.light is None else block.light
+        for light in np.unique(lights):
+            own = np.flatnonzero(lights == light)
+            covariance = self.errors.at_white(within[own], block.white.rows(own),
+                                              block.variance[own])
+            if not coarse:
+                covariance += self.errors.by_curves(within[own], light)
+            part = uplift_signals(self.prior, self.responses[light], within[own], covariance,
+                                  still=COARSE_TOLERANCE if coarse else STILL)
+            for name, values in vars(whole).items():
+                values[own] = getattr(part, name)
+        return whole
+
+
+def photo_spectra(photo: LitPhoto, plan: SpectraPlan, block: PhotoBlock) -> PhotoSpectra:
+    """Spectra of a block, without those of pixels that have none.
+
+    Parameters
+    ----------
+    photo : LitPhoto
+    plan : SpectraPlan
+        Of all of the photo.
+    block : PhotoBlock
+    """
+    values: Any = plan.values(photo, block)
+    mean, deviation = plan.split(values)
+    beyond = np.max(block.measured - MAX_SIGNAL, axis=1) / (SIGMAS * block.grey_error)
+    # a signal beyond white is unlike any that the prior explains
+    novelty = np.maximum(values[:, -1], beyond)
+    for part in (mean, deviation, novelty):
+        part[~block.seen] = np.nan
+    return PhotoSpectra(mean, deviation, novelty, block.flags, beyond > 1)

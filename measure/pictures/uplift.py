@@ -1,0 +1,170 @@
+"""The spectra behind the pixels of an image relative to white: mean, standard deviation, low rank.
+
+What is in memory does not grow with the image's height, where it is read and its spectra are used
+some rows at a time.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.capture.photo.image_rows import PictureRows
+from spectrabox.measure.pictures.pixel_spectra import (
+    KeptWavelengths,
+    PixelBlock,
+    SpectraPlan,
+    Survey,
+    merge_surveys,
+    plan_spectra,
+    row_blocks,
+    survey_rows,
+)
+from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.prior.low_rank import low_rank
+from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.sampling.prior.tables import (
+    SIDE,
+    Progress,
+    Uplifted,
+    relative_errors,
+    uplift_signals,
+)
+
+
+@dataclass(frozen=True)
+class ImageSource:
+    """An image of signals under one light, each band with its own independent relative error."""
+
+    image: PictureRows
+    white: np.ndarray               # (K,)
+    relative_response: np.ndarray   # (K, 61), rows summing to 1
+    prior: LogitMixture
+    noise: float                    # relative standard error of every band
+    table_side: int
+
+    error_levels = 1
+
+    @property
+    def size(self) -> tuple[int, int, int]:
+        """Height, width and number of bands."""
+        return self.image.height, self.image.width, self.image.bands
+
+    @property
+    def responses(self) -> np.ndarray:
+        """Relative response (1, K, 61)."""
+        return self.relative_response[None]
+
+    def block(self, first: int, last: int) -> PixelBlock:
+        """The pixels of rows ``first`` to ``last``."""
+        signals = self.image.read(first, last) / self.white
+        return PixelBlock(signals.reshape(-1, self.image.bands), None, None)
+
+    def table_errors(self, light: int, signals: np.ndarray) -> list[np.ndarray]:
+        """Covariance (n, K, K) of signals (n, K)."""
+        return [relative_errors(signals, self.noise)]
+
+    def direct(self, block: PixelBlock) -> Uplifted:
+        """Spectra of a block, each pixel by itself."""
+        signals = np.clip(block.signals, 0, 1).astype(float)
+        return uplift_signals(self.prior, self.relative_response, signals,
+                              relative_errors(signals, self.noise))
+
+
+def plan_image(source: ImageSource, kept: KeptWavelengths, survey: Survey,
+               coefficients: int | None = None,
+               progress: Progress = lambda share: None) -> SpectraPlan:
+    """The plan of an image all of whose rows have been surveyed.
+
+    Parameters
+    ----------
+    source : ImageSource
+    kept : KeptWavelengths
+    survey : Survey
+        Of all rows.
+    coefficients : int, optional
+        Of a low rank, for each pixel in place of its spectra.
+    progress : function of the share that is done
+
+    Raises
+    ------
+    InputError
+        For a number of coefficients that cannot be.
+    """
+    low = None if coefficients is None else low_rank(
+        source.prior, source.relative_response, source.noise, coefficients, kept.mean,
+        kept.deviation)
+    return plan_spectra(source, kept, survey, low, progress=progress)
+
+
+def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: LogitMixture,
+                 noise: float = 0.01, *, white: np.ndarray | None = None,
+                 kept: KeptWavelengths | None = None, side: int = SIDE,
+                 progress: Progress = lambda share: None) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation of the spectrum behind every pixel of an image in memory.
+
+    Parameters
+    ----------
+    image : (H, W, K) array
+        Linear signal.
+    relative_response : (K, 61) array
+        Of the bands under the light, on the prior's wavelengths; rows sum to 1.
+    prior : LogitMixture
+    noise : float
+        Relative standard error of every band.
+    white : (K,) array, optional
+        Signal of a perfect white; 1 by default.
+    kept : KeptWavelengths, optional
+        All 61 wavelengths of both by default.
+    side : int
+        Points of the table along each axis, odd and at least 3.
+    progress : function of the share of the table that is done
+
+    Returns
+    -------
+    mean, standard_deviation : (H, W, P) and (H, W, Q) arrays
+        Single floats; signals outside 0 to 1 are taken at the edge.
+
+    Raises
+    ------
+    InputError
+        If image and response have other bands, or for a side without a grey.
+    """
+    height, width, bands = image.shape
+    require_bands(bands, relative_response)
+    require_side(side)
+    source = ImageSource(
+        PictureRows(height, width, bands, lambda first, last: image[first:last]),
+        np.ones(bands, np.float32) if white is None else white.astype(np.float32),
+        relative_response, prior, noise, side)
+    blocks = row_blocks(height, width)
+    plan = plan_image(source, kept or KeptWavelengths(5, full=True),
+                      merge_surveys(survey_rows(source, *rows) for rows in blocks), None, progress)
+    parts = zip(*(plan.split(plan.values(source, source.block(*rows))) for rows in blocks),
+                strict=True)
+    mean, deviation = (np.concatenate(part, dtype=np.float32).reshape(height, width, -1)
+                       for part in parts)
+    return mean, deviation
+
+
+def require_bands(bands: int, relative_response: np.ndarray) -> None:
+    """Refuse an image whose bands are not those of the camera.
+
+    Raises
+    ------
+    InputError
+    """
+    if bands != len(relative_response):
+        raise InputError(f"the image has {bands} bands and the sensitivities "
+                         f"{len(relative_response)}")
+
+
+def require_side(side: int) -> None:
+    """Refuse a table without a grey.
+
+    Raises
+    ------
+    InputError
+    """
+    if side < 3 or side % 2 == 0:
+        raise InputError(f"--side {side} is not odd and at least 3")

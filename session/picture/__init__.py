@@ -1,1 +1,0 @@
-"""Spectra of every pixel of a photo, of flat samples and of scenes."""

@@ -1,0 +1,94 @@
+"""Files of a session's picture of spectra: mean, standard deviation and maps of them."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.capture.photo.image_files import write_png
+from spectrabox.measure.pictures.lit_photo import LitPhoto, PhotoSpectra, photo_spectra
+from spectrabox.measure.pictures.pixel_flags import HIGHLIGHT, SEEN
+from spectrabox.measure.pictures.pixel_spectra import (
+    merge_surveys,
+    plan_spectra,
+    row_blocks,
+    survey_rows,
+)
+from spectrabox.session.config.session_schema import PictureSection
+from spectrabox.session.pictures.picture_maps import Reduced, map_rows, maps_of, reduced_picture
+from spectrabox.session.pictures.spectra_files import (
+    PictureLayout,
+    computed_blocks,
+    write_spectra,
+)
+
+PIXELS_A_POINT = 500        # a point of the table takes as long as how many pixels looked up
+
+
+def write_picture(photo: LitPhoto, section: PictureSection, folder: Path,
+                  progress: Callable[[float], None],
+                  also: Callable[[int, int, PhotoSpectra], None] = lambda first, last, made: None
+                  ) -> dict[str, Any]:
+    """Write the spectra of all pixels and maps of them.
+
+    Parameters
+    ----------
+    photo : LitPhoto
+    section : PictureSection
+    folder : Path
+    progress : function of the share that is done
+    also : function of (first row, last row, spectra), optional
+        Takes the spectra of some rows, from the top to the bottom.
+
+    Returns
+    -------
+    dict
+        The "files" in the folder; "titles" and "previews", reduced pictures, of the maps; the
+        "shares" of pixels without a spectrum, beyond white, and unlike what the prior knows; those
+        of each reason for having none as "unseen"; the "mean spread"; the "size" of the picture.
+    """
+    layout = layout_of(section)
+    height, width, _ = photo.size
+    maps = maps_of(layout.nm[0], section.bands_nm, section.light, flags=photo.flags is not None)
+    reduced = Reduced(height, width, maps)
+    survey = merge_surveys(survey_rows(photo, *rows) for rows in row_blocks(height, width))
+    in_pixels = PIXELS_A_POINT * int(survey.points.sum())
+    table_share = in_pixels / (in_pixels + height * width)
+    plan = plan_spectra(photo, layout, survey,
+                        progress=lambda share: progress(table_share * share))
+    before = table_share if plan.tables else 0.0
+    counts = np.zeros(3)        # beyond white, unlike, and the sum of standard deviations
+    reasons = np.zeros(HIGHLIGHT + 1)
+
+    with map_rows(folder, height, width, maps, reduced) as write_maps:
+        def blocks() -> Iterator[tuple[int, int, tuple[np.ndarray, ...]]]:
+            for first, last, made in computed_blocks(
+                    height, width,
+                    lambda first, last: photo.block(first, last, direct=not plan.tables),
+                    lambda block: photo_spectra(photo, plan, block)):
+                write_maps(first, made)
+                also(first, last, made)
+                seen = made.flags == SEEN
+                counts[:] += [(made.beyond_white & seen).sum(), (made.novelty[seen] > 1).sum(),
+                              made.standard_deviation.mean(axis=1)[seen].sum()]
+                reasons[:] += np.bincount(made.flags, minlength=reasons.size)
+                yield first, last, (made.mean, made.standard_deviation)
+
+        write_spectra(blocks(), (height, width), folder, layout,
+                      lambda share: progress(before + (1 - before) * share))
+    for each in maps:
+        write_png(folder / f"preview-{each.file}", reduced_picture(reduced, each))
+    total = height * width
+    return {"files": (*layout.files(), *(each.file for each in maps)),
+            "titles": tuple(each.title for each in maps),
+            "shares": np.array([total - reasons[SEEN], *counts[:2]]) / total,
+            "unseen": reasons / total,
+            "mean spread": counts[2:] / max(reasons[SEEN], 1), "size": np.array([width, height]),
+            "previews": tuple(f"preview-{each.file}" for each in maps)}
+
+
+def layout_of(section: PictureSection) -> PictureLayout:
+    """Wavelengths and format of a picture's files."""
+    return PictureLayout(section.step_nm, form=section.format)

@@ -1,0 +1,206 @@
+"""The light on every pixel of a photo of a scene, and the errors of the pixels' signals.
+
+Light from other surfaces depends on the spectra that are sought: the mean spectrum of some pixels
+of each material, under the current light, gives the next light, until it converges.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from spectrabox.measure.pictures.crop import crop_photo
+from spectrabox.measure.pictures.illumination import illumination
+from spectrabox.measure.pictures.lit_photo import LitPhoto
+from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
+from spectrabox.measure.pictures.pixel_flags import DARK, EDGE, PENUMBRA, SEEN
+from spectrabox.radiometry.light_drift import drift_covariance
+from spectrabox.radiometry.records import Calibration, LightScale
+from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
+from spectrabox.reconstruct.pixels.hits import hits_of
+from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.session.pictures.reference_surfaces import compare_reference_surfaces
+from spectrabox.session.pictures.traced_photo import TracedPhoto
+from spectrabox.session.stages.error_budget import scale_covariances
+
+MAX_ROUNDS, TOLERANCE = 12, 0.005   # largest relative change of light that counts as none
+STEP = 0.65                 # under-relaxation: full steps oscillate, as brighter walls send on more
+                            # light, under which they look darker
+PIXELS_OF_MATERIAL = 200    # from which the mean spectrum of a material is computed
+MISPLACED_PX = 0.5          # of a pixel: photo against scene
+PENUMBRA_ERROR = 0.03       # relative, of light that changes quickly: beyond, there is no answer
+UNLIT = 1e-3                # of the median light: changes of less are none
+DARK_LAMP = 1e-9            # of the lamp's strongest wavelength
+
+
+@dataclass(frozen=True, eq=False)
+class SceneLight:
+    """The light on the pixels, and how it converged."""
+
+    photo: LitPhoto
+    scale: LightScale               # of the photo, by which it is lit
+    spectra: np.ndarray             # (M, P) of the materials, by which light is coloured
+    changes: tuple[float, ...]      # largest relative change of the light in each round
+
+    @property
+    def sentence(self) -> str:
+        """Whether the light converged."""
+        rounds, last = len(self.changes), self.changes[-1]
+        if last <= TOLERANCE:
+            return (f"the picture's light from other surfaces has converged: of {rounds} rounds "
+                    f"the last changed it by {last:.2%} at most")
+        return (f"the picture's light from other surfaces has not converged: after {rounds} rounds "
+                f"it still changes by {last:.1%} in places; near strongly coloured surfaces its "
+                "spectra are less certain than they say")
+
+
+def converge_light(scene: TracedPhoto, progress: Callable[[float], None]) -> SceneLight:
+    """The light on every pixel, with the spectra of the materials that the pixels themselves show.
+
+    Parameters
+    ----------
+    scene : TracedPhoto
+    progress : function of the share of the rounds that are done
+    """
+    view, traced, joint = scene.view, scene.traced, scene.joint
+    spectra = np.array([joint.spectra[joint.materials.index(material.name)]
+                        for material in view.scene_materials])
+    unknown = [index for index, material in enumerate(view.scene_materials)
+               if material.reflectance is None]
+    light = traced.on_nodes(spectra, scene.lamps)
+    photo, scale = light_photo(scene, light)
+    sample = _sample_pixels(scene, photo, unknown, np.random.default_rng(scene.seed))
+    changes: list[float] = []
+    while len(changes) < MAX_ROUNDS and (not changes or changes[-1] > TOLERANCE):
+        for index, mean in mean_spectra(scene, photo, sample).items():
+            spectra[index] += STEP * (mean - spectra[index])
+        before, light = light, traced.on_nodes(spectra, scene.lamps)
+        after, earlier = light[~traced.lamp], before[~traced.lamp]
+        changes.append(float(np.max(np.abs(after - earlier) / np.maximum(
+            earlier, UNLIT * np.median(earlier)))) if after.size else 0.0)
+        photo, scale = light_photo(scene, light)
+        progress(len(changes) / MAX_ROUNDS)
+    return SceneLight(photo, scale, spectra, tuple(changes))
+
+
+@dataclass(frozen=True)
+class PixelSample:
+    """Some pixels (n,) of each material, in the whole photo, and the area that each stands for."""
+
+    material: np.ndarray
+    row: np.ndarray
+    column: np.ndarray
+    area: np.ndarray
+
+
+def _sample_pixels(scene: TracedPhoto, photo: LitPhoto, materials: Sequence[int],
+                   rng: np.random.Generator) -> PixelSample:
+    """Pixels spread evenly over the visible area of each material."""
+    view, crop = scene.view, scene.crop
+    assert photo.flags is not None
+    inside = scene.traced.nodes.surface[crop.rows, crop.columns]
+    usable = (photo.flags == SEEN) & ~photo.photo.saturated.any(axis=2)
+    places = []
+    for material in materials:
+        surfaces = [index for index, name in enumerate(view.surface_materials)
+                    if name == view.scene_materials[material].name]
+        place = np.flatnonzero(np.isin(inside, surfaces) & usable)
+        if place.size > PIXELS_OF_MATERIAL:
+            # one of each stretch of pixels, row by row
+            ends = np.linspace(0, place.size, PIXELS_OF_MATERIAL + 1)
+            place = place[(ends[:-1] + rng.random(PIXELS_OF_MATERIAL) * np.diff(ends)).astype(int)]
+        places.append(place)
+    row, column = np.divmod(np.concatenate([np.empty(0, int), *places]), inside.shape[1])
+    row, column = row + crop.rows.start, column + crop.columns.start
+    area = hits_of(scene.unit.scene, view.size, row, column).area
+    return PixelSample(np.repeat(materials, [place.size for place in places]), row, column, area)
+
+
+def mean_spectra(scene: TracedPhoto, photo: LitPhoto,
+                 sample: PixelSample) -> dict[int, np.ndarray]:
+    """Mean (P,) of the spectra of each material's pixels, weighted by the light that they send on.
+
+    Parameters
+    ----------
+    scene : TracedPhoto
+    photo : LitPhoto
+        The light on it.
+    sample : PixelSample
+    """
+    if not sample.row.size:
+        return {}
+    whole = scene.view.photo
+    weights = scene.traced.nodes.weights(sample.row, sample.column)
+    alone = replace(whole, **{name: getattr(whole, name)[sample.row, sample.column][None]
+                              for name in ("signal", "variance", "saturated")})
+    lit = LitPhoto(alone, replace(photo.errors, between=lambda first, last: weights))
+    block = lit.block(0, 1, direct=True)
+    mean = lit.direct(block, coarse=True).mean
+    light = (weights @ photo.errors.white.signal).mean(axis=1)
+    weight = sample.area * light * block.seen
+    means = {}
+    for material in np.unique(sample.material):
+        own = sample.material == material
+        if weight[own].any():
+            means[int(material)] = np.interp(scene.view.grid.nm, PRIOR_GRID.nm,
+                                             weight[own] @ mean[own] / weight[own].sum())
+    return means
+
+
+def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightScale]:
+    """The pixels under a light, and the light scale that makes it signals.
+
+    Parameters
+    ----------
+    scene : TracedPhoto
+    light : (N, P) array
+        Radiance of a perfect white at the nodes, for a light scale of 1.
+    """
+    view, nodes, crop = scene.view, scene.traced.nodes, scene.crop
+    uneven = nodes.unevenness(light @ scene.to_signals.sum(axis=(0, 2)), MISPLACED_PX)
+    references = compare_reference_surfaces(scene, light, uneven < PENUMBRA_ERROR)
+    lit = illumination(light, references.scale.value * scene.to_signals)
+    white = lit.white
+    grey = np.maximum(white.mean(axis=1), 1e-30)
+    bands = white.shape[1]
+    ambient = scene.ambient * np.percentile(grey, BRIGHTEST_PERCENTILE) / grey
+    common = scene.traced.relative_variance + uneven**2 + ambient**2
+    first, *others = scene.joint.views
+    rescaled = replace(scene.joint, views=(replace(first, light_scale=references.scale), *others))
+    scale = sum(scale_covariances(scene.calibration, rescaled, 0).values())
+    log = scale + common[:, None, None] * np.ones((bands, bands))
+    width = crop.columns.stop - crop.columns.start
+
+    def between(first: int, last: int) -> csr_array:
+        row, column = np.divmod(np.arange(first * width, last * width), width)
+        return nodes.weights(row + crop.rows.start, column + crop.columns.start)
+
+    relative = references.covariance
+    if scene.drift is not None:
+        relative = relative + drift_covariance(scene.drift)
+    typical = lit.typical @ lit.spectra
+    responses = typical[:, None, :] * (view.sensitivities * view.grid.weights_nm)
+    errors = PixelErrors(
+        between, White(np.maximum(white, 1e-30), log, np.zeros_like(log)), lit, np.zeros(bands),
+        np.zeros((bands, bands)), scene.veil, relative,
+        [_calibration_under(scene, colour) for colour in typical],
+        responses / responses.sum(axis=2, keepdims=True), scene.prior)
+    flags = np.full(nodes.surface.shape, SEEN, np.uint8)
+    region = nodes.region
+    flags[(uneven > PENUMBRA_ERROR)[region]] = PENUMBRA
+    flags[(lit.maps == 0).all(axis=1)[region]] = DARK
+    flags[scene.edges | (region < 0) | scene.traced.lamp[region]] = EDGE
+    return LitPhoto(crop_photo(view.photo, crop), errors, flags[crop.rows, crop.columns],
+                    highlights=True), references.scale
+
+
+def _calibration_under(scene: TracedPhoto, light: np.ndarray) -> Calibration:
+    """The calibration with the light (P,) that reaches a pixel in place of the lamp's own."""
+    lamp, own = scene.view.light, scene.calibration.light
+    factor = np.interp(own.grid.nm, scene.view.grid.nm,
+                       light / np.maximum(lamp, DARK_LAMP * lamp.max()))
+    error = None if own.standard_error is None else own.standard_error * factor
+    return replace(scene.calibration, light=replace(own, values=own.values * factor,
+                                                    standard_error=error))

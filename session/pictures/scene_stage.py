@@ -1,0 +1,89 @@
+"""The stage that makes a picture of spectra of a scene, shading and interreflection taken out."""
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from spectrabox.calibrate.geometry.lens_files import read_lens
+from spectrabox.calibrate.geometry.projection import undistorted
+from spectrabox.measure.pictures.crop import crop_of
+from spectrabox.reconstruct.engines.transport_engine import unit_scene
+from spectrabox.reconstruct.pixels.pixel_light import trace_pixel_light
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.sampling.prior.mixture import load_prior, of_families
+from spectrabox.session.pictures.picture_files import layout_of, write_picture
+from spectrabox.session.pictures.scene_light import converge_light
+from spectrabox.session.pictures.textures import Textures
+from spectrabox.session.pictures.traced_photo import TracedPhoto
+from spectrabox.session.stages.reconstruct_stage import drift_of, glare_error, views_of
+from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.stages.stored_records import calibrations_of, joint_of
+
+TRACED, LIT = 0.4, 0.6      # shares of the time
+TRACE = ".picture-trace.npz"    # in the results, while a trace goes on and where it was stopped
+NEAR_EDGE = 3               # pixels: within as many across, only one surface may lie
+
+
+def picture_of_scene(task: StageTask) -> dict[str, Any]:
+    """Spectra of every pixel of the first photo of a scene, or of a part of it.
+
+    Returns
+    -------
+    dict
+        As of ``write_picture``, and "notes"; the largest relative change of the light in each of
+        the "rounds" in which light and spectra converged.
+
+    Raises
+    ------
+    InputError
+        If the picture's rectangle leaves the photo, or the scene has surfaces that do more to light
+        than to multiply it.
+    """
+    section = task.config.picture
+    assert section is not None
+    start_mitsuba(task.device)
+    scene = traced_photo(task)
+    light = converge_light(scene, lambda share: task.progress(TRACED + (LIT - TRACED) * share,
+                                                              "light from other surfaces"))
+    assert light.photo.flags is not None
+    textures = Textures(scene, light.photo.flags, layout_of(section))
+    written = write_picture(light.photo, section, task.folder,
+                            lambda share: task.progress(LIT + (1 - LIT) * share, ""),
+                            textures.add)
+    files = (*written["files"], *textures.write(task.folder))
+    return written | {"notes": (light.sentence, *textures.notes), "files": files,
+                      "rounds": np.array(light.changes)}
+
+
+def traced_photo(task: StageTask) -> TracedPhoto:
+    """The first photo in full, as the renderer's pinhole sees it, with the light on it traced."""
+    config, stored, section = task.config, task.stored, task.config.picture
+    assert section is not None
+    task.progress(0.0, f"reading {config.all_views[0].photo_files[0]}")
+    photo, _ = task.photos.developed(config, config.all_views[0].photo)
+    if config.camera.lens is not None:
+        photo = undistorted(photo, read_lens(config.path(config.camera.lens)))
+    drift = drift_of(config, stored)
+    view = replace(views_of(config, stored, drift)[0], photo=photo)
+    crop = crop_of(photo, section.rect)
+    task.progress(0.02, "tracing light")
+    direct = config.reconstruct.engine == "single-bounce"
+    unit = unit_scene(view, 1 if direct else view.scene_file.max_depth - 1, bool(view.own_lights))
+    surface = np.full(view.surface.shape, -1, np.int32)
+    surface[crop.rows, crop.columns] = view.surface[crop.rows, crop.columns]
+    own = np.array([unit.materials.index(name) for name in view.surface_materials])
+    traced = trace_pixel_light(unit, surface, own, seed=config.session.seed,
+                               progress=lambda done: task.progress(0.02 + (TRACED - 0.02) * done,
+                                                                   "tracing light"),
+                               checkpoint=config.results_folder / TRACE)
+    edges = maximum_filter(view.surface, NEAR_EDGE) != minimum_filter(view.surface, NEAR_EDGE)
+    joint, settings = joint_of(stored), config.reconstruct
+    return TracedPhoto(
+        view, unit, traced, crop, edges, of_families(load_prior(), section.families), joint,
+        calibrations_of(config, stored)[0], drift,
+        glare_error(config, stored) * joint.views[0].measured.mean(axis=(0, 1)),
+        config.stray_light.ambient,
+        float(np.hypot(settings.surface_error, settings.brightness_error)), config.session.seed)

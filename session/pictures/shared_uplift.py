@@ -1,0 +1,236 @@
+"""``spectrabox uplift`` on several workers: the arrays of one process, bit for bit.
+
+Arrays grow in a folder within the output folder, named by a digest of all that they depend on. A
+file there for each task says that its rows are written and on disk: the same command resumes where
+it ended.
+"""
+from __future__ import annotations
+
+import math
+import shutil
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from spectrabox.measure.pictures.pixel_spectra import (
+    PIXELS_AT_ONCE,
+    SpectraPlan,
+    Survey,
+    merge_surveys,
+)
+from spectrabox.measure.pictures.uplift import ImageSource, plan_image
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
+from spectrabox.radiometry.files import UNFINISHED, require_no_link, sync_folder, writable
+from spectrabox.radiometry.spectra.formats.zarr_array import (
+    CHUNK_PX,
+    CHUNKS_A_SHARD,
+    WAVELENGTHS,
+    create_low_rank,
+    create_picture,
+)
+from spectrabox.radiometry.spectra.spectral_layers import QUANTITY
+from spectrabox.session.batch.pool import Finished, Pool
+from spectrabox.session.batch.workers import open_workers
+from spectrabox.session.pictures.low_rank_files import low_rank_attributes
+from spectrabox.session.pictures.row_tasks import (
+    DONE,
+    PLAN,
+    PROGRAM_BYTES,
+    Order,
+    Refused,
+    RowsTask,
+    code_digest,
+    done_mark,
+    load_plan,
+    store_plan,
+)
+from spectrabox.session.pictures.spectra_files import QUANTITIES
+from spectrabox.session.pictures.uplift import UpliftRequest, image_source, uplift_summary
+from spectrabox.session.progress_display import StageProgress
+from spectrabox.session.store.session_lock import sole_uplift
+from spectrabox.session.store.store import fingerprint
+
+TASK_PIXELS = 4_000_000     # a few seconds: the cost of a lost worker, and little to hand out
+MAX_TRIES = 2               # of a task whose worker dies
+
+
+def shared_uplift_answer(request: UpliftRequest, cluster: str | None, workers: int | None,
+                         progress: StageProgress) -> tuple[dict[str, Any], str]:
+    """JSON object and text of ``spectrabox uplift --workers`` or ``--cluster``.
+
+    Parameters
+    ----------
+    request : UpliftRequest
+    cluster : str or None
+        Address of a Dask scheduler, or "local"; None for processes.
+    workers : int or None
+    progress : function of (stage, share of it that is done, message)
+
+    Raises
+    ------
+    InputError
+        If the output is not Zarr arrays, or an input is wrong.
+    EnvironmentProblem
+        If workers die or are out of reach. What is written then stays so.
+    """
+    if request.form != "zarr":
+        raise InputError(f"several workers write into Zarr arrays, and --to {request.form} is one "
+                         "stream: give --to zarr, or leave --workers and --cluster out")
+    request = replace(request, image=request.image.resolve(), out=request.out.resolve())
+    source, code = image_source(request), code_digest()
+    height, width, _ = source.size
+    rows = rows_of_a_task(source)
+    order = Order(request, request.out / f"{UNFINISHED}tiles-{_key(source, request, code, rows)}",
+                  code)
+    starts = range(0, height, rows)
+    needed = needed_bytes(source, request)
+    paths = request.paths(request.out)
+    with sole_uplift(request.out):
+        for path in paths.values():
+            require_no_link(path)
+            if path.is_file():
+                raise EnvironmentProblem(f"{path} cannot be written: it is a file; move it away, "
+                                         "or name another folder")
+        # unfinished arrays of other images
+        for unfinished in request.out.glob(f"{UNFINISHED}tiles-*"):
+            if unfinished != order.folder and not unfinished.is_symlink():
+                shutil.rmtree(unfinished, ignore_errors=True)
+        with open_workers(cluster, workers, len(starts)) as pool:
+            def results(stage: str, left: list[int], *, write: bool) -> Iterator[Survey | None]:
+                tasks = (RowsTask(order, first, min(first + rows, height), write, needed)
+                         for first in left)
+                done = len(starts) - len(left)
+                for result in results_in_order(pool, needed, tasks):
+                    done += 1
+                    progress(stage, done / len(starts), "")
+                    yield result
+
+            if not (order.folder / PLAN).exists():
+                survey = merge_surveys(
+                    each for each in results("signals", [*starts], write=False) if each is not None)
+                plan = plan_image(source, request.layout, survey, request.coefficients,
+                                  lambda share: progress("table", share, ""))
+                _create_arrays(order, source, plan, survey.outside)
+            left = [first for first in starts if not done_mark(order.folder, first).exists()]
+            for _ in results("spectra", left, write=True):
+                pass
+        plan, outside = load_plan(order.folder, request.layout)
+        _move_arrays(order.folder, [*paths.values()])
+    facts, text = uplift_summary(request, plan, paths, height * width, outside)
+    return facts | {"tasks": len(starts), "done_before": len(starts) - len(left)}, text
+
+
+def rows_of_a_task(source: ImageSource) -> int:
+    """Whole shards, and whole tiles of the image where they are high, of a few megapixels."""
+    unit = CHUNK_PX * math.ceil(source.image.rows_at_once / CHUNK_PX)
+    return unit * max(1, TASK_PIXELS // (unit * source.image.width))
+
+
+def needed_bytes(source: ImageSource, request: UpliftRequest) -> int:
+    """Memory that a worker takes at most: rows of tiles as they are read, and a shard's spectra."""
+    image = source.image
+    read = 3 * 4 * image.bands * image.width * max(image.rows_at_once, CHUNK_PX)
+    numbers = request.coefficients or sum(nm.size for nm in request.layout.nm)
+    return PROGRAM_BYTES + read + 3 * 4 * numbers * (CHUNK_PX**2 * CHUNKS_A_SHARD + PIXELS_AT_ONCE)
+
+
+def results_in_order(pool: Pool, needed: int, tasks: Iterator[RowsTask]
+                     ) -> Iterator[Survey | None]:
+    """Results of tasks in their own order, as many at a time as workers and memory allow.
+
+    Parameters
+    ----------
+    pool : Pool
+    needed : int
+        Bytes of memory that a task takes.
+    tasks : iterator of RowsTask
+
+    Raises
+    ------
+    SpectraboxError
+        Of a task that was refused.
+    EnvironmentProblem
+        If the worker of a task died twice.
+    """
+    at_once = pool.workers if pool.budget_bytes is None \
+        else max(1, min(pool.workers, pool.budget_bytes // needed))
+    again, running = deque[RowsTask](), 0
+    results: dict[int, Survey | None] = {}
+    waiting = deque[int]()
+    while True:
+        while running < at_once:
+            task = again.popleft() if again else next(tasks, None)
+            if task is None:
+                break
+            if not task.tries:
+                waiting.append(task.first)
+            pool.start(task)
+            running += 1
+        if not running:
+            return
+        for ended in pool.wait():
+            running -= 1
+            task = ended.task
+            if not isinstance(ended, Finished):
+                if task.tries + 1 == MAX_TRIES:
+                    raise EnvironmentProblem(
+                        f"the worker of rows {task.first} to {task.last} died twice, the second "
+                        f"time {ended.why}; give the workers more memory, then run the same "
+                        "command again to go on")
+                again.append(replace(task, tries=task.tries + 1))
+            elif isinstance(ended.outcome, Refused):
+                error = SpectraboxError(ended.outcome.message)
+                error.exit_code = ended.outcome.exit_code
+                raise error
+            else:
+                results[task.first] = ended.outcome
+        while waiting and waiting[0] in results:
+            yield results.pop(waiting.popleft())
+
+
+def _create_arrays(order: Order, source: ImageSource, plan: SpectraPlan, outside: int) -> None:
+    """Create arrays of zeros, and last store the plan: its presence says that they are whole."""
+    request, (height, width, _) = order.request, source.size
+    paths, half = request.paths(order.folder), not request.full
+    with writable(order.folder):
+        # marks too: an end that was cut short leaves some, of arrays that were moved already
+        for path in (order.folder / DONE, *paths.values()):
+            if path.exists():
+                shutil.rmtree(path)
+        if plan.low_rank is not None:
+            tables, about = low_rank_attributes(plan)
+            create_low_rank(paths["low_rank"], (height, width, len(plan.low_rank.basis) - 1), half,
+                            tables, about)
+        else:
+            for (name, path), nm in zip(paths.items(), plan.kept.nm, strict=True):
+                create_picture(path, (height, width, nm.size), half,
+                               {WAVELENGTHS: nm.tolist(), QUANTITY: QUANTITIES[name]})
+        store_plan(order.folder, plan, outside)
+
+
+def _move_arrays(folder: Path, paths: list[Path]) -> None:
+    """Move the arrays to the output folder. Interrupted at any point, the same again ends it."""
+    with writable(folder):
+        for path in paths:
+            require_no_link(path)
+            if (folder / path.name).exists():
+                if path.exists():
+                    path.replace(folder / f"before-{path.name}")
+                (folder / path.name).replace(path)
+        sync_folder(folder.parent)
+        (folder / PLAN).unlink()        # first: without it nothing can be resumed from the folder
+        shutil.rmtree(folder)
+
+
+def _key(source: ImageSource, request: UpliftRequest, code: str, rows: int) -> str:
+    """Digest of all that the arrays depend on: program, image by size and time, and options."""
+    files: list[Path] = [request.image] if request.image.is_file() else sorted(
+        path for path in request.image.rglob("*") if path.is_file())
+    states = {str(path): (path.stat().st_size, path.stat().st_mtime_ns) for path in files}
+    return fingerprint({
+        "made by": code, "picture": states, "response": source.relative_response.tolist(),
+        "white": source.white.tolist(), "families": sorted(request.families),
+        "noise": request.noise, "side": request.side, "step": request.step_nm,
+        "full": request.full, "coefficients": request.coefficients, "rows": rows})[:16]

@@ -1,0 +1,147 @@
+"""Answer of ``spectrabox uplift``: an image in, the spectra behind its pixels as files out."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.capture.photo.image_rows import open_rows
+from spectrabox.measure.pictures.pixel_spectra import (
+    GRID_STEP_NM,
+    SpectraPlan,
+    Survey,
+    merge_surveys,
+    row_blocks,
+    survey_rows,
+)
+from spectrabox.measure.pictures.uplift import ImageSource, plan_image, require_bands, require_side
+from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families
+from spectrabox.session.pictures.low_rank_files import low_rank_path, write_low_rank
+from spectrabox.session.pictures.spectra_files import (
+    Format,
+    PictureLayout,
+    computed_blocks,
+    write_spectra,
+)
+from spectrabox.session.progress_display import StageProgress
+from spectrabox.session.signals.signal_options import numbers, response_of_names
+
+
+@dataclass(frozen=True)
+class UpliftRequest:
+    """The options of ``spectrabox uplift`` as given."""
+
+    image: Path
+    out: Path
+    sensitivity: str
+    light: str
+    white: str | None
+    noise: float
+    side: int
+    step_nm: int            # between wavelengths of the mean
+    full: bool              # all wavelengths of both, in single floats
+    families: tuple[str, ...] = ()      # of the surfaces; any where there are none
+    form: Format = "exr"
+    coefficients: int | None = None     # of each pixel, in place of its spectra
+
+    @property
+    def layout(self) -> PictureLayout:
+        """Wavelengths and format of the files."""
+        return PictureLayout(self.step_nm, self.full, self.form)
+
+    def paths(self, folder: Path) -> dict[str, Path]:
+        """The files or arrays in a folder, by name."""
+        if self.coefficients is not None:
+            return {"low_rank": low_rank_path(folder, self.layout)}
+        return self.layout.paths(folder)
+
+
+def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict[str, Any], str]:
+    """JSON object and text of ``spectrabox uplift``, which writes its files.
+
+    Parameters
+    ----------
+    request : UpliftRequest
+    progress : function of (stage, share of it that is done, message)
+
+    Raises
+    ------
+    InputError
+    """
+    source = image_source(request)
+    height, width, _ = source.size
+
+    def surveys() -> Iterator[Survey]:
+        for first, last in row_blocks(height, width):
+            yield survey_rows(source, first, last)
+            progress("signals", last / height, "")
+
+    survey = merge_surveys(surveys())
+    plan = plan_image(source, request.layout, survey, request.coefficients,
+                      lambda share: progress("table", share, ""))
+    blocks = computed_blocks(height, width, source.block,
+                             lambda block: plan.split(plan.values(source, block)))
+    if plan.low_rank is None:
+        paths = write_spectra(blocks, (height, width), request.out, request.layout,
+                              lambda share: progress("spectra", share, ""))
+    else:
+        paths = write_low_rank(blocks, (height, width), request.out, request.layout, plan,
+                               lambda share: progress("spectra", share, ""))
+    return uplift_summary(request, plan, paths, height * width, survey.outside)
+
+
+def image_source(request: UpliftRequest) -> ImageSource:
+    """The image of a request, open, and all that its pixels' spectra depend on.
+
+    Raises
+    ------
+    InputError
+    """
+    span = round(GRID.nm[-1] - GRID.nm[0])
+    if request.step_nm < 1 or request.step_nm % GRID_STEP_NM or span % request.step_nm:
+        raise InputError(f"--step {request.step_nm} does not divide 400-700 nm into steps of "
+                         f"{GRID_STEP_NM} nm; take 5, 10, 15, 20, 25, 30, 50 or 60")
+    require_side(request.side)
+    request.paths(request.out)      # refuses a low rank in a format that has no place for it
+    relative_response = response_of_names(request.sensitivity, request.light)
+    image = open_rows(request.image)
+    require_bands(image.bands, relative_response)
+    white = np.ones(image.bands) if request.white is None \
+        else numbers(request.white, image.bands, "white")
+    return ImageSource(image, white.astype(np.float32), relative_response,
+                       of_families(load_prior(), request.families), request.noise, request.side)
+
+
+def uplift_summary(request: UpliftRequest, plan: SpectraPlan, paths: dict[str, Path], pixels: int,
+                   outside: int) -> tuple[dict[str, Any], str]:
+    """JSON object and text of an image whose spectra are written.
+
+    Parameters
+    ----------
+    request : UpliftRequest
+    plan : SpectraPlan
+    paths : dict
+        Names to files.
+    pixels : int
+        Of the image.
+    outside : int
+        Pixels with a band outside 0 to 1.
+    """
+    mean_nm, deviation_nm = plan.kept.nm
+    facts = {**{name: str(path) for name, path in paths.items()},
+             "pixels": pixels, "outside_0_to_1": outside / pixels,
+             "wavelengths_nm": mean_nm.tolist(), "standard_deviation_nm": deviation_nm.tolist(),
+             "pixel_type": request.layout.pixel_type}
+    text = f"wrote {' and '.join(str(path) for path in paths.values())}; "
+    if plan.low_rank is not None and plan.errors is not None:
+        facts |= {"coefficients": len(plan.low_rank.basis) - 1, "errors": plan.errors}
+        mean, deviation = plan.errors["mean"], plan.errors["standard_deviation"]
+        text += (f"the low rank costs {mean['rms']} rms of the mean, {mean['largest']} at most, "
+                 f"and {deviation['rms']} and {deviation['largest']} of the standard deviation "
+                 f"(over {plan.errors['pixels']} pixels); ")
+    return facts, text + (f"{100 * outside / pixels:.1f} % of pixels lie outside what a "
+                          "reflectance between 0 and 1 can give and were taken at the edge")
