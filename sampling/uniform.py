@@ -16,13 +16,14 @@ from spectrabox.sampling.measurement import (
     nearest_coefficients,
     spline_operator,
 )
+from spectrabox.sampling.polytope import circuit_hit_and_run
 from spectrabox.sampling.polytope.tilt import check_operator, max_entropy_tilt
 from spectrabox.sampling.polytope.tilted_rejection import METHOD, sample_polytope
 from spectrabox.sampling.prior.mixture import GRID, LogitMixture
 
 # how far an unreachable signal is moved into what can be reached
 TOWARDS_GREY = (0.002, 0.01, 0.03, 0.1)
-BULK = 20_000       # draws from which compiled hit-and-run is the faster
+BULK = 20_000       # draws from which hit-and-run is the faster
 MAX_BANDS = 5       # beyond which hit-and-run is the faster for any number of draws
 
 
@@ -85,6 +86,4 @@ def into_reach(operator: MeasurementOperator) -> tuple[MeasurementOperator, floa
 def _draw(operator: MeasurementOperator, draws: int, seed: int) -> tuple[CoefficientDraws, str]:
     if (draws < BULK and len(operator.y) <= MAX_BANDS) or operator.noise_covariance.any():
         return sample_polytope(operator, draws, seed), METHOD
-    from spectrabox.sampling.polytope import circuit_hit_and_run as bulk  # numba: 0.3 s to import
-
-    return bulk.sample_in_bulk(operator, draws, seed), bulk.METHOD
+    return circuit_hit_and_run.sample_in_bulk(operator, draws, seed), circuit_hit_and_run.METHOD

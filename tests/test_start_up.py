@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 # Each takes a tenth of a second to seconds to import.
 HEAVY = {"numpy", "scipy", "cv2", "colour", "matplotlib", "mitsuba", "drjit", "OpenImageIO",
-         "rawpy", "exifread", "numba", "sklearn", "pydantic", "jinja2", "rich", "serial", "pandas"}
+         "rawpy", "exifread", "sklearn", "pydantic", "jinja2", "rich", "serial", "pandas"}
 # Parts of SciPy that take as long; the rest comes with scipy.special.
 HEAVY_SCIPY = {"scipy.stats", "scipy.linalg", "scipy.optimize", "scipy.sparse", "scipy.interpolate"}
 PHOTOS = {"cv2", "OpenImageIO", "rawpy", "exifread"}

@@ -20,7 +20,7 @@ from benchmarks.planted.chosen_tests import ROOT
 from benchmarks.planted.mistake import Mistake
 
 LIBRARIES = ("numpy", "scipy.optimize", "scipy.stats", "scipy.linalg", "scipy.interpolate", "cv2",
-             "numba", "sklearn.mixture", "colour", "matplotlib.pyplot", "pydantic", "rawpy",
+             "sklearn.mixture", "colour", "matplotlib.pyplot", "pydantic", "rawpy",
              "OpenImageIO", "typer", "rich", "pytest")
 NOT_RUN = (4, 5)        # exit codes of pytest: used wrongly, no tests found
 LEFT_BEHIND = shutil.ignore_patterns(".git", ".venv", "build", ".mypy_cache", ".ruff_cache",

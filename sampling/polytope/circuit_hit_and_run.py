@@ -1,5 +1,4 @@
-"""Uniform draws of a polytope in bulk: circuit hit-and-run, compiled, from exact independent
-starts.
+"""Uniform draws of a polytope in bulk: circuit hit-and-run from exact independent starts.
 
 Every chain starts at an independent exact draw (`tilted_rejection`), so every output is exactly
 uniform up to single precision; chains that share a start are correlated only through what the
@@ -26,11 +25,11 @@ from spectrabox.sampling.polytope.tilted_rejection import collect, tilted_propos
 
 METHOD = "uniform (circuit hit-and-run)"
 STARTS = 1024
-SEED_LIMIT = 2**32 - 1
+CHAINS = 4096           # at a time: the coefficients of more would leave the processor's cache
 
 
-def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int, steps: int | None = None,
-                   parallel: bool = True) -> CoefficientDraws:
+def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int,
+                   steps: int | None = None) -> CoefficientDraws:
     """Draw from {A c = y, 0 <= c <= 1} uniformly, many at a time.
 
     Parameters
@@ -38,11 +37,9 @@ def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int, steps: 
     operator : MeasurementOperator
         Without noise.
     draws, seed : int
-        T; the same seed gives the same draws bit for bit, on any number of cores.
+        T; the same seed gives the same draws bit for bit.
     steps : int, optional
         Of every chain; by default enough to forget the start.
-    parallel : bool
-        Over all cores.
 
     Raises
     ------
@@ -58,7 +55,7 @@ def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int, steps: 
     tilt = max_entropy_tilt(operator)
     order, circuits = plan_moves(operator, tilt, rng, steps)
     starts = collect(tilted_proposals(operator, tilt, rng), min(STARTS, draws))[0]
-    coefficients = run_chains(starts, circuits, order, draws, rng, parallel)
+    coefficients = run_chains(starts, circuits, order, draws, rng)
     diagnosis = diagnose(starts, coefficients)
     if draws >= STARTS:
         refuse_poor(diagnosis, draws)
@@ -76,19 +73,42 @@ def plan_moves(operator: MeasurementOperator, tilt: Tilt, rng: np.random.Generat
 
 
 def run_chains(starts: np.ndarray, circuits: Circuits, order: np.ndarray, draws: int,
-               rng: np.random.Generator, parallel: bool) -> np.ndarray:
-    """Ends (T, N) of ``draws`` chains that go through the schedule from the starts (n, N), reused
-    in turn.
-    """
-    from spectrabox.sampling.polytope import circuit_kernels as kernels
+               rng: np.random.Generator) -> np.ndarray:
+    """Ends of chains that make the same moves, each with random lengths of its own.
 
-    blocks = -(-draws // kernels.CHAINS)
-    states = rng.integers(1, SEED_LIMIT, (blocks, kernels.CHAINS), dtype=np.uint32)
-    weyls = rng.integers(0, SEED_LIMIT, blocks, dtype=np.uint32)
-    out = np.empty((blocks, starts.shape[1], kernels.CHAINS), np.float32)
-    run = kernels.run_parallel if parallel else kernels.run_serial
-    # kernels then read a short table that stays in the cache
-    used, where = np.unique(order, return_inverse=True)
-    run(np.ascontiguousarray(starts.T, dtype=np.float32), circuits.members[used],
-        circuits.components[used], where, states, weyls, out)
-    return kernels.chains_as_rows(out, draws)
+    Given the schedule the chains are independent: a move is along one circuit, to a point uniform
+    on the part of that line within the box.
+
+    Parameters
+    ----------
+    starts : (n, N) array
+        Where chains start: reused in turn.
+    circuits : Circuits
+    order : (steps,) array
+        Indices of the circuits, from `plan_moves`.
+    draws : int
+        T, the number of chains.
+    rng : Generator
+
+    Returns
+    -------
+    (T, N) array
+    """
+    members = circuits.members[order]
+    components = circuits.components[order, :, None].astype(np.float32)
+    ends = np.empty((draws, starts.shape[1]))
+    by_coefficient = np.ascontiguousarray(starts.T, dtype=np.float32)
+    for first in range(0, draws, CHAINS):
+        count = min(CHAINS, draws - first)
+        c = by_coefficient[:, np.arange(first, first + count) % len(starts)]
+        for touched, component in zip(members, components, strict=True):
+            x = c[touched]
+            to_zero = x / -component
+            to_one = to_zero + 1 / component
+            length = np.minimum(to_zero, to_one).max(axis=0)
+            longest = np.maximum(to_zero, to_one).min(axis=0)
+            length += (longest - length) * rng.random(count, dtype=np.float32)
+            x += component * length
+            c[touched] = np.clip(x, 0, 1, out=x)    # round-off could leave the box
+        ends[first:first + count] = c.T
+    return ends
