@@ -31,9 +31,9 @@ from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.replay import Truth, replay
 from spectrabox.reconstruct.scene.moved_light import with_light_moved
 from spectrabox.reconstruct.tracer.transport import TracedTransport, trace_transport
-from spectrabox.sampling.measurement import response_on
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.prior.summaries import summaries
+from spectrabox.sampling.spline_measurement import response_on
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.rehearsal import Rehearsed, prepared
@@ -96,7 +96,7 @@ class Faulty(Rehearsed):
         prior, truth = self.priors[name], self.truths[name]
         seen = [measurement_of(self.calibrations, joint, joint.materials.index(name))
                 for joint in joints]
-        bands = summaries(prior, response_on(seen[0], GRID),
+        bands = summaries(prior, response_on(seen[0], PRIOR_GRID),
                           np.array([one.signal for one in seen]),
                           {"all": np.array([one.noise_covariance for one in seen])}, LEVEL)
         inside = (truth >= bands.lower) & (truth <= bands.upper)

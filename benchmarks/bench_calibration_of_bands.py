@@ -21,18 +21,18 @@ from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.sampling.judge.certificate import Certificate, certify
-from spectrabox.sampling.judge.scores import rmse
-from spectrabox.sampling.measurement import spline_operator
+from spectrabox.sampling.judge.spectrum_scores import rmse
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
-from spectrabox.sampling.prior.calibration import AT_95, judge, prior_without
-from spectrabox.sampling.prior.families.catalogue import FAMILIES
+from spectrabox.sampling.prior.band_calibration import AT_95, judge, prior_without
+from spectrabox.sampling.prior.families.family_models import FAMILIES
 from spectrabox.sampling.prior.libraries import (
     ReflectanceLibrary,
     read_library,
     without_near_duplicates,
 )
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
 from spectrabox.sampling.prior.training import enriched, fit_mixture, fitted_families, parts_of
+from spectrabox.sampling.spline_measurement import spline_operator
 from spectrabox.sampling.uniform import into_reach
 
 TRAINING = {"cassava": "earth", "kremer_pigments": "paint", "ntu_watercolour": "paint",
@@ -43,12 +43,13 @@ PEERS = ("Otsu 2018", "Smits 1999", "Mallett 2019")
 def response_of(camera: str, light: str) -> np.ndarray:
     """Response (K, 61)."""
     fine = visible_grid(1)
-    return relative_response(camera, light, fine) @ interpolation_matrix(GRID.nm, fine.nm)
+    return relative_response(camera, light, fine) @ interpolation_matrix(PRIOR_GRID.nm, fine.nm)
 
 
 def eight_bands() -> np.ndarray:
     """Response (8, 61) of Gaussian bands of 15 nm, every 40 nm."""
-    bands = np.exp(-0.5 * ((GRID.nm - np.arange(410, 700, 40)[:, None]) / 15)**2) * GRID.weights_nm
+    bands = np.exp(-0.5 * ((PRIOR_GRID.nm - np.arange(410, 700, 40)[:, None]) / 15)**2) \
+        * PRIOR_GRID.weights_nm
     return bands / bands.sum(axis=1, keepdims=True)
 
 
@@ -81,7 +82,7 @@ def in_domain(libraries: list[ReflectanceLibrary], response: np.ndarray) -> Cert
     # seen.
     factors = np.array([np.quantile(scores, level)
                         for scores, level in zip(judged.scores, prior.levels, strict=True)])
-    flat = factors[None, :, None] * np.ones(GRID.nm.size)
+    flat = factors[None, :, None] * np.ones(PRIOR_GRID.nm.size)
     widest = np.quantile(judged.scores[AT_95].max(axis=1), 0.95) / factors[AT_95]
     exact = replace(prior, band_factors=flat, stated_factors=flat, curve_factor=float(widest))
     return certify(exact, ReflectanceLibrary("in-domain third", third, {}), response)
@@ -91,10 +92,10 @@ def uniform_row(reflectances: np.ndarray, response: np.ndarray) -> tuple[float, 
     """RMSE of the mean and 95 % coverage of exact uniform draws at N = 7."""
     from spectrabox.radiometry.bspline import basis_matrix
 
-    basis = basis_matrix(GRID.nm, 7)
+    basis = basis_matrix(PRIOR_GRID.nm, 7)
     errors, held = [], []
     for curve in reflectances:
-        measured = SpectralMeasurement(GRID, response, response @ curve, np.zeros((3, 3)))
+        measured = SpectralMeasurement(PRIOR_GRID, response, response @ curve, np.zeros((3, 3)))
         operator, _ = into_reach(spline_operator(measured, 7))
         spectra = sample_polytope(operator, 1000, 0).coefficients @ basis.T
         lower, upper = np.quantile(spectra, [0.025, 0.975], axis=0)
@@ -105,7 +106,7 @@ def uniform_row(reflectances: np.ndarray, response: np.ndarray) -> tuple[float, 
 
 def peers(reflectances: np.ndarray, observer: np.ndarray) -> dict[str, float]:
     """RMSE of other authors' single spectra."""
-    return {method: float(np.mean([rmse(upsampled(observer @ curve, GRID, method),
+    return {method: float(np.mean([rmse(upsampled(observer @ curve, PRIOR_GRID, method),
                                         curve) for curve in reflectances])) for method in PEERS}
 
 
@@ -139,7 +140,7 @@ def main() -> None:
         libraries = [read_library(arguments.data / "reflectance" / name) for name in TRAINING]
         priors = left_out_priors(libraries)
     never = [ReflectanceLibrary(name, values[np.all((values >= 0) & (values <= 1), axis=1)], {})
-             for name, values in test_reflectances(GRID).items()]
+             for name, values in test_reflectances(PRIOR_GRID).items()]
     rows = []
     for library in (*libraries, *never):
         judged = some(library, arguments.most)
@@ -153,9 +154,9 @@ def main() -> None:
     noisy = [{**facts(certify(prior, some(ReflectanceLibrary(name, values, {}), arguments.most),
                               matrix, noise)), "bands": len(matrix)}
              for name, values in (("BabelColor Average",
-                                   test_reflectances(GRID)["BabelColor Average"]),
+                                   test_reflectances(PRIOR_GRID)["BabelColor Average"]),
                                   ("NIST CQS test colours",
-                                   test_reflectances(GRID)["NIST CQS test colours"]))
+                                   test_reflectances(PRIOR_GRID)["NIST CQS test colours"]))
              for matrix in (response, eight_bands()) for noise in (0.0, 0.003, 0.01, 0.03)]
     inside = facts(in_domain(libraries, response)) if libraries else None
     if arguments.json:

@@ -16,13 +16,19 @@ import numpy as np
 
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
-from spectrabox.sampling.prior.mixture import EDGE, GRID, LogitMixture, load_prior, of_families
-from spectrabox.sampling.prior.posterior import calibrated_bands, posterior
+from spectrabox.sampling.prior.mixture import (
+    EDGE,
+    PRIOR_GRID,
+    LogitMixture,
+    load_prior,
+    of_families,
+)
+from spectrabox.sampling.prior.mixture_posterior import calibrated_bands, posterior
 
 from benchmarks.other_surfaces import OTHERS
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
-TENTHS = np.array_split(np.arange(GRID.nm.size), 10)
+TENTHS = np.array_split(np.arange(PRIOR_GRID.nm.size), 10)
 BRIGHT = 0.6
 
 
@@ -31,11 +37,11 @@ def earlier_prior(path: Path) -> LogitMixture:
     with np.load(path) as stored:
         arrays = {name: np.asarray(stored[name]) for name in stored.files}
     families = tuple(arrays["families"].tolist()) if "families" in arrays else ("any",)
-    shape = (len(families), arrays["levels"].size, GRID.nm.size)
+    shape = (len(families), arrays["levels"].size, PRIOR_GRID.nm.size)
     factors = arrays["band_factors"].astype(float)
     factors = factors if factors.ndim == 3 else np.broadcast_to(factors[:, None], shape)
     return LogitMixture(
-        GRID.nm, arrays["weights"], arrays["means"].astype(float),
+        PRIOR_GRID.nm, arrays["weights"], arrays["means"].astype(float),
         arrays["covariances"].astype(float), families,
         arrays.get("family", np.zeros(arrays["weights"].size)), arrays["levels"], factors,
         arrays.get("stated_factors", factors).astype(float), float(arrays["curve_factor"]),
@@ -69,7 +75,7 @@ def rows_of(prior: LogitMixture, response: np.ndarray, count: int,
             if family in prior.families else None
         rows.append({"name": f"simulated {make.__name__}", "stated": stated}
                     | judged(prior, response, truth))
-    for name, values in test_reflectances(GRID).items():
+    for name, values in test_reflectances(PRIOR_GRID).items():
         truth = values[np.all((values >= 0) & (values <= 1), axis=1)]
         halves = {f"{name}, even half": truth[::2], f"{name}, odd half": truth[1::2]} \
             if name == "CES99" else {name: truth}
@@ -101,7 +107,7 @@ def main() -> None:
     arguments = parser.parse_args()
     fine = visible_grid(1)
     response = relative_response(arguments.sensitivity, arguments.light, fine) \
-        @ interpolation_matrix(GRID.nm, fine.nm)
+        @ interpolation_matrix(PRIOR_GRID.nm, fine.nm)
     priors = {"before": earlier_prior(arguments.before)} if arguments.before else {}
     priors["after"] = load_prior()
     tables = {name: rows_of(prior, response, arguments.count, arguments.seed)

@@ -39,7 +39,7 @@ from spectrabox.radiometry.records import Quantity, SpectralMeasurement, Spectru
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import table_text
-from spectrabox.sampling.prior.draws import sample_prior
+from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.summary import summarise
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import FinishedRun, run_stages

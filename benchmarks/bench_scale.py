@@ -24,7 +24,7 @@ import OpenImageIO as oiio
 from spectrabox.fixtures.demo_session import write_demo_session
 from spectrabox.fixtures.flat_demo import write_flat_demo
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.signals.signal_options import response_of_names
 
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"
@@ -117,7 +117,7 @@ def uplift(image: str, out: str, form: str, low_rank: str, by: str, marks: str) 
 
 def write_repeated(path: Path, height: int, width: int) -> None:
     """An EXR of tiles, all alike: a chart of measured reflectances, shaded, with 1 % of noise."""
-    reflectances = next(iter(test_reflectances(GRID).values()))[:24]
+    reflectances = next(iter(test_reflectances(PRIOR_GRID).values()))[:24]
     patches = np.clip(reflectances, 0, 1) @ response_of_names(CAMERA, LIGHT).T
     at = np.arange(TILE)
     tile = patches.reshape(4, 6, 3)[at[:, None] * 4 // TILE, at * 6 // TILE]

@@ -17,7 +17,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.signals.signal_options import response_of_names
 
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"
@@ -26,7 +26,7 @@ ROWS = 64
 
 def write_picture(path: Path, height: int, width: int) -> None:
     """A chart of measured reflectances as the camera sees it, some rows at a time."""
-    reflectances = next(iter(test_reflectances(GRID).values()))[:24]
+    reflectances = next(iter(test_reflectances(PRIOR_GRID).values()))[:24]
     patches = np.clip(reflectances, 0, 1) @ response_of_names(CAMERA, LIGHT).T
     columns = patches.reshape(4, 6, 3)[:, np.arange(width) * 6 // width]
     shade = 0.7 + 0.3 * np.cos(6 * np.arange(width) / width)[:, None]

@@ -10,7 +10,7 @@ import functools
 import numpy as np
 
 from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
-from spectrabox.radiometry.published.tables import LIGHTS, OBSERVERS, published_curves
+from spectrabox.radiometry.published.published_tables import LIGHTS, OBSERVERS, published_curves
 
 WITHIN_NM = (360.0, 780.0)
 # X, Y, Z to linear sRGB, IEC 61966-2-1:1999.

@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.published.tables import CHARTS, published_curves
+from spectrabox.radiometry.published.published_tables import CHARTS, published_curves
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import on_grid

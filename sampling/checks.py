@@ -10,16 +10,25 @@ from spectrabox.radiometry.records import SpectralMeasurement
 ALIKE = 1e-6    # smallest singular value of the bands' directions: below, two bands respond alike
 
 
-def check_measurement(measurement: SpectralMeasurement, draws: int) -> None:
-    """Raise unless a measurement and a number of draws can be sampled.
+def check_draw_count(draws: int) -> None:
+    """Raise unless at least one draw is asked for.
+
+    Raises
+    ------
+    InputError
+    """
+    if draws < 1:
+        raise InputError(f"{draws} draws were asked for; ask for at least 1")
+
+
+def check_measurement(measurement: SpectralMeasurement) -> None:
+    """Raise unless a measurement can be sampled: finite numbers, a covariance, distinct bands.
 
     Raises
     ------
     InputError
         With what is wrong.
     """
-    if draws < 1:
-        raise InputError(f"{draws} draws were asked for; ask for at least 1")
     for name, values in (("response", measurement.relative_response),
                          ("signal", measurement.signal),
                          ("noise", measurement.noise_covariance)):

@@ -11,44 +11,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import SpectralMeasurement
-from spectrabox.sampling.measurement import response_on
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, reflectance
-from spectrabox.sampling.prior.posterior import SIGNAL_FLOOR, MixturePosterior, posterior
+from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
+from spectrabox.sampling.prior.mixture_posterior import SIGNAL_FLOOR, MixturePosterior
 
 METAMERISM, FLOOR = "metamerism", "model floor"
 
 
-def error_budget(prior: LogitMixture, measurement: SpectralMeasurement,
-                 causes: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Variance (P,) of the reflectance by cause, at the most probable component of the prior.
-
-    Parameters
-    ----------
-    causes : dict of (K, K) arrays
-        Covariances whose sum is the measurement's noise covariance, by name.
-
-    Raises
-    ------
-    InputError
-        If they do not add up.
-    """
-    total = sum(causes.values(), np.zeros_like(measurement.noise_covariance))
-    if np.abs(total - measurement.noise_covariance).max() > 1e-9 + 1e-6 * np.abs(total).max():
-        raise InputError("the covariances by cause do not add up to the noise covariance of the "
-                         "measurement")
-    relative_response = response_on(measurement, GRID)
-    mixture = posterior(prior, relative_response, measurement.signal[None],
-                        measurement.noise_covariance)
-    budgets = error_budgets(prior, relative_response, mixture,
-                            {name: covariance[None] for name, covariance in causes.items()})
-    return {name: variance[0] for name, variance in budgets.items()}
-
-
 def error_budgets(prior: LogitMixture, relative_response: np.ndarray, mixture: MixturePosterior,
                   causes: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Variances (T, P) of the reflectances of T signals by cause, as `error_budget` has them.
+    """Variances (T, P) of the reflectances of T signals by cause, at the most probable component of
+    each.
 
     Parameters
     ----------

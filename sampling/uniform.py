@@ -9,17 +9,17 @@ import numpy as np
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.checks import check_measurement
-from spectrabox.sampling.measurement import (
+from spectrabox.sampling.checks import check_draw_count, check_measurement
+from spectrabox.sampling.polytope import circuit_hit_and_run
+from spectrabox.sampling.polytope.tilt import check_operator, max_entropy_tilt
+from spectrabox.sampling.polytope.tilted_rejection import METHOD, sample_polytope
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.spline_measurement import (
     CoefficientDraws,
     MeasurementOperator,
     nearest_coefficients,
     spline_operator,
 )
-from spectrabox.sampling.polytope import circuit_hit_and_run
-from spectrabox.sampling.polytope.tilt import check_operator, max_entropy_tilt
-from spectrabox.sampling.polytope.tilted_rejection import METHOD, sample_polytope
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture
 
 # how far an unreachable signal is moved into what can be reached
 TOWARDS_GREY = (0.002, 0.01, 0.03, 0.1)
@@ -29,11 +29,12 @@ MAX_BANDS = 5       # beyond which hit-and-run is the faster for any number of d
 
 def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coefficients: int,
                    prior: LogitMixture | None = None) -> SpectrumSamples:
-    """Splines drawn uniformly from all that give the signal; see `sampling.methods.draw_spectra`.
+    """Draw splines uniformly from all that give the signal; see `draw_methods.draw_spectra`.
 
     ``prior`` is not used: the coefficients are uniform in [0, 1].
     """
-    check_measurement(measurement, draws)
+    check_measurement(measurement)
+    check_draw_count(draws)
     operator, moved = into_reach(spline_operator(measurement, coefficients))
     coefficient_draws, method = _draw(operator, draws, seed)
     outcome, sentence = coefficient_draws.outcome, coefficient_draws.outcome.value
@@ -48,9 +49,9 @@ def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coef
 def as_spectra(draws: CoefficientDraws, method: str, seed: int, outcome: Outcome,
                sentence: str) -> SpectrumSamples:
     """The draws as spectra at 400, 405 ... 700 nm."""
-    spectra = draws.coefficients @ basis_matrix(GRID.nm, draws.coefficients.shape[1]).T
+    spectra = draws.coefficients @ basis_matrix(PRIOR_GRID.nm, draws.coefficients.shape[1]).T
     spectra.flags.writeable = False     # nobody else has them: the record need not copy
-    return SpectrumSamples(GRID, spectra, draws.coefficients, method, draws.effective_samples,
+    return SpectrumSamples(PRIOR_GRID, spectra, draws.coefficients, method, draws.effective_samples,
                            seed, outcome, sentence)
 
 

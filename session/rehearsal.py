@@ -32,10 +32,9 @@ from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.replay import Stage, Truth, replay, set_stage
-from spectrabox.sampling.prior.draws import prior_spectra
 from spectrabox.sampling.prior.families.truths import true_reflectances
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
+from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import load_finished, stage_states
 from spectrabox.session.stages.error_budget import measurement_of, scale_covariances
@@ -176,8 +175,8 @@ class Rehearsed:
         scores = []
         for name, prior in self.priors.items():
             measurement = measurement_of(self.calibrations, again, again.materials.index(name))
-            draws = prior_spectra(measurement, DRAWS, int(rng.integers(1 << 31)), prior)
-            scores.append(_scores(draws.spectra, self.truths[name][number],
+            spectra = solve_posterior(prior, measurement).draws(DRAWS, int(rng.integers(1 << 31)))
+            scores.append(_scores(spectra, self.truths[name][number],
                                   self.config.sampling.level))
         return scores
 

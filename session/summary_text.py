@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.sampling.prior.certified import certified_sentence, mostly_in_doubt
+from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt
 from spectrabox.session.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.pictures.picture_results import picture_facts
 from spectrabox.session.report.numbers import family_facts

@@ -3,14 +3,14 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances, typical_camera_signals
+from spectrabox.radiometry.charts.excluded_patches import left_out
 from spectrabox.radiometry.charts.layout_names import LAYOUT_NAMES
 from spectrabox.radiometry.charts.layouts import LAYOUTS, chart_layout
-from spectrabox.radiometry.charts.left_out import left_out
 from spectrabox.radiometry.charts.references import measured_chart, reference_reflectances
 from spectrabox.radiometry.charts.table_order import AS_ASKED, order_correlations, table_orders
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.published.tables import published_colours
+from spectrabox.radiometry.published.published_tables import published_colours
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.cgats import sp_text
 from spectrabox.radiometry.spectra.spectrum_files import read_table, table_text

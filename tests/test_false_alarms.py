@@ -22,8 +22,8 @@ from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.sampling.further import more_measurements
 from spectrabox.sampling.further.conditioning import Reading
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful
-from spectrabox.sampling.prior.mixture import GRID, load_prior, reflectance
-from spectrabox.sampling.prior.posterior import novelty, posterior, with_floor
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, reflectance
+from spectrabox.sampling.prior.mixture_posterior import novelty, posterior, with_floor
 
 SIGNIFICANCE = 1e-4
 SIGMAS = stats.norm.isf(SIGNIFICANCE / 2)
@@ -42,9 +42,9 @@ def assert_share(flags, expected):
 def test_how_surprising_a_signal_of_the_prior_is_follows_chi_square(bands, error):
     rng, spread = np.random.default_rng(31), 0.05 ** 2 * SMOOTH
     # logits so near to 0 that the reflectance is linear in them
-    known = mixture_of(GRID.nm, [1.0], np.zeros((1, GRID.nm.size)), [spread])
-    measured = seen(np.full(GRID.nm.size, 0.5), error, bands)
-    truths = reflectance(rng.multivariate_normal(np.zeros(GRID.nm.size), spread, 1500))
+    known = mixture_of(PRIOR_GRID.nm, [1.0], np.zeros((1, PRIOR_GRID.nm.size)), [spread])
+    measured = seen(np.full(PRIOR_GRID.nm.size, 0.5), error, bands)
+    truths = reflectance(rng.multivariate_normal(np.zeros(PRIOR_GRID.nm.size), spread, 1500))
     covariance = with_floor(measured.noise_covariance)
     signals = truths @ measured.relative_response.T \
         + rng.multivariate_normal(np.zeros(bands), covariance, len(truths))
@@ -58,15 +58,15 @@ def test_how_surprising_a_signal_of_the_prior_is_follows_chi_square(bands, error
                                        ((430.0, 560.0, 650.0), 0.03)])
 def test_a_reading_is_doubted_as_often_as_stated(monkeypatch, nm, level):
     monkeypatch.setattr(more_measurements, "CONTRADICTION", level)
-    rng, middle = np.random.default_rng(32), np.full(GRID.nm.size, 0.5)
+    rng, middle = np.random.default_rng(32), np.full(PRIOR_GRID.nm.size, 0.5)
     drawn = rng.multivariate_normal(middle, 0.05**2 * SMOOTH, 1500)
     # what the other measurements and the prior let expect: here known exactly
     monkeypatch.setattr(more_measurements, "joined", lambda base, more: base)
-    monkeypatch.setattr(more_measurements, "prior_spectra",
-                        lambda *_: SimpleNamespace(spectra=drawn))
+    monkeypatch.setattr(more_measurements, "solve_posterior",
+                        lambda *_: SimpleNamespace(draws=lambda count, seed: drawn))
     base, errors, doubts = seen(middle, 0.01), np.linspace(0.02, 0.04, len(nm)), []
     for truth in rng.multivariate_normal(middle, 0.05**2 * SMOOTH, 500):
-        values = np.interp(nm, GRID.nm, truth) + errors * rng.standard_normal(len(nm))
+        values = np.interp(nm, PRIOR_GRID.nm, truth) + errors * rng.standard_normal(len(nm))
         readings = tuple(Reading.at_wavelength(*each) for each in zip(nm, values, errors,
                                                                       strict=True))
         doubts.append(bool(doubtful(base, [MoreMeasurement("the spot", readings)], None, 1)))
@@ -86,7 +86,7 @@ def test_a_reading_of_a_surface_of_the_shipped_prior_is_doubted_about_as_often(m
                                                     known.covariances[family]))
         base = seen(truth, error)
         base = dataclasses.replace(base, signal=base.signal + error * rng.standard_normal(3))
-        values = np.interp(nm, GRID.nm, truth) + error * rng.standard_normal(3)
+        values = np.interp(nm, PRIOR_GRID.nm, truth) + error * rng.standard_normal(3)
         readings = tuple(Reading.at_wavelength(at, value, error)
                          for at, value in zip(nm, values, strict=True))
         doubts.append(bool(doubtful(base, [MoreMeasurement("the spot", readings)], known, seed)))

@@ -21,7 +21,7 @@ from spectrabox.sampling.prior.families.kubelka_munk import (
     reflectance_of,
 )
 from spectrabox.sampling.prior.families.truths import true_reflectances
-from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 
 FAMILIES = {made.__name__: made for made in (
     skin.skin, skin.skin_in_two_fluxes, skin.skin_by_absorbance, leaves.leaves, leaves.petals,
@@ -32,7 +32,7 @@ FAMILIES = {made.__name__: made for made in (
 @pytest.mark.parametrize("name", FAMILIES)
 def test_a_family_gives_reflectances_and_the_same_ones_for_the_same_seed(name):
     made = FAMILIES[name](np.random.default_rng(3), 400)
-    assert made.shape == (400, GRID.nm.size)
+    assert made.shape == (400, PRIOR_GRID.nm.size)
     assert np.all((made > 0) & (made < 1))
     np.testing.assert_array_equal(made, FAMILIES[name](np.random.default_rng(3), 400))
 
@@ -57,8 +57,8 @@ def test_the_surface_transmits_what_fresnel_says_head_on():
 
 
 def test_a_leaf_without_pigment_reflects_or_transmits_all_light():
-    index = np.full(GRID.nm.size, 1.45)
-    r, t = leaves.leaf(np.array([[1.0], [1.7], [3.0]]), np.zeros((3, GRID.nm.size)), index)
+    index = np.full(PRIOR_GRID.nm.size, 1.45)
+    r, t = leaves.leaf(np.array([[1.0], [1.7], [3.0]]), np.zeros((3, PRIOR_GRID.nm.size)), index)
     # absorption is floored at 1e-6 a plate, met a few times over by light that is caught inside
     np.testing.assert_allclose(r + t, 1, atol=5e-5)
 
@@ -96,7 +96,7 @@ def test_a_layer_that_does_not_absorb_reflects_or_transmits_all_light():
 
 def test_pigments_of_plants_absorb_where_they_are_known_to():
     rng = np.random.default_rng(3)
-    peak = {name: GRID.nm[make(rng, 500).argmax(axis=1)] for name, make in (
+    peak = {name: PRIOR_GRID.nm[make(rng, 500).argmax(axis=1)] for name, make in (
         ("chlorophyll", plant_tissue.chlorophyll), ("carotenoids", plant_tissue.carotenoids),
         ("anthocyanins", plant_tissue.anthocyanins))}
     # the red band of a is up to 0.95 of the blue one; with that of b it may be the highest
@@ -111,7 +111,7 @@ def test_pigments_of_plants_absorb_where_they_are_known_to():
 @pytest.mark.parametrize("make", [skin.skin, skin.skin_in_two_fluxes, skin.skin_by_absorbance])
 def test_skin_shows_the_two_bands_of_oxygenated_blood(make):
     made = np.log(make(np.random.default_rng(1), 2000))
-    at = {nm: made[:, np.flatnonzero(GRID.nm == nm)[0]]
+    at = {nm: made[:, np.flatnonzero(PRIOR_GRID.nm == nm)[0]]
           for nm in (510, 540, 560, 575, 590, 600, 650)}
     oxygenated = at[560] - (at[540] + at[575]) / 2      # the hump between the bands
     assert np.mean(oxygenated > 0) > 0.8
@@ -127,7 +127,7 @@ def test_dyes_add_as_absorption_does():
 
 def test_a_halftone_of_one_power_lies_between_its_overprints(monkeypatch):
     rng = np.random.default_rng(6)
-    inks = tuple(np.exp(-((GRID.nm - nm) / 40)**2)[None] for nm in (620, 540, 440, 550))
+    inks = tuple(np.exp(-((PRIOR_GRID.nm - nm) / 40)**2)[None] for nm in (620, 540, 440, 550))
     monkeypatch.setattr(printing, "_inks", lambda rng, count: inks)
     monkeypatch.setattr(printing, "DENSEST", ((1.0, 1.0),) * 4)
     made = printing.halftone(rng, 300)
@@ -150,16 +150,17 @@ def test_rutile_absorbs_violet_and_nothing_else():
     assert np.all(np.diff(edge, axis=1) <= 0)
     assert edge[:, 0].min() > 0.5
     # 0.2 eV below the gap at most exp(-0.2 / 0.06) = 4 % of 3 are left at 440 nm
-    assert edge[:, GRID.nm >= 450].max() < 0.12
+    assert edge[:, PRIOR_GRID.nm >= 450].max() < 0.12
 
 
 def test_mixtures_of_grey_pigments_are_smooth_and_of_a_red_one_red():
-    red = np.where(GRID.nm < 590, 0.05, 0.8)
+    red = np.where(PRIOR_GRID.nm < 590, 0.05, 0.8)
     made = paint.pigment_mixtures(np.random.default_rng(4), 300, red[None])
     assert np.all(made[:, -1] > made[:, 20])
-    grey = paint.pigment_mixtures(np.random.default_rng(4), 300, np.full((2, GRID.nm.size), 0.3))
+    grey = paint.pigment_mixtures(np.random.default_rng(4), 300,
+                                  np.full((2, PRIOR_GRID.nm.size), 0.3))
     # rutile is gone above 450 nm, and black changes by a sixth from there to 700 nm
-    assert np.abs(np.diff(grey[:, GRID.nm > 450], axis=1)).max() < 0.01
+    assert np.abs(np.diff(grey[:, PRIOR_GRID.nm > 450], axis=1)).max() < 0.01
 
 
 def test_yellowing_makes_whites_fall_towards_the_blue():
@@ -206,7 +207,7 @@ def test_blood_in_vessels_absorbs_less_than_the_same_blood_spread_out(monkeypatc
             found.append(skin._layers(np.random.default_rng(3), 50)[1])
     spread, narrow, wide = found
     assert np.all(narrow < spread) and np.all(wide < narrow)
-    violet, red = GRID.nm.tolist().index(420), GRID.nm.tolist().index(680)
+    violet, red = PRIOR_GRID.nm.tolist().index(420), PRIOR_GRID.nm.tolist().index(680)
     assert np.all(wide[:, violet] / spread[:, violet] < wide[:, red] / spread[:, red])
 
 

@@ -16,7 +16,7 @@ from spectrabox.capture.meter.stated import (
     stated_by_xyz,
 )
 from spectrabox.fixtures.meter_transcripts import NO_FAULT, SPECTRUM_FAULTS, faulty_meters, lamp
-from spectrabox.radiometry.published.tables import LIGHTS, OBSERVERS, published_curves
+from spectrabox.radiometry.published.published_tables import LIGHTS, OBSERVERS, published_curves
 
 from tests.transcript_trials import spectrum_trial
 

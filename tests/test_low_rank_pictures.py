@@ -14,7 +14,7 @@ from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, merge_sur
 from spectrabox.measure.pictures.uplift import ImageSource, plan_image
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.low_rank import LowRank, stated_errors
-from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.session.pictures.low_rank_files import open_low_rank
 from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
 from spectrabox.session.signals.signal_options import response_of_names
@@ -35,7 +35,7 @@ def _few_surfaces():
 def picture(seed=0):
     """Signals (H, W, 3) of a few surfaces under light that falls off, exact in half floats."""
     matrix = response_of_names(CAMERA, LIGHT)
-    surfaces = np.array([matrix @ surface(GRID.nm, seed + each) for each in range(6)])
+    surfaces = np.array([matrix @ surface(PRIOR_GRID.nm, seed + each) for each in range(6)])
     shade = np.linspace(0.5, 1, HEIGHT)[:, None, None]
     return (surfaces[np.arange(WIDTH) % 6] * shade).astype(np.float16).astype(np.float32)
 
@@ -129,12 +129,12 @@ def test_others_find_arrays_and_names_in_the_group(low):
     mean = basis[0] + stored[3].astype(np.float32) @ basis[1:]      # as its attribute says
     # the same sums in another order
     np.testing.assert_allclose(mean, low[0].read(3, 4)[0][0], atol=1e-6)
-    assert group.attrs["mean_nm"] == GRID.nm[::2].tolist()
+    assert group.attrs["mean_nm"] == PRIOR_GRID.nm[::2].tolist()
     assert group["coefficients"].metadata.dimension_names == ("y", "x", "component")
 
 
 def source_of_bands(bands):
-    signals = np.array([response(bands)[1] @ surface(GRID.nm, seed) for seed in range(12)])
+    signals = np.array([response(bands)[1] @ surface(PRIOR_GRID.nm, seed) for seed in range(12)])
     image = signals.reshape(3, 4, bands).astype(np.float32)
     rows = PictureRows(3, 4, bands, lambda first, last: image[first:last])
     return ImageSource(rows, np.ones(bands, np.float32), response(bands)[1], load_prior(), 0.01, 5)

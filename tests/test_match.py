@@ -13,9 +13,9 @@ from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.sampling.further.planner import photo_candidate, ranked
 from spectrabox.sampling.judge.identification import ALIKE_NM, identify
-from spectrabox.sampling.prior.draws import sample_prior
 from spectrabox.sampling.prior.mixture import load_prior
-from spectrabox.sampling.prior.posterior import mean_and_spread, posterior, with_floor
+from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior, with_floor
+from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.session.cli import app
 
 GRID = visible_grid(5)

@@ -18,8 +18,7 @@ from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.pixels.light_nodes import LightNodes
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.prior.mixture import reflectance_moments
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, reflectance_moments
 from spectrabox.session.pictures import reference_surfaces as references
 from spectrabox.session.pictures import scene_light
 from spectrabox.session.pictures.reference_surfaces import ReferenceSurfaces

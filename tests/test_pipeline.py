@@ -10,8 +10,8 @@ import pytest
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
-from spectrabox.sampling.measurement import response_on
 from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
+from spectrabox.sampling.spline_measurement import response_on
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import (
     load_finished,

@@ -39,21 +39,21 @@ from spectrabox.calibrate.prior.prior_fit import (
 from spectrabox.calibrate.products.product_posterior import mixed
 from spectrabox.calibrate.sensitivity import fit_sensitivities
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.sampling.prior.calibration import AT_95, LeftOut, band_figures, judge
-from spectrabox.sampling.prior.draws import sample_prior
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, reflectance
-from spectrabox.sampling.prior.posterior import (
+from spectrabox.sampling.prior.band_calibration import AT_95, LeftOut, band_figures, judge
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance
+from spectrabox.sampling.prior.mixture_posterior import (
     SIGNAL_FLOOR,
     calibrated_bands,
     mean_and_spread,
     mixture_quantile,
     posterior,
 )
+from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.prior.training import LEVELS
-from spectrabox.sampling.scene.posterior import JointProblem, climb
+from spectrabox.sampling.scene.joint_posterior import JointProblem, climb
 
 SIGMAS = stats.norm.isf(0.5e-4)
-SMOOTH = 0.2 + 0.8 * np.exp(-np.abs(GRID.nm[:, None] - GRID.nm) / 60)
+SMOOTH = 0.2 + 0.8 * np.exp(-np.abs(PRIOR_GRID.nm[:, None] - PRIOR_GRID.nm) / 60)
 
 
 def mixture_of(nm, weights, means, covariances, factors=1.0):
@@ -309,7 +309,7 @@ def test_the_errors_of_spline_curves_do_not_hang_on_the_exposure(method):
 @pytest.mark.parametrize("factor", [1.0, 1.6])
 def test_the_calibrated_band_holds_95_per_cent_of_draws(factor):
     measured = seen(np.full(61, 0.5), 0.002)
-    known = mixture_of(GRID.nm, [1.0], np.zeros((1, 61)), [0.15**2 * SMOOTH], factor)
+    known = mixture_of(PRIOR_GRID.nm, [1.0], np.zeros((1, 61)), [0.15**2 * SMOOTH], factor)
     mixture = posterior(known, measured.relative_response, measured.signal[None],
                         measured.noise_covariance)
     _, [(lower, upper)] = calibrated_bands(known, mixture, (0.95,))
@@ -321,7 +321,7 @@ def test_the_calibrated_band_holds_95_per_cent_of_draws(factor):
 
 def test_a_certificate_says_what_the_calibrated_bands_do():
     measured, rng = seen(np.full(61, 0.5)), np.random.default_rng(11)
-    plain = mixture_of(GRID.nm, [1.0], np.zeros((1, 61)), [0.3**2 * SMOOTH])
+    plain = mixture_of(PRIOR_GRID.nm, [1.0], np.zeros((1, 61)), [0.3**2 * SMOOTH])
     truth = reflectance(rng.multivariate_normal(np.zeros(61), 0.6**2 * SMOOTH, 60))
     judgement = judge(plain, measured.relative_response, truth)
     part = LeftOut("a", "surface", True, False, len(truth), judgement, judgement)
@@ -427,7 +427,7 @@ def test_exposures_that_are_tied_differ_beforehand_by_what_ties_them():
 def test_draws_take_a_noisy_signal_as_far_back_to_the_prior_as_bayes_does():
     """One Gaussian of small spread about grey: the exact linear answer, signal and noise alike."""
     spread = 0.1**2 * SMOOTH
-    known = mixture_of(GRID.nm, [1.0], np.zeros((1, 61)), [spread])
+    known = mixture_of(PRIOR_GRID.nm, [1.0], np.zeros((1, 61)), [spread])
     truth = reflectance(0.25 * np.ones(61))
     measured = dataclasses.replace(seen(truth), noise_covariance=0.03**2 * np.eye(3))
     drawn = sample_prior(measured, 8000, 4, prior=known).spectra @ measured.relative_response.T

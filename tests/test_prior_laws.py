@@ -13,8 +13,8 @@ from test_posterior_laws import SMOOTH, mixture_of
 
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.sampling.judge.certificate import certify
-from spectrabox.sampling.judge.scores import best_scale
-from spectrabox.sampling.prior.calibration import (
+from spectrabox.sampling.judge.spectrum_scores import best_scale
+from spectrabox.sampling.prior.band_calibration import (
     AT_95,
     FAMILIAR,
     SLACK,
@@ -22,10 +22,10 @@ from spectrabox.sampling.prior.calibration import (
     LeftOut,
     calibrated,
 )
-from spectrabox.sampling.prior.drawn import _skewed
+from spectrabox.sampling.prior.calibrated_marginals import _skewed
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
-from spectrabox.sampling.prior.mixture import GRID, of_families, reflectance
-from spectrabox.sampling.prior.posterior import (
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, of_families, reflectance
+from spectrabox.sampling.prior.mixture_posterior import (
     MISFIT,
     USUAL_WIDTH,
     MixturePosterior,
@@ -39,8 +39,9 @@ from spectrabox.sampling.summary import READING_ERROR, next_measurement_nm
 
 def two_families():
     """A prior of two families, each of one component, whose factors are all different."""
-    plain = mixture_of(GRID.nm, [0.5, 0.5], np.zeros((2, GRID.nm.size)), [SMOOTH, 2 * SMOOTH])
-    factors = 1 + np.arange(2.0 * LEVELS.size * GRID.nm.size).reshape(2, LEVELS.size, -1)
+    plain = mixture_of(PRIOR_GRID.nm, [0.5, 0.5], np.zeros((2, PRIOR_GRID.nm.size)),
+                       [SMOOTH, 2 * SMOOTH])
+    factors = 1 + np.arange(2.0 * LEVELS.size * PRIOR_GRID.nm.size).reshape(2, LEVELS.size, -1)
     return dataclasses.replace(plain, families=("paint", "skin"), family=np.array([0, 1]),
                                band_factors=factors, stated_factors=factors**1.5)
 
@@ -65,8 +66,8 @@ def test_bands_of_a_stated_family_are_those_that_were_calibrated_so(name, row):
 
 
 def judgement(rng, scale, family, count=1200):
-    scores = scale * np.abs(rng.standard_normal((LEVELS.size, count, GRID.nm.size)))
-    return Judgement(0.0, scores, np.ones((LEVELS.size, GRID.nm.size)),
+    scores = scale * np.abs(rng.standard_normal((LEVELS.size, count, PRIOR_GRID.nm.size)))
+    return Judgement(0.0, scores, np.ones((LEVELS.size, PRIOR_GRID.nm.size)),
                      np.eye(2)[np.full(count, family)], rng.chisquare(3, count))
 
 
@@ -90,11 +91,12 @@ def test_calibrated_bands_hold_what_they_state_and_no_model_is_missed_much_more_
 
 def test_calibrated_bands_hold_what_they_state_where_some_wavelengths_are_harder():
     """Bands that are too narrow in the red: wider there, and no wider than needed over all."""
-    rng, harder = np.random.default_rng(42), np.linspace(0.4, 0.8, GRID.nm.size)
+    rng, harder = np.random.default_rng(42), np.linspace(0.4, 0.8, PRIOR_GRID.nm.size)
     found = judgement(rng, harder, 0)
     parts = [LeftOut("one", "paint", True, False, 1200, found, found)]
     known = calibrated(dataclasses.replace(
-        mixture_of(GRID.nm, [1.0], np.zeros((1, GRID.nm.size)), [SMOOTH]), families=("paint",)),
+        mixture_of(PRIOR_GRID.nm, [1.0], np.zeros((1, PRIOR_GRID.nm.size)), [SMOOTH]),
+        families=("paint",)),
         [dataclasses.replace(part, unstated=dataclasses.replace(
             found, shares=np.ones((1200, 1)))) for part in parts])
     inside = found.scores[AT_95] <= known.stated_factors[0, AT_95]
@@ -123,10 +125,10 @@ def test_a_certificate_refuses_as_many_signals_as_chance_lets_surprise(noise):
     """Dark truths of the prior's own, whose relative errors are those stated: chi-square of three
     bands, of which a fifth lies beyond the limit.
     """
-    rng, logits = np.random.default_rng(44), np.full((1, GRID.nm.size), -2.2)
+    rng, logits = np.random.default_rng(44), np.full((1, PRIOR_GRID.nm.size), -2.2)
     spread = 0.02**2 * SMOOTH
     known = dataclasses.replace(
-        mixture_of(GRID.nm, [1.0], logits, [spread]),
+        mixture_of(PRIOR_GRID.nm, [1.0], logits, [spread]),
         familiar_surprise=float(stats.chi2(3).isf(0.2)))
     truths = reflectance(rng.multivariate_normal(logits[0], spread, 1000))
     library = ReflectanceLibrary("dark", truths, {})
@@ -144,7 +146,7 @@ def test_a_misfit_of_four_standard_errors_is_allowed_or_half_a_per_cent(error):
 
 def test_a_band_of_the_usual_width_is_left_and_wider_ones_change_by_a_power():
     known = dataclasses.replace(two_families(), width_power=-0.3)
-    usual = USUAL_WIDTH / (2 * stats.norm.ppf(0.975)) * np.ones((3, GRID.nm.size))
+    usual = USUAL_WIDTH / (2 * stats.norm.ppf(0.975)) * np.ones((3, PRIOR_GRID.nm.size))
     found = width_factors(known, usual * np.array([[1.0], [2.0], [0.5]]))[:, 0]
     np.testing.assert_allclose(found, [1, 2**-0.3, 2**0.3], rtol=1e-6)
 

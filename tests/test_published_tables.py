@@ -7,7 +7,7 @@ from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.published.make_tables import tables_of_colour_science
-from spectrabox.radiometry.published.tables import (
+from spectrabox.radiometry.published.published_tables import (
     CHARTS,
     COLOURS,
     LIGHTS,

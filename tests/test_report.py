@@ -14,10 +14,10 @@ from report_example import SURFACES, WORST_RATIO, example_session
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.light_scale import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import CalibrationDoubt, Outcome, SurfaceMisfit
-from spectrabox.sampling.prior.certified import (
+from spectrabox.sampling.prior.family_coverage import (
     BandCertificate,
     FamilyCertificate,
-    FamilyStanding,
+    FamilyCoverage,
 )
 from spectrabox.session.report.maps import residual_limit, residual_maps
 from spectrabox.session.report.methods import methods_text
@@ -207,7 +207,7 @@ def test_how_a_family_was_certified_is_said_where_the_material_is_shown(tmp_path
     results = example_session(tmp_path)
     certificate = FamilyCertificate(False, 2, 600, BandCertificate(0.915, 0.193),
                                     BandCertificate(0.891, 0.164))
-    families = (FamilyStanding("textile", 0.7, False, certificate),)
+    families = (FamilyCoverage("textile", 0.7, False, certificate),)
     first = dataclasses.replace(results.materials[0], families=families)
     results = dataclasses.replace(results, materials=[first, *results.materials[1:]])
     page = written(results)

@@ -11,7 +11,7 @@ from spectrabox.calibrate.trust import chart_colour_differences
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.records import HeldOutPatches, PriorInfluence
 from spectrabox.radiometry.spectra.named_spectra import relative_response
-from spectrabox.sampling.prior.certified import FamilyStanding
+from spectrabox.sampling.prior.family_coverage import FamilyCoverage
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import render_report
 from spectrabox.session.report.safe_json import plain_values
@@ -49,7 +49,7 @@ def session(tmp_path_factory):
                             ("Maker <A>", "Maker B"), np.array([0.9, 0.1])))
     fit = dataclasses.replace(results.calibration.sensitivity, residuals=1 - predicted / measured,
                               held_out_residuals=1 - 1.01 * predicted / measured)
-    families = (FamilyStanding("paint", 0.7, False, None), FamilyStanding("earth", 0.3, False,
+    families = (FamilyCoverage("paint", 0.7, False, None), FamilyCoverage("earth", 0.3, False,
                                                                           None))
     material = dataclasses.replace(results.materials[0], families=families)
     return dataclasses.replace(results, chart=chart, materials=[material, *results.materials[1:]],

@@ -8,7 +8,8 @@ from sampling_cameras import camera, grey, measurement, response, seen, surface
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import Outcome
-from spectrabox.sampling.error_budget import METAMERISM, error_budget, sensitivity_covariance
+from spectrabox.sampling.draw_methods import draw_spectra
+from spectrabox.sampling.error_budget import METAMERISM, sensitivity_covariance
 from spectrabox.sampling.further.conditioning import Reading, condition, same_material
 from spectrabox.sampling.further.planner import (
     after,
@@ -17,14 +18,13 @@ from spectrabox.sampling.further.planner import (
     plan,
     wavelength_candidates,
 )
-from spectrabox.sampling.judge.scores import (
+from spectrabox.sampling.judge.spectrum_scores import (
     coverage,
     curve_coverage,
     rmse,
     spectral_angle,
     winkler_score,
 )
-from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.polytope.refinement import (
     choose_coefficients,
     lifting,
@@ -32,12 +32,13 @@ from spectrabox.sampling.polytope.refinement import (
     residual_directions,
     sample_refined,
 )
-from spectrabox.sampling.prior.mixture import GRID, load_prior
-from spectrabox.sampling.prior.posterior import posterior, with_floor
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
+from spectrabox.sampling.prior.mixture_posterior import posterior, with_floor
+from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.sampling.published.ranking import best_by_readings, best_by_signals
 from spectrabox.sampling.uniform import into_reach
 
-TRUTH = surface(GRID.nm, 7)
+TRUTH = surface(PRIOR_GRID.nm, 7)
 
 
 def test_every_draw_obeys_a_reading():
@@ -99,7 +100,7 @@ def draws():
 
 
 def test_a_plan_never_widens_the_band_and_starts_with_the_best(draws):
-    candidates = [*wavelength_candidates(GRID), photo_candidate("photo", response(5)[1])]
+    candidates = [*wavelength_candidates(PRIOR_GRID), photo_candidate("photo", response(5)[1])]
     steps = plan(draws, candidates, 3)
     assert all(step.width_after <= step.width_before for step in steps)
     covariance = np.cov(draws, rowvar=False)
@@ -109,14 +110,14 @@ def test_a_plan_never_widens_the_band_and_starts_with_the_best(draws):
 
 
 def test_a_dear_measurement_is_not_planned(draws):
-    cheap, dear = wavelength_candidates(GRID, minutes=1.0), photo_candidate("photo", response(5)[1],
-                                                                            minutes=1e6)
+    cheap = wavelength_candidates(PRIOR_GRID, minutes=1.0)
+    dear = photo_candidate("photo", response(5)[1], minutes=1e6)
     assert plan(draws, [*cheap, dear], 1)[0].name != "photo"
 
 
 def test_conditioning_on_what_was_planned_agrees_with_bayes(draws):
     covariance = np.cov(draws, rowvar=False)
-    candidate = wavelength_candidates(GRID)[5]
+    candidate = wavelength_candidates(PRIOR_GRID)[5]
     precise = np.linalg.inv(np.linalg.inv(covariance + 1e-9 * np.eye(61))
                             + candidate.rows.T @ candidate.rows / candidate.standard_error**2)
     # Two algebraic forms; the inverse of a nearly singular covariance costs digits.
@@ -125,7 +126,7 @@ def test_conditioning_on_what_was_planned_agrees_with_bayes(draws):
 
 def test_nothing_to_plan_is_an_error(draws):
     with pytest.raises(InputError, match="99 draws are too few"):
-        plan(draws[:99], wavelength_candidates(GRID))
+        plan(draws[:99], wavelength_candidates(PRIOR_GRID))
     with pytest.raises(InputError, match="nothing to plan"):
         plan(draws, [])
 
@@ -138,7 +139,7 @@ def test_the_budget_adds_up_to_the_posterior_variance():
     measured = seen(TRUTH)
     measured = type(measured)(measured.grid, measured.relative_response, measured.signal,
                               sum(causes.values()))
-    budget = error_budget(prior, measured, causes)
+    budget = solve_posterior(prior, measured).variances_by_cause(causes)
     found = posterior(prior, measured.relative_response, measured.signal[None],
                       measured.noise_covariance)
     index = int(np.argmax(found.weights[0]))
@@ -152,16 +153,17 @@ def test_the_budget_adds_up_to_the_posterior_variance():
 
 def test_a_budget_that_does_not_add_up_is_an_error():
     with pytest.raises(InputError, match="do not add up"):
-        error_budget(load_prior(), seen(TRUTH, 0.01), {"photo noise": np.eye(3)})
+        solve_posterior(load_prior(), seen(TRUTH, 0.01)).variances_by_cause(
+            {"photo noise": np.eye(3)})
 
 
 def test_a_constant_error_of_a_curve_scales_the_signal():
-    nm, light = GRID.nm, np.ones(61)
-    white = GRID.weights_nm.sum()
+    nm, light = PRIOR_GRID.nm, np.ones(61)
+    white = PRIOR_GRID.weights_nm.sum()
     # One band, error proportional to a flat curve: the signal moves by its own size times the
     # relative error.
     curve_covariance = 0.01**2 * np.ones((61, 61)) / white**2
-    found = sensitivity_covariance(light, GRID.weights_nm, np.full(61, 0.4), curve_covariance)
+    found = sensitivity_covariance(light, PRIOR_GRID.weights_nm, np.full(61, 0.4), curve_covariance)
     np.testing.assert_allclose(found, (0.01 * 0.4)**2, rtol=1e-12)
     assert nm.size == 61
 
@@ -247,7 +249,8 @@ def test_an_unreachable_signal_is_moved_by_what_is_said():
     operator, moved = into_reach(measurement(camera(7), np.array([0.1, 0.9, 1.05])))
     assert moved == pytest.approx(np.abs(operator.y - [0.1, 0.9, 1.05]).max())
     assert into_reach(grey(7))[1] == 0
-    samples = draw_spectra(type(seen(TRUTH))(GRID, response(3)[1], np.array([0.05, 0.95, 0.05]),
+    samples = draw_spectra(type(seen(TRUTH))(PRIOR_GRID, response(3)[1],
+                                             np.array([0.05, 0.95, 0.05]),
                                              np.zeros((3, 3))), "uniform", 100, 0, 7)
     assert samples.outcome is Outcome.MOVED and "it was moved by up to" in samples.sentence
 

@@ -9,10 +9,8 @@ from scipy.stats import multivariate_normal
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import LightTransport, Outcome
 from spectrabox.sampling.polytope.diagnostics import tail_shape
-from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families, reflectance
-from spectrabox.sampling.scene.draws import draw_scene, shared_errors
-from spectrabox.sampling.scene.labels import find_modes, near_labels
-from spectrabox.sampling.scene.posterior import (
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families, reflectance
+from spectrabox.sampling.scene.joint_posterior import (
     climb,
     covariance_at,
     gaussian_of,
@@ -23,7 +21,9 @@ from spectrabox.sampling.scene.posterior import (
     residual_and_jacobian,
     residual_by_logit,
 )
-from spectrabox.sampling.scene.sampling import sample_joint
+from spectrabox.sampling.scene.joint_sampling import sample_joint
+from spectrabox.sampling.scene.labels import find_modes, near_labels
+from spectrabox.sampling.scene.scene_draws import draw_scene, shared_errors
 
 EXPONENTS = np.array([[1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [1, 2], [2, 1]])
 
@@ -36,7 +36,7 @@ def scene(error=0.01, regions=40, exponents=EXPONENTS, seed=0):
     order = exponents.sum(axis=1)
     coefficients = rng.uniform(0.2, 1, (regions, len(exponents))) * 0.5**(order - 1.0)
     matrix = response(3)[1]
-    truth = np.array([surface(GRID.nm, 3), surface(GRID.nm, 9)])
+    truth = np.array([surface(PRIOR_GRID.nm, 3), surface(PRIOR_GRID.nm, 9)])
     clean = coefficients @ (np.exp(exponents @ np.log(truth)) @ matrix.T)
     noise = error * clean
     transport = LightTransport(("a", "b"), exponents, coefficients)
@@ -53,7 +53,7 @@ def scenes_of_the_prior(problem, count, seed):
     rng = np.random.default_rng(seed)
     labels = np.array([rng.choice(len(problem.means) - 1, count, p=np.exp(log_weights[:-1]))
                        for log_weights in problem.log_weights]).T
-    z = rng.standard_normal((*labels.shape, GRID.nm.size))
+    z = rng.standard_normal((*labels.shape, PRIOR_GRID.nm.size))
     return problem.means[labels] + np.array([[problem.roots[c] @ z_m for c, z_m in zip(row, z_n,
                                                                                        strict=True)]
                                              for row, z_n in zip(labels, z, strict=True)])

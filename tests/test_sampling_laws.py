@@ -17,25 +17,30 @@ from spectrabox.sampling.further.conditioning import Reading
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, check_possible
 from spectrabox.sampling.further.planner import expected_rmse, mean_width
 from spectrabox.sampling.judge.identification import ALIKE_NM, identify
-from spectrabox.sampling.judge.scores import curve_band
+from spectrabox.sampling.judge.spectrum_scores import curve_band
 from spectrabox.sampling.polytope.diagnostics import diagnose
 from spectrabox.sampling.polytope.refinement import log_evidence
-from spectrabox.sampling.prior.drawn import COARSE, as_drawn
-from spectrabox.sampling.prior.draws import prior_spectra, sample_prior
+from spectrabox.sampling.prior.calibrated_marginals import COARSE, marginal_moments
 from spectrabox.sampling.prior.families import skin
 from spectrabox.sampling.prior.families.leaves import leaf
-from spectrabox.sampling.prior.mixture import GRID, reflectance
-from spectrabox.sampling.prior.posterior import (
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, reflectance
+from spectrabox.sampling.prior.mixture_posterior import (
     SIGNAL_FLOOR,
     mean_and_spread,
     posterior,
     width_factors,
 )
+from spectrabox.sampling.prior.signal_posterior import sample_prior, solve_posterior
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.prior.training import FLOOR, MIN_CURVES, fit_mixture
-from spectrabox.sampling.scene.draws import shared_errors, surprise
-from spectrabox.sampling.scene.posterior import JointProblem, climb, gaussian_of, joint_problem
-from spectrabox.sampling.scene.sampling import sample_joint
+from spectrabox.sampling.scene.joint_posterior import (
+    JointProblem,
+    climb,
+    gaussian_of,
+    joint_problem,
+)
+from spectrabox.sampling.scene.joint_sampling import sample_joint
+from spectrabox.sampling.scene.scene_draws import shared_errors, surprise
 from spectrabox.sampling.summary import READING_ERROR
 
 SIGMAS = stats.norm.isf(0.5e-4)
@@ -43,8 +48,8 @@ SIGMAS = stats.norm.isf(0.5e-4)
 
 def two_components(apart=1.0, factor=1.0):
     """Two components on the prior's wavelengths, so narrow that the logit is nearly straight."""
-    tilt = apart * np.linspace(-0.06, 0.06, GRID.nm.size)
-    return mixture_of(GRID.nm, [0.4, 0.6], [-tilt, 1.5 * tilt],
+    tilt = apart * np.linspace(-0.06, 0.06, PRIOR_GRID.nm.size)
+    return mixture_of(PRIOR_GRID.nm, [0.4, 0.6], [-tilt, 1.5 * tilt],
                       [0.05**2 * SMOOTH, 0.08**2 * SMOOTH], factor)
 
 
@@ -73,7 +78,7 @@ def test_the_law_that_draws_follow_is_that_of_draws():
     signals, noise = measured.signal[None], measured.noise_covariance[None]
     mixture = posterior(known, measured.relative_response, signals, noise)
     assert 0.2 < mixture.weights[0, 0] < 0.8
-    law, covariance = as_drawn(known, measured.relative_response, signals, noise, mixture)
+    law, covariance = marginal_moments(known, measured.relative_response, signals, noise, mixture)
     mean, spread = mean_and_spread(law)
     drawn = sample_prior(measured, 20_000, 5, prior=known).spectra
     # 20 000 draws know a mean to 0.7 % of a deviation, a deviation to 0.5 %, a covariance to 0.7 %
@@ -89,11 +94,11 @@ def test_the_law_that_draws_follow_is_that_of_draws():
 
 def test_a_bent_logit_makes_the_law_of_draws_as_wide_as_draws_are():
     """Dark surfaces, where the logit bends: the second order counts."""
-    known = mixture_of(GRID.nm, [1.0], np.full((1, 61), -1.6), [0.8**2 * SMOOTH])
+    known = mixture_of(PRIOR_GRID.nm, [1.0], np.full((1, 61), -1.6), [0.8**2 * SMOOTH])
     measured = seen(reflectance(np.linspace(-2.4, -0.8, 61)), 0.0)
     signals, noise = measured.signal[None], measured.noise_covariance[None]
     mixture = posterior(known, measured.relative_response, signals, noise)
-    law, _ = as_drawn(known, measured.relative_response, signals, noise, mixture)
+    law, _ = marginal_moments(known, measured.relative_response, signals, noise, mixture)
     logits = np.log(drawn := sample_prior(measured, 20_000, 6, prior=known).spectra)
     logits -= np.log1p(-drawn)
     skew = law.skews[0, 0]
@@ -214,7 +219,7 @@ def test_the_evidence_of_a_number_of_coefficients_is_the_density_of_the_signal(c
 
 def test_a_true_spectrum_is_rejected_as_often_as_stated():
     """Samples that vary as stated, by smooth curves, beside errors of the library's curves."""
-    rng, grid = np.random.default_rng(5), GRID
+    rng, grid = np.random.default_rng(5), PRIOR_GRID
     measured, known = seen(np.full(61, 0.5), 0.003), two_components()
     library = np.full((400, 61), 0.4)
     error, variation = np.full(library.shape, 0.02), 0.015
@@ -250,13 +255,14 @@ def test_a_band_of_curves_holds_that_share_of_whole_draws(level):
 
 def test_many_signals_are_unfamiliar_where_one_by_one_they_are():
     """Signals from familiar to strange: those that surprise, and those that nothing fits."""
-    known = dataclasses.replace(mixture_of(GRID.nm, [1.0], np.zeros((1, 61)), [0.15**2 * SMOOTH]),
+    known = dataclasses.replace(mixture_of(PRIOR_GRID.nm, [1.0], np.zeros((1, 61)),
+                                           [0.15**2 * SMOOTH]),
                                 familiar_surprise=12.0)
     measured = seen(np.full(61, 0.5), 0.002)
     steps = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.1, 0.1, 0.1], [0.25, 0.2, 0.25],
                       [0.3, -0.3, 0.3], [0.12, -0.02, 0.1]])
-    one_by_one = [prior_spectra(dataclasses.replace(measured, signal=measured.signal + step), 10,
-                                1, known).outcome for step in steps]
+    one_by_one = [solve_posterior(known, dataclasses.replace(
+        measured, signal=measured.signal + step)).outcome for step in steps]
     together = summaries(known, measured.relative_response, measured.signal + steps,
                          {"noise": np.repeat(measured.noise_covariance[None], len(steps), axis=0)},
                          0.95).outcome
@@ -282,15 +288,16 @@ def test_a_reading_beyond_white_is_refused_where_chance_makes_it_so_once_in_a_mi
 def test_many_signals_ask_for_the_reading_that_one_by_one_they_ask_for():
     """Of the law of draws and of its draws: the reading that takes most off the variance."""
     edges = 0.02 + np.linspace(-1, 1, 61)**2
-    known = mixture_of(GRID.nm, [1.0], np.zeros((1, 61)), [0.02 * np.outer(edges, edges) * SMOOTH])
+    known = mixture_of(PRIOR_GRID.nm, [1.0], np.zeros((1, 61)),
+                       [0.02 * np.outer(edges, edges) * SMOOTH])
     measured = seen(np.full(61, 0.5), 0.002)
     drawn = sample_prior(measured, 8000, 7, prior=known).spectra
     covariance = np.cov(drawn, rowvar=False)
-    reduction = GRID.weights_nm @ covariance**2 / (np.diag(covariance) + READING_ERROR**2)
+    reduction = PRIOR_GRID.weights_nm @ covariance**2 / (np.diag(covariance) + READING_ERROR**2)
     found = summaries(known, measured.relative_response, measured.signal[None],
                       {"noise": measured.noise_covariance[None]}, 0.95).next_measurement_nm[0]
     # sums over every third wavelength, and 8000 draws: as good a choice to 3 %
-    assert reduction[GRID.nm == found][0] > 0.97 * reduction.max()
+    assert reduction[PRIOR_GRID.nm == found][0] > 0.97 * reduction.max()
     assert np.median(reduction) < 0.9 * reduction.max()
 
 
@@ -355,7 +362,7 @@ def test_vessels_that_let_nothing_through_absorb_as_their_shadows_do(monkeypatch
 
 def test_a_logit_is_never_known_better_than_training_shows():
     """Curves that a few directions hold altogether: what is left is the floor's variance."""
-    rng, shapes = np.random.default_rng(10), np.sin(np.outer([1, 2, 3], GRID.nm / 60))
+    rng, shapes = np.random.default_rng(10), np.sin(np.outer([1, 2, 3], PRIOR_GRID.nm / 60))
     curves = reflectance(0.5 * rng.standard_normal((MIN_CURVES, 3)) @ shapes)
     fitted = fit_mixture(curves, 2, 0, smooth=0.0)
     for covariance in fitted.covariances:

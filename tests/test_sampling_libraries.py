@@ -13,12 +13,12 @@ import pytest
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.judge.certificate import certify
 from spectrabox.sampling.prior.libraries import read_library, usable, without_near_duplicates
-from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.r_data import read_r_columns
 
 NM = np.arange(380.0, 781.0, 10)
 CURVES = np.array([0.2 + 0.001 * (NM - 380), 0.7 - 0.001 * (NM - 380), np.full(NM.size, 0.4)])
-EXPECTED = np.array([np.interp(GRID.nm, NM, curve) for curve in CURVES])
+EXPECTED = np.array([np.interp(PRIOR_GRID.nm, NM, curve) for curve in CURVES])
 
 
 def text(value):
@@ -100,7 +100,7 @@ def test_absorbance_called_reflectance_is_read_as_what_it_is(tmp_path):
     (tmp_path / "ikeogu.2017.rda").write_bytes(bz2.compress(r_file(columns)))
     # Between two wavelengths a straight line in absorbance is none in reflectance: curves are
     # compared at their own.
-    shared = np.isin(GRID.nm, NM)
+    shared = np.isin(PRIOR_GRID.nm, NM)
     np.testing.assert_allclose(read_library(tmp_path).reflectances[:, shared], EXPECTED[:, shared],
                                atol=1e-9)
 
@@ -180,4 +180,4 @@ def test_real_libraries_are_read_whole_and_covered(name, curves):
 def test_yellow_roots_absorb_blue():
     roots = read_library(Path(os.environ["SPECTRABOX_DATA"]) / "reflectance"
                          / "cassava").reflectances
-    assert np.all(roots[:, GRID.nm == 450] < roots[:, GRID.nm == 650])
+    assert np.all(roots[:, PRIOR_GRID.nm == 450] < roots[:, PRIOR_GRID.nm == 650])

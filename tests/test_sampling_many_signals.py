@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from sampling_cameras import surface
 
-from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.session.signals.answers import SampleRequest, sample_answer
 from spectrabox.session.signals.request_draws import DrawOptions
@@ -18,7 +18,7 @@ CURVES = ("mean", "standard_deviation", "lower", "upper")
 
 def problem(count):
     response = response_of_names(CAMERA, LIGHT)
-    signals = np.array([response @ surface(GRID.nm, seed) for seed in range(count)])
+    signals = np.array([response @ surface(PRIOR_GRID.nm, seed) for seed in range(count)])
     return response, signals, {"photo noise": np.tile(1e-5 * np.eye(3), (count, 1, 1)),
                                "light": 1e-4 * signals[:, :, None] * signals[:, None, :]}
 

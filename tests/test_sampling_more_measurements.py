@@ -14,9 +14,9 @@ from spectrabox.radiometry.records import Outcome, SpectralMeasurement, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.further.more_measurements import joined
 from spectrabox.sampling.further.self_reflection import given_reflected_twice
-from spectrabox.sampling.measurement import spline_operator
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.options import refined_as_published
+from spectrabox.sampling.spline_measurement import spline_operator
 from spectrabox.session.cli import app
 from spectrabox.session.signals.measurement_file import read_more
 from spectrabox.session.signals.request_draws import DrawOptions, draws_of
@@ -229,11 +229,11 @@ def test_weighting_by_light_reflected_twice_is_bayes_rule():
     ones = np.ones((1, 61)) / 61
     levels = np.array([0.5, 0.6])
     spectra = levels[:, None] * np.ones((2, 61))
-    samples = SpectrumSamples(GRID, spectra, np.zeros((2, 5)), "m", 2.0, 0, Outcome.FAMILIAR,
+    samples = SpectrumSamples(PRIOR_GRID, spectra, np.zeros((2, 5)), "m", 2.0, 0, Outcome.FAMILIAR,
                               "o")
     away = 0.36 - 0.25
     variance = away**2 / (2 * np.log(4))    # the second draw is then 4 times less likely
-    twice = SpectralMeasurement(GRID, ones, np.array([0.25]), np.array([[variance - 1e-6]]))
+    twice = SpectralMeasurement(PRIOR_GRID, ones, np.array([0.25]), np.array([[variance - 1e-6]]))
     drawn = given_reflected_twice(samples, twice, 10_000)
     share = np.mean(drawn.spectra[:, 0] == 0.5)
     # Systematic: off by one of 10 000; the floor of the noise is 1e-6 of white squared, which was
@@ -267,7 +267,8 @@ def test_ranking_by_light_reflected_twice_is_the_papers_eq_10():
     options = ("--method", "paper", "--coefficients", 7, "--samples", 4000, "--signal", signal())
     ranked, every = (run("sample", *options, *more)
                      for more in (("--twice", signal(power=2), "--keep", 1000), ()))
-    response5 = relative_response(CAMERA, LIGHT, FINE) @ interpolation_matrix(GRID.nm, FINE.nm)
+    response5 = relative_response(CAMERA, LIGHT, FINE) \
+        @ interpolation_matrix(PRIOR_GRID.nm, FINE.nm)
     wanted = np.array([float(part) for part in signal(power=2).split(",")])
     # The mean of the kept draws need not be nearest, but their spread must have fallen.
     assert width(ranked) < width(every)
@@ -281,7 +282,7 @@ def test_refining_as_published_keeps_the_signal_and_is_narrower():
     # Knot insertion is exact and the residual directions are unseen: what the start misses is
     # bounded least squares'.
     np.testing.assert_allclose(literal.coefficients @ fitted.A.T - fitted.y, 0, atol=1e-6)
-    each, _ = draws_of(DrawOptions(7, "uniform", 1000, 1, "bounded", None, 15), measurement, [],
+    each, _, _ = draws_of(DrawOptions(7, "uniform", 1000, 1, "bounded", None, 15), measurement, [],
                        None, None)
     assert each.coefficients.shape == (1000, 15)
     assert each.spectra.std(axis=0).mean() > literal.coefficients.std(axis=0).mean()

@@ -13,25 +13,23 @@ from scipy import stats
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement
-from spectrabox.sampling.measurement import nearest_splines, response_on
-from spectrabox.sampling.prior.calibration import AT_95, judge, train
-from spectrabox.sampling.prior.certified import (
-    BandCertificate,
-    FamilyCertificate,
-    certified_sentence,
-    mostly_in_doubt,
-    standings,
-)
-from spectrabox.sampling.prior.draws import sample_prior
-from spectrabox.sampling.prior.families.catalogue import FAMILIES, Family
+from spectrabox.sampling.prior.band_calibration import AT_95, judge, train
+from spectrabox.sampling.prior.families.family_models import FAMILIES, Family
+from spectrabox.sampling.prior.families.family_names import NAMES, WORDS
 from spectrabox.sampling.prior.families.plant_tissue import petal_tissue
 from spectrabox.sampling.prior.families.skin import skin
 from spectrabox.sampling.prior.families.whites import tiles, whites
-from spectrabox.sampling.prior.families.words import NAMES, WORDS
+from spectrabox.sampling.prior.family_coverage import (
+    BandCertificate,
+    FamilyCertificate,
+    certified_sentence,
+    family_coverages,
+    mostly_in_doubt,
+)
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import (
     EDGE,
-    GRID,
+    PRIOR_GRID,
     SHIPPED,
     LogitMixture,
     load_prior,
@@ -40,7 +38,7 @@ from spectrabox.sampling.prior.mixture import (
     reflectance,
     save_prior,
 )
-from spectrabox.sampling.prior.posterior import (
+from spectrabox.sampling.prior.mixture_posterior import (
     calibrated_bands,
     conformal_scores,
     mean_and_spread,
@@ -48,8 +46,10 @@ from spectrabox.sampling.prior.posterior import (
     posterior,
 )
 from spectrabox.sampling.prior.quantiles import normal_below, quantiles
+from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.prior.smoothness import smoothness_prior
 from spectrabox.sampling.prior.training import MIXED, enriched, fit_mixture
+from spectrabox.sampling.spline_measurement import nearest_splines, response_on
 from spectrabox.sampling.summary import summarise
 
 SIGNIFICANCE = 1e-4
@@ -62,7 +62,8 @@ def prior():
 
 def library(name, seed, count=260):
     return ReflectanceLibrary(name,
-                              np.array([surface(GRID.nm, 1000 * seed + i) for i in range(count)]),
+                              np.array([surface(PRIOR_GRID.nm, 1000 * seed + i)
+                                        for i in range(count)]),
                               {})
 
 
@@ -183,9 +184,9 @@ def test_bad_prior_files_are_errors(prior, tmp_path):
 def test_a_component_far_from_zero_and_one_gives_the_linear_answer():
     # Where the spread is tiny the logit is linear and the posterior is that of linear Gaussian
     # regression.
-    covariance = 1e-8 * (0.5 + 0.5 * np.exp(-np.abs(GRID.nm[:, None] - GRID.nm) / 50))
+    covariance = 1e-8 * (0.5 + 0.5 * np.exp(-np.abs(PRIOR_GRID.nm[:, None] - PRIOR_GRID.nm) / 50))
     ones = np.ones((1, 2, 61))
-    narrow = LogitMixture(GRID.nm, np.ones(1), np.zeros((1, 61)), covariance[None], ("grey",),
+    narrow = LogitMixture(PRIOR_GRID.nm, np.ones(1), np.zeros((1, 61)), covariance[None], ("grey",),
                           np.zeros(1), np.array([0.5, 0.99]), ones, ones, 1.0, np.inf, 0.0, "test")
     measured = seen(np.full(61, 0.5), 0.002)
     signal = measured.signal + np.array([1e-5, -2e-5, 1e-5])
@@ -198,8 +199,8 @@ def test_a_component_far_from_zero_and_one_gives_the_linear_answer():
 
 
 def test_a_signal_has_the_posterior_by_itself_that_it_has_among_others(prior):
-    response = response_on(seen(surface(GRID.nm, 1), 0.01), GRID)
-    signals = np.array([surface(GRID.nm, seed) for seed in range(4)]) @ response.T
+    response = response_on(seen(surface(PRIOR_GRID.nm, 1), 0.01), PRIOR_GRID)
+    signals = np.array([surface(PRIOR_GRID.nm, seed) for seed in range(4)]) @ response.T
     noise = np.array([error**2 * np.eye(3) for error in (0.002, 0.01, 0.01, 0.1)])
     together = posterior(prior, response, signals, noise)
     for row in range(len(signals)):
@@ -215,7 +216,7 @@ def test_a_signal_has_the_posterior_by_itself_that_it_has_among_others(prior):
 
 
 def test_quantiles_of_the_mixture_have_their_probability(prior):
-    measured = seen(surface(GRID.nm, 3))
+    measured = seen(surface(PRIOR_GRID.nm, 3))
     found = posterior(prior, measured.relative_response, measured.signal[None],
                       measured.noise_covariance)
     at = mixture_quantile(found, 0.9)
@@ -227,7 +228,7 @@ def test_quantiles_of_the_mixture_have_their_probability(prior):
 
 def test_draws_reproduce_the_signal_and_stay_between_zero_and_one(prior):
     for seed in range(5):
-        measured = seen(surface(GRID.nm, seed))
+        measured = seen(surface(PRIOR_GRID.nm, seed))
         samples = sample_prior(measured, 500, seed, prior=prior)
         # Newton stops at 1e-10 of white.
         np.testing.assert_allclose(samples.spectra @ measured.relative_response.T,
@@ -239,7 +240,7 @@ def test_draws_reproduce_the_signal_and_stay_between_zero_and_one(prior):
 
 def test_noisy_signals_are_met_within_their_noise(prior):
     error = 0.01
-    measured = seen(surface(GRID.nm, 4), error)
+    measured = seen(surface(PRIOR_GRID.nm, 4), error)
     samples = sample_prior(measured, 4000, 1, prior=prior)
     z = (samples.spectra @ measured.relative_response.T - measured.signal) / error
     # The posterior of the noise is narrower than the noise itself, and it does not vanish.
@@ -248,7 +249,7 @@ def test_noisy_signals_are_met_within_their_noise(prior):
 
 
 def test_a_seed_gives_the_same_draws_and_another_gives_others(prior):
-    measured = seen(surface(GRID.nm, 1))
+    measured = seen(surface(PRIOR_GRID.nm, 1))
     first, same, other = (sample_prior(measured, 3000, seed, prior=prior).spectra
                           for seed in (5, 5, 6))
     np.testing.assert_array_equal(first, same)
@@ -256,7 +257,7 @@ def test_a_seed_gives_the_same_draws_and_another_gives_others(prior):
 
 
 def test_draws_are_as_wide_as_the_calibrated_band(prior):
-    measured = seen(surface(GRID.nm, 2))
+    measured = seen(surface(PRIOR_GRID.nm, 2))
     spectra = sample_prior(measured, 20_000, 1, prior=prior).spectra
     found = posterior(prior, measured.relative_response, measured.signal[None],
                       measured.noise_covariance)
@@ -297,7 +298,7 @@ def test_strange_signals_are_said_to_be_strange(prior):
 
 
 def test_the_smoothness_prior_is_wider_than_the_learnt_one(prior):
-    measured = seen(surface(GRID.nm, 5))
+    measured = seen(surface(PRIOR_GRID.nm, 5))
     learnt, smooth = (sample_prior(measured, 2000, 0, prior=one).spectra
                       for one in (prior, smoothness_prior()))
     assert np.ptp(smooth, axis=0).mean() > np.ptp(learnt, axis=0).mean()
@@ -325,8 +326,8 @@ def test_splines_fitted_to_draws_are_optimal():
     from scipy.optimize import lsq_linear
 
     from spectrabox.radiometry.bspline import basis_matrix
-    basis = basis_matrix(GRID.nm, 13)
-    spectra = np.clip(np.array([surface(GRID.nm, i) for i in range(5)]) * 2 - 0.2, 0, 1)
+    basis = basis_matrix(PRIOR_GRID.nm, 13)
+    spectra = np.clip(np.array([surface(PRIOR_GRID.nm, i) for i in range(5)]) * 2 - 0.2, 0, 1)
     ours = nearest_splines(spectra, basis)
     for c, spectrum in zip(ours, spectra, strict=True):
         best = lsq_linear(basis, spectrum, bounds=(0, 1), tol=1e-14).x
@@ -336,14 +337,14 @@ def test_splines_fitted_to_draws_are_optimal():
 
 def test_integration_at_1_nm_of_lines_at_5_nm_is_kept():
     measured = seen(np.ones(301), step_nm=1)
-    coarse = surface(GRID.nm, 1)
-    fine = interpolation_matrix(GRID.nm, measured.grid.nm) @ coarse
-    np.testing.assert_allclose(response_on(measured, GRID) @ coarse,
+    coarse = surface(PRIOR_GRID.nm, 1)
+    fine = interpolation_matrix(PRIOR_GRID.nm, measured.grid.nm) @ coarse
+    np.testing.assert_allclose(response_on(measured, PRIOR_GRID) @ coarse,
                                measured.relative_response @ fine, atol=1e-14)
 
 
 def test_a_summary_says_what_it_is_conditional_on(prior):
-    measured = seen(surface(GRID.nm, 1))
+    measured = seen(surface(PRIOR_GRID.nm, 1))
     summary = summarise(sample_prior(measured, 1000, 0, prior=prior), measured)
     assert "learnt prior" in summary.conditional_on
     assert np.all(summary.lower <= summary.mean) and np.all(summary.mean <= summary.upper)
@@ -353,7 +354,7 @@ def test_draws_reach_a_signal_whose_noise_reaches_beyond_what_a_reflectance_can_
     # of a dark red surface in a very noisy photo: most of what the noise allows is below zero
     correlation = np.array([[1, -0.12, -0.63], [-0.12, 1, 0.58], [-0.63, 0.58, 1]])
     error = np.array([0.078, 0.069, 0.323])
-    dark = replace(seen(surface(GRID.nm, 1)), signal=np.array([0.378, -0.131, -0.070]),
+    dark = replace(seen(surface(PRIOR_GRID.nm, 1)), signal=np.array([0.378, -0.131, -0.070]),
                    noise_covariance=correlation * np.outer(error, error))
     drawn = sample_prior(dark, 999, 0, prior=prior)
     assert np.all((drawn.spectra > 0) & (drawn.spectra < 1))
@@ -449,13 +450,13 @@ CERTIFICATES = {
 
 
 def test_what_the_bands_of_a_family_held_is_said():
-    said = certified_sentence(standings({"skin": 1.0}, ["skin"], CERTIFICATES))
+    said = certified_sentence(family_coverages({"skin": 1.0}, ["skin"], CERTIFICATES))
     assert "skin 99.7 % at a mean width of 0.066 (models, no measured library)" in said
-    free = standings({"paint": 0.6, "skin": 0.36, "animal": 0.04}, (), CERTIFICATES)
+    free = family_coverages({"paint": 0.6, "skin": 0.36, "animal": 0.04}, (), CERTIFICATES)
     assert [one.name for one in free] == ["paint", "skin"]     # 4 % is not named
     assert "paint 92.0 % at a mean width of 0.110 (measured libraries)" in certified_sentence(free)
     assert certified_sentence(()) == ""
-    unknown = standings({"animal": 1.0}, ["animal"], CERTIFICATES)
+    unknown = family_coverages({"animal": 1.0}, ["animal"], CERTIFICATES)
     assert "animal was never judged" in certified_sentence(unknown) and mostly_in_doubt(unknown)
 
 
@@ -466,15 +467,15 @@ def test_what_the_bands_of_a_family_held_is_said():
     ({"paint": 0.6, "skin": 0.4}, ("paint", "skin"), False),
     ({"paint": 0.4, "skin": 0.6}, ("paint", "skin"), True)])
 def test_families_are_in_doubt_where_most_was_not_certified_on_measured_ones(shares, stated, doubt):
-    assert mostly_in_doubt(standings(shares, stated, CERTIFICATES)) is doubt
+    assert mostly_in_doubt(family_coverages(shares, stated, CERTIFICATES)) is doubt
 
 
 # ---- families ------------------------------------------------------------------------------------
 
 def test_a_stated_family_is_bayes_rule(prior):
-    signals = seen(surface(GRID.nm, 1))
+    signals = seen(surface(PRIOR_GRID.nm, 1))
     M, R = signals.relative_response, signals.noise_covariance
-    y = np.array([M @ surface(GRID.nm, seed) for seed in range(30)])
+    y = np.array([M @ surface(PRIOR_GRID.nm, seed) for seed in range(30)])
     stated = of_families(prior, ["paint", "cloth"])
     mine = np.isin(prior.family, [0, 1])
     weights = posterior(prior, M, y, R).weights[:, mine]

@@ -13,8 +13,8 @@ from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.further.conditioning import Reading, condition
-from spectrabox.sampling.measurement import spline_operator
 from spectrabox.sampling.polytope.bounds import reflectance_bounds
+from spectrabox.sampling.spline_measurement import spline_operator
 from spectrabox.sampling.summary import next_measurement_nm, summarise
 from spectrabox.sampling.uniform import sample_uniform
 

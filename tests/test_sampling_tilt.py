@@ -7,13 +7,13 @@ from sampling_cameras import camera, measurement
 from scipy.integrate import quad
 
 from spectrabox.radiometry.errors import CalibrationError, ConvergenceError, InputError
-from spectrabox.sampling.measurement import MeasurementOperator
 from spectrabox.sampling.polytope.tilt import (
     GRADIENT_ATOL,
     SERIES_BELOW,
     max_entropy_tilt,
     tilt_moments,
 )
+from spectrabox.sampling.spline_measurement import MeasurementOperator
 
 
 @pytest.mark.parametrize("h",

@@ -10,9 +10,9 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as shipped_reflectances
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
-from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.sampling.prior.summaries import summaries
-from spectrabox.sampling.prior.tables import (
+from spectrabox.sampling.prior.uplift_table import (
     build_table,
     lattice,
     outside,
@@ -43,7 +43,7 @@ def test_the_table_is_exact_at_its_points(table):
 def test_a_pixel_is_as_uncertain_as_a_signal_of_its_own(families):
     prior, noise = of_families(load_prior(), families), 0.01
     matrix = response(3)[1]
-    signals = matrix @ np.array([surface(GRID.nm, seed) for seed in range(8)]).T
+    signals = matrix @ np.array([surface(PRIOR_GRID.nm, seed) for seed in range(8)]).T
     causes = {"noise": np.einsum("kt,kl->tkl", (noise * signals)**2, np.eye(3))}
     alone = summaries(prior, matrix, signals.T, causes, 0.95)
     known = alone.outcome == Outcome.FAMILIAR
@@ -61,7 +61,8 @@ def test_greys_are_on_the_lattice_but_for_their_level():
 
 
 def test_between_its_points_the_table_says_how_far_off_it_is(table):
-    signals = np.array([table.relative_response @ surface(GRID.nm, seed) for seed in range(10)])
+    signals = np.array([table.relative_response @ surface(PRIOR_GRID.nm, seed)
+                        for seed in range(10)])
     errors = table_error(table, load_prior(), signals)
     assert 0 < errors["mean"] < 0.1
 
@@ -81,14 +82,14 @@ def test_a_table_is_for_three_bands():
 
 @pytest.mark.parametrize("method", FAST)
 def test_a_grey_is_recovered_grey(method):
-    spectrum = upsampled(np.full(3, 0.4), GRID, method)
+    spectrum = upsampled(np.full(3, 0.4), PRIOR_GRID, method)
     # Otsu's greys are those of its data; the others are flat to some percent.
     assert abs(spectrum.mean() - 0.4) < 0.05
-    np.testing.assert_allclose(observer_response(GRID) @ spectrum, 0.4, atol=0.02)
+    np.testing.assert_allclose(observer_response(PRIOR_GRID) @ spectrum, 0.4, atol=0.02)
 
 
 def test_baselines_of_the_observer_itself_lose_nothing():
-    matrix = observer_response(GRID)
+    matrix = observer_response(PRIOR_GRID)
     signals = np.array([[0.2, 0.3, 0.1], [1.0, 1.0, 1.0]])
     # a regression of exact data
     np.testing.assert_allclose(to_tristimulus(matrix, signals), signals, atol=1e-10)
@@ -97,15 +98,15 @@ def test_baselines_of_the_observer_itself_lose_nothing():
 
 
 def test_every_baseline_gives_a_spectrum():
-    found = baseline_spectra(seen(surface(GRID.nm, 2)), FAST)
+    found = baseline_spectra(seen(surface(PRIOR_GRID.nm, 2)), FAST)
     assert set(found) == set(FAST)
     assert all(np.all(np.isfinite(spectrum)) for spectrum in found.values())
     with pytest.raises(InputError, match="is no method that is known"):
-        upsampled(np.full(3, 0.4), GRID, "magic")
+        upsampled(np.full(3, 0.4), PRIOR_GRID, "magic")
 
 
 def test_greedy_draws_keep_the_signal_and_are_not_uniform():
-    operator, basis = grey(9), basis_matrix(GRID.nm[::6], 9)
+    operator, basis = grey(9), basis_matrix(PRIOR_GRID.nm[::6], 9)
     draws, share = greedy_draws(operator, 5000, seed=1)
     np.testing.assert_allclose(draws @ operator.A.T, np.tile(operator.y, (len(draws), 1)),
                                atol=1e-9)
@@ -116,6 +117,6 @@ def test_greedy_draws_keep_the_signal_and_are_not_uniform():
 
 
 def test_the_shipped_sets_are_reflectances():
-    for name, values in shipped_reflectances(GRID).items():
+    for name, values in shipped_reflectances(PRIOR_GRID).items():
         assert values.shape[1] == 61, name
         assert values.min() > -0.01 and values.max() < 1.2, name

@@ -25,8 +25,8 @@ from spectrabox.radiometry.interreflection import products
 from spectrabox.reconstruct.pixels import pixel_light
 from spectrabox.reconstruct.rendering.renderer import all_cores
 from spectrabox.reconstruct.rendering.spectral_texture import register_spectral_texture
-from spectrabox.sampling.prior.mixture import GRID
-from spectrabox.sampling.prior.tables import uplift_signals
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.sampling.prior.uplift_table import uplift_signals
 from spectrabox.session.check import preflight_check
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
@@ -140,7 +140,7 @@ def near_the_walls(lit, truth):
         "signals", "error_level", "measured", "flags", "grey_error", "variance")},
         light=None if rows.light is None else rows.light[picked], white=rows.white.rows(picked))
     made = lit.direct(rows)
-    at = np.searchsorted(GRID.nm, STEP_NM)
+    at = np.searchsorted(PRIOR_GRID.nm, STEP_NM)
     return (made.mean[:, at], made.standard_deviation[:, at]), at_step(
         truth.reshape(-1, NM.size)[picked])
 

@@ -9,7 +9,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Outcome, SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.further.conditioning import Reading, check_agreement
-from spectrabox.sampling.judge.scores import coverage_error
+from spectrabox.sampling.judge.spectrum_scores import coverage_error
 from spectrabox.session.report.verdict import (
     Status,
     _rehearsal,

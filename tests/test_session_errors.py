@@ -19,7 +19,7 @@ from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths
 from spectrabox.radiometry.light_scale import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.batch import needs, processes
 from spectrabox.session.pictures import flat_stage as flat
 from spectrabox.session.pictures import reference_surfaces, textures

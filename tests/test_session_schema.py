@@ -11,7 +11,7 @@ from spectrabox.calibrate.sensitivity import METHODS as SENSITIVITY_METHODS
 from spectrabox.calibrate.sensitivity import SPLINE_COEFFICIENTS
 from spectrabox.fixtures.demo_session import SESSION_TOML
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
-from spectrabox.sampling.methods import METHODS as SAMPLING_METHODS
+from spectrabox.sampling.draw_methods import METHODS as SAMPLING_METHODS
 from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.config.session_schema import SessionTables
 from spectrabox.session.config.template import (

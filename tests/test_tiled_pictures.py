@@ -16,7 +16,7 @@ from spectrabox.radiometry.files import UNFINISHED, sweep_unfinished, whole_fold
 from spectrabox.radiometry.spectra.formats import zarr_array
 from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr, zarr_rows
 from spectrabox.radiometry.system.strips import read_by_strips, written_by_strips
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
 from spectrabox.session.pipeline import run_stages
@@ -32,7 +32,7 @@ NM = np.array([400.0, 500.0, 700.0])
 def image():
     """Signals (H, W, 3) of a few surfaces under light that falls off, exact in half floats."""
     response = response_of_names(CAMERA, LIGHT)
-    surfaces = np.array([response @ surface(GRID.nm, seed) for seed in range(6)])
+    surfaces = np.array([response @ surface(PRIOR_GRID.nm, seed) for seed in range(6)])
     shade = np.linspace(0.5, 1, HEIGHT)[:, None, None]
     return (surfaces[np.arange(WIDTH) % 6] * shade).astype(np.float16).astype(np.float32)
 
@@ -109,7 +109,7 @@ def test_tiles_and_chunks_hold_what_scan_lines_hold(form, rows, image, of_scan_l
         assert (spec.tile_width, spec.tile_height) == (64, 64)
     else:
         array = zarr.open_array(str(tmp_path / "out" / "mean.zarr"), mode="r")
-        assert array.attrs["wavelengths_nm"] == GRID.nm[::2].tolist()
+        assert array.attrs["wavelengths_nm"] == PRIOR_GRID.nm[::2].tolist()
         assert array.metadata.dimension_names == ("y", "x", "wavelength")
 
 

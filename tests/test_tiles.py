@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.files import UNFINISHED
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.batch.pool import Finished, Lost
 from spectrabox.session.batch.workers import open_workers
 from spectrabox.session.cli import app
@@ -33,7 +33,7 @@ DASK = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::Deprecatio
 def image(tmp_path_factory):
     """A picture in tiles, of a few surfaces under light that falls off."""
     matrix = response_of_names(CAMERA, LIGHT)
-    surfaces = np.array([matrix @ surface(GRID.nm, each) for each in range(6)])
+    surfaces = np.array([matrix @ surface(PRIOR_GRID.nm, each) for each in range(6)])
     shade = np.linspace(0.5, 1, HEIGHT)[:, None, None]
     return write_tiles(tmp_path_factory.mktemp("picture") / "picture.exr",
                        surfaces[np.arange(WIDTH) % 6] * shade)

@@ -10,8 +10,8 @@ from spectrabox.capture.photo.image_files import read_linear_file, write_exr
 from spectrabox.capture.photo.image_rows import exr_rows, open_rows
 from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.sampling.prior.mixture import GRID, load_prior
-from spectrabox.sampling.prior.tables import build_table, uplift_directly, uplift_pixels
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
+from spectrabox.sampling.prior.uplift_table import build_table, uplift_directly, uplift_pixels
 from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
 from spectrabox.session.signals.signal_options import response_of_names
 
@@ -22,7 +22,7 @@ HALF, SINGLE = 2.0**-11, 2.0**-24       # relative rounding of half and single f
 def picture(height=70, width=24):
     """Signals (H, W, 3) of a few surfaces under light that falls off."""
     response = response_of_names(CAMERA, LIGHT)
-    surfaces = np.array([response @ surface(GRID.nm, seed) for seed in range(6)])
+    surfaces = np.array([response @ surface(PRIOR_GRID.nm, seed) for seed in range(6)])
     shade = np.linspace(0.5, 1, height)[:, None, None]
     return (surfaces[np.arange(width) % 6] * shade).astype(np.float32)
 
@@ -54,13 +54,13 @@ def test_the_files_hold_the_spectra_of_the_table(tmp_path):
     mean, spread = uplift_pixels(table, image.reshape(-1, 3))
     for name, values, step in (("mean", mean, 2), ("standard_deviation", spread, 4)):
         kept, channels = layers(facts[name])
-        assert channels == [f"T.{nm:g},000000nm" for nm in GRID.nm[::step]]
+        assert channels == [f"T.{nm:g},000000nm" for nm in PRIOR_GRID.nm[::step]]
         # half floats, and 1e-6 of sums in another order
         np.testing.assert_allclose(kept.reshape(len(values), -1), values[:, ::step], rtol=HALF,
                                    atol=1e-6)
     assert facts["pixels"] == image[..., 0].size
     assert facts["outside_0_to_1"] == 0
-    assert facts["wavelengths_nm"] == GRID.nm[::2].tolist()
+    assert facts["wavelengths_nm"] == PRIOR_GRID.nm[::2].tolist()
 
 
 def test_in_full_every_wavelength_is_kept_in_single_floats(tmp_path):

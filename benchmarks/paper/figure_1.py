@@ -28,10 +28,10 @@ from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.view import MaterialSpec, View
-from spectrabox.sampling.measurement import spline_operator
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.per_axis_box import sample_per_axis
 from spectrabox.sampling.published.ranking import best_by_readings
+from spectrabox.sampling.spline_measurement import spline_operator
 
 from benchmarks.paper.figure_4 import spectra_behind
 from benchmarks.paper.shape_fit import with_mesh

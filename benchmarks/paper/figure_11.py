@@ -30,8 +30,8 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     read_table,
     spectrum_on_grid,
 )
-from spectrabox.sampling.methods import draw_spectra
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.draw_methods import draw_spectra
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 FINE = visible_grid(1)
 DESCENT = 'engine = "gradient"\ncoefficients = 7\nsteps = 200'
@@ -113,7 +113,7 @@ def paper_draws(response: np.ndarray, one: np.ndarray) -> dict[str, np.ndarray]:
     spectra = draw_spectra(measurement, "paper", 2000, 0, 7).spectra
     lower, upper = np.quantile(spectra, [0.025, 0.975], axis=0)
     made = {"mean": spectra.mean(axis=0), "lower 0.95": lower, "upper 0.95": upper}
-    return {"inverse rendering": one, **{key: np.interp(FINE.nm, GRID.nm, values) for key,
+    return {"inverse rendering": one, **{key: np.interp(FINE.nm, PRIOR_GRID.nm, values) for key,
                                          values in made.items()}}
 
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.sampling.judge.scores import rmse
-from spectrabox.sampling.measurement import nearest_splines
+from spectrabox.sampling.judge.spectrum_scores import rmse
 from spectrabox.sampling.prior.libraries import read_library
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.sampling.spline_measurement import nearest_splines
 
 SIZES = (5, 7, 9, 11, 13, 15, 21)
 SHOWN = (5, 7, 13)
@@ -31,10 +31,11 @@ def picture(sets: dict[str, np.ndarray], table: list[dict[str, Any]], path: Path
     figure, axes = plt.subplots(1, 4, figsize=(14, 3.4))
     for axis, (name, index) in zip(axes, EXAMPLES.items(), strict=False):
         curve = sets[name][index]
-        axis.plot(GRID.nm, curve, color="black", linewidth=2, label="measured")
+        axis.plot(PRIOR_GRID.nm, curve, color="black", linewidth=2, label="measured")
         for count in SHOWN:
-            basis = basis_matrix(GRID.nm, count)
-            axis.plot(GRID.nm, basis @ nearest_splines(curve[None], basis)[0], label=f"N = {count}")
+            basis = basis_matrix(PRIOR_GRID.nm, count)
+            axis.plot(PRIOR_GRID.nm, basis @ nearest_splines(curve[None], basis)[0],
+                      label=f"N = {count}")
         axis.set(title=f"{name}, {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance",
                  ylim=(0, 1))
     axes[0].legend(fontsize=8)
@@ -55,7 +56,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("figure_2.png"))
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
-    sets = dict(test_reflectances(GRID))
+    sets = dict(test_reflectances(PRIOR_GRID))
     if arguments.data is not None:
         folders = sorted(path for path in (arguments.data / "reflectance").iterdir()
                          if path.is_dir())
@@ -63,7 +64,7 @@ def main() -> None:
     table: list[dict[str, Any]] = []
     for name, curves in sets.items():
         errors = {count: rmse(nearest_splines(curves, basis) @ basis.T, curves)
-                  for count in SIZES for basis in [basis_matrix(GRID.nm, count)]}
+                  for count in SIZES for basis in [basis_matrix(PRIOR_GRID.nm, count)]}
         table.append({"library": name, "curves": len(curves),
                       **{f"N={count}": [float(np.median(values)), float(np.quantile(values, 0.95))]
                          for count, values in errors.items()}})

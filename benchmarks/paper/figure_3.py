@@ -17,11 +17,11 @@ import numpy as np
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import LightTransport, SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
-from spectrabox.sampling.methods import draw_spectra
-from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.draw_methods import draw_spectra
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.published.ranking import best_by_signals
-from spectrabox.sampling.scene.posterior import joint_problem
-from spectrabox.sampling.scene.sampling import sample_joint
+from spectrabox.sampling.scene.joint_posterior import joint_problem
+from spectrabox.sampling.scene.joint_sampling import sample_joint
 
 FINE = visible_grid(1)
 NOISE, DRAWS, KEPT, COEFFICIENTS = 0.005, 20_000, 1_000, 7
@@ -45,7 +45,7 @@ def by_paper(signals: np.ndarray, response: np.ndarray, products: str) -> np.nda
     """
     pair = []
     for seed, signal in enumerate(signals[:2]):
-        measurement = SpectralMeasurement(GRID, response, signal, np.zeros((3, 3)))
+        measurement = SpectralMeasurement(PRIOR_GRID, response, signal, np.zeros((3, 3)))
         pair.append(draw_spectra(measurement, "paper", DRAWS, seed, COEFFICIENTS).spectra)
     both = np.stack(pair, axis=1)
     if products == "direct":
@@ -76,9 +76,9 @@ def picture(shown: dict[str, np.ndarray], truths: np.ndarray, path: Path) -> Non
     for axis, (name, spectra) in zip(axes.ravel(), shown.items(), strict=True):
         for surface, colour in enumerate(("tab:blue", "tab:red")):
             lower, upper = np.quantile(spectra[:, surface], [0.025, 0.975], axis=0)
-            axis.fill_between(GRID.nm, lower, upper, color=colour, alpha=0.2)
-            axis.plot(GRID.nm, spectra[:, surface].mean(axis=0), color=colour, linestyle="--")
-            axis.plot(GRID.nm, truths[surface], color=colour)
+            axis.fill_between(PRIOR_GRID.nm, lower, upper, color=colour, alpha=0.2)
+            axis.plot(PRIOR_GRID.nm, spectra[:, surface].mean(axis=0), color=colour, linestyle="--")
+            axis.plot(PRIOR_GRID.nm, truths[surface], color=colour)
         axis.set(ylim=(0, 1))
         axis.set_title(name, fontsize=9)
     figure.supxlabel("wavelength (nm)")
@@ -93,8 +93,8 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
     response = relative_response("CIE 1931 2 Degree Standard Observer", "D65",
-                                 FINE) @ interpolation_matrix(GRID.nm, FINE.nm)
-    chart = np.clip(test_reflectances(GRID)["BabelColor Average"], 0.002, 0.998)
+                                 FINE) @ interpolation_matrix(PRIOR_GRID.nm, FINE.nm)
+    chart = np.clip(test_reflectances(PRIOR_GRID)["BabelColor Average"], 0.002, 0.998)
     found: dict[tuple[str, str], list[tuple[float, ...]]] = {}
     shown: dict[str, np.ndarray] = {}
     for number, pair in enumerate(PAIRS):

@@ -26,11 +26,10 @@ from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.view import MaterialSpec, View
+from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.further.conditioning import Reading, condition
-from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.libraries import read_library
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.prior.mixture import load_prior
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.published.ranking import best_by_readings
 
 from benchmarks.paper.synthetic_photo import (

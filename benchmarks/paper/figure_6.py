@@ -23,9 +23,8 @@ from spectrabox.radiometry.records import LightScale, SpectralMeasurement
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
 from spectrabox.reconstruct.view import MaterialSpec, View
-from spectrabox.sampling.methods import draw_spectra
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.prior.mixture import load_prior
+from spectrabox.sampling.draw_methods import draw_spectra
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 
 from benchmarks.paper.mesh import silhouette, write_mesh
 from benchmarks.paper.shape_fit import (

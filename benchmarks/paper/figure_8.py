@@ -26,9 +26,8 @@ from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.view import MaterialSpec, View
-from spectrabox.sampling.methods import draw_spectra
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.prior.mixture import load_prior
+from spectrabox.sampling.draw_methods import draw_spectra
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 
 from benchmarks.paper.per_wavelength import VARIANT, monochrome_xml
 from benchmarks.paper.synthetic_photo import (

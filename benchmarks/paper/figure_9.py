@@ -26,11 +26,11 @@ from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import read_table
+from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.judge.cube_files import open_cube
 from spectrabox.sampling.judge.cube_regions import Region, read_regions
-from spectrabox.sampling.methods import draw_spectra
 from spectrabox.sampling.prior.libraries import read_library
-from spectrabox.sampling.prior.mixture import GRID, load_prior
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.session.signals.cube_answers import JudgeRequest, judge_answer
 
 NM = np.arange(400, 701, 10.0)
@@ -48,7 +48,7 @@ def fine_response() -> np.ndarray:
 
 def response() -> np.ndarray:
     """Response (3, 61)."""
-    return fine_response() @ interpolation_matrix(GRID.nm, visible_grid(1).nm)
+    return fine_response() @ interpolation_matrix(PRIOR_GRID.nm, visible_grid(1).nm)
 
 
 def signal_noise() -> np.ndarray:
@@ -100,14 +100,15 @@ def picture(facts: dict[str, Any], chart: np.ndarray, signals: list[np.ndarray],
                                           signal_noise())
         draws = draw_spectra(measurement, "prior", REQUEST.draws, REQUEST.seed,
                              REQUEST.coefficients, prior).spectra
-        axis.fill_between(GRID.nm, *np.quantile(draws, [0.025, 0.975], axis=0), color="tab:green",
+        axis.fill_between(PRIOR_GRID.nm, *np.quantile(draws, [0.025, 0.975], axis=0),
+                          color="tab:green",
                           alpha=0.2)
-        axis.plot(GRID.nm, draws[:10].T, color="tab:green", linewidth=0.4)
-        axis.plot(GRID.nm, draws.mean(axis=0), color="tab:green",
+        axis.plot(PRIOR_GRID.nm, draws[:10].T, color="tab:green", linewidth=0.4)
+        axis.plot(PRIOR_GRID.nm, draws.mean(axis=0), color="tab:green",
                   label="learnt prior, 95 % and ten draws")
         axis.fill_between(NM, mean - spread, mean + spread, color="tab:orange", alpha=0.2)
         axis.plot(NM, mean, color="tab:orange", label="stand-in network, sd over pixels")
-        axis.plot(GRID.nm, chart[index], color="black", label="measured")
+        axis.plot(PRIOR_GRID.nm, chart[index], color="black", label="measured")
         axis.set(title=f"patch {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance",
                  ylim=(0, 1))
     axes[0].legend(fontsize=7)
@@ -152,7 +153,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("figure_9.png"))
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
-    rng, sets = np.random.default_rng(9), test_reflectances(GRID)
+    rng, sets = np.random.default_rng(9), test_reflectances(PRIOR_GRID)
     curves = np.concatenate([sets[name] for name in TRAINING])
     if arguments.data is not None:
         folders = sorted(path for path in (arguments.data / "reflectance").iterdir()
@@ -167,7 +168,8 @@ def main() -> None:
         np.save(Path(scratch) / "network.npy", cube.astype(np.float32))
         truth = Path(scratch) / "truth.csv"
         truth.write_text("nm," + ",".join(f"patch {i + 1}" for i in range(24)) + "\n" + "\n".join(
-            ",".join(f"{value:.8g}" for value in row) for row in zip(GRID.nm, *chart, strict=True)))
+            ",".join(f"{value:.8g}" for value in row)
+            for row in zip(PRIOR_GRID.nm, *chart, strict=True)))
         regions = [Region(f"patch {i + 1}", None, (SIDE * i, 0, SIDE * (i + 1), SIDE),
                           None) for i in range(24)]
         signals = [(rgb[:, SIDE * i:SIDE * (i + 1)] / shading()).mean(axis=(0, 1))

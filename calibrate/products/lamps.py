@@ -20,7 +20,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.published.tables import (
+from spectrabox.radiometry.published.published_tables import (
     LIGHTS,
     OBSERVERS,
     all_published,

@@ -16,9 +16,9 @@ from spectrabox.measure.pictures.pixel_errors import COARSE_TOLERANCE, PixelErro
 from spectrabox.measure.pictures.pixel_flags import CLIPPED, DARK, HIGHLIGHT, SEEN
 from spectrabox.measure.pictures.pixel_spectra import PixelBlock, SpectraPlan
 from spectrabox.radiometry.records import LinearImage
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture
-from spectrabox.sampling.prior.posterior import STILL
-from spectrabox.sampling.prior.tables import MAX_SIGNAL, Uplifted, uplift_signals
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.mixture_posterior import TOLERANCE
+from spectrabox.sampling.prior.uplift_table import MAX_SIGNAL, Uplifted, uplift_signals
 
 GREY = 0.3                  # signal by whose error the places of a photo are compared
 BEST_KNOWN, WORST_KNOWN = 5, 95     # percentiles of the places that the two tables are made for
@@ -177,8 +177,8 @@ class LitPhoto:
         """
         assert block.white is not None and block.variance is not None
         count, within = len(block.measured), block.within
-        whole = Uplifted(np.empty((count, GRID.nm.size)), np.empty((count, GRID.nm.size)),
-                         np.empty(count))
+        shape = count, PRIOR_GRID.nm.size
+        whole = Uplifted(np.empty(shape), np.empty(shape), np.empty(count))
         lights = np.zeros(count, int) if block.light is None else block.light
         for light in np.unique(lights):
             own = np.flatnonzero(lights == light)
@@ -187,7 +187,7 @@ class LitPhoto:
             if not coarse:
                 covariance += self.errors.by_curves(within[own], light)
             part = uplift_signals(self.prior, self.responses[light], within[own], covariance,
-                                  still=COARSE_TOLERANCE if coarse else STILL)
+                                  tolerance=COARSE_TOLERANCE if coarse else TOLERANCE)
             for name, values in vars(whole).items():
                 values[own] = getattr(part, name)
         return whole

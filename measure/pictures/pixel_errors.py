@@ -19,9 +19,8 @@ from spectrabox.measure.pictures.illumination import (
     light_adaptation,
 )
 from spectrabox.radiometry.records import Calibration
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.prior.mixture import LogitMixture
-from spectrabox.sampling.prior.posterior import mean_and_spread, posterior
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
 
 EXPECTED = 0.01         # of white: error of the signals whose spectra the errors are evaluated at
 EXPECTED_AT_ONCE = 500
@@ -109,7 +108,7 @@ class PixelErrors:
         for start in range(0, len(signals), EXPECTED_AT_ONCE):
             some = signals[start:start + EXPECTED_AT_ONCE]
             mixture = posterior(self.prior, self.responses[light], some,
-                                EXPECTED**2 * np.eye(signals.shape[1]), still=COARSE_TOLERANCE)
+                                EXPECTED**2 * np.eye(signals.shape[1]), tolerance=COARSE_TOLERANCE)
             spectra[start:start + len(some)] = mean_and_spread(mixture)[0]
         return self.curves[light].covariance(signals, spectra)
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK
 from spectrabox.sampling.prior.low_rank import LowRank, stated_errors
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture
-from spectrabox.sampling.prior.tables import (
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.uplift_table import (
     Progress,
     Uplifted,
     UpliftTable,
@@ -60,7 +60,7 @@ class KeptWavelengths:
     @property
     def nm(self) -> tuple[np.ndarray, np.ndarray]:
         """Wavelengths (P,) of the mean and (Q,) of the standard deviation."""
-        return GRID.nm[self.mean], GRID.nm[self.deviation]
+        return PRIOR_GRID.nm[self.mean], PRIOR_GRID.nm[self.deviation]
 
     @property
     def float_type(self) -> Any:

@@ -23,7 +23,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.low_rank import low_rank
 from spectrabox.sampling.prior.mixture import LogitMixture
-from spectrabox.sampling.prior.tables import (
+from spectrabox.sampling.prior.uplift_table import (
     SIDE,
     Progress,
     Uplifted,

@@ -11,9 +11,9 @@ from spectrabox.radiometry.chart import Chart, chart_reflectances, typical_camer
 from spectrabox.radiometry.charts.table_order import AS_ASKED, order_correlations
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.files import names_a_file
-from spectrabox.radiometry.published.tables import published_colours
+from spectrabox.radiometry.published.published_tables import published_colours
 from spectrabox.radiometry.records import Quantity, WavelengthGrid
-from spectrabox.radiometry.spectra.formats.table import SpectralTable
+from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
 from spectrabox.radiometry.spectra.spectrum_files import (
     read_table,
     spectrum_of,

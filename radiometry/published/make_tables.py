@@ -7,7 +7,13 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry.colour_science import colour_science
-from spectrabox.radiometry.published.tables import CHARTS, COLOURS, FILE, LIGHTS, OBSERVERS
+from spectrabox.radiometry.published.published_tables import (
+    CHARTS,
+    COLOURS,
+    FILE,
+    LIGHTS,
+    OBSERVERS,
+)
 
 ALIASES = ("babel_average", "cc_ohta")  # second names of charts
 COLOURED = ("ColorCheckerSG - After November 2014",)    # charts of which no spectra are published

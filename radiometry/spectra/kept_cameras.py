@@ -12,7 +12,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.published.tables import OBSERVERS, published_names
+from spectrabox.radiometry.published.published_tables import OBSERVERS, published_names
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.delimited import table_text
 from spectrabox.radiometry.system.names import file_stem, name_fault

@@ -6,7 +6,7 @@ import functools
 import numpy as np
 
 from spectrabox.radiometry.grid import trapezoid_weights_nm
-from spectrabox.radiometry.published.tables import OBSERVERS, published_curves
+from spectrabox.radiometry.published.published_tables import OBSERVERS, published_curves
 
 LUMENS_PER_WATT = 683.0
 WITHIN_NM = (380.0, 780.0)      # CIE 15; beyond, the observer's table changes no digit

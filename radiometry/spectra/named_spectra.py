@@ -11,7 +11,7 @@ from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.published.tables import (
+from spectrabox.radiometry.published.published_tables import (
     LIGHTS,
     OBSERVERS,
     published_curves,
@@ -35,7 +35,7 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
     Parameters
     ----------
     name : str
-        A file, or a name of ``published.tables`` or of ``kept_cameras``.
+        A file, or a name of ``published.published_tables`` or of ``kept_cameras``.
     grid : WavelengthGrid
         Working grid, of P wavelengths.
 

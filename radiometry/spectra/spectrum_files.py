@@ -27,14 +27,14 @@ from spectrabox.radiometry.spectra.formats.light_meters import (
     read_sekonic,
     read_uprtek,
 )
-from spectrabox.radiometry.spectra.formats.rawtoaces import is_rawtoaces, read_rawtoaces
-from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC, read_spectral_exr
-from spectrabox.radiometry.spectra.formats.table import (
+from spectrabox.radiometry.spectra.formats.measurement_table import (
     SpectralTable,
     checked_table,
     distinct,
     text_of,
 )
+from spectrabox.radiometry.spectra.formats.rawtoaces import is_rawtoaces, read_rawtoaces
+from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC, read_spectral_exr
 from spectrabox.radiometry.spectra.formats.tm27 import is_tm27, read_tm27
 from spectrabox.radiometry.spectra.pchip import pchip
 

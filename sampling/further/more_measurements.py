@@ -21,10 +21,10 @@ from spectrabox.sampling.further.conditioning import (
     same_bands,
     same_material,
 )
-from spectrabox.sampling.measurement import nearest_coefficients, response_on
-from spectrabox.sampling.prior.draws import prior_spectra
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture
-from spectrabox.sampling.prior.posterior import with_floor
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.mixture_posterior import with_floor
+from spectrabox.sampling.prior.signal_posterior import solve_posterior
+from spectrabox.sampling.spline_measurement import nearest_coefficients, response_on
 
 DOUBT_DRAWS = 400
 
@@ -95,8 +95,7 @@ def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: Logi
     for index, further in enumerate(more):
         rest = joined(base, more[:index] + more[index + 1:])
         rows, values, covariance = measured_rows(base, further)
-        spectra = prior_spectra(rest, DOUBT_DRAWS, seed, prior).spectra
-        expected = spectra @ rows.T
+        expected = solve_posterior(prior, rest).draws(DOUBT_DRAWS, seed) @ rows.T
         spread = np.atleast_2d(np.cov(expected, rowvar=False)) + with_floor(covariance)
         away = values - expected.mean(axis=0)
         if away @ np.linalg.solve(spread, away) > chi_square_beyond(CONTRADICTION, len(away)):
@@ -109,7 +108,7 @@ def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: Logi
 
 
 def _possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> bool:
-    parts = [(response_on(base, GRID), base.signal, base.noise_covariance),
+    parts = [(response_on(base, PRIOR_GRID), base.signal, base.noise_covariance),
              *(measured_rows(base, further) for further in more)]
     rows, targets = [], []
     for part, values, covariance in parts:
@@ -128,7 +127,7 @@ def measured_rows(base: SpectralMeasurement,
     """
     if more.measurement is not None:
         photo = more.measurement
-        return response_on(photo, GRID), photo.signal, photo.noise_covariance
+        return response_on(photo, PRIOR_GRID), photo.signal, photo.noise_covariance
     both, bands = condition(base, list(more.readings)), len(base.signal)
-    return (response_on(both, GRID)[bands:], both.signal[bands:],
+    return (response_on(both, PRIOR_GRID)[bands:], both.signal[bands:],
             both.noise_covariance[bands:, bands:])

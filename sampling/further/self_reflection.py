@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.measurement import response_on
-from spectrabox.sampling.prior.mixture import GRID
-from spectrabox.sampling.prior.posterior import with_floor
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.sampling.prior.mixture_posterior import with_floor
+from spectrabox.sampling.spline_measurement import response_on
 
 PROPOSALS_PER_DRAW, MOST_PROPOSALS = 20, 200_000
 
@@ -41,7 +41,7 @@ def given_reflected_twice(samples: SpectrumSamples, twice: SpectralMeasurement,
     SpectrumSamples
         ``effective_samples`` is that of the weights, at most ``draws``.
     """
-    away = samples.spectra**2 @ response_on(twice, GRID).T - twice.signal
+    away = samples.spectra**2 @ response_on(twice, PRIOR_GRID).T - twice.signal
     weights = np.einsum("tk,kl,tl->t", away, np.linalg.inv(with_floor(twice.noise_covariance)),
                         away)
     weights = np.exp(-0.5 * (weights - weights.min()))

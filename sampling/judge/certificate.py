@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.judge.scores import (
+from spectrabox.sampling.judge.spectrum_scores import (
     LIGHTS,
     coverage,
     coverage_error,
@@ -21,10 +21,10 @@ from spectrabox.sampling.judge.scores import (
     spectral_angle,
     winkler_score,
 )
-from spectrabox.sampling.prior.certified import CERTIFIED
+from spectrabox.sampling.prior.family_coverage import CERTIFIED
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, condition_on_families
-from spectrabox.sampling.prior.posterior import calibrated_bands, posterior, widened
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, condition_on_families
+from spectrabox.sampling.prior.mixture_posterior import calibrated_bands, posterior, widened
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
 FEWEST = 10
@@ -117,9 +117,9 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, relative_response:
     lower, upper = bands[0.95]
     held = (truth >= lower) & (truth <= upper)
     curve = widened(mean, lower, upper, prior.curve_factor)
-    differences = delta_e00_under(lights, GRID, mean, truth)
+    differences = delta_e00_under(lights, PRIOR_GRID, mean, truth)
     most = shares.argmax(axis=1)
-    tenths = np.array_split(np.arange(GRID.nm.size), TENTHS)
+    tenths = np.array_split(np.arange(PRIOR_GRID.nm.size), TENTHS)
     return Certificate(
         library.name, len(truth), library.left_out, noise, float(rmse(mean, truth).mean()),
         float(spectral_angle(mean, truth).mean()),
@@ -128,7 +128,8 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, relative_response:
         float(np.mean(upper - lower)), float(np.mean(bands[0.5][1] - bands[0.5][0])),
         winkler_score(lower, upper, truth), {light: float(values.mean()) for light,
                                              values in differences.items()},
-        {f"{GRID.nm[tenth[0]]:.0f}-{GRID.nm[tenth[-1]]:.0f} nm": float(held[:, tenth].mean())
+        {f"{PRIOR_GRID.nm[tenth[0]]:.0f}-{PRIOR_GRID.nm[tenth[-1]]:.0f} nm": float(held[:,
+                                                                                        tenth].mean())
          for tenth in tenths},
         float(held[truth > BRIGHT].mean()) if np.any(truth > BRIGHT) else None,
         dict(zip(prior.families, shares.mean(axis=0).tolist(), strict=True)),

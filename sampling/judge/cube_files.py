@@ -22,7 +22,7 @@ from spectrabox.radiometry.spectra.formats.envi import (
     WAVELENGTH_UNITS,
     is_envi_header,
 )
-from spectrabox.radiometry.spectra.formats.table import number, text_of
+from spectrabox.radiometry.spectra.formats.measurement_table import number, text_of
 from spectrabox.radiometry.system.archives import DAMAGE
 from spectrabox.sampling.judge.cubes import (
     MOST_BANDS,

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.formats.table import text_of
+from spectrabox.radiometry.spectra.formats.measurement_table import text_of
 from spectrabox.radiometry.spectra.spectral_layers import REFLECTANCE, spectral_layers
 
 MOST_BANDS, MOST_SIDE, MOST_IN_ROW = 5000, 200_000, 100_000_000     # the last: values, read at once

@@ -15,9 +15,9 @@ import numpy as np
 
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.shaped import Record
-from spectrabox.sampling.measurement import response_on
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture
-from spectrabox.sampling.prior.posterior import posterior, with_floor
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.mixture_posterior import posterior, with_floor
+from spectrabox.sampling.spline_measurement import response_on
 
 VARIATION = 0.01        # of white: standard deviation between samples of one material
 ALIKE_NM = 50.0         # L: wavelengths nearer than this vary together
@@ -77,7 +77,7 @@ def identify(measurement: SpectralMeasurement, spectra: np.ndarray, prior: Logit
     ratio = np.exp(chdtri(bands, BY_CHANCE) / 2) if evidence_ratio is None else evidence_ratio
     allowed = p_value >= REJECTED
     near = evidence >= np.max(evidence, where=allowed, initial=-np.inf) - np.log(ratio)
-    none = float(posterior(prior, response_on(measurement, GRID), measurement.signal[None],
+    none = float(posterior(prior, response_on(measurement, PRIOR_GRID), measurement.signal[None],
                            measurement.noise_covariance).log_evidence[0])
     of_library = evidence.max() + np.log(np.mean(np.exp(evidence - evidence.max())))
     return Identification(evidence, np.sqrt(distance), p_value, near & allowed,

@@ -9,7 +9,8 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import SpectralMeasurement
-from spectrabox.sampling.judge.scores import (
+from spectrabox.sampling.draw_methods import METHODS, draw_spectra
+from spectrabox.sampling.judge.spectrum_scores import (
     best_scale,
     coverage,
     curve_band,
@@ -19,10 +20,9 @@ from spectrabox.sampling.judge.scores import (
     spectral_angle,
     winkler_score,
 )
-from spectrabox.sampling.measurement import spline_operator
-from spectrabox.sampling.methods import METHODS, draw_spectra
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.published.baselines import baseline_spectra, greedy_draws
+from spectrabox.sampling.spline_measurement import spline_operator
 from spectrabox.sampling.summary import TAIL_DRAWS
 
 LEVEL = 0.95
@@ -90,7 +90,7 @@ def baselines(measurement: SpectralMeasurement, draws: int, seed: int,
     """Single spectra of other authors, and a greedy sampler's mean and draws; None if it has none.
     """
     c, _ = greedy_draws(spline_operator(measurement, coefficients), draws, seed)
-    spectra = c @ basis_matrix(GRID.nm, coefficients).T
+    spectra = c @ basis_matrix(PRIOR_GRID.nm, coefficients).T
     greedy = (spectra.mean(axis=0), spectra) if len(spectra) else None
     singles = {name: (spectrum, None) for name, spectrum in baseline_spectra(measurement).items()}
     return {**singles, GREEDY: greedy}
@@ -111,7 +111,7 @@ def beside(measurement: SpectralMeasurement, nm: np.ndarray, truth: np.ndarray,
     lights : names
         Of the colour differences.
     draws, seed, coefficients, prior
-        See `sampling.methods.draw_spectra`.
+        See `sampling.draw_methods.draw_spectra`.
     with_baselines : bool
         Whether other authors' methods are judged too.
 
@@ -124,7 +124,7 @@ def beside(measurement: SpectralMeasurement, nm: np.ndarray, truth: np.ndarray,
         **estimates(measurement, tuple(METHODS)[::-1], draws, seed, coefficients, prior)}
     if with_baselines:
         by_method |= baselines(measurement, draws, seed, coefficients)
-    columns = np.searchsorted(GRID.nm, nm)
+    columns = np.searchsorted(PRIOR_GRID.nm, nm)
     return {name: judged(nm, truth, estimate[0][columns], lights,
                          None if estimate[1] is None else estimate[1][:, columns])
             for name, estimate in by_method.items() if estimate is not None}

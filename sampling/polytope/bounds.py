@@ -17,10 +17,10 @@ import numpy as np
 from spectrabox.radiometry.covariance import chi_square_beyond
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.checks import check_noise
-from spectrabox.sampling.measurement import MeasurementOperator
 from spectrabox.sampling.polytope.linear_programmes import LP_ATOL, SignalBoxes, bounds_of_one
 from spectrabox.sampling.polytope.simplex import Walk, highest
 from spectrabox.sampling.polytope.tilt import check_operator
+from spectrabox.sampling.spline_measurement import MeasurementOperator
 
 
 def reflectance_bounds(operator: MeasurementOperator, basis: np.ndarray,

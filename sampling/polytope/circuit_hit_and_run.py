@@ -11,7 +11,6 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome
-from spectrabox.sampling.measurement import CoefficientDraws, MeasurementOperator
 from spectrabox.sampling.polytope.circuits import (
     Circuits,
     design,
@@ -22,6 +21,7 @@ from spectrabox.sampling.polytope.circuits import (
 from spectrabox.sampling.polytope.diagnostics import diagnose, refuse_poor
 from spectrabox.sampling.polytope.tilt import Tilt, max_entropy_tilt
 from spectrabox.sampling.polytope.tilted_rejection import collect, tilted_proposals
+from spectrabox.sampling.spline_measurement import CoefficientDraws, MeasurementOperator
 
 METHOD = "uniform (circuit hit-and-run)"
 STARTS = 1024

@@ -11,7 +11,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import CalibrationError
 from spectrabox.radiometry.shaped import Record
-from spectrabox.sampling.measurement import MeasurementOperator
+from spectrabox.sampling.spline_measurement import MeasurementOperator
 
 # about sqrt(float64 eps): smaller singular values are round-off in A, not information
 RANK_RTOL = 1e-8

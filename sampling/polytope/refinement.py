@@ -17,9 +17,13 @@ from spectrabox.radiometry.bspline import DEGREE, basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement
-from spectrabox.sampling.measurement import CoefficientDraws, MeasurementOperator, spline_operator
 from spectrabox.sampling.polytope.tilt import max_entropy_tilt, tilt_moments
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
+from spectrabox.sampling.spline_measurement import (
+    CoefficientDraws,
+    MeasurementOperator,
+    spline_operator,
+)
 
 SWEEPS = 20         # of hit-and-run along the residual directions, per draw
 FINE = visible_grid(1)

@@ -21,8 +21,8 @@ import numpy as np
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.shaped import Record
 from spectrabox.sampling.checks import check_noise
-from spectrabox.sampling.measurement import MeasurementOperator
 from spectrabox.sampling.polytope.null_space import null_space
+from spectrabox.sampling.spline_measurement import MeasurementOperator
 
 # |h| under which the closed forms lose digits and three terms of the series do not
 SERIES_BELOW = 1e-2

@@ -23,7 +23,7 @@ from spectrabox.radiometry.system.archives import (
     DamagedArchiveError,
     opened_zip,
 )
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.prior.r_data import read_r_columns
 
 # a curve may end this far inside 400-700 nm; it is then continued by its end value
@@ -71,7 +71,7 @@ def read_library(folder: Path) -> ReflectanceLibrary:
             usable_curves.append(kept)
             left_out.update({reason: left_out.get(reason, 0) + count
                              for reason, count in why.items() if count})
-    reflectances = np.concatenate([np.empty((0, GRID.nm.size)), *usable_curves])
+    reflectances = np.concatenate([np.empty((0, PRIOR_GRID.nm.size)), *usable_curves])
     if not len(reflectances):
         raise InputError(f"{folder.resolve().name} holds no usable reflectance "
                          f"({left_out or 'no file of a known format'}); known are "
@@ -97,17 +97,19 @@ def usable(nm: np.ndarray, curves: np.ndarray) -> tuple[np.ndarray, dict[str, in
     """
     order = np.argsort(nm)
     nm, curves = nm[order], curves[:, order]
-    if nm.size < 2 or nm[0] > GRID.nm[0] + END_GAP_NM or nm[-1] < GRID.nm[-1] - END_GAP_NM:
-        return np.empty((0, GRID.nm.size)), {"400-700 nm not covered": len(curves)}
+    if nm.size < 2 or nm[0] > PRIOR_GRID.nm[0] + END_GAP_NM \
+            or nm[-1] < PRIOR_GRID.nm[-1] - END_GAP_NM:
+        return np.empty((0, PRIOR_GRID.nm.size)), {"400-700 nm not covered": len(curves)}
     finite = np.where(np.isfinite(curves), curves, np.nan)
     high = np.nanpercentile(finite[np.isfinite(curves).any(axis=1)], 90, axis=1)
     if high.size and np.median(high) > FAR_ABOVE_ONE:
-        return np.empty((0, GRID.nm.size)), {"far above 1: absorbance, or per cent": len(curves)}
-    seen = (nm > GRID.nm[0] - 20) & (nm < GRID.nm[-1] + 20)
+        return (np.empty((0, PRIOR_GRID.nm.size)),
+                {"far above 1: absorbance, or per cent": len(curves)})
+    seen = (nm > PRIOR_GRID.nm[0] - 20) & (nm < PRIOR_GRID.nm[-1] + 20)
     nm, curves = nm[seen], curves[:, seen]
     whole = np.all(np.isfinite(curves), axis=1)
-    at_grid = np.reshape([np.interp(GRID.nm, nm, curve) for curve in curves[whole]],
-                         (-1, GRID.nm.size))
+    at_grid = np.reshape([np.interp(PRIOR_GRID.nm, nm, curve) for curve in curves[whole]],
+                         (-1, PRIOR_GRID.nm.size))
     inside = np.all((at_grid >= 0) & (at_grid <= 1), axis=1)
     return at_grid[inside], {"gaps": int(np.sum(~whole)), "outside 0 to 1": int(np.sum(~inside))}
 

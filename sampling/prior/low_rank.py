@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.mixture import LogitMixture, drawn_reflectances
-from spectrabox.sampling.prior.tables import uplift_directly
+from spectrabox.sampling.prior.uplift_table import uplift_directly
 
 SURFACES = 1500             # drawn: with 3000 the error of 16 coefficients is the same to 3 %
 MIN_COEFFICIENTS = 3        # as a signal of three bands has

@@ -24,10 +24,10 @@ from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
-from spectrabox.sampling.prior.certified import BandCertificate, FamilyCertificate
-from spectrabox.sampling.prior.families.words import WORDS, unknown_families
+from spectrabox.sampling.prior.families.family_names import WORDS, unknown_families
+from spectrabox.sampling.prior.family_coverage import BandCertificate, FamilyCertificate
 
-GRID = visible_grid(5)
+PRIOR_GRID = visible_grid(5)
 SHIPPED = Path(__file__).parent / "models" / "surface_families.npz"
 EDGE = 0.004            # training reflectances are clipped to 0.004-0.996 before the logit
 MOMENT_DRAWS = 20000
@@ -250,7 +250,7 @@ def check_prior(prior: LogitMixture, name: str) -> None:
     InputError
         With what is wrong.
     """
-    if prior.nm.shape != GRID.nm.shape or np.abs(prior.nm - GRID.nm).max() > 1e-6:
+    if prior.nm.shape != PRIOR_GRID.nm.shape or np.abs(prior.nm - PRIOR_GRID.nm).max() > 1e-6:
         raise InputError(f"the prior {name} is for {prior.nm.size} wavelengths from "
                          f"{prior.nm[0]:g} to {prior.nm[-1]:g} nm; 61 from 400 to 700 nm are "
                          "needed: train it again on this grid")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 MEAN = -1.14
 LEVEL, BROAD, NARROW = 0.97, 1.04, 0.23     # standard deviations of the logit
@@ -20,15 +20,16 @@ INDEPENDENT = 4e-3                          # variance
 
 def smoothness_prior() -> LogitMixture:
     """The prior with one component; its bands carry no conformal calibration (all factors 1)."""
-    covariance = ENLARGED**2 * smooth_covariance() + INDEPENDENT * np.eye(GRID.nm.size)
-    ones = np.ones((1, 2, GRID.nm.size))
-    return LogitMixture(GRID.nm, np.ones(1), np.full((1, GRID.nm.size), MEAN), covariance[None],
+    covariance = ENLARGED**2 * smooth_covariance() + INDEPENDENT * np.eye(PRIOR_GRID.nm.size)
+    ones = np.ones((1, 2, PRIOR_GRID.nm.size))
+    return LogitMixture(PRIOR_GRID.nm, np.ones(1), np.full((1, PRIOR_GRID.nm.size), MEAN),
+                        covariance[None],
                         ("smooth",), np.zeros(1), np.array([0.5, 0.99]), ones, ones, 1.0, np.inf,
                         0.0, "smoothness alone")
 
 
 def smooth_covariance() -> np.ndarray:
     """Covariance (61, 61) of the logit of measured reflectances that are taken for smooth alone."""
-    distance = GRID.nm[:, None] - GRID.nm
+    distance = PRIOR_GRID.nm[:, None] - PRIOR_GRID.nm
     return np.asarray(LEVEL**2 + BROAD**2 * np.exp(-0.5 * (distance / BROAD_NM)**2)
                       + NARROW**2 * np.exp(-0.5 * (distance / NARROW_NM)**2))

@@ -1,8 +1,9 @@
 """What the learnt prior says of many signals, without draws: from the mixture that draws follow.
 
-Mean, standard deviation and band are those of the law that draws follow (drawn.py); draws scatter
-about them. Correlations between wavelengths, which choose the next reading, are those of its
-linearised components. All signals have one response; their noise may differ.
+Mean, standard deviation and band are those of the distribution that draws follow
+(calibrated_marginals.py); draws scatter about them. Correlations between wavelengths, which choose
+the next reading, are those of its linearised components. All signals have one response; their
+noise may differ.
 """
 from __future__ import annotations
 
@@ -11,12 +12,11 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Outcome
 from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
-from spectrabox.sampling.prior.drawn import COARSE, as_drawn
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture
-from spectrabox.sampling.prior.posterior import (
+from spectrabox.sampling.prior.calibrated_marginals import marginal_moments, next_readings_nm
+from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.sampling.prior.mixture_posterior import (
     MixturePosterior,
     allowed_misfit,
     central_band,
@@ -24,7 +24,6 @@ from spectrabox.sampling.prior.posterior import (
     posterior,
 )
 from spectrabox.sampling.prior.smoothness import smoothness_prior
-from spectrabox.sampling.summary import READING_ERROR
 
 BATCH = 250         # signals: those of one batch are carried with as many components as any needs
 
@@ -97,12 +96,9 @@ def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
 
 def _of_mixture(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
                 noise: np.ndarray, mixture: MixturePosterior, level: float) -> PriorSummaries:
-    drawn, covariance = as_drawn(prior, relative_response, signals, noise, mixture)
+    drawn, covariance = marginal_moments(prior, relative_response, signals, noise, mixture)
     mean, spread = mean_and_spread(drawn)
     lower, upper = central_band(drawn, level)
-    # As `summary.next_measurement_nm`, all at once.
-    reduction = np.square(covariance) @ grid_from_nm(GRID.nm[COARSE]).weights_nm \
-        / (spread**2 + READING_ERROR**2)
-    return PriorSummaries(mean, spread, lower, upper, GRID.nm[np.argmax(reduction, axis=1)],
+    return PriorSummaries(mean, spread, lower, upper, next_readings_nm(covariance, spread),
                           prior.shares(mixture.weights), np.empty((len(mean), 0)),
                           np.full(len(mean), Outcome.FAMILIAR, dtype=object))

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.prior.families.catalogue import FAMILIES, MIXTURES, Family
+from spectrabox.sampling.prior.families.family_models import FAMILIES, MIXTURES, Family
 from spectrabox.sampling.prior.families.paint import pigment_mixtures
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary, without_near_duplicates
-from spectrabox.sampling.prior.mixture import EDGE, GRID, Components, LogitMixture, logit
+from spectrabox.sampling.prior.mixture import EDGE, PRIOR_GRID, Components, LogitMixture, logit
 from spectrabox.sampling.prior.smoothness import smooth_covariance
 
 DIRECTIONS = 10
@@ -101,8 +101,8 @@ def joined(fitted: Fitted, families: dict[str, Family], source: str = "") -> Log
     names = tuple(fitted.plain)
     shares = np.array([families[name].share for name in names])
     plain = _components(fitted.plain, names)
-    ones = np.ones((len(names), LEVELS.size, GRID.nm.size))
-    return LogitMixture(GRID.nm, plain.weights * (shares / shares.sum())[plain.family],
+    ones = np.ones((len(names), LEVELS.size, PRIOR_GRID.nm.size))
+    return LogitMixture(PRIOR_GRID.nm, plain.weights * (shares / shares.sum())[plain.family],
                         plain.means, plain.covariances, names, plain.family, LEVELS, ones, ones,
                         1.0, np.inf, WIDTH_POWER, source,
                         where_stated=_components(fitted.stated, names) if fitted.stated else None)
@@ -179,7 +179,7 @@ def enriched(reflectances: np.ndarray, seed: int = 0) -> np.ndarray:
     weight = power(0, 1)
     mixed = some()**weight * some()**(1 - weight)
     layered = some()**power(0.2, 1) * some()**power(0.2, 1)
-    shifted = np.array([np.interp(GRID.nm + shift, GRID.nm, curve)
+    shifted = np.array([np.interp(PRIOR_GRID.nm + shift, PRIOR_GRID.nm, curve)
                         for shift, curve in zip(rng.normal(0, SHIFT_NM, share), some(),
                                                 strict=True)])
     return np.concatenate([reflectances, mixed, some()**power(0.5, 2), shifted, layered])
@@ -208,9 +208,9 @@ def fit_mixture(reflectances: np.ndarray, components: int = FAMILIES["paint"].co
     """
     from sklearn.mixture import GaussianMixture  # takes half a second to import
 
-    if reflectances.ndim != 2 or reflectances.shape[1] != GRID.nm.size:
+    if reflectances.ndim != 2 or reflectances.shape[1] != PRIOR_GRID.nm.size:
         raise InputError(f"training reflectances have shape {reflectances.shape}; (n, "
-                         f"{GRID.nm.size}) is needed")
+                         f"{PRIOR_GRID.nm.size}) is needed")
     if len(reflectances) < MIN_CURVES:
         raise InputError(f"{len(reflectances)} reflectances are too few to learn from; give at "
                          f"least {MIN_CURVES}")
@@ -218,13 +218,14 @@ def fit_mixture(reflectances: np.ndarray, components: int = FAMILIES["paint"].co
     centre = x.mean(axis=0)
     directions = np.linalg.svd(x - centre, full_matrices=False)[2][:DIRECTIONS].T
     scores = (x - centre) @ directions
-    rest = (np.cov(x - centre - scores @ directions.T, rowvar=False) + FLOOR * np.eye(GRID.nm.size)
+    rest = (np.cov(x - centre - scores @ directions.T, rowvar=False) + FLOOR
+            * np.eye(PRIOR_GRID.nm.size)
             + smooth * smooth_covariance())
     mixture = GaussianMixture(components, reg_covar=RIDGE, random_state=seed,
                               max_iter=300).fit(scores)
     covariances = directions @ mixture.covariances_ @ directions.T + rest
-    ones = np.ones((1, LEVELS.size, GRID.nm.size))
-    return LogitMixture(GRID.nm, mixture.weights_ / mixture.weights_.sum(),
+    ones = np.ones((1, LEVELS.size, PRIOR_GRID.nm.size))
+    return LogitMixture(PRIOR_GRID.nm, mixture.weights_ / mixture.weights_.sum(),
                         centre + mixture.means_ @ directions.T,
                         (covariances + covariances.transpose(0, 2, 1)) / 2, ("any",),
                         np.zeros(components), LEVELS, ones, ones, 1.0, np.inf, 0.0, "")

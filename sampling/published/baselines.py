@@ -13,8 +13,8 @@ from spectrabox.radiometry.colour_upsampling import METHODS, observer_response, 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.sampling.measurement import MeasurementOperator, response_on
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.sampling.spline_measurement import MeasurementOperator, response_on
 
 ATTEMPTS = 20_000
 
@@ -28,8 +28,8 @@ def baseline_spectra(measurement: SpectralMeasurement,
     InputError
         If the signal has fewer than three bands.
     """
-    xyz = to_tristimulus(response_on(measurement, GRID), measurement.signal[None])[0]
-    return {method: upsampled(xyz, GRID, method) for method in methods}
+    xyz = to_tristimulus(response_on(measurement, PRIOR_GRID), measurement.signal[None])[0]
+    return {method: upsampled(xyz, PRIOR_GRID, method) for method in methods}
 
 
 def to_tristimulus(relative_response: np.ndarray, signals: np.ndarray) -> np.ndarray:
@@ -44,8 +44,9 @@ def to_tristimulus(relative_response: np.ndarray, signals: np.ndarray) -> np.nda
     if len(relative_response) < 3:
         raise InputError(f"{len(relative_response)} bands give no colour; the baselines need three "
                          "or more")
-    known = np.concatenate([*test_reflectances(GRID).values(), np.ones((1000, GRID.nm.size))])
-    matrix = np.linalg.lstsq(known @ relative_response.T, known @ observer_response(GRID).T,
+    known = np.concatenate([*test_reflectances(PRIOR_GRID).values(),
+                            np.ones((1000, PRIOR_GRID.nm.size))])
+    matrix = np.linalg.lstsq(known @ relative_response.T, known @ observer_response(PRIOR_GRID).T,
                              rcond=None)[0]
     return np.clip(signals @ matrix, 0, None)
 

@@ -11,16 +11,16 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, measured_rows
-from spectrabox.sampling.measurement import (
+from spectrabox.sampling.polytope.refinement import lifting, residual_directions
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.sampling.published.per_axis_box import draw_in_box
+from spectrabox.sampling.published.ranking import best_by_signals
+from spectrabox.sampling.spline_measurement import (
     CoefficientDraws,
     nearest_coefficients,
     response_on,
     spline_operator,
 )
-from spectrabox.sampling.polytope.refinement import lifting, residual_directions
-from spectrabox.sampling.prior.mixture import GRID
-from spectrabox.sampling.published.per_axis_box import draw_in_box
-from spectrabox.sampling.published.ranking import best_by_signals
 
 
 def ranked(samples: SpectrumSamples, base: SpectralMeasurement, more: list[MoreMeasurement],
@@ -39,7 +39,7 @@ def ranked(samples: SpectrumSamples, base: SpectralMeasurement, more: list[MoreM
         seen.append(samples.spectra @ rows.T)
         measured.append(values)
     if twice is not None:
-        seen.append(samples.spectra**2 @ response_on(base, GRID).T)
+        seen.append(samples.spectra**2 @ response_on(base, PRIOR_GRID).T)
         measured.append(twice)
     if not seen:
         raise InputError("--keep ranks draws by further measurements; give some, or leave it out")

@@ -22,10 +22,10 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome
-from spectrabox.sampling.measurement import CoefficientDraws, MeasurementOperator
 from spectrabox.sampling.polytope.null_space import null_space
 from spectrabox.sampling.polytope.tilt import check_operator
 from spectrabox.sampling.polytope.tilted_rejection import collect
+from spectrabox.sampling.spline_measurement import CoefficientDraws, MeasurementOperator
 
 METHOD = "per-axis box as published (under-states the spread)"
 BOX_ATOL = 1e-9  # bounded least squares returns coefficients this far outside [0, 1]

@@ -5,22 +5,22 @@ import numpy as np
 
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.checks import check_measurement
-from spectrabox.sampling.measurement import (
+from spectrabox.sampling.checks import check_draw_count, check_measurement
+from spectrabox.sampling.polytope.tilt import check_operator
+from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.sampling.published.per_axis_box import METHOD, sample_per_axis
+from spectrabox.sampling.spline_measurement import (
     MeasurementOperator,
     nearest_coefficients,
     spline_operator,
 )
-from spectrabox.sampling.polytope.tilt import check_operator
-from spectrabox.sampling.prior.mixture import LogitMixture
-from spectrabox.sampling.published.per_axis_box import METHOD, sample_per_axis
 from spectrabox.sampling.uniform import as_spectra
 
 
 def sample_published(measurement: SpectralMeasurement, draws: int, seed: int, coefficients: int,
                      prior: LogitMixture | None = None, *,
                      unbounded_start: bool = False) -> SpectrumSamples:
-    """Draws as published (Sec. 3.2); see `sampling.methods.draw_spectra`.
+    """Draws as published (Sec. 3.2); see `sampling.draw_methods.draw_spectra`.
 
     ``prior`` is not used. The start is bounded least squares or, with ``unbounded_start`` and as
     printed, unbounded least squares.
@@ -30,7 +30,8 @@ def sample_published(measurement: SpectralMeasurement, draws: int, seed: int, co
     ConvergenceError
         If the unbounded start leaves [0, 1].
     """
-    check_measurement(measurement, draws)
+    check_measurement(measurement)
+    check_draw_count(draws)
     operator = spline_operator(measurement, coefficients)
     check_operator(operator)
     start = _unbounded(operator) if unbounded_start else _bounded(operator)

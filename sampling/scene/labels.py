@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from spectrabox.sampling.scene.posterior import (
+from spectrabox.sampling.scene.joint_posterior import (
     JointProblem,
     Modes,
     climb,

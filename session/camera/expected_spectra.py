@@ -31,8 +31,13 @@ from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.further.planner import PlannedStep, after, photo_candidate, ranked
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families, reflectance
+from spectrabox.sampling.prior.mixture import (
+    PRIOR_GRID,
+    LogitMixture,
+    load_prior,
+    of_families,
+    reflectance,
+)
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.session.signals.lamps_at_hand import LampsAtHand, lamp_candidates
 from spectrabox.session.stages.error_budget import sensitivity_covariance

@@ -46,7 +46,7 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     """
     import numpy as np
 
-    from spectrabox.radiometry.charts.left_out import left_out
+    from spectrabox.radiometry.charts.excluded_patches import left_out
     from spectrabox.radiometry.charts.references import reference_reflectances
     from spectrabox.radiometry.spectra.stated_light import stated_light
     from spectrabox.session.camera.patch_files import read_patches

@@ -248,7 +248,7 @@ def add(files: Annotated[list[Path], typer.Argument(
 def names(as_json: Json = False, debug: Debug = False) -> None:
     """Names of the cameras and observers that --sensitivity takes."""
     with command(as_json, debug):
-        from spectrabox.radiometry.published.tables import OBSERVERS, published_names
+        from spectrabox.radiometry.published.published_tables import OBSERVERS, published_names
         from spectrabox.radiometry.spectra.kept_cameras import own_cameras
         own, published = own_cameras(), published_names(OBSERVERS)
         answer(as_json, {"own": {name: str(path) for name, path in own.items()},

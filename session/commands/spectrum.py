@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from spectrabox.radiometry.records import Quantity, Spectrum
-    from spectrabox.radiometry.spectra.formats.table import SpectralTable
+    from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
 
 Files = Annotated[list[Path],
                   typer.Argument(metavar="FILE...", help="Files of spectra, of any format.",

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.names import name_fault, sharing_a_file
 from spectrabox.radiometry.system.words import shortened
-from spectrabox.sampling.prior.families.words import unknown_families
+from spectrabox.sampling.prior.families.family_names import unknown_families
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
     FIRST_PHOTO,
@@ -95,7 +95,7 @@ def _picture(config: SessionConfig) -> list[str]:
     if section is None:
         return []
     from spectrabox.radiometry.grid import VISIBLE_NM
-    from spectrabox.radiometry.published.tables import LIGHTS, published_names
+    from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
     problems = []
     if section.rect is not None and (len(section.rect) != 4 or _empty(section.rect)):
         problems.append(f"{place}.rect is {list(section.rect)}; two opposite corners [x0, y0, x1, "

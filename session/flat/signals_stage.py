@@ -13,9 +13,8 @@ from spectrabox.radiometry.light_drift import LightDrift, drift_between, drift_c
 from spectrabox.radiometry.records import Calibration, SignalError, SurfaceSignals
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
-from spectrabox.sampling.prior.posterior import mean_and_spread, posterior
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
+from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
 from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
 from spectrabox.session.flat.white_at_regions import (
     PhotoWhite,

@@ -13,8 +13,7 @@ from spectrabox.measure.pictures.lit_photo import LitPhoto
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.light_drift import drift_covariance
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
 from spectrabox.session.flat.signals_stage import (
     drift_of,
     model_error,

@@ -20,7 +20,7 @@ from spectrabox.radiometry.light_drift import drift_covariance
 from spectrabox.radiometry.records import Calibration, LightScale
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
 from spectrabox.reconstruct.pixels.hits import hits_of
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.pictures.reference_surfaces import compare_reference_surfaces
 from spectrabox.session.pictures.traced_photo import TracedPhoto
 from spectrabox.session.stages.error_budget import scale_covariances

@@ -14,8 +14,7 @@ from spectrabox.reconstruct.pixels.pixel_light import PixelLight
 from spectrabox.reconstruct.scene.regions import region_means
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 from spectrabox.reconstruct.view import View
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
 )
 from spectrabox.measure.pictures.uplift import ImageSource, plan_image, require_bands, require_side
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.session.pictures.low_rank_files import low_rank_path, write_low_rank
 from spectrabox.session.pictures.spectra_files import (
     Format,
@@ -101,7 +101,7 @@ def image_source(request: UpliftRequest) -> ImageSource:
     ------
     InputError
     """
-    span = round(GRID.nm[-1] - GRID.nm[0])
+    span = round(PRIOR_GRID.nm[-1] - PRIOR_GRID.nm[0])
     if request.step_nm < 1 or request.step_nm % GRID_STEP_NM or span % request.step_nm:
         raise InputError(f"--step {request.step_nm} does not divide 400-700 nm into steps of "
                          f"{GRID_STEP_NM} nm; take 5, 10, 15, 20, 25, 30, 50 or 60")

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.records import PatchSamples, SpectrumSamples, SurfaceAgreement
-from spectrabox.sampling.prior.certified import standing_facts
+from spectrabox.sampling.prior.family_coverage import coverage_facts
 from spectrabox.session.box.geometry_record import SceneGeometry
 from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
@@ -129,7 +129,7 @@ def family_facts(material: MaterialResult) -> list[dict[str, Any]]:
     """The families that a material may be of, and what 95 % bands of each held when it was judged;
     None where it was not.
     """
-    return standing_facts(material.families)
+    return coverage_facts(material.families)
 
 
 def _samples(samples: SpectrumSamples | None) -> dict[str, Any] | None:

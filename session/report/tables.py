@@ -7,7 +7,7 @@ import numpy as np
 
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.records import Reconstruction, SpectrumSamples
-from spectrabox.sampling.prior.certified import certified_sentence, mostly_in_doubt
+from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt
 from spectrabox.session.calibration_facts import left_out_sentence
 from spectrabox.session.report.figures import (
     chart_residual_figure,

@@ -29,16 +29,18 @@ from spectrabox.sampling.checks import check_measurement
 from spectrabox.sampling.error_budget import (
     FLOOR,
     METAMERISM,
-    error_budget,
-    shares_by_cause,
 )
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful
-from spectrabox.sampling.measurement import response_on, spline_operator
 from spectrabox.sampling.polytope.bounds import bounds_of_many
-from spectrabox.sampling.prior.certified import certified_sentence, standing_facts, standings
-from spectrabox.sampling.prior.draws import family_shares, sentence_of
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior, of_families
+from spectrabox.sampling.prior.family_coverage import (
+    certified_sentence,
+    coverage_facts,
+    family_coverages,
+)
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
+from spectrabox.sampling.prior.signal_posterior import describe_outcome
 from spectrabox.sampling.prior.summaries import summaries
+from spectrabox.sampling.spline_measurement import response_on, spline_operator
 from spectrabox.sampling.summary import check_level, summarise
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.request_draws import DrawOptions, check_options, draws_of
@@ -160,15 +162,15 @@ def bulk_facts(request: SampleRequest, parsed: _Parsed,
     assert prior is not None
     check_level(request.level)
     first = measurement_of_signal(parsed.relative_response, signals[0], parsed.white, parsed.noise)
-    check_measurement(first, request.options.samples)
+    check_measurement(first)
     y = relative_to_white(np.array(signals), parsed.white)
     photo_noise = np.broadcast_to(first.noise_covariance, (len(y), *first.noise_covariance.shape))
     causes = causes_of_error(y, photo_noise, request.light_error, request.sensitivity_error)
     count = request.options.coefficients
     bound_lower, bound_upper = bounds_of_many(
         spline_operator(first, count).A, y, np.sum(list(causes.values()), axis=0),
-        basis_matrix(GRID.nm, count), request.level)
-    found = summaries(prior, response_on(first, GRID), y, causes, request.level)
+        basis_matrix(PRIOR_GRID.nm, count), request.level)
+    found = summaries(prior, response_on(first, PRIOR_GRID), y, causes, request.level)
     seconds = (time.perf_counter() - started) / len(signals)
     results = []
     for row in range(len(signals)):
@@ -178,9 +180,9 @@ def bulk_facts(request: SampleRequest, parsed: _Parsed,
         shares = dict(zip(prior.families, found.family_shares[row].tolist(), strict=True))
         familiar = found.outcome[row] is Outcome.FAMILIAR
         method = "learnt prior" if familiar else "smoothness prior"
-        sentence = sentence_of(found.outcome[row], prior.stated, shares)
+        sentence = describe_outcome(found.outcome[row], prior.stated, shares)
         results.append({
-            "wavelengths_nm": GRID.nm.tolist(),
+            "wavelengths_nm": PRIOR_GRID.nm.tolist(),
             **{name: getattr(found, name)[row].round(CURVE_DIGITS).tolist()
                for name in ("mean", "standard_deviation", "lower", "upper")},
             "bound_lower": bound_lower[row].tolist(), "bound_upper": bound_upper[row].tolist(),
@@ -232,7 +234,7 @@ def _answer(request: SampleRequest, parsed: _Parsed,
     causes = causes_of_error(base.signal, base.noise_covariance, request.light_error,
                              request.sensitivity_error)
     base = replace(base, noise_covariance=sum(causes.values(), np.zeros((signal.size,) * 2)))
-    draws, measurement = draws_of(options, base, more, parsed.twice, prior)
+    draws, measurement, posterior = draws_of(options, base, more, parsed.twice, prior)
     # More measurements than coefficients leave no spline to bound: the signal alone then does, as
     # wide as it may be.
     over_determined = len(measurement.signal) >= draws.coefficients.shape[1]
@@ -242,12 +244,10 @@ def _answer(request: SampleRequest, parsed: _Parsed,
                             else "all measurements")
     if more and prior is not None:
         facts["doubtful"] = doubtful(base, more, prior, options.seed)
-    if prior is not None and options.method == "prior" and not more and parsed.twice is None:
-        budget = error_budget(prior, base, causes)
-        shares = shares_by_cause({name: variance[None] for name, variance in budget.items()})
-        facts["error_budget"] = {name: float(share[0]) for name, share in shares.items()}
-    if prior is not None and options.method == "prior":
-        facts["families"] = family_shares(prior, measurement)
+    if posterior is not None and not more and parsed.twice is None:
+        facts["error_budget"] = posterior.variance_shares(causes)
+    if prior is not None and posterior is not None:
+        facts["families"] = posterior.family_shares
         facts |= _certified(prior, facts["families"], draws.outcome is Outcome.FAMILIAR)
     if request.baseline or request.truth is not None:
         facts |= _compared(request, base, draws)
@@ -260,8 +260,8 @@ def _certified(prior: LogitMixture, shares: dict[str, float], familiar: bool) ->
     if not familiar:
         return {"certified": [], "certificate": "No certificate: bands of unfamiliar "
                 "signals were never judged."}
-    families = standings(shares, prior.stated, prior.certificates)
-    return {"certified": standing_facts(families), "certificate": certified_sentence(families)}
+    families = family_coverages(shares, prior.stated, prior.certificates)
+    return {"certified": coverage_facts(families), "certificate": certified_sentence(families)}
 
 
 def _compared(request: SampleRequest, base: SpectralMeasurement,
@@ -281,9 +281,10 @@ def _compared(request: SampleRequest, base: SpectralMeasurement,
     if request.truth is not None:
         table = read_table(request.truth)
         column = table.names[column_index(table, request.column)]
-        truth = spectrum_on_grid(spectrum_of(table, role=Quantity.REFLECTANCE, column=column), GRID)
+        truth = spectrum_on_grid(spectrum_of(table, role=Quantity.REFLECTANCE, column=column),
+                                 PRIOR_GRID)
         mine = {options.method: (draws.spectra.mean(axis=0), draws.spectra)}
-        facts["judged"] = {name: judged(GRID.nm, truth, other[0], request.lights, other[1])
+        facts["judged"] = {name: judged(PRIOR_GRID.nm, truth, other[0], request.lights, other[1])
                            for name, other in (mine | others).items() if other is not None}
     return facts
 

@@ -23,7 +23,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 from spectrabox.sampling.judge.cube_regions import Region, RegionSpectra, region_spectra
 from spectrabox.sampling.judge.cubes import Cube
 from spectrabox.sampling.judge.judgement import beside, judged, judgement_text, means
-from spectrabox.sampling.prior.mixture import GRID, load_prior, of_families
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.session.signals.signal_options import measurement_of_signal, optional_numbers
 
 IMPORTED = "imported picture"
@@ -172,8 +172,9 @@ def common_wavelengths(cube: Cube, truth_nm: np.ndarray, name: str) -> np.ndarra
         If these do not reach from 420 to 680 nm.
     """
     low, high = max(cube.nm[0], truth_nm[0]), min(cube.nm[-1], truth_nm[-1])
-    nm = GRID.nm[(GRID.nm >= low - 1e-6) & (GRID.nm <= high + 1e-6)]
-    if nm.size < 2 or nm[0] > GRID.nm[0] + END_GAP_NM or nm[-1] < GRID.nm[-1] - END_GAP_NM:
+    nm = PRIOR_GRID.nm[(PRIOR_GRID.nm >= low - 1e-6) & (PRIOR_GRID.nm <= high + 1e-6)]
+    if nm.size < 2 or nm[0] > PRIOR_GRID.nm[0] + END_GAP_NM \
+            or nm[-1] < PRIOR_GRID.nm[-1] - END_GAP_NM:
         raise InputError(f"{cube.file} covers {cube.nm[0]:g}-{cube.nm[-1]:g} nm and {name} "
                          f"{truth_nm[0]:g}-{truth_nm[-1]:g} nm; to be judged both must reach from "
                          "420 to 680 nm")

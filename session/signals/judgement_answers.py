@@ -20,17 +20,17 @@ from spectrabox.sampling.further.planner import (
     wavelength_candidates,
 )
 from spectrabox.sampling.judge.certificate import LEVELS, Certificate, certificate_page, certify
-from spectrabox.sampling.prior.calibration import AT_95, LeftOut, band_figures, train
-from spectrabox.sampling.prior.draws import sample_prior
-from spectrabox.sampling.prior.families.catalogue import FAMILIES
-from spectrabox.sampling.prior.families.words import WORDS
+from spectrabox.sampling.prior.band_calibration import AT_95, LeftOut, band_figures, train
+from spectrabox.sampling.prior.families.family_models import FAMILIES
+from spectrabox.sampling.prior.families.family_names import WORDS
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library
 from spectrabox.sampling.prior.mixture import (
-    GRID,
+    PRIOR_GRID,
     LogitMixture,
     load_prior,
     of_families,
 )
+from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.prior.training import MIXED
 from spectrabox.session.signals.lamps_at_hand import (
     LampsAtHand,
@@ -111,7 +111,7 @@ def candidates_of(request: PlanRequest) -> list[Candidate]:
     """Readings every 10 nm, photos under other lights or by other cameras, and a spectrometer's
     whole spectrum.
     """
-    candidates = wavelength_candidates(GRID, minutes=request.reading_minutes)
+    candidates = wavelength_candidates(PRIOR_GRID, minutes=request.reading_minutes)
     if request.spot_minutes is not None:
         rows = np.concatenate([reading.rows for reading in candidates])
         candidates.append(Candidate("spectrometer spot, 400-700 nm", rows, READING_ERROR,

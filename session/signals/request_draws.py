@@ -7,14 +7,15 @@ from dataclasses import dataclass
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
+from spectrabox.sampling.draw_methods import METHODS, draw_spectra
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, joined
 from spectrabox.sampling.further.self_reflection import given_reflected_twice, proposals_for
-from spectrabox.sampling.measurement import spline_operator
-from spectrabox.sampling.methods import METHODS, draw_spectra
 from spectrabox.sampling.polytope.refinement import sample_refined
-from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.sampling.prior.mixture import LogitMixture, load_prior
+from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
 from spectrabox.sampling.published.options import ranked, refined_as_published
 from spectrabox.sampling.published.sampler import sample_published
+from spectrabox.sampling.spline_measurement import spline_operator
 from spectrabox.sampling.uniform import as_spectra, into_reach
 
 
@@ -53,9 +54,9 @@ def check_options(options: DrawOptions) -> None:
 
 
 def draws_of(options: DrawOptions, base: SpectralMeasurement, more: list[MoreMeasurement],
-             twice: SpectralMeasurement | None,
-             prior: LogitMixture | None) -> tuple[SpectrumSamples, SpectralMeasurement]:
-    """Draws, and the measurement that they obey.
+             twice: SpectralMeasurement | None, prior: LogitMixture | None
+             ) -> tuple[SpectrumSamples, SpectralMeasurement, SignalPosterior | None]:
+    """Draws, the measurement that they obey, and its posterior (of the method "prior" only).
 
     Raises
     ------
@@ -63,24 +64,30 @@ def draws_of(options: DrawOptions, base: SpectralMeasurement, more: list[MoreMea
         Contradictory measurements are named.
     """
     if options.keep is not None:
-        samples = _drawn(options, base, options.samples, prior)
+        samples = _drawn(options, base, options.samples)
         return ranked(samples, base, more, None if twice is None else twice.signal,
-                      options.keep), base
+                      options.keep), base, None
     measurement = joined(base, more)
-    if twice is None:
-        return _drawn(options, measurement, options.samples, prior), measurement
-    many = _drawn(options, measurement, proposals_for(options.samples), prior)
-    return given_reflected_twice(many, twice, options.samples), measurement
+    count = options.samples if twice is None else proposals_for(options.samples)
+    posterior = None
+    if options.method == "prior":
+        posterior = solve_posterior(prior or load_prior(), measurement)
+        samples = posterior.samples(count, options.seed, options.coefficients)
+    else:
+        samples = _drawn(options, measurement, count)
+    if twice is not None:
+        samples = given_reflected_twice(samples, twice, options.samples)
+    return samples, measurement, posterior
 
 
-def _drawn(options: DrawOptions, measurement: SpectralMeasurement, draws: int,
-           prior: LogitMixture | None) -> SpectrumSamples:
+def _drawn(options: DrawOptions, measurement: SpectralMeasurement,
+           draws: int) -> SpectrumSamples:
     seed, count = options.seed, options.coefficients
     if options.refine is not None:
         return _refined(options, options.refine, measurement, draws)
     if options.method == "paper" and options.start == "unbounded":
         return sample_published(measurement, draws, seed, count, unbounded_start=True)
-    return draw_spectra(measurement, options.method, draws, seed, count, prior)
+    return draw_spectra(measurement, options.method, draws, seed, count)
 
 
 def _refined(options: DrawOptions, fine: int, measurement: SpectralMeasurement,

@@ -11,7 +11,7 @@ from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.sampling.further.conditioning import Reading
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 GRID_NM = 1.0           # of the integration; draws and bands are at every 5 nm
 READING_ERROR = 0.005   # standard error of a reading that states none
@@ -22,7 +22,7 @@ def response_of_names(sensitivity: str, light: str) -> np.ndarray:
     """Relative response (K, 61) of named curves and light, integrated at 1 nm."""
     fine = visible_grid(1)
     return named_spectra.relative_response(sensitivity, light, fine) \
-        @ interpolation_matrix(GRID.nm, fine.nm)
+        @ interpolation_matrix(PRIOR_GRID.nm, fine.nm)
 
 
 def causes_of_error(signals: np.ndarray, noise_covariance: np.ndarray, light_error: float,

@@ -13,7 +13,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.records import Quantity, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
-from spectrabox.radiometry.spectra.formats.table import distinct
+from spectrabox.radiometry.spectra.formats.measurement_table import distinct
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import (
     SUFFIXES,
@@ -23,7 +23,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_on_grid,
 )
 from spectrabox.sampling.prior.libraries import READERS, usable
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 ARCHIVES = (".mat", ".rda", ".zip")     # which state no names of their spectra
 TEXTS = (".txt", ".hdr")
@@ -130,7 +130,7 @@ def _of_archive(path: Path, grid: WavelengthGrid, refused: list[str]) -> Iterato
             number += 1
             kept, why = usable(nm, curve[None])
             if len(kept):
-                yield (f"{path.stem} {number}", np.interp(grid.nm, GRID.nm, kept[0]),
+                yield (f"{path.stem} {number}", np.interp(grid.nm, PRIOR_GRID.nm, kept[0]),
                        np.zeros(grid.nm.size))
             else:
                 reason = next(reason for reason, count in why.items() if count)

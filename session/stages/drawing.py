@@ -12,7 +12,7 @@ from spectrabox.radiometry.records import (
     SpectrumSummary,
     WavelengthGrid,
 )
-from spectrabox.sampling.methods import draw_spectra
+from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.prior.mixture import LogitMixture, of_families
 from spectrabox.sampling.summary import summarise
 from spectrabox.session.config.session_schema import SessionConfig

@@ -18,10 +18,9 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.sampling.error_budget import error_budget
-from spectrabox.sampling.prior.certified import FamilyStanding, standings
-from spectrabox.sampling.prior.draws import family_shares
+from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_coverages
 from spectrabox.sampling.prior.mixture import load_prior, of_families
+from spectrabox.sampling.prior.signal_posterior import solve_posterior
 
 DARK = 1e-12             # of the light's strongest wavelength
 BandSignals = JointReconstruction | SurfaceSignals
@@ -158,15 +157,13 @@ def variance_shares(calibrations: Sequence[Calibration], joint: JointReconstruct
     dict
         From each cause to its share, 0 to 1; they sum to 1.
     """
-    budget = error_budget(of_families(load_prior(), families),
-                          measurement_of(calibrations, joint, index),
-                          signal_covariances(calibrations, joint, index))
-    total = sum(float(np.mean(variance)) for variance in budget.values())
-    return {cause: float(np.mean(variance)) / total for cause, variance in budget.items()}
+    posterior = solve_posterior(of_families(load_prior(), families),
+                                measurement_of(calibrations, joint, index))
+    return posterior.variance_shares(signal_covariances(calibrations, joint, index))
 
 
 def families_allowed(calibrations: Sequence[Calibration], joint: JointReconstruction, index: int,
-                     stated: Sequence[str]) -> tuple[FamilyStanding, ...]:
+                     stated: Sequence[str]) -> tuple[FamilyCoverage, ...]:
     """The families of surfaces that a material's signal allows, or of those stated, and how their
     bands were certified.
 
@@ -179,8 +176,8 @@ def families_allowed(calibrations: Sequence[Calibration], joint: JointReconstruc
     stated : words for families
     """
     prior = of_families(load_prior(), stated)
-    shares = family_shares(prior, measurement_of(calibrations, joint, index))
-    return standings(shares, prior.stated, prior.certificates)
+    shares = solve_posterior(prior, measurement_of(calibrations, joint, index)).family_shares
+    return family_coverages(shares, prior.stated, prior.certificates)
 
 
 def sensitivity_covariance(calibrations: Sequence[Calibration], joint: BandSignals,

@@ -5,7 +5,7 @@ import dataclasses
 
 import numpy as np
 
-from spectrabox.radiometry.charts.left_out import left_out
+from spectrabox.radiometry.charts.excluded_patches import left_out
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
 from spectrabox.radiometry.grid import visible_grid

@@ -9,7 +9,7 @@ from spectrabox.calibrate.chart_calibration import ChartCalibration
 from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import HeldOutPatches, WavelengthGrid, share_inside
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
 from spectrabox.sampling.prior.summaries import PriorSummaries, summaries
 
 LEVEL = 0.95
@@ -54,11 +54,11 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
     known = load_prior() if prior is None else prior
     fine = without.response
     white = fine.sum(axis=2)
-    basis = interpolation_matrix(GRID.nm, grid.nm)
+    basis = interpolation_matrix(PRIOR_GRID.nm, grid.nm)
     responses = fine @ basis / white[..., None]
     relative = (without.signal - without.offset) / white
     common = responses.mean(axis=0)         # signals are moved to what they would be under it
-    truth = np.array([np.interp(GRID.nm, grid.nm, row) for row in reflectances])
+    truth = np.array([np.interp(PRIOR_GRID.nm, grid.nm, row) for row in reflectances])
 
     def found(signals: np.ndarray, spectra: np.ndarray) -> PriorSummaries:
         """Of signals (I, K) under the common response, their errors by spectra (I, 61)."""
@@ -71,5 +71,5 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
         each = found(relative - np.einsum("ikp,ip->ik", responses - common, estimate), estimate)
         estimate = each.mean
     exact = found(truth @ common.T, truth)
-    return HeldOutPatches(GRID, each.mean, each.lower, each.upper, truth, excluded,
+    return HeldOutPatches(PRIOR_GRID, each.mean, each.lower, each.upper, truth, excluded,
                           share_inside(exact.lower, exact.upper, truth), LEVEL)

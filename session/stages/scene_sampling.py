@@ -16,8 +16,8 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.sampling.prior.mixture import GRID as PRIOR_GRID
-from spectrabox.sampling.scene.draws import draw_scene, shared_errors
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.sampling.scene.scene_draws import draw_scene, shared_errors
 from spectrabox.session.stages.error_budget import scale_covariances
 from spectrabox.session.stages.one_transport import require_one_transport
 

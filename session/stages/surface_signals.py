@@ -7,10 +7,9 @@ import numpy as np
 
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.records import SignalError, SpectralMeasurement, SurfaceSignals
-from spectrabox.sampling.error_budget import error_budget
-from spectrabox.sampling.prior.certified import FamilyStanding, standings
-from spectrabox.sampling.prior.draws import family_shares
+from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_coverages
 from spectrabox.sampling.prior.mixture import load_prior, of_families
+from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.error_budget import signal_covariances
 from spectrabox.session.stages.stored_records import calibrations_of, joint_of, signals_of
@@ -79,14 +78,12 @@ def variance_shares(signals: SurfaceSignals, index: int,
     dict
         From each cause to its share, 0 to 1, mean over wavelengths; they sum to 1.
     """
-    budget = error_budget(of_families(load_prior(), families), measurement(signals, index),
-                          errors_by_cause(signals, index))
-    total = sum(float(np.mean(variance)) for variance in budget.values())
-    return {cause: float(np.mean(variance)) / total for cause, variance in budget.items()}
+    posterior = solve_posterior(of_families(load_prior(), families), measurement(signals, index))
+    return posterior.variance_shares(errors_by_cause(signals, index))
 
 
 def families_allowed(signals: SurfaceSignals, index: int,
-                     stated: Sequence[str]) -> tuple[FamilyStanding, ...]:
+                     stated: Sequence[str]) -> tuple[FamilyCoverage, ...]:
     """The families that a surface's signal allows, or those stated, and how their bands were
     certified.
 
@@ -98,5 +95,5 @@ def families_allowed(signals: SurfaceSignals, index: int,
         Which it is said to be of.
     """
     prior = of_families(load_prior(), stated)
-    shares = family_shares(prior, measurement(signals, index))
-    return standings(shares, prior.stated, prior.certificates)
+    shares = solve_posterior(prior, measurement(signals, index)).family_shares
+    return family_coverages(shares, prior.stated, prior.certificates)

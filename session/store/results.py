@@ -22,7 +22,7 @@ from spectrabox.radiometry.records import (
     SpectrumSamples,
     SpectrumSummary,
 )
-from spectrabox.sampling.prior.certified import FamilyStanding
+from spectrabox.sampling.prior.family_coverage import FamilyCoverage
 from spectrabox.session.box.geometry_record import SceneGeometry
 from spectrabox.session.pictures.picture_results import PictureOfSpectra
 
@@ -64,7 +64,7 @@ class MaterialResult:
     # cause -> share of the spectrum's variance
     variance_shares: dict[str, float] = field(default_factory=dict)
     # of surfaces that the signal allows, or that were stated; none without the learnt prior
-    families: tuple[FamilyStanding, ...] = ()
+    families: tuple[FamilyCoverage, ...] = ()
 
     @property
     def doubtful(self) -> bool:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.formats.table import MAX_VALUES, UNITS, SpectralTable
+from spectrabox.radiometry.spectra.formats.measurement_table import MAX_VALUES, UNITS, SpectralTable
 
 HEADER_BYTES = 484
 TYPES = ("raw", "reflectance", "radiance", "no units", "irradiance", "quality index",

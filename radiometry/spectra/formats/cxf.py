@@ -11,7 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.formats.table import SpectralTable, distinct, number, text_of
+from spectrabox.radiometry.spectra.formats.measurement_table import (
+    SpectralTable,
+    distinct,
+    number,
+    text_of,
+)
 
 
 def is_cxf(text: str) -> bool:

@@ -21,7 +21,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.cgats import BAND
 from spectrabox.radiometry.spectra.formats.csvw import facts_beside
-from spectrabox.radiometry.spectra.formats.table import (
+from spectrabox.radiometry.spectra.formats.measurement_table import (
     MIN_NM,
     SpectralTable,
     distinct,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.formats.table import SpectralTable, number, text_of
+from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable, number, text_of
 
 SVC_TITLE = "Spectra Vista"
 PERCENT = {"quantity": "reflectance", "unit": "percent"}

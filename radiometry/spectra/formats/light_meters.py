@@ -13,7 +13,7 @@ import numpy as np
 
 from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.formats.table import SpectralTable, text_of
+from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable, text_of
 
 SEKONIC, UPRTEK = "Sekonic", "UPRTek"
 UNITS = {SEKONIC: "W m-2 nm-1", UPRTEK: "mW m-2 nm-1"}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.formats.table import SpectralTable, distinct, text_of
+from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable, distinct, text_of
 
 UNITS = {"relative": ("relative", "relative"), "reflectance": ("reflectance", "1"),
          "irradiance": ("irradiance", "")}

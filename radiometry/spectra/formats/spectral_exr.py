@@ -10,7 +10,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
-from spectrabox.radiometry.spectra.formats.table import MAX_VALUES, SpectralTable
+from spectrabox.radiometry.spectra.formats.measurement_table import MAX_VALUES, SpectralTable
 from spectrabox.radiometry.spectra.spectral_layers import (
     LIGHT,
     QUANTITY,

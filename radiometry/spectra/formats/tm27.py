@@ -11,7 +11,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
-from spectrabox.radiometry.spectra.formats.table import SpectralTable, number, text_of
+from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable, number, text_of
 from spectrabox.radiometry.system.words import plain
 
 NAMESPACE = "http://www.ies.org/iestm2714"

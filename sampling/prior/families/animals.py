@@ -20,12 +20,12 @@ from spectrabox.sampling.prior.families.kubelka_munk import (
     reflectance_of,
     uniform,
 )
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 
 def animals(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of hair, fur, feathers, scales and shells."""
-    nm = GRID.nm
+    nm = PRIOR_GRID.nm
     eumelanin = log_uniform(rng, 0.01, 20, count) * (nm / 550)**-uniform(rng, 2.5, 4, count)
     pheomelanin = chance(rng, 0.5, count) * log_uniform(rng, 0.05, 30, count) * np.exp(
         -(nm - 400) / uniform(rng, 60, 100, count))

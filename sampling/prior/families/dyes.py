@@ -32,7 +32,7 @@ from spectrabox.sampling.prior.families.kubelka_munk import (
     reflectance_of,
     uniform,
 )
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 DYES = (0.4, 0.3, 0.3)          # chance of one, two and three
 SHARP = 0.2                     # chance of a dye with narrow bands
@@ -43,8 +43,8 @@ THREE_NM = ((380, 455), (485, 550), (570, 660))     # of a yellow, a red and a b
 def textile(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of dyed cloth, leather and yarn."""
     white = uniform(rng, 0.55, 0.92, count)
-    yellowed = 1 - uniform(rng, 0, 0.35, count) * np.exp(-(GRID.nm - 400) / uniform(rng, 40, 90,
-                                                                                      count))
+    yellowed = 1 - uniform(rng, 0, 0.35, count) * np.exp(
+        -(PRIOR_GRID.nm - 400) / uniform(rng, 40, 90, count))
     ground = white * yellowed * ultraviolet_edge(rng, 370, 400, count)
     body = reflectance_of(absorption_of(ground) + dyes(rng, count, 15))
     return (1 - uniform(rng, 0, 0.03, count)) * body + uniform(rng, 0, 0.04, count)
@@ -53,7 +53,7 @@ def textile(rng: np.random.Generator, count: int) -> np.ndarray:
 def plastic(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of coloured plastic, lacquer and painted metal."""
     rutile = rutile_absorption(rng, count) * log_uniform(rng, 0.02, 1, count)
-    black = chance(rng, 0.4, count) * log_uniform(rng, 0.01, 2, count) * (GRID.nm / 550)**-0.3
+    black = chance(rng, 0.4, count) * log_uniform(rng, 0.01, 2, count) * (PRIOR_GRID.nm / 550)**-0.3
     body = reflectance_of(rutile + black + dyes(rng, count, 8) + uniform(rng, 0.003, 0.03, count))
     entering = uniform(rng, 0, 0.045, count)
     return behind_surface(body, entering, uniform(rng, 0.3, 0.6, count))
@@ -63,7 +63,7 @@ def dyes(rng: np.random.Generator, count: int, strongest: float) -> np.ndarray:
     """K / S (count, 61) of one dye, of two, or of a yellow, a red and a blue."""
     number = rng.choice(len(DYES), (count, 1), p=DYES)
     three = number == len(DYES) - 1
-    total = np.zeros((count, GRID.nm.size))
+    total = np.zeros((count, PRIOR_GRID.nm.size))
     for peak_nm in THREE_NM:
         total += three * log_uniform(rng, 0.03, strongest, count) * _dye(rng, count, *peak_nm)
     for index in range(len(DYES) - 1):
@@ -89,7 +89,7 @@ def _dye(rng: np.random.Generator, count: int, low_nm: float, high_nm: float) ->
 def ultraviolet_edge(rng: np.random.Generator, low_nm: float, high_nm: float,
                      count: int) -> np.ndarray:
     """Factor (count, 61) by which six in ten grounds fall off towards the ultraviolet."""
-    edge = 1 / (1 + np.exp(-(GRID.nm - uniform(rng, low_nm, high_nm, count))
+    edge = 1 / (1 + np.exp(-(PRIOR_GRID.nm - uniform(rng, low_nm, high_nm, count))
                            / uniform(rng, 4, 14, count)))
     return 1 - chance(rng, 0.6, count) * uniform(rng, 0.4, 0.9, count) * (1 - edge)
 

@@ -20,7 +20,7 @@ from spectrabox.sampling.prior.families.kubelka_munk import (
     reflectance_of,
     uniform,
 )
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 
 def soils(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -31,8 +31,8 @@ def soils(rng: np.random.Generator, count: int) -> np.ndarray:
                  + uniform(rng, 0.6, 1.0, count) * band(EV_NM / (530 + uniform(rng, -6, 10, count)),
                                                         0.13)
                  + uniform(rng, 0.05, 0.15, count) * band(EV_NM / 650, 0.12))
-    humus = np.exp(-(GRID.nm - 400) / uniform(rng, 100, 400, count))
-    dirt = log_uniform(rng, 0.002, 4, count) * (GRID.nm / 550)**-uniform(rng, 0, 0.6, count)
+    humus = np.exp(-(PRIOR_GRID.nm - 400) / uniform(rng, 100, 400, count))
+    dirt = log_uniform(rng, 0.002, 4, count) * (PRIOR_GRID.nm / 550)**-uniform(rng, 0, 0.6, count)
     total = (log_uniform(rng, 0.01, 8, count) * goethite
              + chance(rng, 0.6, count) * log_uniform(rng, 0.01, 12, count) * haematite
              + chance(rng, 0.7, count) * log_uniform(rng, 0.02, 6, count) * humus + dirt)
@@ -41,13 +41,13 @@ def soils(rng: np.random.Generator, count: int) -> np.ndarray:
 
 def woods(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of wood, bark, straw, cork, cardboard and unbleached wool."""
-    lignin = log_uniform(rng, 0.05, 6, count) * np.exp(-(GRID.nm - 400) / uniform(rng, 50, 150,
-                                                                                  count))
+    lignin = log_uniform(rng, 0.05, 6, count) * np.exp(
+        -(PRIOR_GRID.nm - 400) / uniform(rng, 50, 150, count))
     tannin = chance(rng, 0.5, count) * log_uniform(rng, 0.02, 3, count) * np.exp(
-        -(GRID.nm - 400) / uniform(rng, 100, 300, count))
+        -(PRIOR_GRID.nm - 400) / uniform(rng, 100, 300, count))
     red = chance(rng, 0.4, count) * log_uniform(rng, 0.01, 0.6, count) * band(
         EV_NM / uniform(rng, 460, 540, count), uniform(rng, 0.12, 0.3, count))
-    dirt = log_uniform(rng, 0.002, 1.5, count) * (GRID.nm / 550)**-uniform(rng, 0, 0.5, count)
+    dirt = log_uniform(rng, 0.002, 1.5, count) * (PRIOR_GRID.nm / 550)**-uniform(rng, 0, 0.5, count)
     return _surface(rng, reflectance_of(lignin + tannin + red + dirt))
 
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 EV_NM = 1239.84                 # h c: photon energy in eV times wavelength in nm
-ENERGY = EV_NM / GRID.nm
+ENERGY = EV_NM / PRIOR_GRID.nm
 
 
 def reflectance_of(absorption: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.special import exp1
 
 from spectrabox.sampling.prior.families.kubelka_munk import chance, log_uniform, uniform
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 COEFFICIENTS = Path(__file__).with_name("prospect_d.csv")
 FIRST_CONE_DEG = 40             # of the light that falls on the leaf, as in PROSPECT
@@ -94,7 +94,7 @@ def _seen(rng: np.random.Generator, chlorophyll: np.ndarray, carotenoids: np.nda
         COEFFICIENTS, delimiter=",", skiprows=5).T
     absorption = (chlorophyll * green + carotenoids * yellow
                   + anthocyanins * _shifted(red, shift_nm)
-                  + tannins * np.exp(-(GRID.nm - 400) / uniform(rng, 70, 130, count))
+                  + tannins * np.exp(-(PRIOR_GRID.nm - 400) / uniform(rng, 70, 130, count))
                   + uniform(rng, 0.002, 0.02, count) * dry)
     r, t = leaf(uniform(rng, 1.1, 2.6, count), absorption, index)
     ground = chance(rng, 0.5, count) * uniform(rng, 0, 0.8, count)
@@ -104,4 +104,4 @@ def _seen(rng: np.random.Generator, chlorophyll: np.ndarray, carotenoids: np.nda
 
 def _shifted(curve: np.ndarray, shift_nm: np.ndarray) -> np.ndarray:
     """A curve (P,) moved to the red by every shift (n, 1); its ends go on level."""
-    return np.interp(GRID.nm - shift_nm, GRID.nm, curve)
+    return np.interp(PRIOR_GRID.nm - shift_nm, PRIOR_GRID.nm, curve)

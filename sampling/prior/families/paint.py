@@ -19,7 +19,7 @@ from spectrabox.sampling.prior.families.kubelka_munk import (
     reflectance_of,
     uniform,
 )
-from spectrabox.sampling.prior.mixture import EDGE, GRID
+from spectrabox.sampling.prior.mixture import EDGE, PRIOR_GRID
 
 DARK = 0.02     # reflectance below which a measured K / S says more of the surface than the pigment
 
@@ -36,7 +36,8 @@ def pigment_mixtures(rng: np.random.Generator, count: int, pigments: np.ndarray)
     total = some() + chance(rng, 0.5, count) * some()
     total += chance(rng, 0.7, count) * log_uniform(rng, 0.05, 1, count) * rutile_absorption(rng,
                                                                                            count)
-    total += chance(rng, 0.3, count) * log_uniform(rng, 0.01, 3, count) * (GRID.nm / 550)**-0.3
+    total += chance(rng, 0.3, count) * log_uniform(rng, 0.01, 3, count) * (
+        PRIOR_GRID.nm / 550)**-0.3
     inside = reflectance_of(total + uniform(rng, 0.001, 0.02, count))
     gloss = chance(rng, 0.5, count) * uniform(rng, -0.02, 0.04, count)
     return np.maximum((1 - gloss) * inside + gloss, EDGE)

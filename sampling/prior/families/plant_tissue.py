@@ -33,7 +33,7 @@ from spectrabox.sampling.prior.families.kubelka_munk import (
     log_uniform,
     uniform,
 )
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 
 def green_tissue(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -113,7 +113,7 @@ def _seen(rng: np.random.Generator, pigments: np.ndarray) -> np.ndarray:
     violet = chance(rng, 0.5, count) * log_uniform(rng, 0.05, 3, count) * band(
         ends, uniform(rng, 0.12, 0.3, count))
     tannins = chance(rng, 0.3, count) * log_uniform(rng, 0.02, 2, count) * np.exp(
-        -(GRID.nm - 400) / uniform(rng, 60, 140, count))
+        -(PRIOR_GRID.nm - 400) / uniform(rng, 60, 140, count))
     tissue = log_uniform(rng, 0.003, 0.5, count)
     inside = layer(passed + violet + tannins + tissue, log_uniform(rng, 0.5, 20, count),
                    chance(rng, 0.5, count) * uniform(rng, 0, 0.8, count))

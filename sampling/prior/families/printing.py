@@ -31,7 +31,7 @@ from spectrabox.sampling.prior.families.kubelka_munk import (
     reflectance_of,
     uniform,
 )
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 HALFTONES = 0.65                # share of sheets
 USED = (0.7, 0.7, 0.7, 0.4)     # chance that an ink is printed: cyan, magenta, yellow, black
@@ -54,9 +54,9 @@ def halftone(rng: np.random.Generator, count: int) -> np.ndarray:
               for absorption, densest in zip(_inks(rng, count), DENSEST, strict=True)]
     covered = [rng.beta(0.7, 0.9, (count, 1)) * chance(rng, used, count) for used in USED]
     spread = uniform(rng, 1, 3, count)
-    total = np.zeros((count, GRID.nm.size))
+    total = np.zeros((count, PRIOR_GRID.nm.size))
     for overprint in product((False, True), repeat=len(solids)):
-        share, passed = np.ones((count, 1)), np.ones((count, GRID.nm.size))
+        share, passed = np.ones((count, 1)), np.ones((count, PRIOR_GRID.nm.size))
         for printed, solid, part in zip(overprint, solids, covered, strict=True):
             share = share * (part if printed else 1 - part)
             passed = passed * solid if printed else passed
@@ -78,4 +78,4 @@ def _inks(rng: np.random.Generator, count: int) -> tuple[np.ndarray, ...]:
                + some(0.05, 0.3) * band(EV_NM / some(380, 410), 0.3))
     yellow = (band(EV_NM / some(425, 445), some(0.16, 0.24))
               + some(0.5, 1) * band(EV_NM / some(385, 410), some(0.2, 0.3)))
-    return cyan, magenta, yellow, (GRID.nm / 550)**-some(-0.1, 0.5)
+    return cyan, magenta, yellow, (PRIOR_GRID.nm / 550)**-some(-0.1, 0.5)

@@ -39,9 +39,9 @@ from spectrabox.sampling.prior.families.kubelka_munk import (
     reflectance_of,
     uniform,
 )
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
-AT_500 = int(np.argmin(np.abs(GRID.nm - 500)))
+AT_500 = int(np.argmin(np.abs(PRIOR_GRID.nm - 500)))
 MOLAR_BLOOD = np.log(10) * 150 / 64500      # per cm for an extinction of 1 / (cm M)
 USUAL_BLOOD = 53_236            # 1 / (cm M) of oxygenated blood at 542 nm
 
@@ -73,7 +73,7 @@ def skin_by_absorbance(rng: np.random.Generator, count: int) -> np.ndarray:
     a third theory. What blood absorbs is limited, since some of the light never meets any: an
     absorbance A becomes a (1 - exp(-A / a)), a 0.3 to 3.
     """
-    nm = GRID.nm
+    nm = PRIOR_GRID.nm
     melanin = log_uniform(rng, 0.05, 2, count) * (nm / 500)**-uniform(rng, 3.0, 4.75, count)
     blood = log_uniform(rng, 0.03, 0.4, count) * _blood(rng, count) / USUAL_BLOOD
     met = log_uniform(rng, 0.3, 3, count)
@@ -86,7 +86,7 @@ def skin_by_absorbance(rng: np.random.Generator, count: int) -> np.ndarray:
 
 def _layers(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Optical density of the epidermis there and back; absorption and scattering of the dermis."""
-    nm = GRID.nm
+    nm = PRIOR_GRID.nm
     base = 0.244 + 85.3 * np.exp(-(nm - 154) / 66.2)
     melanosome = 6.6e11 * 550**-3.33 * (nm / 550)**-uniform(rng, 3.0, 4.75, count)
     melanin = log_uniform(rng, 0.008, 0.35, count)
@@ -114,9 +114,9 @@ def _blood(rng: np.random.Generator, count: int) -> np.ndarray:
 
 def _yellow(rng: np.random.Generator, count: int) -> np.ndarray:
     """Absorption (count, 61), per cm, of bilirubin and beta-carotene."""
-    bilirubin = np.exp(-0.5 * ((GRID.nm - 460) / 32)**2)
-    carotene = np.exp(-0.5 * ((GRID.nm - 455) / 22)**2) + 0.8 * np.exp(
-        -0.5 * ((GRID.nm - 485) / 14)**2)
+    bilirubin = np.exp(-0.5 * ((PRIOR_GRID.nm - 460) / 32)**2)
+    carotene = np.exp(-0.5 * ((PRIOR_GRID.nm - 455) / 22)**2) + 0.8 * np.exp(
+        -0.5 * ((PRIOR_GRID.nm - 485) / 14)**2)
     return log_uniform(rng, 0.02, 0.6, count) * bilirubin \
         + log_uniform(rng, 0.02, 0.8, count) * carotene
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.sampling.prior.families.catalogue import FAMILIES
+from spectrabox.sampling.prior.families.family_models import FAMILIES
 from spectrabox.sampling.prior.families.paint import pigment_mixtures
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 

@@ -19,7 +19,7 @@ from spectrabox.sampling.prior.families.kubelka_munk import (
     reflectance_of,
     uniform,
 )
-from spectrabox.sampling.prior.mixture import GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 
 def whites(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -35,7 +35,7 @@ def tiles(rng: np.random.Generator, count: int) -> np.ndarray:
 
 
 def _absorption(rng: np.random.Generator, count: int) -> np.ndarray:
-    nm = GRID.nm
+    nm = PRIOR_GRID.nm
     dirt = log_uniform(rng, 0.0005, 1.5, count) * (nm / 550)**-uniform(rng, 0, 0.5, count)
     yellow = log_uniform(rng, 0.001, 0.3, count) * np.exp(
         -(nm - 400) / uniform(rng, 30, 120, count))

@@ -1,4 +1,4 @@
-"""Independent draws from the learnt prior that reproduce a signal, one of the METHODS.
+"""Independent draws from the learnt prior that reproduce a signal.
 
 A component is chosen by its posterior weight. Its posterior is Gaussian in the logit (Laplace). The
 draws are moved away from the mixture's mean by the calibrated band factors, so that they are as
@@ -16,33 +16,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError
-from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.checks import check_measurement
-from spectrabox.sampling.measurement import MeasurementOperator, nearest_splines, response_on
-from spectrabox.sampling.polytope.tilt import is_reachable
+from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.sampling.polytope.tilted_rejection import noise_columns
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior, reflectance
-from spectrabox.sampling.prior.posterior import (
+from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
+from spectrabox.sampling.prior.mixture_posterior import (
     LEVEL,
     MixturePosterior,
-    allowed_misfit,
     band_factors,
-    novelty,
-    posterior,
     with_floor,
 )
-from spectrabox.sampling.prior.smoothness import smoothness_prior
 
 SIGNAL_ATOL = 1e-10             # of white
 NEWTON_STEPS = 12
 MAX_STEP = 3.0                  # logits
 BLOCK = 2048
-MENTIONED = 0.005               # share of a family that the outcome names
-# of drawing again what could not be taken to its signal: where the noise reaches far beyond what a
-# reflectance can be, one draw in thirty gets there
-ROUNDS = 200
+# Maximum number of redraws of what did not reach its signal: where the noise reaches far beyond
+# what a reflectance can be, one draw in thirty gets there.
+MAX_REDRAWS = 200
 
 
 @dataclass(frozen=True)
@@ -67,98 +58,39 @@ class _Target:
     approximate: bool               # the signal cannot be reached: draws come near to it
 
 
-@dataclass(frozen=True)
-class PriorSpectra:
-    """Draws (T, 61), and the families of surfaces that the signal allows, by share."""
+def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
+                      relative_response: np.ndarray, measurement: SpectralMeasurement,
+                      draws: int, seed: int, *, approximate: bool = False) -> np.ndarray:
+    """Reflectances (T, 61) drawn from the posterior of one signal.
 
-    spectra: np.ndarray
-    method: str
-    outcome: Outcome
-    stated: tuple[str, ...]         # families that were stated
-    shares: dict[str, float]
-
-    @property
-    def sentence(self) -> str:
-        """How the draws ended, and what they are conditional on."""
-        return sentence_of(self.outcome, self.stated, self.shares)
-
-
-def sentence_of(outcome: Outcome, stated: tuple[str, ...], shares: dict[str, float]) -> str:
-    """An outcome, and what it is conditional on: families stated, and shares of those allowed."""
-    if outcome is not Outcome.FAMILIAR:
-        return outcome.value
-    allowed = sorted(shares, key=lambda name: -shares[name])
-    said = ", ".join(f"{name} {100 * shares[name]:.0f} %" for name in allowed
-                     if shares[name] >= MENTIONED)
-    if stated:
-        given = f"Conditional on the surface being {' or '.join(stated)}, as stated"
-        return f"{outcome.value} {given}{f': {said}' if len(stated) > 1 else ''}."
-    return f"{outcome.value} No family of surfaces was stated; the signal allows {said}."
-
-
-def sample_prior(measurement: SpectralMeasurement, draws: int, seed: int, coefficients: int = 13,
-                 prior: LogitMixture | None = None) -> SpectrumSamples:
-    """Spectra drawn from the learnt prior given one signal; see `sampling.methods.draw_spectra`.
-
-    The outcome says when the signal lies outside what the prior knows and the smoothness prior was
-    used. ``coefficients`` is the N of the splines that are fitted to the draws.
+    Parameters
+    ----------
+    prior : LogitMixture
+    mixture : MixturePosterior
+        Of the one signal under this prior.
+    relative_response : (K, 61) array
+        Of the measurement, on the prior's wavelengths.
+    measurement : SpectralMeasurement
+    draws, seed : int
+        T; the same seed gives the same draws bit for bit.
+    approximate : bool
+        The signal cannot be reached: take draws that come near to it.
 
     Raises
     ------
-    InputError
-        For a signal or covariance that is none, or no draws.
     ConvergenceError
         If draws do not reach the signal.
     """
-    drawn = prior_spectra(measurement, draws, seed, prior or load_prior())
-    splines = nearest_splines(drawn.spectra, basis_matrix(GRID.nm, coefficients))
-    return SpectrumSamples(GRID, drawn.spectra, splines, drawn.method, float(draws), seed,
-                           drawn.outcome, drawn.sentence)
-
-
-def prior_spectra(measurement: SpectralMeasurement, draws: int, seed: int,
-                  prior: LogitMixture) -> PriorSpectra:
-    """Spectra as `sample_prior` draws them, without splines.
-
-    Raises
-    ------
-    InputError, ConvergenceError
-        As `sample_prior`.
-    """
-    check_measurement(measurement, draws)
-    relative_response = response_on(measurement, GRID)
-    outcome, method = Outcome.FAMILIAR, "learnt prior"
-    mixture = _posterior(prior, relative_response, measurement)
-    allowed = float(allowed_misfit(measurement.noise_covariance))
-    if novelty(prior, mixture, measurement.noise_covariance)[0] > 1:
-        prior, outcome, method = smoothness_prior(), Outcome.UNFAMILIAR, "smoothness prior"
-        mixture = _posterior(prior, relative_response, measurement)
-        if mixture.misfit[0] > allowed:
-            operator = MeasurementOperator(relative_response, measurement.signal,
-                                           measurement.noise_covariance)
-            outcome = Outcome.TOO_ROUGH if is_reachable(operator) else Outcome.OUT_OF_REACH
     chosen = np.flatnonzero(mixture.weights[0])
     factor = band_factors(prior, mixture, LEVEL)[0]
     components = [_component(prior, mixture, relative_response, measurement, factor, int(index))
                   for index in chosen]
-    spectra = _draw(_Target(components, mixture.weights[0, chosen], relative_response,
-                            measurement.signal,
-                            outcome in (Outcome.TOO_ROUGH, Outcome.OUT_OF_REACH)), draws, seed)
-    return PriorSpectra(spectra, method, outcome, prior.stated,
-                        dict(zip(prior.families, prior.shares(mixture.weights)[0].tolist(),
-                                 strict=True)))
-
-
-def family_shares(prior: LogitMixture, measurement: SpectralMeasurement) -> dict[str, float]:
-    """Shares of the families of surfaces that a signal allows, by name."""
-    mixture = _posterior(prior, response_on(measurement, GRID), measurement)
-    return dict(zip(prior.families, prior.shares(mixture.weights)[0].tolist(), strict=True))
-
-
-def _posterior(prior: LogitMixture, relative_response: np.ndarray,
-               measurement: SpectralMeasurement) -> MixturePosterior:
-    return posterior(prior, relative_response, measurement.signal[None],
-                     measurement.noise_covariance)
+    target = _Target(components, mixture.weights[0, chosen], relative_response,
+                     measurement.signal, approximate)
+    sizes = [BLOCK] * (draws // BLOCK) + ([draws % BLOCK] if draws % BLOCK else [])
+    seeds = np.random.SeedSequence(seed).spawn(len(sizes))
+    return np.concatenate([_block(target, size, np.random.default_rng(seed))
+                           for size, seed in zip(sizes, seeds, strict=True)])
 
 
 def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response: np.ndarray,
@@ -182,18 +114,10 @@ def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response
                       noise_columns((R - shrink @ R + (R - shrink @ R).T) / 2))
 
 
-def _draw(target: _Target, draws: int, seed: int) -> np.ndarray:
-    sizes = [BLOCK] * (draws // BLOCK) + ([draws % BLOCK] if draws % BLOCK else [])
-    seeds = np.random.SeedSequence(seed).spawn(len(sizes))
-
-    return np.concatenate([_block(target, size, np.random.default_rng(seed))
-                           for size, seed in zip(sizes, seeds, strict=True)])
-
-
 def _block(target: _Target, draws: int, rng: np.random.Generator) -> np.ndarray:
     out = np.empty((draws, target.relative_response.shape[1]))
     missing = np.arange(draws)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_REDRAWS):
         chosen = rng.choice(len(target.components), size=missing.size, p=target.weights)
         failed = []
         for index, component in enumerate(target.components):

@@ -24,8 +24,7 @@ from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.shaped import Record
 from spectrabox.sampling.polytope.diagnostics import tail_shape
 from spectrabox.sampling.prior.mixture import reflectance
-from spectrabox.sampling.scene.labels import SAMPLED, find_modes
-from spectrabox.sampling.scene.posterior import (
+from spectrabox.sampling.scene.joint_posterior import (
     JointProblem,
     Modes,
     log_weight_of,
@@ -33,6 +32,7 @@ from spectrabox.sampling.scene.posterior import (
     products,
     residual_and_jacobian,
 )
+from spectrabox.sampling.scene.labels import SAMPLED, find_modes
 
 ROUND, MOST_PROPOSALS = 2000, 16_000
 INFORMED = 0.01  # a singular value of the Jacobian by which a direction counts as informed

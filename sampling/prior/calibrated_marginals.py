@@ -1,5 +1,4 @@
-"""The law that draws follow (draws.py), without drawing: its marginal distributions, to second
-order.
+"""Marginal distributions of posterior draws (posterior_draws.py), to second order, without draws.
 
 A draw of one component is x0 = m + F dz, dz normal with the component's covariance S, F the
 calibrated factors about the mixture's mean. Then it is moved along the gain K until its signal is
@@ -23,21 +22,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, reflectance
-from spectrabox.sampling.prior.posterior import (
+from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance
+from spectrabox.sampling.prior.mixture_posterior import (
     LEVEL,
     MixturePosterior,
     band_factors,
     with_floor,
 )
+from spectrabox.sampling.summary import READING_ERROR
 
 NEWTON_STEPS = 3            # of a centre to its signal; it begins near
 MAX_STEP = 2.0              # logits
 PAIRS = 64                  # of component and signal at a time: their covariances fit the cache
 # Covariances are smooth: their squares are integrated over every third wavelength.
 COARSE = slice(0, None, 3)
-BETWEEN = interpolation_matrix(GRID.nm[COARSE], GRID.nm)
+BETWEEN = interpolation_matrix(PRIOR_GRID.nm[COARSE], PRIOR_GRID.nm)
 MIN_SKEW, MAX_SKEW = 1e-6, 0.5      # the least is none
 MIN_VARIANCE = 1e-8
 
@@ -56,7 +56,7 @@ class _Pairs:
     centre: np.ndarray          # (n, P) m'
 
 
-def as_drawn(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
+def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
              covariance: np.ndarray,
              mixture: MixturePosterior) -> tuple[MixturePosterior, np.ndarray]:
     """The mixture of skewed components that draws follow, and the covariance (T, P, P') of their
@@ -80,7 +80,7 @@ def as_drawn(prior: LogitMixture, relative_response: np.ndarray, signals: np.nda
     bend = relative_response * (slope * (1 - 2 * p))[:, None, :]                    # M p''
     coarse_bend = (relative_response @ BETWEEN) * (slope * (1 - 2 * p))[:, None, COARSE]
     H = np.empty_like(gain)
-    together = np.zeros((len(signals), GRID.nm.size, BETWEEN.shape[1]))
+    together = np.zeros((len(signals), PRIOR_GRID.nm.size, BETWEEN.shape[1]))
     # What follows is of single precision: with doubles it takes twice as long.
     coarse = prior.covariances[:, :, COARSE].astype(np.float32)
     turned_bend = coarse_bend.astype(np.float32).transpose(0, 2, 1)
@@ -99,6 +99,22 @@ def as_drawn(prior: LogitMixture, relative_response: np.ndarray, signals: np.nda
     variance = own + np.sum((gain @ (-0.5 * (coarse_bend @ H[:, COARSE]))) * gain, axis=2)
     third = 3 * np.sum(gain * H, axis=2)
     return _skewed(mixture, pairs, mean, np.maximum(variance, MIN_VARIANCE), third), together
+
+
+def next_readings_nm(covariance: np.ndarray, standard_deviation: np.ndarray) -> np.ndarray:
+    """Wavelengths (T,) whose reading would take most off the total variance of each spectrum.
+
+    As `summary.next_measurement_nm`, all at once.
+
+    Parameters
+    ----------
+    covariance : (T, 61, 21) array
+        From `marginal_moments`, between all wavelengths and every third.
+    standard_deviation : (T, 61) array
+    """
+    reduction = np.square(covariance) @ grid_from_nm(PRIOR_GRID.nm[COARSE]).weights_nm \
+        / (standard_deviation**2 + READING_ERROR**2)
+    return np.asarray(PRIOR_GRID.nm[np.argmax(reduction, axis=1)])
 
 
 def _skewed(mixture: MixturePosterior, pairs: _Pairs, mean: np.ndarray, variance: np.ndarray,
@@ -132,7 +148,7 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     of_signal = base @ jacobian.transpose(0, 2, 1)
     residual = signals[signal] - p @ relative_response.T \
         + (slope * (mode - prior.means[component])) @ relative_response.T
-    # As `draws._component` has them.
+    # As `posterior_draws._component` has them.
     shrink = R @ np.linalg.inv(of_signal + R + 1e-12 * np.eye(R.shape[1]))
     wanted = signals[signal] - (shrink @ residual[..., None])[..., 0]
     factor = band_factors(prior, mixture, LEVEL)[signal]

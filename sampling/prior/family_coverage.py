@@ -35,7 +35,7 @@ class FamilyCertificate:
 
 
 @dataclass(frozen=True)
-class FamilyStanding:
+class FamilyCoverage:
     """A family that a signal allows, and how its bands were certified, if they were."""
 
     name: str
@@ -68,8 +68,8 @@ class FamilyStanding:
                 f"{self.bands.width:.3f} ({judged})")
 
 
-def standings(shares: Mapping[str, float], stated: Sequence[str],
-              certificates: Mapping[str, FamilyCertificate]) -> tuple[FamilyStanding, ...]:
+def family_coverages(shares: Mapping[str, float], stated: Sequence[str],
+              certificates: Mapping[str, FamilyCertificate]) -> tuple[FamilyCoverage, ...]:
     """The families that were stated, else those that a signal gives a share of 5 % or more.
 
     Parameters
@@ -81,15 +81,15 @@ def standings(shares: Mapping[str, float], stated: Sequence[str],
 
     Returns
     -------
-    tuple of FamilyStanding
+    tuple of FamilyCoverage
         The largest share first.
     """
     named = stated or [name for name in shares if shares[name] >= MENTIONED]
-    return tuple(FamilyStanding(name, shares.get(name, 0.0), bool(stated), certificates.get(name))
+    return tuple(FamilyCoverage(name, shares.get(name, 0.0), bool(stated), certificates.get(name))
                  for name in sorted(named, key=lambda name: -shares.get(name, 0.0)))
 
 
-def standing_facts(families: Sequence[FamilyStanding]) -> list[dict[str, Any]]:
+def coverage_facts(families: Sequence[FamilyCoverage]) -> list[dict[str, Any]]:
     """Families and what 95 % bands of each held when it was judged, for JSON; None where it was
     not.
     """
@@ -99,7 +99,7 @@ def standing_facts(families: Sequence[FamilyStanding]) -> list[dict[str, Any]]:
              "width": None if one.bands is None else one.bands.width} for one in families]
 
 
-def certified_sentence(families: Sequence[FamilyStanding]) -> str:
+def certified_sentence(families: Sequence[FamilyCoverage]) -> str:
     """What the 95 % bands of these families held when they were judged; empty for none."""
     if not families:
         return ""
@@ -107,6 +107,6 @@ def certified_sentence(families: Sequence[FamilyStanding]) -> str:
             f"{'; '.join(family.words for family in families)}.")
 
 
-def mostly_in_doubt(families: Sequence[FamilyStanding]) -> bool:
+def mostly_in_doubt(families: Sequence[FamilyCoverage]) -> bool:
     """Whether most of what a signal may be was not certified on measured surfaces."""
     return sum(family.share for family in families if family.in_doubt) >= MOSTLY

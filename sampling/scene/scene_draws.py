@@ -16,17 +16,17 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import is_covariance
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LightTransport, Outcome, SpectrumSamples
-from spectrabox.sampling.measurement import nearest_splines
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, load_prior
-from spectrabox.sampling.scene.labels import SAMPLED, find_modes
-from spectrabox.sampling.scene.posterior import (
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
+from spectrabox.sampling.scene.joint_posterior import (
     JointProblem,
     Modes,
     joint_problem,
     logits_of,
     residual_by_logit,
 )
-from spectrabox.sampling.scene.sampling import sample_joint
+from spectrabox.sampling.scene.joint_sampling import sample_joint
+from spectrabox.sampling.scene.labels import SAMPLED, find_modes
+from spectrabox.sampling.spline_measurement import nearest_splines
 
 METHOD = "learnt prior through the light transport"
 # chance of a picture as unlike the model as this one, below which the outcome says so
@@ -89,10 +89,10 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
         draws_of_all = sample_joint(problem, seed, modes, draws, effective_wanted)
     likely = surprise(problem, modes) >= SURPRISING
     outcome = Outcome.THROUGH_TRANSPORT if likely else Outcome.DISAGREES
-    basis = basis_matrix(GRID.nm, coefficients)
+    basis = basis_matrix(PRIOR_GRID.nm, coefficients)
 
     def samples_of(spectra: np.ndarray) -> SpectrumSamples:
-        return SpectrumSamples(GRID, spectra, nearest_splines(spectra, basis), METHOD,
+        return SpectrumSamples(PRIOR_GRID, spectra, nearest_splines(spectra, basis), METHOD,
                                draws_of_all.effective_samples, seed, outcome, outcome.value)
 
     return {name: samples_of(draws_of_all.spectra[:, m])

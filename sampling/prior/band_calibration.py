@@ -29,11 +29,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.prior.certified import BandCertificate, FamilyCertificate
-from spectrabox.sampling.prior.families.catalogue import FAMILIES, Family
+from spectrabox.sampling.prior.families.family_models import FAMILIES, Family
+from spectrabox.sampling.prior.family_coverage import BandCertificate, FamilyCertificate
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture, of_families
-from spectrabox.sampling.prior.posterior import (
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, of_families
+from spectrabox.sampling.prior.mixture_posterior import (
     central_band,
     conformal_scores,
     mean_and_spread,
@@ -216,11 +216,11 @@ class _Judges:
 def _factor(judges: _Judges, place: int) -> np.ndarray:
     """Factor (61,) of one family at one level."""
     level = LEVELS[place]
-    tenths = np.array_split(np.arange(GRID.nm.size), TENTHS)
+    tenths = np.array_split(np.arange(PRIOR_GRID.nm.size), TENTHS)
     shape = np.mean([[np.quantile(scores[place][:, tenth], level) for tenth in tenths]
                      / np.quantile(scores[place], level) for scores in judges.groups], axis=0)
     shape[0] = max(shape[0], np.median(shape))
-    shape = np.interp(GRID.nm, [GRID.nm[tenth].mean() for tenth in tenths], shape)
+    shape = np.interp(PRIOR_GRID.nm, [PRIOR_GRID.nm[tenth].mean() for tenth in tenths], shape)
     allowed = [(scores, level) for scores in judges.groups] \
         + [(scores, 1 - (1 + SLACK) * (1 - level)) for scores in judges.models]
     enough = max(float(np.quantile(scores[place] / shape, share)) for scores, share in allowed)

@@ -17,10 +17,10 @@ from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.prior.drawn import as_drawn
-from spectrabox.sampling.prior.mixture import GRID, LogitMixture
-from spectrabox.sampling.prior.posterior import (
-    STILL,
+from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.mixture_posterior import (
+    TOLERANCE,
     mean_and_spread,
     novelty,
     posterior,
@@ -31,7 +31,7 @@ MIN_ROOT = 0.12  # cube root of the darkest middle band; darker signals are take
 BEND, MAX_LOG_RATIO = 0.3, 2.6   # log ratio at which the lattice widens, and the largest one
 BATCH = 200                 # signals; few are halved, or one core would have them all
 MAX_SIGNAL = 1.0
-TABLE_STILL = 1e-4          # logits: what a mean is then off by is lost in half floats
+TABLE_TOLERANCE = 1e-4          # logits: what a mean is then off by is lost in half floats
 CORNERS = np.array(list(product((0, 1), repeat=3)))
 
 Progress = Callable[[float], None]      # share that is done
@@ -112,7 +112,7 @@ def build_tables(prior: LogitMixture, relative_response: np.ndarray,
     return [UpliftTable(made.mean.astype(np.float32), made.standard_deviation.astype(np.float32),
                         made.novelty.astype(np.float32), row, relative_response)
             for made in _uplifted(prior, relative_response, signals, errors(signals), progress,
-                                  TABLE_STILL)]
+                                  TABLE_TOLERANCE)]
 
 
 def lattice(side: int) -> np.ndarray:
@@ -153,7 +153,7 @@ def relative_errors(signals: np.ndarray, noise: float) -> np.ndarray:
 
 def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
                    covariance: np.ndarray, progress: Progress = lambda share: None, *,
-                   still: float = STILL) -> Uplifted:
+                   tolerance: float = TOLERANCE) -> Uplifted:
     """Mean and standard deviation behind signals with errors of their own, each by itself.
 
     They are those of calibrated draws: as wide as the 95 % band, not as the bare mixture.
@@ -167,17 +167,17 @@ def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: 
         Relative to white.
     covariance : (n, K, K) array
     progress : function of the share that is done
-    still : float
+    tolerance : float
         Change of a logit that ends the way to a mode.
     """
-    return _uplifted(prior, relative_response, signals, [covariance], progress, still)[0]
+    return _uplifted(prior, relative_response, signals, [covariance], progress, tolerance)[0]
 
 
 def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
               covariances: Sequence[np.ndarray], progress: Progress,
-              still: float) -> list[Uplifted]:
+              tolerance: float) -> list[Uplifted]:
     """What signals say under each of several errors (n, K, K)."""
-    shape = len(signals), GRID.nm.size
+    shape = len(signals), PRIOR_GRID.nm.size
     every = [Uplifted(np.empty(shape), np.empty(shape), np.empty(len(signals)))
              for _ in covariances]
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
@@ -185,9 +185,9 @@ def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
             rows, mixture = slice(start, start + BATCH), None
             for uplifted, covariance in zip(every, covariances, strict=True):
                 mixture = posterior(prior, relative_response, signals[rows], covariance[rows],
-                                    mixture, still=still)
-                drawn, _ = as_drawn(prior, relative_response, signals[rows], covariance[rows],
-                                    mixture)
+                                    mixture, tolerance=tolerance)
+                drawn, _ = marginal_moments(prior, relative_response, signals[rows],
+                                            covariance[rows], mixture)
                 uplifted.mean[rows], uplifted.standard_deviation[rows] = mean_and_spread(drawn)
                 uplifted.novelty[rows] = novelty(prior, mixture, covariance[rows])
             progress(min(start + BATCH, len(signals)) / len(signals))

@@ -24,8 +24,8 @@ from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 from spectrabox.sampling.prior.quantiles import quantiles, stretched
 
 # of the filter; the largest change of a logit that counts as standing still
-STEPS, STILL = 25, 1e-6
-TRIED, BEHIND = 2, 15.0     # steps before components are compared; nats that give one up
+STEPS, TOLERANCE = 25, 1e-6
+TRIED, EVIDENCE_CUTOFF = 2, 15.0     # steps before components are compared; nats that give one up
 BLOCK = 64                  # signals at a time: what they take then fits the cache
 NEGLIGIBLE = 2e-3           # weight of a component that is left out of a signal's posterior
 MAX_STEP = 2.0              # logits per step: keeps the linearisation where it is of use
@@ -59,7 +59,7 @@ class MixturePosterior(Record):
 
 
 @dataclass(frozen=True)
-class _Seen:
+class Observations:
     """What was measured: response (K, P), signals (T, K), noise (T, K, K) with its floor."""
 
     relative_response: np.ndarray
@@ -68,11 +68,11 @@ class _Seen:
 
 
 @dataclass(frozen=True)
-class _Part:
+class _Pairs:
     """Some pairs of a component and a signal, as n rows."""
 
     place: tuple[int | slice, int | slice]      # of the rows in arrays (C, T)
-    seen: _Seen                                 # a signal for each row
+    seen: Observations                                 # a signal for each row
     mean: np.ndarray                            # (P,), or (n, P): one for each row
     covariance: np.ndarray                      # (P, P), or (n, P, P)
     logits: np.ndarray                          # (n, P), a view
@@ -80,7 +80,7 @@ class _Part:
 
 def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
               covariance: np.ndarray, start: MixturePosterior | None = None, *,
-              still: float = STILL) -> MixturePosterior:
+              tolerance: float = TOLERANCE) -> MixturePosterior:
     """Posterior of T signals, all at once.
 
     Parameters
@@ -94,11 +94,11 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
         Of the signals' noise; 0.1 % of white is added.
     start : MixturePosterior, optional
         Of the same signals under other noise, whose modes are near: a third of the work.
-    still : float
+    tolerance : float
         Change of a logit that ends the way to a mode.
     """
     noise = np.broadcast_to(with_floor(covariance), (len(signals), *covariance.shape[-2:]))
-    seen = _Seen(relative_response, signals, noise)
+    seen = Observations(relative_response, signals, noise)
     shape = (len(prior.means), len(signals))
     logits = np.repeat(prior.means[:, None], len(signals), axis=1) if start is None \
         else start.logits.copy()
@@ -111,10 +111,10 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
                                                               part.logits, tried)
                                                for part in parts], shape)
     plain, misfit, surprise = np.full(shape, -np.inf), np.zeros(shape), np.full(shape, np.inf)
-    close = rough > rough.max(axis=0) - BEHIND
+    close = rough > rough.max(axis=0) - EVIDENCE_CUTOFF
     for part in parts:
         near = np.flatnonzero(close[part.place])
-        climb(part.seen, near, part.mean, part.covariance, part.logits, STEPS, still)
+        gauss_newton(part.seen, near, part.mean, part.covariance, part.logits, STEPS, tolerance)
         variance, evidence, off, strange = laplace(part.seen, near, part.mean, part.covariance,
                                                    part.logits)
         for found, values in ((variances, variance), (plain, evidence), (misfit, off),
@@ -131,20 +131,20 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
                             - signals.shape[1] / 2 * np.log(2 * np.pi))
 
 
-def _components_of_signals(prior: LogitMixture, seen: _Seen,
-                           logits: np.ndarray) -> Iterator[_Part]:
+def _components_of_signals(prior: LogitMixture, seen: Observations,
+                           logits: np.ndarray) -> Iterator[_Pairs]:
     """All pairs of a component and a signal: a part for each component, its rows the signals; or,
     for one signal, one part whose rows are the components.
     """
     components = len(prior.means)
     if len(seen.signals) == 1:
-        yield _Part((slice(None), 0), _Seen(seen.relative_response,
+        yield _Pairs((slice(None), 0), Observations(seen.relative_response,
                                             np.repeat(seen.signals, components, axis=0),
                                             np.repeat(seen.noise, components, axis=0)),
                     prior.means, prior.covariances, logits[:, 0])
         return
     for index in range(components):
-        yield _Part((index, slice(None)), seen, prior.means[index], prior.covariances[index],
+        yield _Pairs((index, slice(None)), seen, prior.means[index], prior.covariances[index],
                     logits[index])
 
 
@@ -159,42 +159,43 @@ def with_floor(covariance: np.ndarray) -> np.ndarray:
     return covariance + SIGNAL_FLOOR**2 * np.eye(covariance.shape[-1])
 
 
-def climb(seen: _Seen, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray, x: np.ndarray,
-          steps: int, still: float = STILL) -> None:
+def gauss_newton(seen: Observations, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
+                 x: np.ndarray, steps: int, tolerance: float = TOLERANCE) -> None:
     """Move logits x (T, P) of some rows towards the mode of one component, or each of its own, in
     place.
     """
     active = rows
     for _ in range(steps):
         gain_base, Q, residual = _linearised(seen, active, mean, covariance, x)
-        active = _step(x, active, mean, gain_base, np.linalg.solve(Q, residual[..., None]), still)
+        active = _step(x, active, mean, gain_base, np.linalg.solve(Q, residual[..., None]),
+                       tolerance)
         if not active.size:
             break
 
 
 def _step(x: np.ndarray, active: np.ndarray, mean: np.ndarray, gain_base: np.ndarray,
-          solved: np.ndarray, still: float = STILL) -> np.ndarray:
+          solved: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
     """Move logits x (T, P) of the active rows one step; those (n,) that did not stand still."""
     step = _own(mean, active, 1) + (solved.transpose(0, 2, 1) @ gain_base)[:, 0] - x[active]
     length = np.abs(step).max(axis=1)
-    x[active] += step * np.minimum(1, MAX_STEP / np.maximum(length, STILL))[:, None]
-    return active[length > still]
+    x[active] += step * np.minimum(1, MAX_STEP / np.maximum(length, TOLERANCE))[:, None]
+    return active[length > tolerance]
 
 
-def rough_evidence(seen: _Seen, mean: np.ndarray, covariance: np.ndarray,
+def rough_evidence(seen: Observations, mean: np.ndarray, covariance: np.ndarray,
                    x: np.ndarray, tried: int = TRIED) -> np.ndarray:
     """Move logits x (T, P) of all rows a few steps towards one component's mode, in place; log
     evidence (T,) where the last step began.
     """
     everyone = np.arange(len(x))
-    climb(seen, everyone, mean, covariance, x, tried - 1)
+    gauss_newton(seen, everyone, mean, covariance, x, tried - 1)
     gain_base, Q, residual = _linearised(seen, everyone, mean, covariance, x)
     solved = np.linalg.solve(Q, residual[..., None])
     _step(x, everyone, mean, gain_base, solved)
     return _log_evidence(Q, residual, solved[..., 0])
 
 
-def laplace(seen: _Seen, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
+def laplace(seen: Observations, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
             x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Variances (n, P), log evidence (n,), largest misfit (n,) and r' Q^-1 r (n,) of some rows at
     the modes among x (T, P).
@@ -214,7 +215,7 @@ def _log_evidence(Q: np.ndarray, residual: np.ndarray, solved: np.ndarray) -> np
     return np.asarray(-np.einsum("tk,tk->t", residual, solved) / 2 - np.linalg.slogdet(Q)[1] / 2)
 
 
-def _linearised(seen: _Seen, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
+def _linearised(seen: Observations, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
                 x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     p, own = reflectance(x[rows]), _own(covariance, rows, 2)
     slope = p * (1 - p)
