@@ -8,7 +8,7 @@ from typing import Any
 
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.reconstruct.rendering.llvm import VARIABLE, ensure_llvm, find_llvm
-from spectrabox.session.store.provenance import versions
+from spectrabox.session.store.program import versions
 
 PROBE = """
 import sys

@@ -13,8 +13,7 @@ from spectrabox.session.config.session_chart import chart_files
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig
 from spectrabox.session.stages.order import stages_of
 from spectrabox.session.store.input_files import InputFiles
-from spectrabox.session.store.provenance import DECISIVE, versions
-from spectrabox.session.store.stage_code import stage_code
+from spectrabox.session.store.program import DECISIVE, room_digests, versions
 from spectrabox.session.store.store import fingerprint
 
 if TYPE_CHECKING:
@@ -49,11 +48,10 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
     chart = chart_files(config) if config.views_with_chart else []
     curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
     installed = versions(DECISIVE) | ({} if config.flat else _renderer())
-    code = stage_code({name: stage.module for name, stage in
-                       stages_of(config.flat).items()})
+    stages = stages_of(config.flat)
 
     def made_by(stage: str) -> Key:
-        return {"versions": installed, "code": code[stage]}
+        return {"versions": installed, "code": room_digests(stages[stage].rooms)}
 
     keys: dict[str, Key] = {}
     views, correcting = config.all_views, (*config.photos.flats.values(), *config.photos.dark_files)

@@ -14,13 +14,11 @@ from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.progress_display import StageProgress
-from spectrabox.session.stages.order import FLAT_WRITER, SCENE_WRITER
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.made_from import digests_of
-from spectrabox.session.store.provenance import PACKAGES, versions
+from spectrabox.session.store.program import LIBRARY, room_digests, versions
 from spectrabox.session.store.rehearsals import FILE
 from spectrabox.session.store.session_lock import outputs_writer
-from spectrabox.session.store.stage_code import stage_code
 from spectrabox.session.store.store import load_stage, save_stage, stage_folder
 
 STAGE = "report"
@@ -139,5 +137,4 @@ def _key(config: SessionConfig, finished: FinishedRun, inputs: InputFiles) -> di
     settings = config.model_dump(mode="json", exclude={"folder", "allow_outside"})
     return {"settings": settings, "files": inputs.digests(*truths),
             "results": digests_of(finished), "rehearsal": _digest(config.results_folder / FILE),
-            "versions": versions(PACKAGES),
-            "code": stage_code({STAGE: FLAT_WRITER if config.flat else SCENE_WRITER})[STAGE]}
+            "versions": versions(), "code": room_digests((*LIBRARY, "session"))}

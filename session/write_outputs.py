@@ -10,7 +10,7 @@ from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.page import NUMBERS_NAME, write_report
 from spectrabox.session.stages.assemble import assemble
 from spectrabox.session.store.outputs import write_outputs
-from spectrabox.session.store.provenance import provenance
+from spectrabox.session.store.program import provenance
 from spectrabox.session.summary_text import run_facts, run_text
 
 

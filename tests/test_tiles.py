@@ -259,7 +259,7 @@ def test_rows_that_are_wrong_end_the_command_with_their_sentence(tmp_path, inlin
 
 def test_a_worker_with_another_program_is_refused(image, tmp_path, inline, monkeypatch):
     inline()
-    monkeypatch.setattr(tiles, "code_digest", lambda: "another")
+    monkeypatch.setattr(tiles, "program_digest", lambda: "another")
     with pytest.raises(SpectraboxError, match="this worker's program or packages are not those"):
         answer(image, tmp_path)
 

@@ -17,15 +17,8 @@ from spectrabox.radiometry.files import sha256_of, write_text_whole
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
 from spectrabox.session.run_outputs import STAGE
-from spectrabox.session.stages.order import (
-    FLAT_STAGES,
-    FLAT_WRITER,
-    SCENE_WRITER,
-    STAGES,
-    stages_of,
-)
-from spectrabox.session.store.provenance import PACKAGES, versions
-from spectrabox.session.store.stage_code import stage_code
+from spectrabox.session.stages.order import stages_of
+from spectrabox.session.store.program import program_digest
 from spectrabox.session.store.store import fingerprint, load_stage
 
 SESSIONS = "sessions"       # in the batch's folder
@@ -59,11 +52,7 @@ def made_by() -> str:
     """Digest of all that a result depends on beside its session: program, packages, cameras kept
     under a name.
     """
-    entries = {f"{number} {name}": stage.module for number, stages in enumerate((STAGES,
-                                                                                FLAT_STAGES))
-               for name, stage in stages.items()}
-    return fingerprint({"code": stage_code(entries | {"scene": SCENE_WRITER, "flat": FLAT_WRITER}),
-                        "versions": versions(PACKAGES),
+    return fingerprint({"program": program_digest(),
                         "cameras": {name: sha256_of(path) for name, path in own_cameras().items()}})
 
 

@@ -10,7 +10,7 @@ from spectrabox.session.flat.assemble import assemble_flat
 from spectrabox.session.flat.facts import flat_facts, flat_text
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.page import NUMBERS_NAME, write_report
-from spectrabox.session.store.provenance import provenance
+from spectrabox.session.store.program import provenance
 from spectrabox.session.store.spectra_table import spectra_files
 
 

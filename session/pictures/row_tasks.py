@@ -35,9 +35,7 @@ from spectrabox.sampling.prior.low_rank import LowRank
 from spectrabox.session.command_line import interrupt_behind, said_of
 from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.uplift import UpliftRequest, image_source
-from spectrabox.session.store.provenance import PACKAGES, versions
-from spectrabox.session.store.stage_code import stage_code
-from spectrabox.session.store.store import fingerprint
+from spectrabox.session.store.program import program_digest
 
 DONE = "done"           # folder of one empty file a task
 PLAN = "plan.npz"
@@ -51,7 +49,7 @@ class Order:
 
     request: UpliftRequest      # with absolute paths
     folder: Path                # of the arrays until all rows are written
-    code_digest: str            # of ``code_digest``
+    program: str                # its digest, of ``program_digest``
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,7 @@ class RowsTask:
     def __call__(self) -> Survey | Refused | None:
         """Do it, on a worker."""
         try:
-            if code_digest() != self.order.code_digest:
+            if program_digest() != self.order.program:
                 raise EnvironmentProblem("this worker's program or packages are not those of the "
                                          "command: install the same, then run it again")
             source = _open_source(self.order, threading.get_ident())
@@ -153,12 +151,6 @@ def load_plan(folder: Path, layout: PictureLayout) -> tuple[SpectraPlan, int]:
         low = LowRank(stored["basis"]) if "basis" in stored else None
         return (SpectraPlan(layout, tables, low, json.loads(str(stored["errors"]))),
                 int(stored["outside"]))
-
-
-@functools.cache
-def code_digest() -> str:
-    """Digest of the program and of the packages that pixels depend on."""
-    return fingerprint({"code": stage_code({"tiles": __name__}), "versions": versions(PACKAGES)})
 
 
 @functools.lru_cache(maxsize=OPEN_IMAGES)

@@ -41,7 +41,6 @@ from spectrabox.session.pictures.row_tasks import (
     Order,
     Refused,
     RowsTask,
-    code_digest,
     done_mark,
     load_plan,
     store_plan,
@@ -49,6 +48,7 @@ from spectrabox.session.pictures.row_tasks import (
 from spectrabox.session.pictures.spectra_files import QUANTITIES
 from spectrabox.session.pictures.uplift import UpliftRequest, image_source, uplift_summary
 from spectrabox.session.progress_display import StageProgress
+from spectrabox.session.store.program import program_digest
 from spectrabox.session.store.session_lock import sole_uplift
 from spectrabox.session.store.store import fingerprint
 
@@ -79,7 +79,7 @@ def shared_uplift_answer(request: UpliftRequest, cluster: str | None, workers: i
         raise InputError(f"several workers write into Zarr arrays, and --to {request.form} is one "
                          "stream: give --to zarr, or leave --workers and --cluster out")
     request = replace(request, image=request.image.resolve(), out=request.out.resolve())
-    source, code = image_source(request), code_digest()
+    source, code = image_source(request), program_digest()
     height, width, _ = source.size
     rows = rows_of_a_task(source)
     order = Order(request, request.out / f"{UNFINISHED}tiles-{_key(source, request, code, rows)}",

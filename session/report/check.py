@@ -20,7 +20,7 @@ from spectrabox.session.flat.assemble import assemble_flat
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.report.page import NUMBERS_NAME, PAGE_NAME, RenderedReport, render_report
 from spectrabox.session.stages.assemble import assemble
-from spectrabox.session.store.provenance import PACKAGES, versions
+from spectrabox.session.store.program import PACKAGES, versions
 
 EMBEDDED = re.compile(r'<script type="application/json" id="spectrabox-results">(.*?)</script>',
                       re.DOTALL)

@@ -15,6 +15,7 @@ class Stage:
 
     module: str
     function: str
+    rooms: tuple[str, ...]      # whose code and models its records depend on
 
     def run(self, task: StageTask) -> dict[str, Any]:
         """Records of the stage by name, the same to the last bit on any number of cores."""
@@ -28,23 +29,24 @@ class Stage:
 
 ROOM, FLAT_ROOM = "spectrabox.session.stages", "spectrabox.session.flat"
 PICTURE_ROOM = "spectrabox.session.pictures"
-STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts"),
-          "photo": Stage(f"{ROOM}.photo_stage", "bin_object_photos"),
-          "calibrate": Stage(f"{ROOM}.calibrate_stage", "calibrate_views"),
-          "reconstruct": Stage(f"{ROOM}.reconstruct_stage", "invert_photos"),
-          "sample": Stage(f"{ROOM}.sample_stage", "sample_materials")}
+# An edit in one of these rooms makes the results of a stage stale.
+CHART_ROOMS = ("radiometry", "capture", "reconstruct", "session/stages")
+PHOTO_ROOMS = (*CHART_ROOMS, "calibrate", "session/box", "session/flat")
+FIT_ROOMS = (*PHOTO_ROOMS, "sampling", "measure")
+PICTURE_ROOMS = (*FIT_ROOMS, "session/pictures")
+STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts", CHART_ROOMS),
+          "photo": Stage(f"{ROOM}.photo_stage", "bin_object_photos", PHOTO_ROOMS),
+          "calibrate": Stage(f"{ROOM}.calibrate_stage", "calibrate_views", FIT_ROOMS),
+          "reconstruct": Stage(f"{ROOM}.reconstruct_stage", "invert_photos", FIT_ROOMS),
+          "sample": Stage(f"{ROOM}.sample_stage", "sample_materials", FIT_ROOMS)}
 # where the session asks for one
-SCENE_PICTURE = {"picture": Stage(f"{PICTURE_ROOM}.scene_stage", "picture_of_scene")}
-FLAT_STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts"),
-               "photo": Stage(f"{FLAT_ROOM}.region_stage", "measure_regions"),
-               "calibrate": Stage(f"{FLAT_ROOM}.calibrate_stage", "calibrate_photos"),
-               "signals": Stage(f"{FLAT_ROOM}.signals_stage", "find_signals"),
-               "sample": Stage(f"{FLAT_ROOM}.sample_stage", "sample_regions"),
-               "picture": Stage(f"{PICTURE_ROOM}.flat_stage", "picture_of_spectra")}
-
-
-# what writes report, spectra and pictures beside the results
-SCENE_WRITER, FLAT_WRITER = "spectrabox.session.write_outputs", "spectrabox.session.flat.outputs"
+SCENE_PICTURE = {"picture": Stage(f"{PICTURE_ROOM}.scene_stage", "picture_of_scene", PICTURE_ROOMS)}
+FLAT_STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts", CHART_ROOMS),
+               "photo": Stage(f"{FLAT_ROOM}.region_stage", "measure_regions", PHOTO_ROOMS),
+               "calibrate": Stage(f"{FLAT_ROOM}.calibrate_stage", "calibrate_photos", FIT_ROOMS),
+               "signals": Stage(f"{FLAT_ROOM}.signals_stage", "find_signals", FIT_ROOMS),
+               "sample": Stage(f"{FLAT_ROOM}.sample_stage", "sample_regions", FIT_ROOMS),
+               "picture": Stage(f"{PICTURE_ROOM}.flat_stage", "picture_of_spectra", PICTURE_ROOMS)}
 
 
 def stages_of(flat: bool) -> dict[str, Stage]:

@@ -1,13 +1,23 @@
-"""What was run, with what: enough to run it again."""
+"""The program that made a result: versions of its packages, digests of its own code and models."""
 from __future__ import annotations
 
 import datetime
+import functools
+import hashlib
 import importlib.metadata
+import json
+import os
 import platform
 import re
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
+import spectrabox
 from spectrabox.reconstruct.rendering.llvm import llvm_name
+
+PACKAGE = Path(spectrabox.__file__).resolve().parent
+LIBRARY = ("radiometry", "capture", "calibrate", "reconstruct", "sampling", "measure")
 
 PACKAGES = ("spectrabox", "numpy", "scipy", "mitsuba", "drjit", "rawpy",
             "opencv-contrib-python-headless", "colour-science", "OpenImageIO", "exifread")
@@ -17,6 +27,36 @@ DECISIVE = ("spectrabox", "mitsuba", "drjit", "rawpy", "scipy", "opencv-contrib-
 def versions(names: tuple[str, ...] = PACKAGES) -> dict[str, str]:
     """Installed versions of the packages that results depend on."""
     return {name: _version(name) for name in names}
+
+
+def room_digests(rooms: Iterable[str], package: Path = PACKAGE) -> dict[str, str]:
+    """Digests of the files of rooms: modules, models, tables, templates.
+
+    Parameters
+    ----------
+    rooms : iterable of str
+        Folders, such as "sampling" or "session/stages".
+    package : Path
+        Where they lie.
+    """
+    return {room: _room_digest(package / room) for room in rooms}
+
+
+@functools.cache        # of the code that runs: what is edited meanwhile is not loaded again
+def _room_digest(folder: Path) -> str:
+    digest = hashlib.sha256()
+    for inside, _, names in sorted(os.walk(folder)):
+        for name in sorted(names) if not inside.endswith("__pycache__") else ():
+            digest.update(os.fsencode(f"{inside[len(str(folder)):]}/{name}") + b"\0")
+            digest.update(hashlib.sha256(Path(inside, name).read_bytes()).digest())
+    return digest.hexdigest()
+
+
+@functools.cache
+def program_digest() -> str:
+    """Digest of the whole program and of the packages that results depend on."""
+    program = {"code": room_digests((*LIBRARY, "session")), "versions": versions()}
+    return hashlib.sha256(json.dumps(program, sort_keys=True).encode()).hexdigest()
 
 
 def provenance(command: list[str], seed: int, device: str) -> dict[str, Any]:
