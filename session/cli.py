@@ -25,7 +25,6 @@ from spectrabox.session.commands import (
     draws,
     flat,
     geometry,
-    match,
     meter,
     page,
     rehearse,
@@ -39,8 +38,8 @@ from spectrabox.session.interruption import stop_on_signals
 app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
                   pretty_exceptions_enable=False, rich_markup_mode=None,
                   context_settings={"help_option_names": ["-h", "--help"]})
-for subject in (session, batch, flat, rehearse, draws, capture, geometry, camera, sampling, match,
-                meter, page, compare, spectrum):
+for subject in (session, batch, flat, rehearse, draws, capture, geometry, camera, sampling, meter,
+                page, compare, spectrum):
     subject.register(app)
 
 

@@ -1,21 +1,28 @@
-"""What every command shares: options, one clear message per error, one JSON object per answer."""
+"""What every command shares: options as fields of a record, one clear message per error, one JSON
+object per answer.
+"""
 from __future__ import annotations
 
 import contextlib
 import errno
+import inspect
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, dataclass, fields
+from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperGroup
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.system.words import message, plain
+from spectrabox.session.json_values import to_json
 
+Request = TypeVar("Request", bound="DebugOption")
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.",
                                         show_default=False)]
 Json = Annotated[bool, typer.Option("--json",
@@ -28,6 +35,7 @@ ChartLayout = Annotated[str, typer.Option("--chart-layout", metavar="NAME|FILE",
 Outside = Annotated[bool, typer.Option("--allow-outside",
                                        help="Let the session name files outside its folder.")]
 Device = Annotated[str, typer.Option(help="auto, cpu or cuda: where Mitsuba renders.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace the output where it exists.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
 SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
                           "rehearse", "draws"),
@@ -37,6 +45,7 @@ SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "repo
             "The spectra behind a signal": ("sample", "uplift", "match", "plan", "prior"),
             "Can they be trusted": ("certify", "judge"),
             "Trying it out": ("demo", "doctor")}
+LAST = ("device", "allow_outside", "quiet", "as_json", "debug")
 INTERRUPTED = 130
 STOPPED = "interrupted: finished stages are kept, run the same command again to go on"
 
@@ -44,6 +53,95 @@ NO_MEMORY = ("memory ran out: close other programs, or give smaller pictures, fe
              "regions")
 NOT_WRITTEN = "the output cannot be written: free space, then run again"
 DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DebugOption:
+    """The option of every command.
+
+    The fields of a request are the parameters of its command: name, type, help and default stand
+    there once. Repeated ones are tuples, () where none is given.
+    """
+
+    debug: Debug = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommonOptions(DebugOption):
+    """Options of every command that answers a script."""
+
+    as_json: Json = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionOptions(CommonOptions):
+    """Options of a command on the folder of one session."""
+
+    folder: Folder
+    allow_outside: Outside = False
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command says: facts for a script, text for a person."""
+
+    facts: Mapping[str, Any]
+    text: str
+    exit_code: int = 0
+
+
+def command(body: Callable[[Request], Answer | None]) -> Callable[..., None]:
+    """Make a command of a function of one request: its fields become the options, its errors one
+    clear message, its answer what is printed.
+
+    Parameters
+    ----------
+    body : function of one dataclass, annotated with it
+        Of frozen fields ``name: Annotated[type, typer.Option(...)] = default``.
+
+    Returns
+    -------
+    function
+        With the signature that Typer reads.
+    """
+    request_of = get_type_hints(body)["request"]
+    hints = get_type_hints(request_of, include_extras=True)
+    parameters = [_parameter(field.name, hints[field.name], field.default)
+                  for field in fields(request_of)]
+    # Options that many commands have come last, in one order.
+    parameters.sort(key=lambda each: LAST.index(each.name) if each.name in LAST else -1)
+
+    @wraps(body)
+    def run(**options: Any) -> None:
+        given = {name: tuple(value) if isinstance(value, list) else value
+                 for name, value in options.items()}
+        request = request_of(**{name: () if value is None and _is_repeated(hints[name]) else value
+                                for name, value in given.items()})
+        as_json = options.get("as_json", False)
+        with reported_errors(as_json, request.debug):
+            answer = body(request)
+            if answer is not None:
+                print_answer(as_json, answer)
+
+    run.__signature__ = inspect.Signature(parameters)       # type: ignore[attr-defined]
+    run.__annotations__ = {}
+    return run
+
+
+def _parameter(name: str, hint: Any, default: Any) -> inspect.Parameter:
+    """A parameter as Typer reads it, which knows lists in place of tuples of any length."""
+    if _is_repeated(hint):
+        kind, *options = get_args(hint)
+        repeated: Any = list.__class_getitem__(get_args(kind)[0])
+        hint = Annotated[repeated if default is MISSING else repeated | None, *options]
+        default = None if default == () else default
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=hint,
+                             default=inspect.Parameter.empty if default is MISSING else default)
+
+
+def _is_repeated(hint: Any) -> bool:
+    kind = get_args(hint)[0]
+    return get_origin(kind) is tuple and get_args(kind)[-1] is Ellipsis
 
 
 class CommandGroup(TyperGroup):
@@ -67,9 +165,15 @@ def _first_paragraph(text: str | None) -> str:
     return " ".join((text or "").split("\n\n")[0].split())
 
 
+class UsageProblem(SpectraboxError):
+    """Options that do not go together, or a value that an option cannot have."""
+
+    exit_code = 2
+
+
 @contextlib.contextmanager
-def command(as_json: bool, debug: bool) -> Iterator[None]:
-    """Turn errors that an operator can mend into one clear message and the documented exit code."""
+def reported_errors(as_json: bool, debug: bool) -> Iterator[None]:
+    """Turn errors that an operator can fix into one clear message and the documented exit code."""
     try:
         yield
     except typer.Exit:
@@ -95,10 +199,9 @@ def command(as_json: bool, debug: bool) -> Iterator[None]:
 
 @contextlib.contextmanager
 def last_resort(as_json: bool, debug: bool) -> Iterator[None]:
-    """Turn any error that nobody foresaw into one sentence and exit code 1, or 7 where memory ran
-    out.
+    """Turn any unexpected error into one sentence and exit code 1, or 7 where memory ran out.
 
-    Whatever it is: libraries also raise what is no ``Exception``.
+    Libraries also raise errors that are no ``Exception``.
     """
     try:
         yield
@@ -108,15 +211,15 @@ def last_resort(as_json: bool, debug: bool) -> Iterator[None]:
         if debug:
             raise
         stop = interrupt_behind(error)
-        said, code = said_of(error) if stop is None \
+        sentence, code = describe_error(error) if stop is None \
             else (STOPPED, getattr(stop, "exit_code", INTERRUPTED))
         with contextlib.suppress(typer.Exit):
-            fail(as_json, said, code)
+            fail(as_json, sentence, code)
         sys.exit(code)
 
 
-def said_of(error: BaseException) -> tuple[str, int]:
-    """Any error but an interrupt as one sentence, and the exit code that it means."""
+def describe_error(error: BaseException) -> tuple[str, int]:
+    """One sentence on any error but an interrupt, and the exit code that it means."""
     if isinstance(error, SpectraboxError):
         return str(error), error.exit_code
     if isinstance(error, MemoryError):
@@ -162,22 +265,29 @@ def interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
     return None
 
 
-def fail(as_json: bool, said: str, exit_code: int) -> NoReturn:
+def fail(as_json: bool, sentence: str, exit_code: int) -> NoReturn:
     """Print an error where the caller looks for it and leave."""
-    said = message(said)
+    sentence = message(sentence)
     if as_json:
-        print(json.dumps({"error": said, "exit_code": exit_code}))
-    tell(f"spectrabox: {said}")
+        print(json.dumps({"error": sentence, "exit_code": exit_code}))
+    tell(f"spectrabox: {sentence}")
     raise typer.Exit(exit_code)
 
 
-def answer(as_json: bool, facts: dict[str, Any], text: str) -> None:
-    """One JSON object, or text for a person."""
-    print(json.dumps(facts, allow_nan=False) if as_json else plain(text))
+def print_answer(as_json: bool, answer: Answer) -> None:
+    """Print one JSON object, or text for a person, and leave where the exit code is not 0.
+
+    Raises
+    ------
+    typer.Exit
+    """
+    print(json.dumps(to_json(answer.facts), allow_nan=False) if as_json else plain(answer.text))
+    if answer.exit_code:
+        raise typer.Exit(answer.exit_code)
 
 
 def tell(text: str) -> None:
-    """A line for a person on standard error, beside the answer."""
+    """Print a line for a person on standard error."""
     print(message(text), file=sys.stderr, flush=True)
 
 
@@ -200,6 +310,19 @@ def check_ending(path: Path | None, endings: Mapping[str, str], option: str = "-
         known = ", ".join(f"{ending} ({what})" for ending, what in endings.items())
         raise typer.BadParameter(f"{path.name} does not end in what is written here: {known}",
                                  param_hint=option)
+
+
+def require_new(out: Path, force: bool, *inputs: Path | None) -> None:
+    """Refuse to write over an input, or over another file unless ``force`` is given.
+
+    Raises
+    ------
+    InputError
+    """
+    if out.resolve() in {given.resolve() for given in inputs if given is not None}:
+        raise InputError(f"{out} is an input of this command; give another name for the output")
+    if out.exists() and not force:
+        raise InputError(f"{out} exists already; give another name, or replace it with --force")
 
 
 def check_device(device: str) -> None:

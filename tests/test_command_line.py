@@ -18,7 +18,7 @@ from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.paints import paint
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.session.cli import app
-from spectrabox.session.command_line import SUBJECTS, command
+from spectrabox.session.command_line import SUBJECTS, reported_errors
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -293,11 +293,11 @@ def test_an_interrupt_that_another_error_wraps_is_still_an_interrupt(capsys):
         except KeyboardInterrupt as interrupt:
             raise RuntimeError("the loop could not be traced") from interrupt
 
-    with pytest.raises(typer.Exit) as left, command(as_json=False, debug=False):
+    with pytest.raises(typer.Exit) as left, reported_errors(as_json=False, debug=False):
         trace()
     assert left.value.exit_code == 130
     assert "interrupted: finished stages are kept" in capsys.readouterr().err
-    with pytest.raises(RuntimeError), command(as_json=False, debug=False):
+    with pytest.raises(RuntimeError), reported_errors(as_json=False, debug=False):
         raise RuntimeError("of its own")
 
 

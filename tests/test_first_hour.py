@@ -5,7 +5,6 @@ import pytest
 from typer.testing import CliRunner
 
 from spectrabox.session.cli import app
-from spectrabox.session.commands import meter
 from spectrabox.session.stages.order import STAGES, stages_in_order
 
 pytestmark = pytest.mark.usefixtures("figures_undrawn")
@@ -51,7 +50,6 @@ def test_photos_of_a_camera_fit_may_stand_first_as_those_of_chart(captured):
 def test_measure_wants_a_folder_as_run_does():
     result = call("meter", "measure", "--with", "spotread")
     assert result.exit_code == 2 and "Missing argument 'DIR'" in result.output
-    assert meter.measure.__annotations__["folder"] == "Folder"
 
 
 @pytest.mark.parametrize("only, expected", [

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from spectrabox.session.command_line import command, last_resort
+from spectrabox.session.command_line import last_resort, reported_errors
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = Path(sysconfig.get_path("scripts")) / "spectrabox"
@@ -137,5 +137,5 @@ def test_leaving_is_no_error():
     with pytest.raises(SystemExit) as left, last_resort(as_json=False, debug=False):
         raise SystemExit(4)
     assert left.value.code == 4
-    with pytest.raises(FileNotFoundError), command(as_json=False, debug=True):
+    with pytest.raises(FileNotFoundError), reported_errors(as_json=False, debug=True):
         Path("/nowhere").read_text()

@@ -5,8 +5,8 @@ from sampling_cameras import surface
 
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.summaries import summaries
-from spectrabox.session.signals.answers import SampleRequest, sample_answer
-from spectrabox.session.signals.request_draws import DrawOptions
+from spectrabox.session.commands.requests import SampleRequest
+from spectrabox.session.signals.answers import sample_answer
 from spectrabox.session.signals.signal_options import response_of_names
 
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"
@@ -48,11 +48,8 @@ def asked(folder, signals, keep_draws):
     path = folder / "signals.csv"
     path.write_text("R,G,B\n" + "".join(f"{r},{g},{b}\n" for r, g, b in signals))
     return sample_answer(SampleRequest(
-        sensitivity=CAMERA, light=LIGHT, signal=None, signals=path, white=None,
-        noise="0.003,0.003,0.003", options=DrawOptions(13, "prior", 4000, 0, "bounded", None, None),
-        prior=None, families=(), level=0.95, readings=(), photos=(), same=(), more=None,
-        twice=None, baseline=False, truth=None, column=None, lights=("D65",), light_error=0.01,
-        sensitivity_error=0.0, keep_draws=keep_draws))[0]["results"]
+        sensitivity=CAMERA, light=LIGHT, signals=path, noise="0.003,0.003,0.003", samples=4000,
+        light_error=0.01, out=folder / "draws.npz" if keep_draws else None))[0]["results"]
 
 
 @pytest.fixture(scope="module")

@@ -18,8 +18,9 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.options import refined_as_published
 from spectrabox.sampling.spline_measurement import spline_operator
 from spectrabox.session.cli import app
+from spectrabox.session.commands.requests import SampleRequest
 from spectrabox.session.signals.measurement_file import read_more
-from spectrabox.session.signals.request_draws import DrawOptions, draws_of
+from spectrabox.session.signals.request_draws import draws_of
 from spectrabox.session.signals.signal_options import measurement_of_signal, parse_reading
 
 FINE = visible_grid(1)
@@ -282,8 +283,9 @@ def test_refining_as_published_keeps_the_signal_and_is_narrower():
     # Knot insertion is exact and the residual directions are unseen: what the start misses is
     # bounded least squares'.
     np.testing.assert_allclose(literal.coefficients @ fitted.A.T - fitted.y, 0, atol=1e-6)
-    each, _, _ = draws_of(DrawOptions(7, "uniform", 1000, 1, "bounded", None, 15), measurement, [],
-                       None, None)
+    request = SampleRequest(sensitivity=CAMERA, light=LIGHT, coefficients=7, method="uniform",
+                            samples=1000, seed=1, refine=15)
+    each, _, _ = draws_of(request, measurement, [], None, None)
     assert each.coefficients.shape == (1000, 15)
     assert each.spectra.std(axis=0).mean() > literal.coefficients.std(axis=0).mean()
 

@@ -15,7 +15,7 @@ from spectrabox.radiometry.spectra.spectral_layers import layer_names, spectral_
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, read_table
 from spectrabox.reconstruct.rendering.renderer import all_cores, start_mitsuba
 from spectrabox.sampling.judge.cube_files import open_cube
-from spectrabox.session.commands.spectrum import _convert as convert
+from spectrabox.session.commands.spectrum import convert
 from spectrabox.session.pictures.spectra_files import PictureLayout, write_spectra
 
 OTHERS = Path(colour.__file__).parent / "io" / "tests" / "resources"    # files of its own tests
@@ -164,7 +164,7 @@ def test_a_spectrum_converted_to_exr_keeps_its_numbers_and_quantity(tmp_path, qu
     (tmp_path / "a.csv").write_text(
         f"# quantity: {quantity.name.lower()}\nwavelength_nm,value\n"
         + "".join(f"{x},{y}\n" for x, y in zip(nm, values, strict=True)), encoding="utf-8")
-    convert(tmp_path / "a.csv", tmp_path / "a.exr", None, None, None)
+    convert(files=[tmp_path / "a.csv"], out=tmp_path / "a.exr")
     back = read_spectrum(tmp_path / "a.exr", role=quantity)
     assert back.quantity is quantity
     np.testing.assert_allclose(back.grid.nm, nm, rtol=1e-12)

@@ -8,7 +8,7 @@ from pathlib import Path
 from spectrabox.radiometry.errors import EnvironmentProblem, SpectraboxError
 from spectrabox.session.batch.manifest import Outcome, files_behind, made_by
 from spectrabox.session.batch.needs import PeakMemory, needed_bytes
-from spectrabox.session.command_line import interrupt_behind, said_of
+from spectrabox.session.command_line import describe_error, interrupt_behind
 from spectrabox.session.config.session_file import read_session
 
 SHARED = "shared"       # in the batch's folder: calibrations that sessions have in common
@@ -57,7 +57,7 @@ def do_task(task: Task) -> Outcome:
     except BaseException as error:      # a batch goes on, whatever one of its sessions meets
         if interrupt_behind(error) is not None or isinstance(error, SystemExit | GeneratorExit):
             raise
-        said, code = said_of(error)
+        said, code = describe_error(error)
         done = failed(task, said, code)
     return replace(done, seconds=round(time.perf_counter() - start, 3), peak_bytes=memory.peak())
 

@@ -1,6 +1,7 @@
 """Measured cameras of others, kept under their names (kept_cameras.py)."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from spectrabox.calibrate.prior.camera_database import SUFFIXES, cameras_of_file
@@ -10,7 +11,7 @@ from spectrabox.radiometry.spectra.kept_cameras import cameras_folder, keep_came
 BANDS = ("R", "G", "B")
 
 
-def add_cameras(sources: list[Path]) -> tuple[list[str], list[str], Path]:
+def add_cameras(sources: Sequence[Path]) -> tuple[list[str], list[str], Path]:
     """Keep every camera of some files and folders.
 
     Parameters
@@ -48,7 +49,7 @@ def add_cameras(sources: list[Path]) -> tuple[list[str], list[str], Path]:
     return kept, skipped, cameras_folder()
 
 
-def _files(sources: list[Path]) -> list[Path]:
+def _files(sources: Sequence[Path]) -> Sequence[Path]:
     """The files, and those of the folders that end as camera files do."""
     found = []
     for source in sources:

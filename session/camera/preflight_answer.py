@@ -1,8 +1,7 @@
 """What ``spectrabox camera preflight`` answers: errors of curves and of spectra before a photo."""
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,8 @@ from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.spectrum_files import read_curves
 from spectrabox.radiometry.spectra.stated_light import stated_light
 from spectrabox.session.camera.expected_spectra import Expectation, Shoot, expected_spectra
-from spectrabox.session.camera.inputs import light_words, read_measured_curves
+from spectrabox.session.camera.inputs import light_words, read_layout, read_measured_curves
+from spectrabox.session.commands.requests import CameraPreflightRequest
 from spectrabox.session.signals.lamps_at_hand import lamps_at_hand, step_facts
 
 SECOND_LIGHTS = ("A", "D65", "FL2", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-RGB1", "LED-V1")
@@ -27,22 +27,7 @@ GRID = visible_grid()
 CURVES_ERROR = 0.02         # relative, of measured curves: as [sensitivity] takes it by default
 
 
-@dataclass(frozen=True)
-class Preparation:
-    """What is asked: a light in words, a chart, a camera, noise, and lamps for a second photo."""
-
-    light: str
-    noise: float
-    reference: str | None
-    chart: Chart
-    prior_file: Path | None
-    curves: Path | None
-    lamps: str | None
-    filters: str | None
-    surfaces: int
-
-
-def preflight_answer(asked: Preparation) -> tuple[dict[str, Any], str]:
+def preflight_answer(asked: CameraPreflightRequest) -> tuple[dict[str, Any], str]:
     """JSON object and text.
 
     Raises
@@ -50,19 +35,19 @@ def preflight_answer(asked: Preparation) -> tuple[dict[str, Any], str]:
     InputError
         If the light, the chart's reference or a file cannot be read.
     """
-    light = stated_light(asked.light, GRID)
-    reflectances = reference_reflectances(asked.reference, asked.chart, GRID)
+    light, chart = stated_light(asked.light, GRID), read_layout(asked.layout)
+    reflectances = reference_reflectances(asked.reference, chart, GRID)
     cameras, hand = _cameras(asked), lamps_at_hand(asked.lamps, asked.filters)
-    facts, lines = _of_curves(asked, light, cameras, reflectances)
+    facts, lines = _of_curves(asked, chart, light, cameras, reflectances)
     if asked.surfaces:
-        shoot = Shoot(light, cameras, reflectances, asked.chart.centres_uv, asked.noise)
+        shoot = Shoot(light, cameras, reflectances, chart.centres_uv, asked.noise)
         found = expected_spectra(shoot, hand, surfaces=asked.surfaces)
         facts["spectra"] = _facts(found)
         lines += _lines(found, light, asked)
     return facts, "\n".join(lines)
 
 
-def _cameras(asked: Preparation) -> CameraPrior:
+def _cameras(asked: CameraPreflightRequest) -> CameraPrior:
     if asked.curves is not None:
         _, names, _ = read_curves(asked.curves)
         return prior_of_curves(GRID, read_measured_curves(asked.curves, len(names), GRID),
@@ -70,8 +55,8 @@ def _cameras(asked: Preparation) -> CameraPrior:
     return shipped_prior() if asked.prior_file is None else load_camera_prior(asked.prior_file)
 
 
-def _of_curves(asked: Preparation, light: Spectrum | UnknownLight, cameras: CameraPrior,
-               reflectances: np.ndarray) -> tuple[dict[str, Any], list[str]]:
+def _of_curves(asked: CameraPreflightRequest, chart: Chart, light: Spectrum | UnknownLight,
+               cameras: CameraPrior, reflectances: np.ndarray) -> tuple[dict[str, Any], list[str]]:
     """What becomes of the curves by themselves, which only a stated light tells."""
     names = ("expected_error", "expected_error_unlike", "half_width", "condition_number",
              "unlit_nm", "checks", "second_lights")
@@ -82,7 +67,7 @@ def _of_curves(asked: Preparation, light: Spectrum | UnknownLight, cameras: Came
     power, unseen = light_power(light, GRID)
     second = {name: named_light(name, GRID) for name in SECOND_LIGHTS if name != asked.light}
     expected = preflight(cameras, reflectances, power, GRID, relative_error=asked.noise,
-                         positions=asked.chart.centres_uv, second=second)
+                         positions=chart.centres_uv, second=second)
     facts = [expected.expected_error.tolist(), expected.unlike_error.tolist(),
              expected.half_width.tolist(), expected.condition_number,
              [list(pair) for pair in expected.unlit_nm], list(unseen),
@@ -105,7 +90,8 @@ def _facts(found: Expectation) -> dict[str, Any]:
             "second_photos": [{"lamp": step.name, **step_facts(step)} for step in found.second]}
 
 
-def _lines(found: Expectation, light: Spectrum | UnknownLight, asked: Preparation) -> list[str]:
+def _lines(found: Expectation, light: Spectrum | UnknownLight,
+           asked: CameraPreflightRequest) -> list[str]:
     lines = [f"spectra of surfaces beside the chart ({light_words(light)}, {asked.noise:.1%} a "
              "patch; in brackets: camera, lamp and white known exactly)"]
     lines += [f"  {one.family:<8} RMSE {one.rmse:.3f} ({one.rmse_known:.3f}), 95 % band "

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import sensitivities, test_reflectances
 from spectrabox.radiometry.system.archives import DAMAGE
 from spectrabox.session.camera.profile_files import write_dcp, write_rawtoaces, write_vkdt
+from spectrabox.session.commands.requests import CameraProfileRequest
 
 CHART, FRESH = "BabelColor Average", "CES99"    # fitted to, and never seen by the fit
 MAX_DRAWS, IDT_DRAWS = 200, 25                  # an ACES matrix takes a search for each
@@ -23,18 +23,7 @@ FORMS = {".json": "curves as rawtoaces stores them", ".txt": "curves as vkdt rea
          ".dcp": "a DNG camera profile"}
 
 
-@dataclass(frozen=True)
-class ProfileRequest:
-    """The options of ``spectrabox camera profile``."""
-
-    sensitivity: str
-    camera: str                 # maker and model, as its raw files state them
-    samples: Path | None        # draws of the curves
-    idt_light: str
-    out: tuple[Path, ...]
-
-
-def profile_answer(request: ProfileRequest) -> tuple[dict[str, Any], str]:
+def profile_answer(request: CameraProfileRequest) -> tuple[dict[str, Any], str]:
     """JSON object and text; writes the files that are asked for.
 
     Raises

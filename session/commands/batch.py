@@ -2,36 +2,22 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from spectrabox.session.command_line import (
-    Debug,
+    Answer,
+    CommonOptions,
     Device,
-    Json,
     Outside,
     Quiet,
-    answer,
     check_device,
     command,
     tell,
 )
-
-Folders = Annotated[list[Path] | None, typer.Argument(
-    metavar="DIR...", help="Session folders.", show_default=False)]
-Listed = Annotated[Path | None, typer.Option(
-    "--list", metavar="FILE", help="Session folders, one a line.", show_default=False)]
-Workers = Annotated[int | None, typer.Option(
-    min=1, help="Sessions at a time; as many as there are cores by default, fewer where memory "
-    "would not do.")]
-Cluster = Annotated[str | None, typer.Option(
-    metavar="ADDRESS", help="A Dask scheduler such as tcp://host:8786, whose workers see the same "
-    "folders; local starts one on this machine.", show_default=False)]
-OutFolder = Annotated[Path, typer.Option(
-    "--out", "-o", metavar="DIR", help="Folder of what is done, shared calibrations and the page "
-    "of all verdicts.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -39,43 +25,62 @@ def register(app: typer.Typer) -> None:
     app.command()(batch)
 
 
-def batch(folders: Folders = None, listed: Listed = None, workers: Workers = None,
-          cluster: Cluster = None, out: OutFolder = Path("batch"), device: Device = "auto",
-          allow_outside: Outside = False, quiet: Quiet = False, as_json: Json = False,
-          debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class BatchRequest(CommonOptions):
+    """Options of ``spectrabox batch``."""
+
+    folders: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="DIR...", show_default=False, help="Session folders.")] = ()
+    listed: Annotated[Path | None, typer.Option(
+        "--list", metavar="FILE", show_default=False, help="Session folders, one a line.")] = None
+    workers: Annotated[int | None, typer.Option(
+        min=1, help="Sessions at a time; as many as there are cores by default, fewer where memory "
+        "would not do.")] = None
+    cluster: Annotated[str | None, typer.Option(
+        metavar="ADDRESS", show_default=False, help="A Dask scheduler such as tcp://host:8786, "
+        "whose workers see the same folders; local starts one on this machine.")] = None
+    out: Annotated[Path, typer.Option(
+        "--out", "-o", metavar="DIR", help="Folder of what is done, shared calibrations and the "
+        "page of all verdicts.")] = Path("batch")
+    device: Device = "auto"
+    allow_outside: Outside = False
+    quiet: Quiet = False
+
+
+@command
+def batch(request: BatchRequest) -> Answer:
     """Run many sessions, several at a time, and write one page of all verdicts."""
-    with command(as_json, debug):
-        check_device(device)
-        from spectrabox.session.batch.batch import kept_outcomes, run_batch
-        from spectrabox.session.batch.folders import session_folders
-        from spectrabox.session.batch.manifest import made_by
-        from spectrabox.session.batch.page import write_page
-        from spectrabox.session.batch.progress import BatchProgress
-        from spectrabox.session.batch.table import batch_facts, batch_text
-        from spectrabox.session.batch.tasks import Order
-        from spectrabox.session.batch.workers import open_workers
-        from spectrabox.session.progress_display import progress_display
-        from spectrabox.session.store.session_lock import sole_batch
-        order = Order(tuple(session_folders(folders or (), listed)), out.resolve(), device,
-                      allow_outside, made_by())
-        with sole_batch(order.out):
-            outcomes = kept_outcomes(order)
-            kept, waiting = len(outcomes), [each for each in order.folders if each not in outcomes]
-            used = 0
-            try:
-                with progress_display(quiet) as show, \
-                        open_workers(cluster, workers, len(waiting)) as pool:
-                    if pool.about and not quiet:
-                        tell(pool.about)
-                    used = pool.workers
-                    progress = BatchProgress(show, len(order.folders), kept,
-                                             not quiet and not sys.stderr.isatty())
-                    for outcome in run_batch(order, waiting, pool):
-                        outcomes[Path(outcome.folder)] = outcome
-                        progress.heard(outcome)
-            finally:    # also of what is done when Ctrl-C ends it
-                ended = [outcomes[each] for each in order.folders if each in outcomes]
-                page = write_page(order.out, ended, len(order.folders))
-        answer(as_json, batch_facts(ended, kept, page, used), batch_text(ended, kept, page))
-        if failed := [each.exit_code for each in ended if each.state == "failed"]:
-            raise typer.Exit(min(failed))
+    check_device(request.device)
+    from spectrabox.session.batch.batch import kept_outcomes, run_batch
+    from spectrabox.session.batch.folders import session_folders
+    from spectrabox.session.batch.manifest import made_by
+    from spectrabox.session.batch.page import write_page
+    from spectrabox.session.batch.progress import BatchProgress
+    from spectrabox.session.batch.table import batch_facts, batch_text
+    from spectrabox.session.batch.tasks import Order
+    from spectrabox.session.batch.workers import open_workers
+    from spectrabox.session.progress_display import progress_display
+    from spectrabox.session.store.session_lock import sole_batch
+    order = Order(tuple(session_folders(request.folders, request.listed)), request.out.resolve(),
+                  request.device, request.allow_outside, made_by())
+    with sole_batch(order.out):
+        outcomes = kept_outcomes(order)
+        kept, waiting = len(outcomes), [each for each in order.folders if each not in outcomes]
+        used = 0
+        try:
+            with progress_display(request.quiet) as show, \
+                    open_workers(request.cluster, request.workers, len(waiting)) as pool:
+                if pool.about and not request.quiet:
+                    tell(pool.about)
+                used = pool.workers
+                progress = BatchProgress(show, len(order.folders), kept,
+                                         not request.quiet and not sys.stderr.isatty())
+                for outcome in run_batch(order, waiting, pool):
+                    outcomes[Path(outcome.folder)] = outcome
+                    progress.heard(outcome)
+        finally:    # also of what is done when Ctrl-C ends it
+            ended = [outcomes[each] for each in order.folders if each in outcomes]
+            page = write_page(order.out, ended, len(order.folders))
+    failed = [each.exit_code for each in ended if each.state == "failed"]
+    return Answer(batch_facts(ended, kept, page, used), batch_text(ended, kept, page),
+                  min(failed, default=0))

@@ -1,13 +1,21 @@
 """Command that measures a lamp's beam on a photo of a white wall."""
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from spectrabox.radiometry.errors import InputError
-from spectrabox.session.command_line import Debug, Json, answer, check_ending, command
+from spectrabox.session.command_line import (
+    Answer,
+    CommonOptions,
+    Force,
+    check_ending,
+    command,
+    require_new,
+)
+from spectrabox.session.json_values import to_json
 
 if TYPE_CHECKING:
     from spectrabox.calibrate.beam.beam_fit import BeamProfile
@@ -17,52 +25,55 @@ WIDTH = 600             # pixels to which the photo is brought
 MAX_ASYMMETRY, MAX_BAND_DIFFERENCE, MAX_OFF_AXIS_DEG = 0.05, 0.05, 3.0
 
 
-def beam(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False,
-                                               help="Camera raw, DNG, or linear EXR or TIFF of the "
-                                               "wall, lit by the lamp alone.")],
-         wall_file: Annotated[Path, typer.Option("--wall", metavar="wall.toml", show_default=False,
-                                                 help="Where a rectangle on the wall and the lamp "
-                                                 "are.")],
-         out: Annotated[Path, typer.Option("--out", "-o", metavar="beam.csv", show_default=False,
-                                           help="Where to write radiance by angle.")],
-         dark: Annotated[list[Path] | None, typer.Option(help="The same with the lamp off, or dark "
-                                                         "frames, at the same exposure.")] = None,
-         flat: Annotated[Path | None, typer.Option(help="Evenly lit white card: takes the lens's "
-                                                   "own fall-off out.")] = None,
-         lens_file: Annotated[Path | None, typer.Option("--lens", metavar="lens.json",
-                                                        help="Undistort the photo with this lens "
-                                                        "first.")] = None,
-         force: Annotated[bool, typer.Option("--force",
-                                             help="Replace the output where it exists.")] = False,
-         as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class BeamRequest(CommonOptions):
+    """Options of ``spectrabox geometry beam``."""
+
+    photo: Annotated[Path, typer.Argument(
+        metavar="PHOTO", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF of the "
+        "wall, lit by the lamp alone.")]
+    wall_file: Annotated[Path, typer.Option(
+        "--wall", metavar="wall.toml", show_default=False, help="Where a rectangle on the wall and "
+        "the lamp are.")]
+    out: Annotated[Path, typer.Option(
+        "--out", "-o", metavar="beam.csv", show_default=False, help="Where to write radiance by "
+        "angle.")]
+    dark: Annotated[tuple[Path, ...], typer.Option(
+        help="The same with the lamp off, or dark frames, at the same exposure.")] = ()
+    flat: Annotated[Path | None, typer.Option(
+        help="Evenly lit white card: takes the lens's own fall-off out.")] = None
+    lens_file: Annotated[Path | None, typer.Option(
+        "--lens", metavar="lens.json", help="Undistort the photo with this lens first.")] = None
+    force: Force = False
+
+
+@command
+def beam(request: BeamRequest) -> Answer:
     """Measure how a lamp's radiance falls off with the angle, on a photo of a white wall."""
-    with command(as_json, debug):
-        from spectrabox.calibrate.beam.beam_fit import fit_beam
-        from spectrabox.calibrate.beam.wall import read_wall, wall_cells
-        from spectrabox.capture.develop.developed import develop_photos
-        from spectrabox.capture.photo.binning import bin_image, render_size
-        from spectrabox.radiometry.files import write_text_whole
-        from spectrabox.reconstruct.scene.light_profile import profile_text
-        check_ending(out, {".csv": "radiance by angle"})
-        if out.resolve() in {one.resolve() for one in (photo, wall_file, flat, lens_file,
-                                                       *(dark or ())) if one is not None}:
-            raise InputError(f"{out} is an input of this command; give another name for the output")
-        if out.exists() and not force:
-            raise InputError(f"{out} exists already; give another name, or replace it with --force")
-        wall, lens = read_wall(wall_file), None
-        image, _ = develop_photos([photo], dark or [], flat)
-        if lens_file is not None:
-            from spectrabox.calibrate.geometry.lens_files import read_lens
-            from spectrabox.calibrate.geometry.projection import undistorted
-            lens = read_lens(lens_file)
-            image = undistorted(image, lens)
-        height, width = image.signal.shape[:2]
-        if width > WIDTH:
-            image = bin_image(image, *render_size(width, height, WIDTH))
-        profile = fit_beam(wall_cells(image, wall, lens), wall)
-        write_text_whole(out, profile_text(profile.angle_deg, profile.radiance,
-                                           profile.standard_error))
-        answer(as_json, _facts(profile, out), "\n".join(_lines(profile, out, flat is not None)))
+    from spectrabox.calibrate.beam.beam_fit import fit_beam
+    from spectrabox.calibrate.beam.wall import read_wall, wall_cells
+    from spectrabox.capture.develop.developed import develop_photos
+    from spectrabox.capture.photo.binning import bin_image, render_size
+    from spectrabox.radiometry.files import write_text_whole
+    from spectrabox.reconstruct.scene.light_profile import profile_text
+    check_ending(request.out, {".csv": "radiance by angle"})
+    require_new(request.out, request.force, request.photo, request.wall_file, request.flat,
+                request.lens_file, *request.dark)
+    wall, lens = read_wall(request.wall_file), None
+    image, _ = develop_photos([request.photo], request.dark, request.flat)
+    if request.lens_file is not None:
+        from spectrabox.calibrate.geometry.lens_files import read_lens
+        from spectrabox.calibrate.geometry.projection import undistorted
+        lens = read_lens(request.lens_file)
+        image = undistorted(image, lens)
+    height, width = image.signal.shape[:2]
+    if width > WIDTH:
+        image = bin_image(image, *render_size(width, height, WIDTH))
+    profile = fit_beam(wall_cells(image, wall, lens), wall)
+    write_text_whole(request.out, profile_text(profile.angle_deg, profile.radiance,
+                                       profile.standard_error))
+    return Answer({"out": request.out, **to_json(profile)},
+                  "\n".join(_lines(profile, request.out, request.flat is not None)))
 
 
 def _facts(profile: BeamProfile, out: Path) -> dict[str, Any]:

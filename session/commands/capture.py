@@ -3,6 +3,7 @@ photo.
 """
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,10 +12,9 @@ import typer
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.session.camera.inputs import chart_signals, read_layout
 from spectrabox.session.command_line import (
+    Answer,
     ChartLayout,
-    Debug,
-    Json,
-    answer,
+    CommonOptions,
     check_ending,
     command,
 )
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from spectrabox.radiometry.records import ChartDetection, LinearImage
 
 ENCODED_SUFFIXES = (".jpg", ".jpeg", ".png")
-Photos = Annotated[list[Path], typer.Argument(metavar="PHOTO...",
-                                              help="Camera raw, DNG, or linear EXR or TIFF.",
-                                              show_default=False)]
 RE_SHOOT = 4
 
 
@@ -37,84 +34,93 @@ def register(app: typer.Typer) -> None:
         app.command()(function)
 
 
-def chart(photo: Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False,
-                                                help="Raw, DNG, EXR, TIFF, JPEG or PNG.")],
-          overlay: Annotated[Path | None, typer.Option(
-              metavar="PNG", help="Write the photo with the samples drawn.")] = None,
-          corners: Annotated[list[str] | None, typer.Option(
-              metavar="X,Y", help="Four times: corners of the chart in pixels of the photo; of a "
-              "ColorChecker the outer corners of the patches at dark skin, bluish green, black and "
-              "white.")] = None,
-          layout: ChartLayout = "",
-          reference: Annotated[str | None, typer.Option(
-              metavar="NAME|FILE", show_default=False, help="Reflectances by which a chart is "
-              "known that is no ColorChecker of 24 patches.")] = None,
-          encoded: Annotated[bool | None, typer.Option(
-              "--encoded/--linear", help="Take an image file as sRGB-encoded, or as linear. "
-              "Default: JPEG and PNG are encoded.")] = None,
-          as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ChartRequest(CommonOptions):
+    """Options of ``spectrabox chart``."""
+
+    photo: Annotated[Path, typer.Argument(
+        metavar="PHOTO", show_default=False, help="Raw, DNG, EXR, TIFF, JPEG or PNG.")]
+    overlay: Annotated[Path | None, typer.Option(
+        metavar="PNG", help="Write the photo with the samples drawn.")] = None
+    corners: Annotated[tuple[str, ...], typer.Option(
+        metavar="X,Y", help="Four times: corners of the chart in pixels of the photo; of a "
+        "ColorChecker the outer corners of the patches at dark skin, bluish green, black and "
+        "white.")] = ()
+    layout: ChartLayout = ""
+    reference: Annotated[str | None, typer.Option(
+        metavar="NAME|FILE", show_default=False, help="Reflectances by which a chart is known that "
+        "is no ColorChecker of 24 patches.")] = None
+    encoded: Annotated[bool | None, typer.Option(
+        "--encoded/--linear", help="Take an image file as sRGB-encoded, or as linear. Default: "
+        "JPEG and PNG are encoded.")] = None
+
+
+@command
+def chart(request: ChartRequest) -> Answer:
     """Find the chart; patch statistics; is this photo good enough?"""
-    with command(as_json, debug):
-        from spectrabox.capture.chart.detection import chart_overlay, locate_chart
-        from spectrabox.capture.chart.quality import judge_chart
-        from spectrabox.capture.photo.image_files import write_png
-        from spectrabox.radiometry.charts.references import reference_reflectances
-        from spectrabox.radiometry.grid import visible_grid
-        grid, chart_of = visible_grid(), read_layout(layout)
-        reflectances = None if chart_of.has_known_colours and reference is None else \
-            reference_reflectances(reference, chart_of, grid)
-        image = _open(photo, encoded)
-        signals = chart_signals(chart_of, reflectances, image.signal.shape[2], grid)
-        try:
-            detection = locate_chart(image, signals, _corners(corners, chart_of), chart_of)
-            if detection.mirrored:
-                raise CheckError(f"photo {image.source} shows the chart mirrored; give the photo "
-                                 "as the camera took it, without flipping or a mirror in the light "
-                                 "path")
-            verdict = judge_chart(image, detection, signals, chart_of)
-        except CheckError as error:
-            if debug or not as_json:
-                raise
-            answer(True, {"verdict": "refused", "reasons": [str(error)], "corners_px": None,
-                          "mean": None, "standard_error": None, "mirrored": None, "confidence": 0.0,
-                          "photo": str(photo)}, "")
-            raise typer.Exit(error.exit_code) from None
-        if overlay is not None:
-            write_png(overlay, chart_overlay(image, detection))
-        answer(as_json, _facts(photo, image, detection, verdict),
-               _text(photo, image, detection, verdict))
-        if verdict.verdict != "good":
-            raise typer.Exit(RE_SHOOT)
+    from spectrabox.capture.chart.detection import chart_overlay, locate_chart
+    from spectrabox.capture.chart.quality import judge_chart
+    from spectrabox.capture.photo.image_files import write_png
+    from spectrabox.radiometry.charts.references import reference_reflectances
+    from spectrabox.radiometry.grid import visible_grid
+    grid, chart_of = visible_grid(), read_layout(request.layout)
+    reflectances = None if chart_of.has_known_colours and request.reference is None else \
+        reference_reflectances(request.reference, chart_of, grid)
+    image = _open(request.photo, request.encoded)
+    signals = chart_signals(chart_of, reflectances, image.signal.shape[2], grid)
+    try:
+        detection = locate_chart(image, signals, _corners(request.corners, chart_of), chart_of)
+        if detection.mirrored:
+            raise CheckError(f"photo {image.source} shows the chart mirrored; give the photo "
+                             "as the camera took it, without flipping or a mirror in the light "
+                             "path")
+        verdict = judge_chart(image, detection, signals, chart_of)
+    except CheckError as error:
+        if request.debug or not request.as_json:
+            raise
+        return Answer({"verdict": "refused", "reasons": [str(error)], "corners_px": None,
+                       "mean": None, "standard_error": None, "mirrored": None, "confidence": 0.0,
+                       "photo": request.photo}, "", error.exit_code)
+    if request.overlay is not None:
+        write_png(request.overlay, chart_overlay(image, detection))
+    return Answer(_facts(request.photo, image, detection, verdict),
+                  _text(request.photo, image, detection, verdict),
+                  0 if verdict.verdict == "good" else RE_SHOOT)
 
 
-def develop(photos: Photos,
-            out: Annotated[Path, typer.Option("--out", "-o", metavar="OUT.exr",
-                                              help="Where to write the signal.",
-                                              show_default=False)],
-            dark: Annotated[list[Path] | None, typer.Option(help="Dark frame at the photo's "
-                                                            "exposure and ISO; several are "
-                                                            "averaged.")] = None,
-            flat: Annotated[Path | None, typer.Option(help="White card in the same place: divides "
-                                                      "the photo.")] = None,
-            not_linear: Annotated[bool, typer.Option(
-                                      "--not-linear", help="Take JPEG, PNG and 8-bit files too, "
-                                      "decoded as sRGB and marked so.")] = False,
-            as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class DevelopRequest(CommonOptions):
+    """Options of ``spectrabox develop``."""
+
+    photos: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="PHOTO...", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF.")]
+    out: Annotated[Path, typer.Option(
+        "--out", "-o", metavar="OUT.exr", show_default=False, help="Where to write the signal.")]
+    dark: Annotated[tuple[Path, ...], typer.Option(
+        help="Dark frame at the photo's exposure and ISO; several are averaged.")] = ()
+    flat: Annotated[Path | None, typer.Option(
+        help="White card in the same place: divides the photo.")] = None
+    not_linear: Annotated[bool, typer.Option(
+        "--not-linear", help="Take JPEG, PNG and 8-bit files too, decoded as sRGB and marked "
+        "so.")] = False
+
+
+@command
+def develop(request: DevelopRequest) -> Answer:
     """Raw to linear camera signal: black and dark removed, exposures merged, flat-fielded; an EXR
     with its variance.
     """
-    with command(as_json, debug):
-        from spectrabox.capture.develop.developed import develop_photos, write_developed
-        check_ending(out, {".exr": "the signal in floating point"})
-        image, notes = develop_photos(photos, dark or [], flat, not_linear)
-        write_developed(out, image)
-        facts = {**_photo_facts(image), "out": str(out), "notes": list(notes),
-                 "size": [image.signal.shape[1], image.signal.shape[0]]}
-        lines = [f"wrote {out}: {image.signal.shape[1]} x {image.signal.shape[0]} pixels, "
-                 f"{facts['saturated_fraction']:.2%} saturated, noise at half scale "
-                 + ", ".join(f"{value:.3%}" for value in facts["noise_at_half"]),
-                 *(f"- {note}" for note in notes)]
-        answer(as_json, facts, "\n".join(lines))
+    from spectrabox.capture.develop.developed import develop_photos, write_developed
+    check_ending(request.out, {".exr": "the signal in floating point"})
+    image, notes = develop_photos(request.photos, request.dark, request.flat, request.not_linear)
+    write_developed(request.out, image)
+    facts = {**_photo_facts(image), "out": str(request.out), "notes": list(notes),
+             "size": [image.signal.shape[1], image.signal.shape[0]]}
+    lines = [f"wrote {request.out}: {image.signal.shape[1]} x {image.signal.shape[0]} pixels, "
+             f"{facts['saturated_fraction']:.2%} saturated, noise at half scale "
+             + ", ".join(f"{value:.3%}" for value in facts["noise_at_half"]),
+             *(f"- {note}" for note in notes)]
+    return Answer(facts, "\n".join(lines))
 
 
 def _open(photo: Path, encoded: bool | None) -> LinearImage:
@@ -127,7 +133,7 @@ def _open(photo: Path, encoded: bool | None) -> LinearImage:
     return open_photo(photo)
 
 
-def _corners(given: list[str] | None, chart: Chart) -> Any:
+def _corners(given: tuple[str, ...], chart: Chart) -> Any:
     if not given:
         return None
     import numpy as np

@@ -2,13 +2,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from spectrabox.radiometry.errors import InputError, SpectraboxError
-from spectrabox.session.command_line import Debug, Json, Outside, answer, command
+from spectrabox.session.command_line import Answer, CommonOptions, Outside, command
 
 if TYPE_CHECKING:
     from spectrabox.measure.comparison import (
@@ -25,53 +26,67 @@ def register(app: typer.Typer) -> None:
         app.command()(function)
 
 
-def compare(folders: Annotated[list[Path], typer.Argument(
-                metavar="DIR...", show_default=False, help="Finished sessions, two or more, in the "
-                "order in which they were taken.")],
-            allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class CompareRequest(CommonOptions):
+    """Options of ``spectrabox compare``."""
+
+    folders: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="DIR...", show_default=False, help="Finished sessions, two or more, in the order "
+        "in which they were taken.")]
+    allow_outside: Outside = False
+
+
+@command
+def compare(request: CompareRequest) -> Answer:
     """What changed between sessions: camera, light, chart, and surfaces of one name."""
-    with command(as_json, debug):
-        from spectrabox.measure.comparison import control_chart, lasting_shifts, surface_pairs
-        from spectrabox.session.compare.quantities import session_quantities
-        if len(folders) < 2:
-            raise InputError("one session cannot be compared; name two or more")
-        sessions = [session_quantities(folder, allow_outside) for folder in folders]
-        verdicts, pairs = control_chart(sessions), surface_pairs(sessions)
-        shifts = lasting_shifts(sessions)
-        answer(as_json, _facts(sessions, verdicts, shifts, pairs),
-               _text(sessions, verdicts, shifts, pairs))
+    from spectrabox.measure.comparison import control_chart, lasting_shifts, surface_pairs
+    from spectrabox.session.compare.quantities import session_quantities
+    if len(request.folders) < 2:
+        raise InputError("one session cannot be compared; name two or more")
+    sessions = [session_quantities(folder, request.allow_outside) for folder in request.folders]
+    verdicts, pairs = control_chart(sessions), surface_pairs(sessions)
+    shifts = lasting_shifts(sessions)
+    return Answer(_facts(sessions, verdicts, shifts, pairs),
+                  _text(sessions, verdicts, shifts, pairs))
 
 
-def catalogue(root: Annotated[Path, typer.Argument(
-                  metavar="DIR", show_default=False, help="Folder of sessions.")],
-              out: Annotated[Path | None, typer.Option(
-                  "--out", "-o", metavar="FILE.sqlite", help="Where to write it: "
-                  "DIR/sessions.sqlite by default.")] = None,
-              allow_outside: Outside = False, as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class CatalogueRequest(CommonOptions):
+    """Options of ``spectrabox catalogue``."""
+
+    root: Annotated[Path, typer.Argument(
+        metavar="DIR", show_default=False, help="Folder of sessions.")]
+    out: Annotated[Path | None, typer.Option(
+        "--out", "-o", metavar="FILE.sqlite", help="Where to write it: DIR/sessions.sqlite by "
+        "default.")] = None
+    allow_outside: Outside = False
+
+
+@command
+def catalogue(request: CatalogueRequest) -> Answer:
     """Every session under a folder, made anew as an SQLite file, and those that are out of line."""
-    with command(as_json, debug):
-        from spectrabox.measure.comparison import control_chart, lasting_shifts
-        from spectrabox.radiometry.files import writable
-        from spectrabox.session.compare.catalogue import write_catalogue
-        from spectrabox.session.compare.quantities import find_sessions, session_quantities
-        path = out or root / "sessions.sqlite"
-        if path.suffix != ".sqlite":
-            raise InputError(f"{path} is no name of a catalogue; give one that ends in .sqlite")
-        sessions, skipped = [], []
-        for folder in find_sessions(root):
-            try:
-                sessions.append(session_quantities(folder, allow_outside))
-            except SpectraboxError as error:
-                skipped.append(f"{folder.relative_to(root)} is left out: {error}")
-        if not sessions:
-            raise InputError("\n".join([f"{root} holds no session with results", *skipped]))
-        verdicts = control_chart(sessions)
-        with writable(path.parent):
-            write_catalogue(path, root, sessions, verdicts)
-        shifts = lasting_shifts(sessions)
-        facts = {**_facts(sessions, verdicts, shifts, []), "file": str(path), "skipped": skipped}
-        answer(as_json, facts, "\n".join([_text(sessions, verdicts, shifts, []), *skipped,
-                                          f"wrote {path}: {len(sessions)} sessions"]))
+    from spectrabox.measure.comparison import control_chart, lasting_shifts
+    from spectrabox.radiometry.files import writable
+    from spectrabox.session.compare.catalogue import write_catalogue
+    from spectrabox.session.compare.quantities import find_sessions, session_quantities
+    path = request.out or request.root / "sessions.sqlite"
+    if path.suffix != ".sqlite":
+        raise InputError(f"{path} is no name of a catalogue; give one that ends in .sqlite")
+    sessions, skipped = [], []
+    for folder in find_sessions(request.root):
+        try:
+            sessions.append(session_quantities(folder, request.allow_outside))
+        except SpectraboxError as error:
+            skipped.append(f"{folder.relative_to(request.root)} is left out: {error}")
+    if not sessions:
+        raise InputError("\n".join([f"{request.root} holds no session with results", *skipped]))
+    verdicts = control_chart(sessions)
+    with writable(path.parent):
+        write_catalogue(path, request.root, sessions, verdicts)
+    shifts = lasting_shifts(sessions)
+    facts = {**_facts(sessions, verdicts, shifts, []), "file": str(path), "skipped": skipped}
+    return Answer(facts, "\n".join([_text(sessions, verdicts, shifts, []), *skipped,
+                                    f"wrote {path}: {len(sessions)} sessions"]))
 
 
 def _facts(sessions: Sequence[SessionQuantities], verdicts: Sequence[ControlVerdict],

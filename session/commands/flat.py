@@ -2,45 +2,24 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.command_line import ChartLayout, Debug, Json, Quiet, answer, command
+from spectrabox.session.command_line import (
+    Answer,
+    ChartLayout,
+    CommonOptions,
+    Quiet,
+    command,
+)
 
-Photo = Annotated[Path, typer.Argument(
-    metavar="PHOTO", help="The samples, with a colour chart among them: camera raw or linear file.",
-    show_default=False)]
-Regions = Annotated[list[str] | None, typer.Option(
-    "--region", help="NAME=x0,y0,x1,y1: two opposite corners in pixels of the photo; may be "
-    "repeated. Without one a picture with pixels on its axes is written.")]
-Light = Annotated[str, typer.Option(
-    help="unknown, a CIE name, a kind of lamp, 3200K, or the file of its spectrum.")]
-ChartPhoto = Annotated[Path | None, typer.Option(
-    "--chart", help="Photo of the chart in the samples' place, where they do not show it.")]
-Corners = Annotated[str | None, typer.Option(
-    help="Corners of the chart where it is not found: eight numbers x,y,..., of a ColorChecker the "
-    "outer corners of the patches at dark skin, bluish green, black and white.")]
-Reference = Annotated[str | None, typer.Option(
-    metavar="NAME|FILE", show_default=False, help="Chart reflectances: a published average, or a "
-    "file you measured; by default the layout's own.")]
-WhiteCard = Annotated[str | None, typer.Option(
-    help="x0,y0,x1,y1=FILE: a region of known reflectance, or a number in place of the file.")]
-FlatField = Annotated[Path | None, typer.Option(
-    help="Photo of a white card that fills the samples' place.")]
-Family = Annotated[list[str] | None, typer.Option(
-    "--family", help="NAME=paint: what a region's surface is; paint, textile, leaves, skin, white, "
-    "earth or animal. May be repeated.")]
-Truth = Annotated[list[str] | None, typer.Option(
-    "--truth", help="NAME=FILE: measured reflectance of a region, to compare with.")]
-Picture = Annotated[bool, typer.Option(
-    "--picture", help="Also the spectrum of every pixel, with maps, in results/picture.")]
-PictureLight = Annotated[str | None, typer.Option(
-    help="CIE name of a light beside D65 under which the picture's colours are shown.")]
-Session = Annotated[Path | None, typer.Option(
-    metavar="DIR", help="The session folder; beside the photo and named after it by default.")]
+if TYPE_CHECKING:
+    from spectrabox.session.run_outputs import RunOutputs
 
 
 def register(app: typer.Typer) -> None:
@@ -48,47 +27,85 @@ def register(app: typer.Typer) -> None:
     app.command()(flat)
 
 
-def flat(photo: Photo, region: Regions = None, light: Light = "unknown", chart: ChartPhoto = None,
-         corners: Corners = None, layout: ChartLayout = "", reference: Reference = None,
-         white_card: WhiteCard = None, flat_field: FlatField = None,
-         family: Family = None, truth: Truth = None, picture: Picture = False,
-         picture_light: PictureLight = None, session: Session = None,
-         quiet: Quiet = False, as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class FlatRequest(CommonOptions):
+    """Options of ``spectrabox flat``."""
+
+    photo: Annotated[Path, typer.Argument(
+        metavar="PHOTO", show_default=False, help="The samples, with a colour chart among them: "
+        "camera raw or linear file.")]
+    region: Annotated[tuple[str, ...], typer.Option(
+        "--region", help="NAME=x0,y0,x1,y1: two opposite corners in pixels of the photo; may be "
+        "repeated. Without one a picture with pixels on its axes is written.")] = ()
+    light: Annotated[str, typer.Option(
+        help="unknown, a CIE name, a kind of lamp, 3200K, or the file of its "
+        "spectrum.")] = "unknown"
+    chart: Annotated[Path | None, typer.Option(
+        "--chart", help="Photo of the chart in the samples' place, where they do not show "
+        "it.")] = None
+    corners: Annotated[str | None, typer.Option(
+        help="Corners of the chart where it is not found: eight numbers x,y,..., of a ColorChecker "
+        "the outer corners of the patches at dark skin, bluish green, black and white.")] = None
+    layout: ChartLayout = ""
+    reference: Annotated[str | None, typer.Option(
+        metavar="NAME|FILE", show_default=False, help="Chart reflectances: a published average, or "
+        "a file you measured; by default the layout's own.")] = None
+    white_card: Annotated[str | None, typer.Option(
+        help="x0,y0,x1,y1=FILE: a region of known reflectance, or a number in place of the "
+        "file.")] = None
+    flat_field: Annotated[Path | None, typer.Option(
+        help="Photo of a white card that fills the samples' place.")] = None
+    family: Annotated[tuple[str, ...], typer.Option(
+        "--family", help="NAME=paint: what a region's surface is; paint, textile, leaves, skin, "
+        "white, earth or animal. May be repeated.")] = ()
+    truth: Annotated[tuple[str, ...], typer.Option(
+        "--truth", help="NAME=FILE: measured reflectance of a region, to compare with.")] = ()
+    picture: Annotated[bool, typer.Option(
+        "--picture", help="Also the spectrum of every pixel, with maps, in "
+        "results/picture.")] = False
+    picture_light: Annotated[str | None, typer.Option(
+        help="CIE name of a light beside D65 under which the picture's colours are shown.")] = None
+    session: Annotated[Path | None, typer.Option(
+        metavar="DIR", help="The session folder; beside the photo and named after it by "
+        "default.")] = None
+    quiet: Quiet = False
+
+
+@command
+def flat(request: FlatRequest) -> Answer:
     """Spectra of regions of a photo that shows a colour chart, without a scene."""
     start = time.perf_counter()
-    with command(as_json, debug):
-        if not region:
-            _write_picture(photo, as_json)
-            return
-        from spectrabox.session.flat.new_session import CARD, FlatOrder, session_of
-        regions = {name: _numbers(rest, 4, f"--region {name}")
-                   for name, rest in _pairs(region, "--region", "x0,y0,x1,y1").items()}
-        known = {}
-        if white_card is not None:
-            rect, _, known[CARD] = white_card.partition("=")
-            regions[CARD] = _numbers(rect, 4, "--white-card")
-            if not known[CARD]:
-                raise InputError("--white-card needs the card's reflectance: x0,y0,x1,y1=FILE, or "
-                                 "a number such as x0,y0,x1,y1=0.95")
-        families = {name: word.split(",") for name, word
-                    in _pairs(family or [], "--family", "paint").items()}
-        truths = _pairs(truth or [], "--truth", "FILE")
-        if unknown := [name for name in (*families, *truths) if name not in regions]:
-            raise InputError(f"{unknown[0]!r} is no region; the regions are {', '.join(regions)}")
-        px = None if corners is None else _numbers(corners, 8, "--corners")
-        order = FlatOrder(photo, regions, light, chart, flat_field,
-                          None if px is None else [px[at:at + 2] for at in range(0, 8, 2)],
-                          families, known, truths, layout, reference, picture,
-                          picture_light)
-        if picture_light is not None and not picture:
-            raise InputError("--picture-light says how a picture is shown: give --picture too")
-        with session_of(order, session) as folder:
-            facts, text = _run(folder, quiet)
-        facts["seconds"] = round(time.perf_counter() - start, 3)
-        answer(as_json, facts, text)
+    if not request.region:
+        return _write_picture(request.photo)
+    from spectrabox.session.flat.new_session import CARD, FlatOrder, session_of
+    regions = {name: _numbers(rest, 4, f"--region {name}")
+               for name, rest in _pairs(request.region, "--region", "x0,y0,x1,y1").items()}
+    known = {}
+    if request.white_card is not None:
+        rect, _, known[CARD] = request.white_card.partition("=")
+        regions[CARD] = _numbers(rect, 4, "--white-card")
+        if not known[CARD]:
+            raise InputError("--white-card needs the card's reflectance: x0,y0,x1,y1=FILE, or "
+                             "a number such as x0,y0,x1,y1=0.95")
+    families = {name: word.split(",") for name, word
+                in _pairs(request.family, "--family", "paint").items()}
+    truths = _pairs(request.truth, "--truth", "FILE")
+    if unknown := [name for name in (*families, *truths) if name not in regions]:
+        raise InputError(f"{unknown[0]!r} is no region; the regions are {', '.join(regions)}")
+    px = None if request.corners is None else _numbers(request.corners, 8, "--corners")
+    order = FlatOrder(request.photo, regions, request.light, request.chart, request.flat_field,
+                      None if px is None else [px[at:at + 2] for at in range(0, 8, 2)],
+                      families, known, truths, request.layout, request.reference, request.picture,
+                      request.picture_light)
+    if request.picture_light is not None and not request.picture:
+        raise InputError("--picture-light says how a picture is shown: give --picture too")
+    with session_of(order, request.session) as folder:
+        outputs = _run(folder, request.quiet)
+    seconds = round(time.perf_counter() - start, 3)
+    return Answer({**outputs.facts, "seconds": seconds}, outputs.text)
 
 
-def _run(folder: Path, quiet: bool) -> tuple[dict[str, Any], str]:
+def _run(folder: Path, quiet: bool) -> RunOutputs:
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import run_stages
     from spectrabox.session.progress_display import progress_display, with_time_left
@@ -101,23 +118,22 @@ def _run(folder: Path, quiet: bool) -> tuple[dict[str, Any], str]:
         progress = with_time_left(show)
         finished = run_stages(config, device="cpu", only=None, force=False, progress=progress)
         words = ["spectrabox", "flat", config.session.name]
-        outputs = outputs_of_run(config, finished, words, "not needed", progress)
-    return dict(outputs.facts), outputs.text
+        return outputs_of_run(config, finished, words, "not needed", progress)
 
 
-def _write_picture(photo: Path, as_json: bool) -> None:
+def _write_picture(photo: Path) -> Answer:
     from spectrabox.session.flat.look import write_picture
     picture = photo.with_name(f"{photo.stem}-pixels.png")
     if picture.exists():
         raise InputError(f"no region is named, and {picture} is there to read them from: give "
                          "--region NAME=x0,y0,x1,y1 for each")
     width, height = write_picture(photo, picture)
-    answer(as_json, {"picture": str(picture), "size_px": [width, height]},
-           f"wrote {picture}: read the corners of your regions from its axes, then give --region "
-           "NAME=x0,y0,x1,y1 for each")
+    return Answer({"picture": picture, "size_px": [width, height]},
+                  f"wrote {picture}: read the corners of your regions from its axes, then give "
+                  "--region NAME=x0,y0,x1,y1 for each")
 
 
-def _pairs(words: list[str], option: str, form: str) -> dict[str, str]:
+def _pairs(words: Sequence[str], option: str, form: str) -> dict[str, str]:
     """NAME=REST of every word."""
     pairs: dict[str, str] = {}
     for word in words:

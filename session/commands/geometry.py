@@ -1,6 +1,7 @@
 """Commands about the camera's geometry: its lens, its pose, photos without distortion."""
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,14 +9,14 @@ import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.command_line import (
+    Answer,
     CommandGroup,
-    Debug,
-    Folder,
-    Json,
-    Outside,
-    answer,
+    CommonOptions,
+    Force,
+    SessionOptions,
     check_ending,
     command,
+    require_new,
 )
 from spectrabox.session.commands.beam import beam
 from spectrabox.session.commands.light_position import light
@@ -32,7 +33,6 @@ BoardFile = Annotated[Path | None, typer.Option("--board", metavar="board.toml",
                                                 "board: columns, rows, square, marker.")]
 LensFile = Annotated[Path | None, typer.Option("--lens", metavar="lens.json",
                                                help="From 'spectrabox geometry lens'.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace the output where it exists.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -45,201 +45,218 @@ def register(app: typer.Typer) -> None:
     app.add_typer(group, name="geometry")
 
 
-def board(board_file: Annotated[Path, typer.Option("--board", metavar="board.toml",
-                                                   show_default=False)],
-          out: Annotated[Path, typer.Option("--out", "-o", metavar="PNG", show_default=False)],
-          square_px: Annotated[int, typer.Option(min=40,
-                                                 help="Width of a square in the picture.")] = 200,
-          force: Force = False, as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class BoardRequest(CommonOptions):
+    """Options of ``spectrabox geometry board``."""
+
+    board_file: Annotated[Path, typer.Option("--board", metavar="board.toml", show_default=False)]
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="PNG", show_default=False)]
+    square_px: Annotated[int, typer.Option(min=40, help="Width of a square in the picture.")] = 200
+    force: Force = False
+
+
+@command
+def board(request: BoardRequest) -> Answer:
     """Draw a ChArUco board for printing; measure its squares on the print."""
-    with command(as_json, debug):
-        from spectrabox.calibrate.geometry.board import read_board
-        from spectrabox.calibrate.geometry.projection import board_picture
-        from spectrabox.capture.photo.image_files import write_png
-        from spectrabox.radiometry.files import writable
-        check_ending(out, {".png": "a picture of the board"})
-        _require_new(out, force, board_file)
-        picture = board_picture(read_board(board_file), square_px)
-        with writable(out.parent):
-            write_png(out, picture[..., None].repeat(3, axis=2))
-        answer(as_json, {"out": str(out), "size": list(picture.shape[::-1])},
-               f"wrote {out}: print it without scaling, glue it flat, then measure squares and "
-               f"markers and write their widths into {board_file.name}")
+    from spectrabox.calibrate.geometry.board import read_board
+    from spectrabox.calibrate.geometry.projection import board_picture
+    from spectrabox.capture.photo.image_files import write_png
+    from spectrabox.radiometry.files import writable
+    check_ending(request.out, {".png": "a picture of the board"})
+    require_new(request.out, request.force, request.board_file)
+    picture = board_picture(read_board(request.board_file), request.square_px)
+    with writable(request.out.parent):
+        write_png(request.out, picture[..., None].repeat(3, axis=2))
+    return Answer({"out": str(request.out), "size": list(picture.shape[::-1])},
+                  f"wrote {request.out}: print it without scaling, glue it flat, then measure "
+                  f"squares and markers and write their widths into {request.board_file.name}")
 
 
-def lens(photos: Annotated[list[Path], typer.Argument(
-             metavar="PHOTO...", show_default=False,
-             help="Of the board, tilted in different ways.")],
-         board_file: Annotated[Path, typer.Option(
-             "--board", metavar="board.toml", show_default=False)],
-         out: Annotated[Path, typer.Option("--out", "-o", metavar="lens.json", show_default=False)],
-         overlay: Annotated[Path | None, typer.Option(
-             metavar="DIR", help="Write each photo with its corners.")] = None,
-         force: Force = False, as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class LensRequest(CommonOptions):
+    """Options of ``spectrabox geometry lens``."""
+
+    photos: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="PHOTO...", show_default=False, help="Of the board, tilted in different ways.")]
+    board_file: Annotated[Path, typer.Option("--board", metavar="board.toml", show_default=False)]
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="lens.json", show_default=False)]
+    overlay: Annotated[Path | None, typer.Option(
+        metavar="DIR", help="Write each photo with its corners.")] = None
+    force: Force = False
+
+
+@command
+def lens(request: LensRequest) -> Answer:
     """Focal length, principal point and distortion from photos of a ChArUco board, with standard
     errors.
     """
-    with command(as_json, debug):
-        from spectrabox.calibrate.geometry.board import read_board
-        from spectrabox.calibrate.geometry.lens_files import lens_facts, write_lens
-        from spectrabox.calibrate.geometry.projection import find_board, lens_from_views
-        from spectrabox.radiometry.errors import CheckError
-        check_ending(out, {".json": "the lens"})
-        _require_new(out, force, *photos, board_file)
-        printed = read_board(board_file)
-        views, names, skipped, sizes = [], [], [], {}
-        for photo in photos:
-            image = _open(photo)
-            sizes[photo.name] = _whole_size(image)
-            try:
-                positions, points = find_board(printed, _grey(image))
-            except CheckError as error:
-                skipped.append(f"{photo.name} is left out: {error}")
-                continue
-            names.append(photo.name)
-            views.append((positions, _whole_px(points, image)))
-            if overlay is not None:
-                _overlay(overlay / f"{photo.stem}.png", image, views[-1][1], views[-1][1][:0])
-        if len(set(sizes.values())) > 1:
-            raise InputError("the photos differ in size ("
-                             + ", ".join(f"{name} {size[0]} x {size[1]}" for name,
-                                         size in sizes.items())
-                             + "); give whole photos of one camera")
-        source = f"{len(views)} views of a board, {sum(len(view[1]) for view in views)} corners"
-        if len(views) < len(photos) and len(views) < 3:
-            raise CheckError(f"{len(views)} of {len(photos)} photos show the board, 3 or more are "
-                             f"needed; {skipped[0]}")
-        estimate, by_view = lens_from_views(views, *next(iter(sizes.values())), source)
-        write_lens(out, estimate)
-        facts = {**lens_facts(estimate), "out": str(out), "skipped": skipped,
-                 "views": [{"photo": name, "corners": len(view[1]), "rms_px": float(rms)}
-                           for name, view, rms in zip(names, views, by_view, strict=True)]}
-        answer(as_json, facts, "\n".join([
-            *_lens_lines(estimate), *skipped,
-            f"wrote {out}: it holds for this zoom, focus and size of photo"]))
+    from spectrabox.calibrate.geometry.board import read_board
+    from spectrabox.calibrate.geometry.lens_files import lens_facts, write_lens
+    from spectrabox.calibrate.geometry.projection import find_board, lens_from_views
+    from spectrabox.radiometry.errors import CheckError
+    check_ending(request.out, {".json": "the lens"})
+    require_new(request.out, request.force, *request.photos, request.board_file)
+    printed = read_board(request.board_file)
+    views, names, skipped, sizes = [], [], [], {}
+    for photo in request.photos:
+        image = _open(photo)
+        sizes[photo.name] = _whole_size(image)
+        try:
+            positions, points = find_board(printed, _grey(image))
+        except CheckError as error:
+            skipped.append(f"{photo.name} is left out: {error}")
+            continue
+        names.append(photo.name)
+        views.append((positions, _whole_px(points, image)))
+        if request.overlay is not None:
+            _overlay(request.overlay / f"{photo.stem}.png", image, views[-1][1], views[-1][1][:0])
+    if len(set(sizes.values())) > 1:
+        raise InputError("the photos differ in size ("
+                         + ", ".join(f"{name} {size[0]} x {size[1]}" for name,
+                                     size in sizes.items())
+                         + "); give whole photos of one camera")
+    source = f"{len(views)} views of a board, {sum(len(view[1]) for view in views)} corners"
+    if len(views) < len(request.photos) and len(views) < 3:
+        raise CheckError(f"{len(views)} of {len(request.photos)} photos show the board, 3 or more "
+                         f"are needed; {skipped[0]}")
+    estimate, by_view = lens_from_views(views, *next(iter(sizes.values())), source)
+    write_lens(request.out, estimate)
+    facts = {**lens_facts(estimate), "out": str(request.out), "skipped": skipped,
+             "views": [{"photo": name, "corners": len(view[1]), "rms_px": float(rms)}
+                       for name, view, rms in zip(names, views, by_view, strict=True)]}
+    return Answer(facts, "\n".join([
+      *_lens_lines(estimate), *skipped,
+      f"wrote {request.out}: it holds for this zoom, focus and size of photo"]))
 
 
-def pose(photo: Photo,
-         scene: Annotated[Path, typer.Option(metavar="scene.xml",
-                                             help="The Mitsuba scene to place the camera in.",
-                                             show_default=False)],
-         out: Annotated[Path, typer.Option("--out", "-o", metavar="scene.xml", show_default=False,
-                                           help="Where to write its copy with this camera.")],
-         points_file: Annotated[Path | None, typer.Option("--points", metavar="points.toml",
-                                                          help="Known points: [points.NAME] scene "
-                                                          "= [x, y, z], px = [x, y].")] = None,
-         board_file: BoardFile = None, lens_file: LensFile = None,
-         overlay: Annotated[Path | None, typer.Option(metavar="PNG", help="Write the photo with "
-                                                      "the points given and reprojected.")] = None,
-         force: Force = False, as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class PoseRequest(CommonOptions):
+    """Options of ``spectrabox geometry pose``."""
+
+    photo: Photo
+    scene: Annotated[Path, typer.Option(
+        metavar="scene.xml", show_default=False, help="The Mitsuba scene to place the camera in.")]
+    out: Annotated[Path, typer.Option(
+        "--out", "-o", metavar="scene.xml", show_default=False, help="Where to write its copy with "
+        "this camera.")]
+    points_file: Annotated[Path | None, typer.Option(
+        "--points", metavar="points.toml", help="Known points: [points.NAME] scene = [x, y, z], px "
+        "= [x, y].")] = None
+    board_file: BoardFile = None
+    lens_file: LensFile = None
+    overlay: Annotated[Path | None, typer.Option(
+        metavar="PNG", help="Write the photo with the points given and reprojected.")] = None
+    force: Force = False
+
+
+@command
+def pose(request: PoseRequest) -> Answer:
     """Place the camera in the scene, from a ChArUco board or known points such as a box's
     corners.
     """
-    with command(as_json, debug):
-        from spectrabox.calibrate.geometry.lens import camera_position, mitsuba_sensor
-        from spectrabox.calibrate.geometry.lens_files import lens_facts, read_lens
-        from spectrabox.calibrate.geometry.pose import FLAT, pose_and_focal_length, pose_from_points
-        from spectrabox.calibrate.geometry.projection import spread
-        from spectrabox.radiometry.files import write_text_whole
-        from spectrabox.reconstruct.scene.pose_scene import scene_with_camera
-        from spectrabox.reconstruct.scene.refinements import Refinement, rounded
-        check_ending(out, {".xml": "the scene with this camera"})
-        _require_new(out, force, photo, points_file, board_file, lens_file)
-        image = _open(photo)
-        names, positions, points = _known_points(image, points_file, board_file)
-        width, height = _whole_size(image)
-        if lens_file is None:
-            camera_pose, used = pose_and_focal_length(positions, points, width, height, names)
-        else:
-            used = read_lens(lens_file)
-            _require_size(image, used)
-            camera_pose = pose_from_points(positions, points, used, names)
-        camera = mitsuba_sensor(used, camera_pose)
-        at, error, _, angle = camera_position(camera_pose)
-        said = Refinement(what="camera", name="of the photo", how=f"found from {len(names)} points "
-                          f"of {photo.name}, rms {camera_pose.rms_px:.2f} pixels; direction known "
-                          f"to {angle:.2f} degrees", place=rounded(at),
-                          standard_error=rounded(error))
-        write_text_whole(out, scene_with_camera(scene, camera, (width, height), out.parent, said))
-        if overlay is not None:
-            _overlay(overlay, image, points, points - camera_pose.residuals_px)
-        flat = points_file is not None and spread(positions)[2] < FLAT
-        facts = {"out": str(out), **_pose_facts(camera_pose, names),
-                 "camera": {**camera, "to_world": camera["to_world"].tolist()},
-                 "lens": lens_facts(used), "in_one_plane": bool(flat)}
-        answer(as_json, facts,
-               "\n".join(_pose_lines(camera_pose, used, names, lens_file, out, bool(flat))))
+    from spectrabox.calibrate.geometry.lens import camera_position, mitsuba_sensor
+    from spectrabox.calibrate.geometry.lens_files import lens_facts, read_lens
+    from spectrabox.calibrate.geometry.pose import FLAT, pose_and_focal_length, pose_from_points
+    from spectrabox.calibrate.geometry.projection import spread
+    from spectrabox.radiometry.files import write_text_whole
+    from spectrabox.reconstruct.scene.pose_scene import scene_with_camera
+    from spectrabox.reconstruct.scene.refinements import Refinement, rounded
+    check_ending(request.out, {".xml": "the scene with this camera"})
+    require_new(request.out, request.force, request.photo, request.points_file, request.board_file,
+                request.lens_file)
+    image = _open(request.photo)
+    names, positions, points = _known_points(image, request.points_file, request.board_file)
+    width, height = _whole_size(image)
+    if request.lens_file is None:
+        camera_pose, used = pose_and_focal_length(positions, points, width, height, names)
+    else:
+        used = read_lens(request.lens_file)
+        _require_size(image, used)
+        camera_pose = pose_from_points(positions, points, used, names)
+    camera = mitsuba_sensor(used, camera_pose)
+    at, error, _, angle = camera_position(camera_pose)
+    refinement = Refinement(
+        what="camera", name="of the photo", how=f"found from {len(names)} points of "
+        f"{request.photo.name}, rms {camera_pose.rms_px:.2f} pixels; direction known to "
+        f"{angle:.2f} degrees", place=rounded(at), standard_error=rounded(error))
+    write_text_whole(request.out, scene_with_camera(
+        request.scene, camera, (width, height), request.out.parent, refinement))
+    if request.overlay is not None:
+        _overlay(request.overlay, image, points, points - camera_pose.residuals_px)
+    flat = request.points_file is not None and spread(positions)[2] < FLAT
+    facts = {"out": str(request.out), **_pose_facts(camera_pose, names),
+             "camera": {**camera, "to_world": camera["to_world"].tolist()},
+             "lens": lens_facts(used), "in_one_plane": bool(flat)}
+    return Answer(facts, "\n".join(_pose_lines(camera_pose, used, names, request.lens_file,
+                                               request.out, bool(flat))))
 
 
-def box(folder: Folder, allow_outside: Outside = False, as_json: Json = False,
-        debug: Debug = False) -> None:
+@command
+def box(request: SessionOptions) -> Answer:
     """Draw a session's measured box over its photos, and write the scenes made of it."""
-    with command(as_json, debug):
-        from spectrabox.session.box.box_camera import found_camera
-        from spectrabox.session.box.camera_facts import camera_facts, camera_text
-        from spectrabox.session.box.scene_files import (
-            box_views,
-            write_overlays,
-            write_scene_files,
-        )
-        from spectrabox.session.config.session_file import read_session
-        from spectrabox.session.config.session_schema import FIRST_PHOTO
-        from spectrabox.session.store.session_lock import outputs_writer
-        config = read_session(folder, allow_outside)
-        if config.box is None:
-            raise InputError(f"{folder} has no [scene.box]: 'spectrabox new --template box' writes "
-                             "a session that has one")
-        cameras = {view.name or FIRST_PHOTO: found_camera(config, view)
-                   for view in box_views(config)}
-        with outputs_writer(config.folder):
-            written = [*write_scene_files(config), *write_overlays(config)]
-        facts: dict[str, Any] = {"files": [str(path) for path in written],
-                                 **camera_facts(cameras[FIRST_PHOTO]),
-                                 "views": {name: camera_facts(camera)
-                                           for name, camera in cameras.items()}}
-        answer(as_json, facts, "\n".join([
-            *(line for name, camera in cameras.items()
-              for line in camera_text(name if len(cameras) > 1 else "", camera)),
-            *(f"wrote {path}" for path in written)]))
+    from spectrabox.session.box.box_camera import found_camera
+    from spectrabox.session.box.camera_facts import camera_facts, camera_text
+    from spectrabox.session.box.scene_files import (
+        box_views,
+        write_overlays,
+        write_scene_files,
+    )
+    from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.config.session_schema import FIRST_PHOTO
+    from spectrabox.session.store.session_lock import outputs_writer
+    config = read_session(request.folder, request.allow_outside)
+    if config.box is None:
+        raise InputError(f"{request.folder} has no [scene.box]: 'spectrabox new --template box' "
+                         "writes a session that has one")
+    cameras = {view.name or FIRST_PHOTO: found_camera(config, view)
+               for view in box_views(config)}
+    with outputs_writer(config.folder):
+        written = [*write_scene_files(config), *write_overlays(config)]
+    facts: dict[str, Any] = {"files": [str(path) for path in written],
+                             **camera_facts(cameras[FIRST_PHOTO]),
+                             "views": {name: camera_facts(camera)
+                                       for name, camera in cameras.items()}}
+    return Answer(facts, "\n".join([
+      *(line for name, camera in cameras.items()
+        for line in camera_text(name if len(cameras) > 1 else "", camera)),
+      *(f"wrote {path}" for path in written)]))
 
 
-def undistort(photo: Annotated[Path, typer.Argument(
-                  metavar="PHOTO", show_default=False,
-                  help="Camera raw, DNG, or linear EXR or TIFF.")],
-              lens_file: Annotated[Path, typer.Option(
-                  "--lens", metavar="lens.json", show_default=False)],
-              out: Annotated[Path, typer.Option(
-                  "--out", "-o", metavar="OUT.exr", show_default=False)],
-              force: Force = False, as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class UndistortRequest(CommonOptions):
+    """Options of ``spectrabox geometry undistort``."""
+
+    photo: Annotated[Path, typer.Argument(
+        metavar="PHOTO", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF.")]
+    lens_file: Annotated[Path, typer.Option("--lens", metavar="lens.json", show_default=False)]
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="OUT.exr", show_default=False)]
+    force: Force = False
+
+
+@command
+def undistort(request: UndistortRequest) -> Answer:
     """The photo as the renderer's pinhole sees it: a linear EXR with its variance."""
-    with command(as_json, debug):
-        from spectrabox.calibrate.geometry.lens_files import read_lens
-        from spectrabox.calibrate.geometry.projection import undistorted
-        from spectrabox.capture.photo.image_files import write_linear_exr
-        from spectrabox.capture.photo.linear import open_photo
-        from spectrabox.radiometry.files import writable
-        check_ending(out, {".exr": "the signal in floating point"})
-        _require_new(out, force, photo)
-        image = open_photo(photo)
-        straight = undistorted(image, read_lens(lens_file))
-        with writable(out.parent):
-            write_linear_exr(out, straight)
-        lost = float(straight.saturated.all(axis=2).mean() - image.saturated.all(axis=2).mean())
-        answer(as_json, {"out": str(out),
-                         "size": [straight.signal.shape[1], straight.signal.shape[0]],
-                         "outside_fraction": max(lost, 0.0)},
-               f"wrote {out}: {straight.signal.shape[1]} x {straight.signal.shape[0]} pixels, "
-               f"{max(lost, 0.0):.1%} of which the photo does not show (marked as saturated)")
+    from spectrabox.calibrate.geometry.lens_files import read_lens
+    from spectrabox.calibrate.geometry.projection import undistorted
+    from spectrabox.capture.photo.image_files import write_linear_exr
+    from spectrabox.capture.photo.linear import open_photo
+    from spectrabox.radiometry.files import writable
+    check_ending(request.out, {".exr": "the signal in floating point"})
+    require_new(request.out, request.force, request.photo)
+    image = open_photo(request.photo)
+    straight = undistorted(image, read_lens(request.lens_file))
+    with writable(request.out.parent):
+        write_linear_exr(request.out, straight)
+    lost = float(straight.saturated.all(axis=2).mean() - image.saturated.all(axis=2).mean())
+    return Answer({"out": str(request.out),
+                   "size": [straight.signal.shape[1], straight.signal.shape[0]],
+                   "outside_fraction": max(lost, 0.0)},
+                  f"wrote {request.out}: {straight.signal.shape[1]} x {straight.signal.shape[0]} "
+                  f"pixels, {max(lost, 0.0):.1%} of which the photo does not show (marked as "
+                  "saturated)")
 
 
 # ---- what the commands share ---------------------------------------------------------------------
-
-def _require_new(out: Path, force: bool, *inputs: Path | None) -> None:
-    if out.resolve() in {given.resolve() for given in inputs if given is not None}:
-        raise InputError(f"{out} is an input of this command; give another name for the output")
-    if out.exists() and not force:
-        raise InputError(f"{out} exists already; give another name, or replace it with --force")
-
 
 def _open(photo: Path) -> LinearImage:
     from spectrabox.capture.develop.developed import open_any

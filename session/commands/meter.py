@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
@@ -13,11 +14,10 @@ import typer
 
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.session.command_line import (
+    Answer,
     CommandGroup,
-    Debug,
+    CommonOptions,
     Folder,
-    Json,
-    answer,
     check_ending,
     command,
 )
@@ -52,125 +52,145 @@ def register(app: typer.Typer) -> None:
     app.add_typer(meter)
 
 
-def list_of_ports(as_json: Json = False, debug: Debug = False) -> None:
+@command
+def list_of_ports(request: CommonOptions) -> Answer:
     """The ports of this computer. None is opened, so that no instrument notices."""
-    with command(as_json, debug):
-        from spectrabox.capture.meter.serial_line import list_ports
-        ports = list_ports()
-        lines = [f"{entry['port']:<16} {entry['usb'] or '':<10} {entry['manufacturer'] or ''} "
-                 f"{entry['description'] or ''}"
-                 for entry in ports]
-        answer(as_json, {"ports": ports},
-               "\n".join(lines) or "no serial ports: plug the instrument in and switch it on")
+    from spectrabox.capture.meter.serial_line import list_ports
+    ports = list_ports()
+    lines = [f"{entry['port']:<16} {entry['usb'] or '':<10} {entry['manufacturer'] or ''} "
+             f"{entry['description'] or ''}"
+             for entry in ports]
+    return Answer({"ports": ports},
+                  "\n".join(lines) or "no serial ports: plug the instrument in and switch it on")
 
 
-def identify(port: Port, instrument: Meter, as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class IdentifyRequest(CommonOptions):
+    """Options of ``spectrabox meter identify``."""
+
+    port: Port
+    instrument: Meter
+
+
+@command
+def identify(request: IdentifyRequest) -> Answer:
     """Ask the instrument who it is, then leave it as found."""
-    with command(as_json, debug):
-        from spectrabox.capture.meter.measurement import trusted_identity
-        with _instrument(instrument, port, lambda direction, data: None) as meter:
-            identity = trusted_identity(meter)
-        answer(as_json, {"instrument": identity.model, "serial_number": identity.serial_number,
-                         "firmware": identity.firmware, "port": port},
-               f"{identity.model}, serial number {identity.serial_number}, firmware "
-               f"{identity.firmware or 'not stated'}")
+    from spectrabox.capture.meter.measurement import trusted_identity
+    with _instrument(request.instrument, request.port, lambda direction, data: None) as meter:
+        identity = trusted_identity(meter)
+    return Answer({"instrument": identity.model, "serial_number": identity.serial_number,
+                   "firmware": identity.firmware, "port": request.port},
+                  f"{identity.model}, serial number {identity.serial_number}, firmware "
+                  f"{identity.firmware or 'not stated'}")
 
 
-def measure(
-            folder: Folder,
-            port: Annotated[str | None, typer.Option(
-                help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'. With spotread: "
-                "the instrument's number in its list.", show_default=False)] = None,
-            instrument: Annotated[str | None, typer.Option(
-                help="cs2000, cr250, pr655, pr650, specbos1211 or specbos2501.",
-                show_default=False)] = None,
-            program: Annotated[str | None, typer.Option(
-                "--with", metavar="spotread", help="Measure with ArgyllCMS's spotread: i1Pro, "
-                "ColorMunki, Spyder and others.", show_default=False)] = None,
-            ambient: Annotated[bool, typer.Option(
-                help="With spotread: irradiance, through the diffuser.")] = False,
-            role: Annotated[str, typer.Option(
-                "--as", help="light, white (the white standard), paint or chart.")] = "light",
-            name: Annotated[str | None, typer.Option(
-                help="Of a paint: its file becomes spectra/NAME.csv.")] = None,
-            repeat: Annotated[int, typer.Option(
-                min=1, max=999, help="Readings of each thing.")] = 1,
-            integration_ms: Annotated[float | None, typer.Option(
-                min=0.1, help="Fixed exposure; default automatic.")] = None,
-            averages: Annotated[int | None, typer.Option(
-                min=1, max=99, help="Inside the instrument.")] = None,
-            sync_hz: Annotated[float | None, typer.Option(
-                min=10, help="Flicker frequency of the light.")] = None,
-            white_reflectance: Annotated[float, typer.Option(
-                min=0.01, max=1.1, help="Of the white standard.")] = 1.0,
-            calibration: Annotated[list[str] | None, typer.Option(
-                metavar="SERIAL=FILE", help="Factors of an instrument by wavelength; of each, "
-                "where readings of several are to be compared.")] = None,
-            again: Annotated[bool, typer.Option(
-                help="Start a new series; earlier readings are kept aside.")] = False,
-            wait: Annotated[bool, typer.Option(help="Ask before each patch of a chart.")] = True,
-            plot: Annotated[bool, typer.Option(help="Draw the spectrum in the terminal.")] = False,
-            png: Png = None, as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class MeasureRequest(CommonOptions):
+    """Options of ``spectrabox meter measure``."""
+
+    folder: Folder
+    port: Annotated[str | None, typer.Option(
+        show_default=False, help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'. With "
+        "spotread: the instrument's number in its list.")] = None
+    instrument: Annotated[str | None, typer.Option(
+        show_default=False, help="cs2000, cr250, pr655, pr650, specbos1211 or specbos2501.")] = None
+    program: Annotated[str | None, typer.Option(
+        "--with", metavar="spotread", show_default=False, help="Measure with ArgyllCMS's spotread: "
+        "i1Pro, ColorMunki, Spyder and others.")] = None
+    ambient: Annotated[bool, typer.Option(
+        help="With spotread: irradiance, through the diffuser.")] = False
+    role: Annotated[str, typer.Option(
+        "--as", help="light, white (the white standard), paint or chart.")] = "light"
+    name: Annotated[str | None, typer.Option(
+        help="Of a paint: its file becomes spectra/NAME.csv.")] = None
+    repeat: Annotated[int, typer.Option(min=1, max=999, help="Readings of each thing.")] = 1
+    integration_ms: Annotated[float | None, typer.Option(
+        min=0.1, help="Fixed exposure; default automatic.")] = None
+    averages: Annotated[int | None, typer.Option(
+        min=1, max=99, help="Inside the instrument.")] = None
+    sync_hz: Annotated[float | None, typer.Option(
+        min=10, help="Flicker frequency of the light.")] = None
+    white_reflectance: Annotated[float, typer.Option(
+        min=0.01, max=1.1, help="Of the white standard.")] = 1.0
+    calibration: Annotated[tuple[str, ...], typer.Option(
+        metavar="SERIAL=FILE", help="Factors of an instrument by wavelength; of each, where "
+        "readings of several are to be compared.")] = ()
+    again: Annotated[bool, typer.Option(
+        help="Start a new series; earlier readings are kept aside.")] = False
+    wait: Annotated[bool, typer.Option(help="Ask before each patch of a chart.")] = True
+    plot: Annotated[bool, typer.Option(help="Draw the spectrum in the terminal.")] = False
+    png: Png = None
+
+
+@command
+def measure(request: MeasureRequest) -> Answer:
     """Measure into a session. Every reading is on disk before it is shown; a broken series goes on
     where it stopped.
     """
-    with command(as_json, debug):
-        check_ending(png, {".png": "a picture of the spectrum"}, "--png")
-        from spectrabox.capture.meter.instruments.interface import MeterSettings
-        from spectrabox.capture.meter.measurement_targets import claim
-        from spectrabox.capture.meter.meter_calibration import read_calibration
-        names = _names(role, name)
-        wanted = MeterSettings(integration_ms, averages, sync_hz)
-        source = _source(port, instrument, program, ambient, wanted)
-        calibrations = [read_calibration(text) for text in calibration or ()]
-        spectra = folder / "spectra"
-        claim(spectra, role, names)
-        if again:
-            _set_aside(spectra, names)
-        readings = _measure_all(spectra, role, names, source, repeat, calibrations,
-                                wait and role == "chart")
-        written, spectrum = _write_result(spectra, role, names, white_reflectance, calibrations)
-        facts = _series_facts(spectra, names, calibrations)
-        if png is not None and spectrum is not None:
-            from spectrabox.capture.meter.measurement_plot import png_plot
-            png_plot(spectrum, png)
-        answer(as_json, {"taken": len(readings), "file": str(written), "series": facts,
-                         "png": None if png is None else str(png)},
-               _measured_text(written, facts, spectrum if plot else None))
+    check_ending(request.png, {".png": "a picture of the spectrum"}, "--png")
+    from spectrabox.capture.meter.instruments.interface import MeterSettings
+    from spectrabox.capture.meter.measurement_targets import claim
+    from spectrabox.capture.meter.meter_calibration import read_calibration
+    names = _names(request.role, request.name)
+    wanted = MeterSettings(request.integration_ms, request.averages, request.sync_hz)
+    source = _source(request.port, request.instrument, request.program, request.ambient, wanted)
+    calibrations = [read_calibration(text) for text in request.calibration]
+    spectra = request.folder / "spectra"
+    claim(spectra, request.role, names)
+    if request.again:
+        _set_aside(spectra, names)
+    readings = _measure_all(spectra, request.role, names, source, request.repeat, calibrations,
+                            request.wait and request.role == "chart")
+    written, spectrum = _write_result(spectra, request.role, names, request.white_reflectance,
+                                      calibrations)
+    facts = _series_facts(spectra, names, calibrations)
+    if request.png is not None and spectrum is not None:
+        from spectrabox.capture.meter.measurement_plot import png_plot
+        png_plot(spectrum, request.png)
+    return Answer({"taken": len(readings), "file": str(written), "series": facts,
+                   "png": None if request.png is None else str(request.png)},
+                  _measured_text(written, facts, spectrum if request.plot else None))
 
 
-def replay(transcript: Annotated[Path, typer.Argument(
-               metavar="FILE", help="A transcript.", show_default=False)],
-           speed: Annotated[float, typer.Option(
-               min=0, help="1 as recorded, 10 ten times as fast, 0 at once.")] = 0,
-           over_socket: Annotated[bool, typer.Option(
-               help="Through a socket in place of a pseudo-terminal.")] = False,
-           plot: Annotated[bool, typer.Option(help="Draw the spectrum in the terminal.")] = False,
-           png: Png = None, as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ReplayRequest(CommonOptions):
+    """Options of ``spectrabox meter replay``."""
+
+    transcript: Annotated[Path, typer.Argument(
+        metavar="FILE", show_default=False, help="A transcript.")]
+    speed: Annotated[float, typer.Option(
+        min=0, help="1 as recorded, 10 ten times as fast, 0 at once.")] = 0
+    over_socket: Annotated[bool, typer.Option(
+        help="Through a socket in place of a pseudo-terminal.")] = False
+    plot: Annotated[bool, typer.Option(help="Draw the spectrum in the terminal.")] = False
+    png: Png = None
+
+
+@command
+def replay(request: ReplayRequest) -> Answer:
     """Play a recorded transcript to the driver's own code and show what it reads."""
-    with command(as_json, debug):
-        check_ending(png, {".png": "a picture of the spectrum"}, "--png")
-        from spectrabox.capture.meter.measurement_files import reading_facts
-        from spectrabox.capture.transcripts.replay import replay_transcript
-        from spectrabox.capture.transcripts.transcript import read_transcript
-        played = replay_transcript(read_transcript(transcript), speed=speed,
-                                   over_socket=over_socket)
-        spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
-        if png is not None and spectra:
-            from spectrabox.capture.meter.measurement_plot import png_plot
-            png_plot(spectra[-1], png)
-        facts = {"instrument": played.instrument, "synthetic": played.synthetic,
-                 "problems": list(played.problems),
-                 "readings": [reading_facts(reading) for reading in played.readings]}
-        lines = [_reading_line(number, reading) for number, reading in enumerate(played.readings,
-                                                                                 1)]
-        lines += [f"- {problem}" for problem in played.problems]
-        if played.synthetic:
-            lines += ["synthetic: built from protocol notes, not recorded from an instrument"]
-        if plot and spectra:
-            from spectrabox.capture.meter.measurement_plot import text_plot
-            lines.append(text_plot(spectra[-1]))
-        answer(as_json, facts, "\n".join(lines))
+    check_ending(request.png, {".png": "a picture of the spectrum"}, "--png")
+    from spectrabox.capture.meter.measurement_files import reading_facts
+    from spectrabox.capture.transcripts.replay import replay_transcript
+    from spectrabox.capture.transcripts.transcript import read_transcript
+    played = replay_transcript(read_transcript(request.transcript), speed=request.speed,
+                               over_socket=request.over_socket)
+    spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
+    if request.png is not None and spectra:
+        from spectrabox.capture.meter.measurement_plot import png_plot
+        png_plot(spectra[-1], request.png)
+    facts = {"instrument": played.instrument, "synthetic": played.synthetic,
+             "problems": list(played.problems),
+             "readings": [reading_facts(reading) for reading in played.readings]}
+    lines = [_reading_line(number, reading) for number, reading in enumerate(played.readings,
+                                                                             1)]
+    lines += [f"- {problem}" for problem in played.problems]
+    if played.synthetic:
+        lines += ["synthetic: built from protocol notes, not recorded from an instrument"]
+    if request.plot and spectra:
+        from spectrabox.capture.meter.measurement_plot import text_plot
+        lines.append(text_plot(spectra[-1]))
+    return Answer(facts, "\n".join(lines))
 
 
 def _names(role: str, name: str | None) -> list[str]:

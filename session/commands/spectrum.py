@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,10 +10,9 @@ import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.command_line import (
+    Answer,
     CommandGroup,
-    Debug,
-    Json,
-    answer,
+    CommonOptions,
     check_ending,
     command,
 )
@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from spectrabox.radiometry.records import Quantity, Spectrum
     from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
 
-Files = Annotated[list[Path],
-                  typer.Argument(metavar="FILE...", help="Files of spectra, of any format.",
-                                 show_default=False)]
-Column = Annotated[str | None, typer.Option(help="Name or number of one column.")]
 WRITTEN = {".csv": "CSV", ".sp": "Argyll's CGATS", ".spdx": "IES TM-27", ".sli": "ENVI library",
            ".exr": "spectral EXR"}
 MAX_LISTED = 12
@@ -43,42 +39,56 @@ def register(app: typer.Typer) -> None:
     app.add_typer(spectrum)
 
 
-def show(files: Files, column: Column = None,
-         plot: Annotated[bool, typer.Option(help="Draw in the terminal.")] = False,
-         as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ShowRequest(CommonOptions):
+    """Options of ``spectrabox spectrum show``."""
+
+    files: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="FILE...", show_default=False, help="Files of spectra, of any format.")]
+    column: Annotated[str | None, typer.Option(help="Name or number of one column.")] = None
+    plot: Annotated[bool, typer.Option(help="Draw in the terminal.")] = False
+
+
+@command
+def show(request: ShowRequest) -> Answer:
     """What a file holds: format, range, quantity, unit, and what to beware of."""
-    with command(as_json, debug):
-        from spectrabox.radiometry.spectra.spectrum_files import read_table
-        tables = [read_table(path) for path in files]
-        facts = [_facts(table, column) for table in tables]
-        text = "\n\n".join(_text(table, fact, column, plot) for table,
-                           fact in zip(tables, facts, strict=True))
-        answer(as_json, facts[0] if len(facts) == 1 else {"files": facts}, text)
+    from spectrabox.radiometry.spectra.spectrum_files import read_table
+    tables = [read_table(path) for path in request.files]
+    facts = [_facts(table, request.column) for table in tables]
+    text = "\n\n".join(_text(table, fact, request.column, request.plot) for table,
+                       fact in zip(tables, facts, strict=True))
+    return Answer(facts[0] if len(facts) == 1 else {"files": facts}, text)
 
 
-def convert(files: Files,
-            out: Annotated[Path, typer.Option("--out", "-o", help=OUT_HELP, show_default=False)],
-            column: Column = None,
-            quantity: Annotated[str | None, typer.Option(help=QUANTITY_HELP)] = None,
-            grid: Annotated[str | None,
-                            typer.Option(help="FIRST:LAST:STEP in nm, such as 400:700:5.")] = None,
-            to: Annotated[str, typer.Option(help="Format of the files in a folder.")] = ".csv",
-            as_json: Json = False, debug: Debug = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ConvertRequest(CommonOptions):
+    """Options of ``spectrabox spectrum convert``."""
+
+    files: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="FILE...", show_default=False, help="Files of spectra, of any format.")]
+    out: Annotated[Path, typer.Option("--out", "-o", help=OUT_HELP, show_default=False)]
+    column: Annotated[str | None, typer.Option(help="Name or number of one column.")] = None
+    quantity: Annotated[str | None, typer.Option(help=QUANTITY_HELP)] = None
+    grid: Annotated[str | None, typer.Option(
+        help="FIRST:LAST:STEP in nm, such as 400:700:5.")] = None
+    to: Annotated[str, typer.Option(help="Format of the files in a folder.")] = ".csv"
+
+
+@command
+def convert(request: ConvertRequest) -> Answer:
     """Write spectra in another format, on another grid where one is given. Nothing is
     extrapolated.
     """
-    with command(as_json, debug):
-        suffix = to if len(files) > 1 else out.suffix.lower()
-        check_ending(Path(f"spectra{suffix}") if len(files) > 1 else out, WRITTEN,
-                     "--to" if len(files) > 1 else "--out")
-        written = []
-        for path in files:
-            target = out / f"{path.stem}{suffix}" if len(files) > 1 else out
-            written.append({"file": str(target), "notes": _convert(path, target, column, quantity,
-                                                                   grid)})
-        answer(as_json, {"written": written}, "\n".join(
-                   f"wrote {entry['file']}" + "".join(f"\n- {note}" for note in entry["notes"])
-                   for entry in written))
+    suffix = request.to if len(request.files) > 1 else request.out.suffix.lower()
+    check_ending(Path(f"spectra{suffix}") if len(request.files) > 1 else request.out, WRITTEN,
+                 "--to" if len(request.files) > 1 else "--out")
+    written = []
+    for path in request.files:
+        target = request.out / f"{path.stem}{suffix}" if len(request.files) > 1 else request.out
+        written.append({"file": str(target), "notes": _convert(path, target, request)})
+    return Answer({"written": written}, "\n".join(
+             f"wrote {entry['file']}" + "".join(f"\n- {note}" for note in entry["notes"])
+             for entry in written))
 
 
 def _facts(table: SpectralTable, column: str | None) -> dict[str, Any]:
@@ -152,8 +162,7 @@ def _one(table: SpectralTable, column: str | None, role: Quantity) -> Spectrum:
     return Spectrum(grid_from_nm(table.nm[keep]), table.values[index][keep], role, table.file)
 
 
-def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
-             grid: str | None) -> list[str]:
+def _convert(path: Path, target: Path, request: ConvertRequest) -> list[str]:
     import numpy as np
 
     from spectrabox.radiometry.files import whole_file, write_text_whole
@@ -161,8 +170,8 @@ def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
     from spectrabox.radiometry.spectra.resampling import resampled
     from spectrabox.radiometry.spectra.spectrum_files import read_table, spectrum_of, table_text
 
-    table = read_table(path)
-    role = _stated_quantity(table, column, quantity)
+    table, column, grid = read_table(path), request.column, request.grid
+    role = _stated_quantity(table, column, request.quantity)
     names = [table.main] if column is None and table.main is not None else \
         [table.names[index] for index in _indices(table, column)]
     names = [name for name in names if not name.startswith("standard_error")]

@@ -32,7 +32,7 @@ from spectrabox.radiometry.spectra.formats.zarr_array import (
     open_region,
 )
 from spectrabox.sampling.prior.low_rank import LowRank
-from spectrabox.session.command_line import interrupt_behind, said_of
+from spectrabox.session.command_line import describe_error, interrupt_behind
 from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.uplift import UpliftRequest, image_source
 from spectrabox.session.store.program import program_digest
@@ -86,7 +86,7 @@ class RowsTask:
         except BaseException as error:
             if interrupt_behind(error) is not None or isinstance(error, SystemExit | GeneratorExit):
                 raise
-            return Refused(*said_of(error))
+            return Refused(*describe_error(error))
         return None
 
 

@@ -3,7 +3,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,8 +41,9 @@ from spectrabox.sampling.prior.signal_posterior import describe_outcome
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.spline_measurement import response_on, spline_operator
 from spectrabox.sampling.summary import check_level, summarise
+from spectrabox.session.commands.requests import SampleRequest
 from spectrabox.session.signals.measurement_file import further_measurements
-from spectrabox.session.signals.request_draws import DrawOptions, check_options, draws_of
+from spectrabox.session.signals.request_draws import check_options, draws_of
 from spectrabox.session.signals.signal_options import (
     GRID_NM,
     causes_of_error,
@@ -60,34 +60,6 @@ MAX_SAMPLES = 5_000_000
 CURVE_DIGITS = 7        # of curves that are known to 1e-6, so that thousands are written quickly
 
 
-@dataclass(frozen=True)
-class SampleRequest:
-    """The options of ``spectrabox sample`` as given."""
-
-    sensitivity: str
-    light: str
-    signal: str | None
-    signals: Path | None
-    white: str | None
-    noise: str | None
-    options: DrawOptions
-    prior: Path | None
-    families: tuple[str, ...]           # that the surface is said to be of
-    level: float
-    readings: tuple[str, ...]           # NM[/FWHM]:REFLECTANCE[:ERROR]
-    photos: tuple[str, ...]             # LIGHT=v1,v2,v3[:e1,e2,e3]
-    same: tuple[str, ...]               # v1,v2,v3[:e1,e2,e3]
-    more: Path | None
-    twice: str | None                   # v1,v2,v3[:e1,e2,e3]
-    baseline: bool
-    truth: Path | None
-    column: str | None
-    lights: tuple[str, ...]
-    light_error: float
-    sensitivity_error: float
-    keep_draws: bool = True             # they are written, or wanted
-
-
 def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """The JSON object and the arrays of the .npz of ``spectrabox sample``.
 
@@ -96,13 +68,13 @@ def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], dict[str, np.
     InputError, CalibrationError, ConvergenceError
         With what to change.
     """
-    check_options(request.options)
-    if not 1 <= request.options.samples <= MAX_SAMPLES:
-        raise InputError(f"{request.options.samples} samples were asked for; ask for 1 to "
+    check_options(request)
+    if not 1 <= request.samples <= MAX_SAMPLES:
+        raise InputError(f"{request.samples} samples were asked for; ask for 1 to "
                          f"{MAX_SAMPLES}")
     if (request.signal is None) == (request.signals is None):
         raise InputError("give either --signal v1,v2,v3 or --signals FILE.csv")
-    if request.signals is not None and (request.truth or request.photos or request.same
+    if request.signals is not None and (request.truth or request.photo or request.same
                                         or request.more or request.twice):
         raise InputError("a truth and further measurements belong to one surface; give its "
                          "--signal, not --signals")
@@ -114,7 +86,7 @@ def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], dict[str, np.
                        "wavelengths_nm": draws.grid.nm}
     assert request.signals is not None
     signals = read_signals(request.signals, len(parsed.relative_response))
-    if not request.keep_draws and may_go_without_draws(request, bool(parsed.more)):
+    if request.out is None and may_go_without_draws(request, bool(parsed.more)):
         return {"results": bulk_facts(request, parsed, signals)}, {}
     answers = [_answer(request, parsed, signal) for signal in signals]
     arrays = {"spectra": np.array([draws.spectra for _, draws in answers]),
@@ -140,7 +112,7 @@ def may_go_without_draws(request: SampleRequest, further: bool) -> bool:
     further : bool
         Whether there are further measurements of the surface.
     """
-    return request.options.method == "prior" and not further and not request.baseline
+    return request.method == "prior" and not further and not request.baseline
 
 
 def bulk_facts(request: SampleRequest, parsed: _Parsed,
@@ -166,7 +138,7 @@ def bulk_facts(request: SampleRequest, parsed: _Parsed,
     y = relative_to_white(np.array(signals), parsed.white)
     photo_noise = np.broadcast_to(first.noise_covariance, (len(y), *first.noise_covariance.shape))
     causes = causes_of_error(y, photo_noise, request.light_error, request.sensitivity_error)
-    count = request.options.coefficients
+    count = request.coefficients
     bound_lower, bound_upper = bounds_of_many(
         spline_operator(first, count).A, y, np.sum(list(causes.values()), axis=0),
         basis_matrix(PRIOR_GRID.nm, count), request.level)
@@ -187,7 +159,7 @@ def bulk_facts(request: SampleRequest, parsed: _Parsed,
                for name in ("mean", "standard_deviation", "lower", "upper")},
             "bound_lower": bound_lower[row].tolist(), "bound_upper": bound_upper[row].tolist(),
             "effective_samples": None, "samples": 0, "level": request.level, "method": method,
-            "seed": request.options.seed, "outcome": sentence,
+            "seed": request.seed, "outcome": sentence,
             "conditional_on": f"Conditional on the prior {method}, no draws needed. {sentence}",
             "next_measurement_nm": float(found.next_measurement_nm[row]),
             "bounds_from": "all measurements",
@@ -214,36 +186,36 @@ def _parsed(request: SampleRequest) -> _Parsed:
                                                         visible_grid(GRID_NM))
     bands = len(relative_response)
     white = optional_numbers(request.white, bands, "white")
-    more = further_measurements(request.readings, request.photos, request.same, request.more,
+    more = further_measurements(request.reading, request.photo, request.same, request.more,
                                 request.sensitivity, relative_response, white)
     twice = None
     if request.twice is not None:
         signal, noise = signal_and_noise(request.twice, bands, "twice")
         twice = measurement_of_signal(relative_response, signal, white, noise)
-    needs_prior = request.options.method == "prior" or request.prior or more
+    needs_prior = request.method == "prior" or request.prior or more
     return _Parsed(relative_response, white, optional_numbers(request.noise, bands, "noise"), twice,
-                   more, of_families(load_prior(request.prior), request.families)
+                   more, of_families(load_prior(request.prior), request.family)
                    if needs_prior else None)
 
 
 def _answer(request: SampleRequest, parsed: _Parsed,
             signal: np.ndarray) -> tuple[dict[str, Any], SpectrumSamples]:
     started = time.perf_counter()
-    options, prior, more = request.options, parsed.prior, parsed.more
+    prior, more = parsed.prior, parsed.more
     base = measurement_of_signal(parsed.relative_response, signal, parsed.white, parsed.noise)
     causes = causes_of_error(base.signal, base.noise_covariance, request.light_error,
                              request.sensitivity_error)
     base = replace(base, noise_covariance=sum(causes.values(), np.zeros((signal.size,) * 2)))
-    draws, measurement, posterior = draws_of(options, base, more, parsed.twice, prior)
+    draws, measurement, posterior = draws_of(request, base, more, parsed.twice, prior)
     # More measurements than coefficients leave no spline to bound: the signal alone then does, as
     # wide as it may be.
     over_determined = len(measurement.signal) >= draws.coefficients.shape[1]
     bounded = base if over_determined else measurement
     facts = _facts(draws, summarise(draws, bounded, request.level))
-    facts["bounds_from"] = ("the signal alone" if over_determined or options.keep
+    facts["bounds_from"] = ("the signal alone" if over_determined or request.keep
                             else "all measurements")
     if more and prior is not None:
-        facts["doubtful"] = doubtful(base, more, prior, options.seed)
+        facts["doubtful"] = doubtful(base, more, prior, request.seed)
     if posterior is not None and not more and parsed.twice is None:
         facts["error_budget"] = posterior.variance_shares(causes)
     if prior is not None and posterior is not None:
@@ -269,10 +241,9 @@ def _compared(request: SampleRequest, base: SpectralMeasurement,
     # colour-science's recovery takes seconds
     from spectrabox.sampling.judge.judgement import baselines, judged
 
-    options = request.options
     others = {}
     if request.baseline:
-        others = baselines(base, options.samples, options.seed, options.coefficients)
+        others = baselines(base, request.samples, request.seed, request.coefficients)
     facts: dict[str, Any] = {}
     if request.baseline:
         # None where the greedy sampler has no draws, as for some signals that can be reached.
@@ -283,8 +254,9 @@ def _compared(request: SampleRequest, base: SpectralMeasurement,
         column = table.names[column_index(table, request.column)]
         truth = spectrum_on_grid(spectrum_of(table, role=Quantity.REFLECTANCE, column=column),
                                  PRIOR_GRID)
-        mine = {options.method: (draws.spectra.mean(axis=0), draws.spectra)}
-        facts["judged"] = {name: judged(PRIOR_GRID.nm, truth, other[0], request.lights, other[1])
+        mine = {request.method: (draws.spectra.mean(axis=0), draws.spectra)}
+        facts["judged"] = {name: judged(PRIOR_GRID.nm, truth, other[0], request.delta_light,
+                                        other[1])
                            for name, other in (mine | others).items() if other is not None}
     return facts
 
@@ -324,7 +296,7 @@ def _text(facts: dict[str, Any], request: SampleRequest) -> str:
         from spectrabox.sampling.judge.judgement import judgement_text
         rows = [{"region": "signal", "method": name, **measures} for name,
                 measures in facts["judged"].items()]
-        lines += ["", judgement_text(rows, request.lights)]
+        lines += ["", judgement_text(rows, request.delta_light)]
     elif "baselines" in facts:
         lines += ["", _baseline_text(facts)]
     return "\n".join(lines)

@@ -3,28 +3,42 @@ and a table out.
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from spectrabox.capture.photo.image_files import open_channels, read_plane
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm, visible_grid
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra import named_spectra
+from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC
 from spectrabox.radiometry.spectra.spectrum_files import (
     SpectralTable,
     column_index,
     on_grid,
+    read_table,
     spectrum_of,
 )
-from spectrabox.sampling.judge.cube_regions import Region, RegionSpectra, region_spectra
-from spectrabox.sampling.judge.cubes import Cube
+from spectrabox.sampling.judge.cube_files import open_cube
+from spectrabox.sampling.judge.cube_regions import (
+    Region,
+    RegionSpectra,
+    point_region,
+    read_regions,
+    region_spectra,
+)
+from spectrabox.sampling.judge.cubes import Cube, cube_of_channels, parse_wavelengths
 from spectrabox.sampling.judge.judgement import beside, judged, judgement_text, means
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
-from spectrabox.session.signals.signal_options import measurement_of_signal, optional_numbers
+from spectrabox.session.commands.requests import JudgeRequest
+from spectrabox.session.signals.signal_options import (
+    measurement_of_signal,
+    optional_numbers,
+    read_signals,
+)
 
 IMPORTED = "imported picture"
 # a truth or picture may end this far inside 400-700 nm; it is judged where it is known
@@ -32,31 +46,7 @@ END_GAP_NM = 20.0
 MAX_MEAN = 2.0          # of a reflectance; more is counts or radiance
 
 
-@dataclass(frozen=True)
-class JudgeRequest:
-    """The options of ``spectrabox judge``."""
-
-    column: str | None
-    full_scale: float
-    white_region: str | None
-    sensitivity: str
-    light: str
-    lights: tuple[str, ...]
-    draws: int
-    seed: int
-    coefficients: int
-    baseline: bool
-    prior: Path | None
-    families: tuple[str, ...]           # that the surfaces are said to be of
-    # (K,) each, in the order of the regions; None: those of the truths
-    signals: Sequence[np.ndarray] | None = None
-    white: str | None = None
-    noise: str | None = None
-
-
-def judge_answer(cube: Cube, regions: list[Region], truths: SpectralTable | None,
-                 request: JudgeRequest
-                 ) -> tuple[dict[str, Any], str, dict[str, np.ndarray]]:
+def judge_answer(request: JudgeRequest) -> tuple[dict[str, Any], str, dict[str, np.ndarray]]:
     """JSON object, text and the regions' spectra by their titles.
 
     With truths, our methods are judged beside the picture: on the signals of the regions where
@@ -70,6 +60,15 @@ def judge_answer(cube: Cube, regions: list[Region], truths: SpectralTable | None
     if not request.full_scale > 0:
         raise InputError(f"--full-scale {request.full_scale:g} cannot be; give what reflectance 1 "
                          "reads in the picture")
+    cube = open_picture(request.cube, None if request.wavelengths is None
+                        else parse_wavelengths(request.wavelengths), request.variable)
+    regions = [point_region(text, cube.width, cube.height) for text in request.point]
+    if request.regions is not None:
+        regions += read_regions(request.regions, cube.width, cube.height,
+                                lambda path: read_plane(path)[0])
+    if not regions:
+        raise InputError("no region was given; give --regions FILE.toml or --point x,y")
+    truths = None if request.truth is None else read_table(request.truth)
     regions_read = region_spectra(cube, regions, request.full_scale, request.seed)
     regions_read = relative_to_white(cube, regions_read, truths, request)
     largest = max(float(region.mean.max()) for region in regions_read)
@@ -78,13 +77,22 @@ def judge_answer(cube: Cube, regions: list[Region], truths: SpectralTable | None
                          "give what reflectance 1 reads with --full-scale, or a region of known "
                          "reflectance with --white-region")
     rows = [] if truths is None else judge_regions(cube, regions_read, truths, request)
-    overall = means(rows, request.lights)
+    overall = means(rows, request.delta_light)
     facts = {"cube": cube.file, "wavelengths_nm": cube.nm.tolist(),
              "regions": [_region_facts(region, rows) for region in regions_read],
-             "lights": list(request.lights),
+             "lights": list(request.delta_light),
              "means": {row["method"]: _measures(row) for row in overall}}
     shown = rows + (overall if len(regions_read) > 1 else [])
     return facts, _text(cube, regions_read, shown, request), spectra_columns(regions_read)
+
+
+def open_picture(path: Path, wavelengths: np.ndarray | None, variable: str | None) -> Cube:
+    """A hyperspectral picture of any known format, an EXR being one by what it begins with."""
+    if path.is_file():
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) == MAGIC:
+                return cube_of_channels(path.name, *open_channels(path))
+    return open_cube(path, wavelengths, variable)
 
 
 def judge_regions(cube: Cube, regions: list[RegionSpectra], truths: SpectralTable,
@@ -99,9 +107,10 @@ def judge_regions(cube: Cube, regions: list[RegionSpectra], truths: SpectralTabl
     """
     fine = visible_grid(1)
     relative_response = named_spectra.relative_response(request.sensitivity, request.light, fine)
-    prior, bands = of_families(load_prior(request.prior), request.families), len(relative_response)
-    if request.signals is not None and len(request.signals) != len(regions):
-        raise InputError(f"{len(request.signals)} signals were given for {len(regions)} regions; "
+    prior, bands = of_families(load_prior(request.prior), request.family), len(relative_response)
+    signals = None if request.signals is None else read_signals(request.signals, bands)
+    if signals is not None and len(signals) != len(regions):
+        raise InputError(f"{len(signals)} signals were given for {len(regions)} regions; "
                          "give one row a region, in their order")
     white = optional_numbers(request.white, bands, "white")
     noise = optional_numbers(request.noise, bands, "noise")
@@ -112,15 +121,14 @@ def judge_regions(cube: Cube, regions: list[RegionSpectra], truths: SpectralTabl
         grid = grid_from_nm(nm)
         mine = on_grid(cube.nm, np.vstack([region.mean[None], region.spectra]), grid, cube.file)
         expected = on_grid(truth_nm, truth, grid, truths.file)
-        if request.signals is None:
+        if signals is None:
             own = relative_response @ held(truth_nm, truth, fine.nm)
             measurement = measurement_of_signal(relative_response, own)
         else:
-            measurement = measurement_of_signal(relative_response, request.signals[index], white,
-                                                noise)
-        judgements = {IMPORTED: judged(nm, expected, mine[0], request.lights, mine[1:])}
-        judgements |= beside(measurement, nm, expected, request.lights, request.draws, request.seed,
-                             request.coefficients, prior, request.baseline)
+            measurement = measurement_of_signal(relative_response, signals[index], white, noise)
+        judgements = {IMPORTED: judged(nm, expected, mine[0], request.delta_light, mine[1:])}
+        judgements |= beside(measurement, nm, expected, request.delta_light, request.samples,
+                             request.seed, request.coefficients, prior, request.baseline)
         rows += [{"region": region.region.name, "method": method, **measures}
                  for method, measures in judgements.items()]
     return rows
@@ -220,7 +228,7 @@ def _text(cube: Cube, regions: list[RegionSpectra], rows: list[dict[str, Any]],
         seen = ("the signals that were given" if request.signals is not None else
                 f"the signal that the truth gives {request.sensitivity} under {request.light}, "
                 "without noise")
-        lines += ["", judgement_text(rows, request.lights), "",
+        lines += ["", judgement_text(rows, request.delta_light), "",
                   f"prior, uniform and paper saw {seen}. The band of the picture is the scatter of "
                   "its pixels (1000 at least). scaled: RMSE after the one best factor."]
     return "\n".join(lines)

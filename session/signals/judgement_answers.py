@@ -1,7 +1,7 @@
 """What plan, certify and prior train answer: names and folders in, numbers and text out."""
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,11 @@ from spectrabox.sampling.prior.mixture import (
 )
 from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.prior.training import MIXED
+from spectrabox.session.commands.requests import (
+    CertifyRequest,
+    PlanRequest,
+    TrainRequest,
+)
 from spectrabox.session.signals.lamps_at_hand import (
     LampsAtHand,
     lamp_candidates,
@@ -49,36 +54,15 @@ from spectrabox.session.signals.signal_options import (
 PLAN_DRAWS = 2000
 
 
-@dataclass(frozen=True)
-class PlanRequest:
-    """The options of ``spectrabox plan`` as given for one signal."""
-
-    sensitivity: str
-    light: str
-    signal: str
-    white: str | None
-    noise: str | None
-    steps: int
-    lights: tuple[str, ...]             # of another photo by the same camera
-    cameras: tuple[str, ...]            # of another photo under the same light
-    readings: tuple[str, ...]           # taken already, as are the next three
-    photos: tuple[str, ...]
-    same: tuple[str, ...]
-    more: Path | None
-    reading_minutes: float
-    photo_minutes: float
-    spot_minutes: float | None          # of a whole spectrum by a spectrometer; None: there is none
-    seed: int
-    hand: LampsAtHand
-
-
-def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
+def plan_answer(request: PlanRequest, hand: LampsAtHand) -> tuple[dict[str, Any], str]:
     """JSON object and text of ``spectrabox plan``.
 
     Raises
     ------
     InputError
     """
+    assert request.sensitivity is not None and request.light is not None
+    assert request.signal is not None
     minutes = (request.reading_minutes, request.photo_minutes, request.spot_minutes or 1.0)
     if min(minutes) <= 0:
         raise InputError("the minutes of a measurement must be positive")
@@ -89,14 +73,14 @@ def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
     measurement = measurement_of_signal(relative_response,
                                         numbers(request.signal, bands, "signal"), white,
                                         optional_numbers(request.noise, bands, "noise"))
-    taken = further_measurements(request.readings, request.photos, request.same, request.more,
+    taken = further_measurements(request.reading, request.photo, request.same, request.more,
                                  request.sensitivity, relative_response, white)
     draws = sample_prior(joined(measurement, taken), PLAN_DRAWS, request.seed)
     chosen = plan(draws.spectra, candidates_of(request), request.steps)
     fine = visible_grid(1)
     lamps = ranked(np.cov(draws.spectra, rowvar=False), lamp_candidates(
         named_spectra.sensitivities(request.sensitivity, fine),
-        named_spectra.light(request.light, fine), draws.grid, request.hand,
+        named_spectra.light(request.light, fine), draws.grid, hand,
         minutes=request.photo_minutes))
     facts = {"steps": [{"measurement": step.name, **step_facts(step), "minutes": step.minutes,
                         "fall_per_minute": step.fall_per_minute} for step in chosen],
@@ -116,26 +100,27 @@ def candidates_of(request: PlanRequest) -> list[Candidate]:
         rows = np.concatenate([reading.rows for reading in candidates])
         candidates.append(Candidate("spectrometer spot, 400-700 nm", rows, READING_ERROR,
                                     request.spot_minutes))
-    photos = [(f"photo under {light}", request.sensitivity, light) for light in request.lights]
-    photos += [(f"photo by {camera}", camera, request.light) for camera in request.cameras]
+    assert request.sensitivity is not None and request.light is not None
+    photos = [(f"photo under {light}", request.sensitivity, light)
+              for light in request.second_light]
+    photos += [(f"photo by {camera}", camera, request.light) for camera in request.second_camera]
     return candidates + [photo_candidate(name, response_of_names(camera, light),
                                          request.photo_minutes)
                          for name, camera, light in photos]
 
 
-def certify_answer(folders: list[Path], sensitivity: str, light: str, noise: float,
-                   prior_file: Path | None, lights: tuple[str, ...],
-                   families: tuple[str, ...] = ()) -> tuple[dict[str, Any], str]:
+def certify_answer(request: CertifyRequest) -> tuple[dict[str, Any], str]:
     """JSON object and page of ``spectrabox certify``."""
-    if not 0 <= noise < 0.5:
-        raise InputError(f"a relative noise of {noise:g} was given; 0 to 0.5 is needed")
-    prior = of_families(load_prior(prior_file), families)
-    relative_response = response_of_names(sensitivity, light)
-    certificates = [certify(prior, read_library(folder), relative_response, noise, lights=lights)
-                    for folder in folders]
+    if not 0 <= request.noise < 0.5:
+        raise InputError(f"a relative noise of {request.noise:g} was given; 0 to 0.5 is needed")
+    prior = of_families(load_prior(request.prior), request.family)
+    relative_response = response_of_names(request.sensitivity, request.light)
+    certificates = [certify(prior, read_library(folder), relative_response, request.noise,
+                            lights=request.delta_light)
+                    for folder in request.folders]
     return ({"libraries": [_certificate_facts(certificate) for certificate in certificates],
-             "prior": prior.source, "noise": noise},
-            certificate_page(certificates, prior, f"{sensitivity} under {light}"))
+             "prior": prior.source, "noise": request.noise},
+            certificate_page(certificates, prior, f"{request.sensitivity} under {request.light}"))
 
 
 def _certificate_facts(certificate: Certificate) -> dict[str, Any]:
@@ -147,17 +132,17 @@ def _certificate_facts(certificate: Certificate) -> dict[str, Any]:
             "coverage_standard_error": certificate.coverage_error}
 
 
-def train_answer(folders: list[str], sensitivity: str, light: str, seed: int,
-                 models: bool = True) -> tuple[dict[str, Any], str, LogitMixture]:
+def train_answer(request: TrainRequest) -> tuple[dict[str, Any], str, LogitMixture]:
     """JSON object, text and prior of ``spectrabox prior train``."""
     libraries: dict[str, list[ReflectanceLibrary]] = {}
-    for text in folders:
+    for text in request.folders:
         family, folder = family_and_folder(text)
         libraries.setdefault(family, []).append(read_library(folder))
-    families = {name: family if models else replace(family, models={}, stated_components=0,
+    families = {name: family if request.models else replace(family, models={}, stated_components=0,
                                                     stated_models={})
                 for name, family in FAMILIES.items()}
-    prior, left_out = train(libraries, response_of_names(sensitivity, light), seed, families)
+    prior, left_out = train(libraries, response_of_names(request.sensitivity, request.light),
+                            request.seed, families)
     rows = [left_out_facts(prior, part) for part in left_out]
     lines = [f"{'left out':<20} {'family':<8} {'curves':>6} {'RMSE':>7} {'95 % holds':>10} "
              f"{'width':>6} | {'stated: RMSE':>12} {'95 % holds':>10} {'width':>6}"]

@@ -2,8 +2,6 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +9,7 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.judge.identification import Identification, identify
 from spectrabox.sampling.prior.mixture import load_prior, of_families
+from spectrabox.session.commands.requests import MatchRequest
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.signals.spectral_library import SpectralLibrary, read_spectral_libraries
@@ -18,18 +17,6 @@ from spectrabox.session.stages.surface_signals import measurement, surface_signa
 
 SHOWN, NAMED = 10, 3    # rows of a table, and sentences on spectra left out
 LIKELY_NONE = 0.95      # probability from which another surface is called more likely
-
-
-@dataclass(frozen=True)
-class MatchRequest:
-    """The options of ``spectrabox match`` as given."""
-
-    folder: Path
-    libraries: list[str]
-    surfaces: tuple[str, ...]           # all unknown ones where empty
-    variation: float
-    evidence_ratio: float | None
-    allow_outside: bool
 
 
 def match_answer(request: MatchRequest) -> tuple[dict[str, Any], str]:
@@ -42,28 +29,28 @@ def match_answer(request: MatchRequest) -> tuple[dict[str, Any], str]:
     if not 0 <= request.variation <= 0.5:
         raise InputError(f"a variation of {request.variation:g} was given; 0 to 0.5 of white is "
                          "needed, such as 0.01")
-    if request.evidence_ratio is not None and not 1 < request.evidence_ratio < np.inf:
-        raise InputError(f"an evidence ratio of {request.evidence_ratio:g} was given; a number "
+    if request.ratio is not None and not 1 < request.ratio < np.inf:
+        raise InputError(f"an evidence ratio of {request.ratio:g} was given; a number "
                          "above 1 is needed, such as 100")
     config = read_session(request.folder, request.allow_outside)
     signals = surface_signals(config, load_finished(config).stored)
     unknown = [name for name, known in zip(signals.names, signals.known, strict=True) if not known]
-    for name in request.surfaces:
+    for name in request.surface:
         if name not in unknown:
             raise InputError(f"{name!r} is no surface of unknown spectrum in this session; these "
                              f"are {', '.join(unknown) or 'none'}")
-    chosen = request.surfaces or tuple(unknown)
+    chosen = request.surface or tuple(unknown)
     if not chosen:
         raise InputError("every surface of this session has a known spectrum: there is nothing to "
                          "identify")
-    library = read_spectral_libraries(request.libraries, signals.grid)
+    library = read_spectral_libraries(request.library, signals.grid)
     facts: dict[str, Any] = {"matches": [], "indistinguishable": 0, "surfaces": []}
     texts = []
     for name in chosen:
         prior = of_families(load_prior(), config.surfaces[name].families)
         found = identify(measurement(signals, signals.names.index(name)), library.spectra, prior,
                          standard_error=library.standard_error, variation=request.variation,
-                         evidence_ratio=request.evidence_ratio)
+                         evidence_ratio=request.ratio)
         surface = _surface(name, found, library)
         facts["surfaces"].append(surface)
         facts["matches"] += [{"surface": name, **match} for match in surface["matches"]]

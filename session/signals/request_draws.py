@@ -3,8 +3,6 @@ asked for.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
@@ -17,22 +15,10 @@ from spectrabox.sampling.published.options import ranked, refined_as_published
 from spectrabox.sampling.published.sampler import sample_published
 from spectrabox.sampling.spline_measurement import spline_operator
 from spectrabox.sampling.uniform import as_spectra, into_reach
+from spectrabox.session.commands.requests import SampleRequest
 
 
-@dataclass(frozen=True)
-class DrawOptions:
-    """How to draw: N, method, T, seed, c0 of the method paper, and what the paper does beyond."""
-
-    coefficients: int
-    method: str
-    samples: int
-    seed: int
-    start: str
-    keep: int | None  # rank by the further measurements and keep so many (Eqs. 9, 10); paper only
-    refine: int | None          # coefficients of the fine basis; paper and uniform
-
-
-def check_options(options: DrawOptions) -> None:
+def check_options(options: SampleRequest) -> None:
     """Raise unless the options go together.
 
     Raises
@@ -53,7 +39,7 @@ def check_options(options: DrawOptions) -> None:
                          "uniform or paper")
 
 
-def draws_of(options: DrawOptions, base: SpectralMeasurement, more: list[MoreMeasurement],
+def draws_of(options: SampleRequest, base: SpectralMeasurement, more: list[MoreMeasurement],
              twice: SpectralMeasurement | None, prior: LogitMixture | None
              ) -> tuple[SpectrumSamples, SpectralMeasurement, SignalPosterior | None]:
     """Draws, the measurement that they obey, and its posterior (of the method "prior" only).
@@ -80,7 +66,7 @@ def draws_of(options: DrawOptions, base: SpectralMeasurement, more: list[MoreMea
     return samples, measurement, posterior
 
 
-def _drawn(options: DrawOptions, measurement: SpectralMeasurement,
+def _drawn(options: SampleRequest, measurement: SpectralMeasurement,
            draws: int) -> SpectrumSamples:
     seed, count = options.seed, options.coefficients
     if options.refine is not None:
@@ -90,7 +76,7 @@ def _drawn(options: DrawOptions, measurement: SpectralMeasurement,
     return draw_spectra(measurement, options.method, draws, seed, count)
 
 
-def _refined(options: DrawOptions, fine: int, measurement: SpectralMeasurement,
+def _refined(options: SampleRequest, fine: int, measurement: SpectralMeasurement,
              draws: int) -> SpectrumSamples:
     coarse, seed = options.coefficients, options.seed
     if options.method == "paper":

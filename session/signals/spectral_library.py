@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -46,12 +46,12 @@ class SpectralLibrary(Record):
 Row = tuple[str, np.ndarray, np.ndarray]    # name, spectrum (P,), standard error (P,)
 
 
-def read_spectral_libraries(words: list[str], grid: WavelengthGrid) -> SpectralLibrary:
+def read_spectral_libraries(words: Sequence[str], grid: WavelengthGrid) -> SpectralLibrary:
     """Every reflectance of some libraries.
 
     Parameters
     ----------
-    words : list of str
+    words : sequence of str
         Files of any format of spectra, folders of them, or names of published sets.
     grid : WavelengthGrid
         That each must cover: nothing is extrapolated.

@@ -1,0 +1,265 @@
+"""Requests that other rooms of the session read too: their fields are the options of the commands.
+
+Nothing heavy is imported here, since every command's help reads it.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from spectrabox.session.command_line import ChartLayout, CommonOptions, Outside, SessionOptions
+
+OBSERVER = "CIE 1931 2 Degree Standard Observer"
+DELTA_LIGHTS = ("D65", "A", "FL11")     # daylight, incandescent, narrow bands
+Sensitivity = Annotated[str, typer.Option(
+    help="CSV of sensitivities, or a camera or observer by its name.")]
+Light = Annotated[str, typer.Option(
+    help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")]
+White = Annotated[str | None, typer.Option(
+    help="What a perfect white reads in each band; 1 by default.")]
+Noise = Annotated[str | None, typer.Option(
+    help="Standard error of the signal in each band, in its unit.")]
+Families = Annotated[tuple[str, ...], typer.Option(
+    "--family", help="Kind of surface, if you know it: paint, textile, leaves, skin, white, earth "
+    "or animal; may be repeated. Bands then are conditional on it.")]
+Coefficients = Annotated[int, typer.Option(
+    help="N of the B-spline class: bounds, and the methods uniform and paper.")]
+Seed = Annotated[int, typer.Option(help="The same seed gives the same draws.")]
+DeltaLights = Annotated[tuple[str, ...], typer.Option(
+    show_default=False,
+    help="Light of colour differences; may be repeated. D65, A and FL11 by default.")]
+Baseline = Annotated[bool, typer.Option("--baseline", help="Also other authors' single spectra.")]
+Lamps = Annotated[str | None, typer.Option(
+    "--lamps", metavar="NAME|FILE,...", help="Lamps at hand, for a second photo: D65,A,my.csv; a "
+    "few common ones by default.")]
+Filters = Annotated[str | None, typer.Option(
+    "--filters", metavar="FILE,...", help="Filters at hand, for a second photo under the same "
+    "light: files of their transmittance.")]
+Reference = Annotated[str | None, typer.Option(
+    metavar="NAME|FILE", help="Chart reflectances: a published average, or a file you measured.")]
+CameraPriorFile = Annotated[Path | None, typer.Option(
+    "--prior", metavar="NPZ", help="A prior of your own; the shipped one by default.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraAndLight(CommonOptions):
+    """The camera that saw a signal, and the light it was seen under."""
+
+    sensitivity: Sensitivity
+    light: Light
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObserverAndDaylight(CameraAndLight):
+    """The same, by default the standard observer under D65."""
+
+    sensitivity: Sensitivity = OBSERVER
+    light: Light = "D65"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredSignal(CommonOptions):
+    """One signal, and further measurements of its surface."""
+
+    signal: Annotated[str | None, typer.Option(help="One signal: v1,v2,v3.")] = None
+    white: White = None
+    noise: Noise = None
+    reading: Annotated[tuple[str, ...], typer.Option(
+        help="One more reading, NM:REFLECTANCE[:ERROR], NM/FWHM for a band; may be repeated.")] = ()
+    photo: Annotated[tuple[str, ...], typer.Option(
+        help="A photo by this camera under another light, LIGHT=v1,v2,v3[:e1,e2,e3]; may be "
+        "repeated.")] = ()
+    same: Annotated[tuple[str, ...], typer.Option(
+        help="Another patch of the same material, v1,v2,v3[:e1,e2,e3]; may be repeated.")] = ()
+    more: Annotated[Path | None, typer.Option(
+        help="TOML of further measurements: reading, band, spot, photo, same.")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PriorOptions(CommonOptions):
+    """The prior on reflectances, and what kind of surface it is."""
+
+    prior: Annotated[Path | None, typer.Option(
+        "--prior", help="A prior of your own; the shipped one by default.")] = None
+    family: Families = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampleRequest(PriorOptions, MeasuredSignal, CameraAndLight):
+    """Options of ``spectrabox sample``."""
+
+    signals: Annotated[Path | None, typer.Option(
+        help="CSV: a header of bands, one signal per row.")] = None
+    coefficients: Coefficients = 13
+    method: Annotated[str, typer.Option(help="prior, uniform or paper.")] = "prior"
+    samples: Annotated[int, typer.Option(
+        help="T, draws per signal; 1000 at least for a 95 % band.")] = 2000
+    seed: Seed = 0
+    out: Annotated[Path | None, typer.Option(help=".npz of the draws.")] = None
+    level: Annotated[float, typer.Option(help="Level of the bands.")] = 0.95
+    twice: Annotated[str | None, typer.Option(
+        help="Signal of light reflected twice off the surface, v1,v2,v3:e1,e2,e3.")] = None
+    start: Annotated[str, typer.Option(
+        help="bounded or unbounded: c0 of the method paper.")] = "bounded"
+    keep: Annotated[int | None, typer.Option(
+        help="Method paper: rank by the further measurements and keep so many (Eqs. 9, "
+        "10).")] = None
+    refine: Annotated[int | None, typer.Option(
+        help="Coefficients of a finer basis with nested knots; uniform, or paper (Eqs. "
+        "11-16).")] = None
+    light_error: Annotated[float, typer.Option(
+        help="Relative standard error of the light scale.")] = 0.0
+    sensitivity_error: Annotated[float, typer.Option(
+        help="Relative standard error of each curve.")] = 0.0
+    baseline: Baseline = False
+    truth: Annotated[Path | None, typer.Option(
+        help="File of the measured spectrum, to judge by.")] = None
+    column: Annotated[str | None, typer.Option(help="Column of the truth.")] = None
+    delta_light: DeltaLights = DELTA_LIGHTS
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanRequest(MeasuredSignal):
+    """Options of ``spectrabox plan``."""
+
+    folder: Annotated[Path | None, typer.Argument(
+        metavar="[DIR]", help="A finished session, in place of --sensitivity, --light and "
+        "--signal.")] = None
+    sensitivity: Annotated[str | None, typer.Option(
+        help="CSV of sensitivities, or a camera or observer by its name.")] = None
+    light: Annotated[str | None, typer.Option(
+        help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")] = None
+    steps: Annotated[int, typer.Option(help="Readings to plan.")] = 3
+    second_light: Annotated[tuple[str, ...], typer.Option(help="A light for another photo.")] = ()
+    second_camera: Annotated[tuple[str, ...], typer.Option(help="Another camera's curves.")] = ()
+    lamps: Lamps = None
+    filters: Filters = None
+    reading_minutes: Annotated[float, typer.Option(help="Of one spot reading.")] = 2.0
+    photo_minutes: Annotated[float, typer.Option(help="Of one more photo.")] = 5.0
+    spot_minutes: Annotated[float | None, typer.Option(
+        help="Of a whole spectrum by a spectrometer.")] = None
+    seed: Seed = 0
+    allow_outside: Outside = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class CertifyRequest(PriorOptions, ObserverAndDaylight):
+    """Options of ``spectrabox certify``."""
+
+    folders: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="FOLDER...", help="Measured reflectances, one folder per library.")]
+    noise: Annotated[float, typer.Option(help="Relative standard error of the signals.")] = 0.0
+    delta_light: DeltaLights = DELTA_LIGHTS
+    out: Annotated[Path | None, typer.Option(help="Write the page there (.md).")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainRequest(ObserverAndDaylight):
+    """Options of ``spectrabox prior train``."""
+
+    folders: Annotated[tuple[str, ...], typer.Argument(
+        metavar="[FAMILY=]FOLDER...", help="One folder per library, and the family of surfaces "
+        "that it is of, or mixed; paint by default.")]
+    out: Annotated[Path, typer.Option(help="The prior, .npz.")]
+    models: Annotated[bool, typer.Option(
+        "--models/--libraries-alone", help="Also learn from the models of skin, leaves, dyes ... "
+        "that come with the program.")] = True
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgeRequest(PriorOptions, ObserverAndDaylight):
+    """Options of ``spectrabox judge``."""
+
+    cube: Annotated[Path, typer.Argument(
+        metavar="CUBE", help="ENVI, .npy, .npz, .mat or spectral EXR.")]
+    truth: Annotated[Path | None, typer.Option(
+        help="File of measured spectra; without it nothing is judged.")] = None
+    column: Annotated[str | None, typer.Option(
+        help="Column of the truth for all regions.")] = None
+    regions: Annotated[Path | None, typer.Option(
+        help="TOML: [regions.NAME], rectangle, point or mask.")] = None
+    point: Annotated[tuple[str, ...], typer.Option(
+        help="One pixel, x,y or NAME=x,y; may be repeated.")] = ()
+    wavelengths: Annotated[str | None, typer.Option(
+        help="400:700:10, a list, or a text file, in nm.")] = None
+    variable: Annotated[str | None, typer.Option(
+        help="Name of the array in a .npz or .mat.")] = None
+    full_scale: Annotated[float, typer.Option(
+        help="What reflectance 1 reads in the picture.")] = 1.0
+    white_region: Annotated[str | None, typer.Option(
+        help="Region of known reflectance to divide by.")] = None
+    signals: Annotated[Path | None, typer.Option(
+        help="CSV of what our methods see, one row a region; the truths' own signals "
+        "otherwise.")] = None
+    white: White = None
+    noise: Noise = None
+    delta_light: DeltaLights = DELTA_LIGHTS
+    coefficients: Coefficients = 13
+    samples: Annotated[int, typer.Option(help="Draws of our methods.")] = 2000
+    seed: Seed = 0
+    baseline: Baseline = False
+    out: Annotated[Path | None, typer.Option(help="CSV of the regions' spectra.")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchRequest(SessionOptions):
+    """Options of ``spectrabox match``."""
+
+    folder: Annotated[Path, typer.Argument(
+        metavar="SESSION", help="The folder of a finished session.", show_default=False)]
+    library: Annotated[tuple[str, ...], typer.Argument(
+        metavar="LIBRARY...", help="Files of reflectances of any format, folders of them, or "
+        "published sets: \"CES99\", \"BabelColor Average\" ...", show_default=False)]
+    surface: Annotated[tuple[str, ...], typer.Option(
+        help="Of this surface or region alone; may be repeated.")] = ()
+    variation: Annotated[float, typer.Option(
+        help="How far another sample of one material differs from the library's: standard "
+        "deviation, of white.")] = 0.01
+    ratio: Annotated[float | None, typer.Option(
+        help="Spectra so many times less evident than the best still count as not told apart; by "
+        "default what a true one exceeds 1 time in 20.")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraPreflightRequest(CommonOptions):
+    """Options of ``spectrabox camera preflight``."""
+
+    light: Annotated[str, typer.Option(
+        "--light", metavar="FILE|NAME", show_default=False, help="CSV of the light's spectrum, a "
+        "CIE name (D65, A, LED-B3), unknown, 3200K, or a kind: daylight, halogen, led, "
+        "fluorescent.")]
+    noise: Annotated[float, typer.Option(
+        help="Relative error of a patch, everything included.")] = 0.01
+    reference: Reference = None
+    layout: ChartLayout = ""
+    prior_file: CameraPriorFile = None
+    curves: Annotated[Path | None, typer.Option(
+        metavar="CSV", help="Measured curves of the camera, a column per band; by default it is "
+        "one like those of the prior.")] = None
+    lamps: Lamps = None
+    filters: Filters = None
+    surfaces: Annotated[int, typer.Option(
+        help="Surfaces of each family that are tried; 0 leaves spectra out.")] = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraProfileRequest(CommonOptions):
+    """Options of ``spectrabox camera profile``."""
+
+    sensitivity: Annotated[str, typer.Argument(
+        metavar="FILE|NAME", show_default=False, help="Curves of three bands, or a camera by its "
+        "name.")]
+    camera: Annotated[str, typer.Option(
+        "--camera", metavar="'MAKER MODEL'", show_default=False, help="As the camera's raw files "
+        "name it.")]
+    out: Annotated[tuple[Path, ...], typer.Option(
+        "--out", "-o", metavar="FILE", help=".dcp: DNG profile for A and D65; .json: rawtoaces; "
+        ".txt: vkdt. May be repeated.")] = ()
+    samples: Annotated[Path | None, typer.Option(
+        metavar="NPZ", help="Draws of the curves, from 'camera fit --samples': gives every number "
+        "its spread.")] = None
+    idt_light: Annotated[str, typer.Option(help="CIE name, of the ACES matrix.")] = "D55"
