@@ -25,7 +25,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from spectrabox.fixtures.demo_session import write_demo_session
-from spectrabox.radiometry.light_scale import error_of_each_band
+from spectrabox.measure.surface_signals import measurement, scene_signals
+from spectrabox.radiometry.error_model import error_of_each_band
 from spectrabox.radiometry.records import JointReconstruction, LightScale
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.replay import Truth, replay
@@ -37,7 +38,6 @@ from spectrabox.sampling.spline_measurement import response_on
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.rehearsal import Rehearsed, prepared
-from spectrabox.session.stages.error_budget import measurement_of
 from spectrabox.session.stages.reconstruct_stage import with_errors
 
 SIZE, PATHS, WIDTH = (208, 312), 16, 40
@@ -94,7 +94,7 @@ class Faulty(Rehearsed):
         without draws.
         """
         prior, truth = self.priors[name], self.truths[name]
-        seen = [measurement_of(self.calibrations, joint, joint.materials.index(name))
+        seen = [measurement(scene_signals(joint, self.calibrations), joint.materials.index(name))
                 for joint in joints]
         bands = summaries(prior, response_on(seen[0], PRIOR_GRID),
                           np.array([one.signal for one in seen]),

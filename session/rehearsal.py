@@ -23,10 +23,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
+from spectrabox.measure.surface_signals import measurement, scene_signals
+from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.light_drift import LightDrift, drift_covariance
 from spectrabox.radiometry.progress import Progress
-from spectrabox.radiometry.records import Calibration, JointReconstruction
+from spectrabox.radiometry.records import Calibration, JointReconstruction, LightDrift
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.fit.traced_view import TracedView
@@ -37,7 +38,6 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_pri
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import load_finished, stage_states
-from spectrabox.session.stages.error_budget import measurement_of, scale_covariances
 from spectrabox.session.stages.reconstruct_stage import (
     drift_of,
     glare_error,
@@ -172,10 +172,10 @@ class Rehearsed:
     def scores(self, again: JointReconstruction, number: int,
                rng: np.random.Generator) -> list[Scores]:
         """Scores of every unknown material of one replay, drawn as the session draws."""
-        scores = []
+        scores, signals = [], scene_signals(again, self.calibrations)
         for name, prior in self.priors.items():
-            measurement = measurement_of(self.calibrations, again, again.materials.index(name))
-            spectra = solve_posterior(prior, measurement).draws(DRAWS, int(rng.integers(1 << 31)))
+            seen = measurement(signals, again.materials.index(name))
+            spectra = solve_posterior(prior, seen).draws(DRAWS, int(rng.integers(1 << 31)))
             scores.append(_scores(spectra, self.truths[name][number],
                                   self.config.sampling.level))
         return scores
@@ -250,7 +250,7 @@ def _response(traced: TracedView, calibration: Calibration, joint: JointReconstr
     lights = [view.own_lights.get(name, light) for name, in view.light_groups] if separate \
         else [light]
     # what a band reads of white is calibrated, and known to the error of the scale
-    covariance = sum(scale_covariances(calibration, joint, index).values())
+    covariance = sum(scale_covariances(calibration, joint.views[index].light_scale).values())
     white = white_signal(view.response) * (1 + rng.multivariate_normal(
         np.zeros(len(view.bands)), covariance))
     factor = joint.views[index].light_scale.value * white / white_signal(

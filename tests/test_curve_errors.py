@@ -7,11 +7,15 @@ import pytest
 from test_error_budget import GRID as COARSE
 from test_error_budget import LIGHTS, calibration, curves_and_covariance
 
-from spectrabox.measure.pictures.curve_errors import curve_errors
+from spectrabox.radiometry.error_model import (
+    curve_errors,
+    light_covariance,
+    light_errors,
+    sensitivity_covariance,
+)
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import SurfaceSignals
 from spectrabox.radiometry.response import response_matrix, white_signal
-from spectrabox.session.stages.error_budget import light_covariance, sensitivity_covariance
 from spectrabox.session.stages.inputs import GRID
 
 READINGS = visible_grid(20)
@@ -37,10 +41,10 @@ def test_errors_of_many_signals_by_the_curves_are_those_of_each_alone(fitted, re
     signals = spectra @ to_fine.T @ response.T + 0.01 * rng.standard_normal((5, 3))
     surfaces = SurfaceSignals(tuple("abcde"), (False,) * 5, GRID, spectra @ to_fine.T, tuple("RGB"),
                               np.zeros(3, int), response, signals, ())
-    found = curve_errors(made, response, COARSE.nm).covariance(signals, spectra)
-    for index in range(5):
-        alone = sensitivity_covariance([made], surfaces, index) \
-            + light_covariance([made], surfaces, index)
+    errors = curve_errors(made, GRID).together_with(light_errors(made, GRID, response))
+    found = errors.at(COARSE.nm, GRID).covariance(signals, spectra)
+    both = sensitivity_covariance([made], surfaces) + light_covariance([made], surfaces)
+    for index, alone in enumerate(both):
         # sums of 301 products and the roots of a covariance: some 1e-13 of its largest entry
         np.testing.assert_allclose(found[index], alone, rtol=0, atol=1e-11 * alone.max())
         assert alone.max() > 0

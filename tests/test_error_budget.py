@@ -7,9 +7,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from spectrabox.measure.surface_signals import (
+    errors_by_cause,
+    measurement,
+    relative_errors,
+    scene_signals,
+)
 from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.error_model import (
+    light_covariance,
+    sensitivity_covariance,
+    with_common_error,
+)
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
-from spectrabox.radiometry.light_scale import with_common_error
 from spectrabox.radiometry.records import (
     Calibration,
     JointReconstruction,
@@ -18,15 +28,9 @@ from spectrabox.radiometry.records import (
     Quantity,
     SensitivityFit,
     Spectrum,
+    SurfaceSignals,
 )
 from spectrabox.radiometry.response import response_matrix, white_signal
-from spectrabox.session.stages.error_budget import (
-    light_covariance,
-    measurement_of,
-    relative_errors,
-    sensitivity_covariance,
-    signal_covariances,
-)
 
 GRID = visible_grid(5)
 BASIS = basis_matrix(GRID.nm, 12)
@@ -68,6 +72,12 @@ def joint(coefficients, photo=None, model=None):
         else photo, zero if model is None else model)
 
 
+def seen(made):
+    """The signals of a reconstruction, their errors left open."""
+    return SurfaceSignals(made.materials, made.known, made.grid, made.spectra, made.bands,
+                          made.view_of_band, made.response, made.signal, ())
+
+
 def signals_of(coefficients):
     """Signals (T, 6) relative to white that curves of coefficients (T, 3, 12) predict, by plain
     sums.
@@ -81,7 +91,7 @@ def signals_of(coefficients):
 def test_the_error_of_the_curves_is_that_of_signals_with_perturbed_curves():
     coefficients, covariance = curves_and_covariance()
     calibrations = [calibration(light, coefficients, covariance) for light in LIGHTS]
-    stated = sensitivity_covariance(calibrations, joint(coefficients), 0)
+    stated = sensitivity_covariance(calibrations, seen(joint(coefficients)))[0]
     draws = np.random.default_rng(1).multivariate_normal(coefficients.ravel(), covariance, DRAWS)
     scatter = np.cov(signals_of(draws.reshape(DRAWS, 3, 12)), rowvar=False)
     errors = np.sqrt(np.diag(scatter))
@@ -107,24 +117,25 @@ def test_all_causes_together_are_the_scatter_of_photos_read_with_wrong_scales_an
     # What the photo seems to say, less what the right spectrum predicts: what a sampler takes for
     # noise.
     read = (truth * (1 + disagreement) + noise) / scale - signals_of(curves)
-    stated = measurement_of(calibrations, answer, 0).noise_covariance
+    signals = scene_signals(answer, calibrations)
+    stated = measurement(signals, 0).noise_covariance
     scatter = np.cov(read, rowvar=False)
     errors = np.sqrt(np.diag(scatter))
     # As above: 2 % is 4 sigma; dividing by a scale that errs by 3 % is first order to 1 %.
     np.testing.assert_allclose(np.sqrt(np.diag(stated)), errors, rtol=0.03)
     np.testing.assert_allclose(stated / np.outer(errors, errors),
                                scatter / np.outer(errors, errors), atol=0.05)
-    parts = signal_covariances(calibrations, answer, 0)
-    total = np.sqrt(np.sum([np.square(part) for part in relative_errors(calibrations, answer,
-                                                                        0).values()], axis=0))
+    parts = errors_by_cause(signals, 0)
+    total = np.sqrt(np.sum([np.square(part) for part in relative_errors(signals, 0).values()],
+                           axis=0))
     # Round-off.
     np.testing.assert_allclose(total, np.sqrt(np.diag(sum(parts.values()))) / truth, rtol=1e-12)
 
 
 def test_the_scale_of_one_photo_says_nothing_of_another():
     coefficients, covariance = curves_and_covariance()
-    parts = signal_covariances([calibration(light, coefficients, covariance) for light in LIGHTS],
-                               joint(coefficients), 0)
+    calibrations = [calibration(light, coefficients, covariance) for light in LIGHTS]
+    parts = errors_by_cause(scene_signals(joint(coefficients), calibrations), 0)
     scale = parts["light scale"]
     np.testing.assert_array_equal(scale[:3, 3:], 0)
     relative = np.sqrt(np.diag(scale)) / joint(coefficients).signal[0]
@@ -135,8 +146,8 @@ def test_the_scale_of_one_photo_says_nothing_of_another():
 def test_curves_without_covariance_err_by_the_stated_share_of_the_brightest_band():
     coefficients, _ = curves_and_covariance()
     answer = joint(coefficients)
-    covariance = sensitivity_covariance([calibration(light, coefficients,
-                                                     None) for light in LIGHTS], answer, 0)
+    covariance = sensitivity_covariance([calibration(light, coefficients, None)
+                                         for light in LIGHTS], seen(answer))[0]
     brightest = np.repeat([answer.signal[0, :3].max(), answer.signal[0, 3:].max()], 3)
     # round-off
     np.testing.assert_allclose(covariance, np.diag((0.01 * brightest) ** 2), rtol=1e-12)
@@ -152,7 +163,7 @@ def test_the_error_of_a_lights_readings_is_that_of_signals_under_perturbed_readi
                                             coarse, light, Quantity.RELATIVE, "meter",
                                             standard_error))
                     for light, standard_error in zip(readings, error, strict=True)]
-    stated = light_covariance(calibrations, joint(coefficients), 0)
+    stated = light_covariance(calibrations, seen(joint(coefficients)))[0]
     rng = np.random.default_rng(4)
     curves = coefficients @ BASIS.T * GRID.weights_nm
     signals = []
@@ -177,7 +188,7 @@ def test_what_the_light_did_between_the_photos_befalls_all_bands_of_a_photo_and_
               answer.views[1].light_scale)
     answer = dataclasses.replace(answer, views=tuple(SimpleNamespace(light_scale=scale)
                                                      for scale in scales))
-    parts = signal_covariances(calibrations, answer, 0)
+    parts = errors_by_cause(scene_signals(answer, calibrations), 0)
     signal = answer.signal[0]
     # Round-off. Curves that were fitted give every band its own scale; the lamp's error is common.
     np.testing.assert_allclose(parts["lamp"][:3, :3], 0.04**2 * np.outer(signal[:3], signal[:3]))

@@ -17,9 +17,20 @@ from spectrabox.calibrate.light_field import (
     light_elsewhere,
 )
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
-from spectrabox.radiometry.light_drift import LightDrift
-from spectrabox.radiometry.light_scale import DRIFT, REPEATABILITY, ROUNDED_EXPOSURES
-from spectrabox.radiometry.records import ChartWhite, LinearImage, PhotoKind, RegionSamples
+from spectrabox.radiometry.error_model import (
+    DISAGREEMENT,
+    DRIFT,
+    PHOTO_NOISE,
+    REPEATABILITY,
+    ROUNDED_EXPOSURES,
+)
+from spectrabox.radiometry.records import (
+    ChartWhite,
+    LightDrift,
+    LinearImage,
+    PhotoKind,
+    RegionSamples,
+)
 from spectrabox.session.flat import signals_stage
 from spectrabox.session.flat import white_at_regions as module
 from spectrabox.session.flat.white_at_regions import KNOWN_ERROR, white_at_regions, with_known
@@ -202,11 +213,11 @@ def test_noise_is_averaged_over_photos_and_what_they_share_is_not(seen, monkeypa
     view, model = SimpleNamespace(name="second"), PatchError(0.01, 0.02)
     found = signals_stage._errors(SimpleNamespace(stored=None), config,
                                   [(white, 0, view)] * photos, model, None)
-    np.testing.assert_allclose(found[signals_stage.NOISE], white.noise(0) / photos, rtol=1e-12)
+    np.testing.assert_allclose(found[PHOTO_NOISE], white.noise(0) / photos, rtol=1e-12)
     for cause, covariance in white.errors(0).items():
         np.testing.assert_allclose(found[cause], covariance, rtol=1e-12)
     both = np.outer(white.signal[0], white.signal[0])
-    np.testing.assert_allclose(found[signals_stage.MODEL], both * model.among_bands(3))
+    np.testing.assert_allclose(found[DISAGREEMENT], both * model.among_bands(3))
 
 
 def test_a_reduced_map_is_the_mean_of_what_was_seen_of_each_block(monkeypatch):

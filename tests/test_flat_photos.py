@@ -12,8 +12,8 @@ from spectrabox.capture.photo.preview import encode_srgb8
 from spectrabox.fixtures import lamp
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, paint
+from spectrabox.radiometry.error_model import ROUNDED_EXPOSURES
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.light_scale import ROUNDED_EXPOSURES
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app

@@ -21,6 +21,7 @@ from flat_example import (
 
 from spectrabox.fixtures.flat_sample import lamplight, vignetting, write_photo
 from spectrabox.fixtures.paints import NM, paint
+from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
@@ -113,6 +114,7 @@ def test_running_again_keeps_everything_and_a_new_region_keeps_the_calibration(f
 
 def test_errors_of_a_signal_add_up_and_are_covariances(_finished_flat):
     signals = signals_of(_finished_flat[1].stored)
+    assert {error.cause for error in signals.errors} <= CAUSES.keys()
     for error in signals.errors:
         for covariance in error.covariance:
             np.testing.assert_allclose(covariance, covariance.T, atol=1e-15)

@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 
 from spectrabox.capture.chart.reference_region import region_signals
+from spectrabox.radiometry.error_model import drift_covariance
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError, InputError
-from spectrabox.radiometry.light_drift import drift_between, drift_covariance, scale_after_drift
+from spectrabox.radiometry.light_scale import drift_between, scale_after_drift
 from spectrabox.radiometry.records import LightScale, LinearImage, PhotoKind
 
 WHITE = np.array([0.5, 0.6, 0.4])

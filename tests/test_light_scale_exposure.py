@@ -4,14 +4,13 @@ leave open.
 import numpy as np
 import pytest
 
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.light_scale import (
+from spectrabox.radiometry.error_model import (
     ROUNDED_EXPOSURES,
     error_of_each_band,
-    rounding_error,
-    scale_for_photo,
     with_common_error,
 )
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.light_scale import rounding_error, scale_for_photo
 from spectrabox.radiometry.records import LightScale, LinearImage, PhotoKind
 
 SCALE = LightScale(2.0, 0.01, None, "chart photo")

@@ -158,7 +158,7 @@ def test_what_is_uncertain_of_the_light_on_a_node_adds_up_as_variances(monkeypat
     for name, value in (("compare_reference_surfaces",
                          ReferenceSurfaces(LightScale(1.0, 0.0, None, ""),
                                            np.zeros((bands, bands)))),
-                        ("_calibration_under", None), ("crop_photo", None), ("replace", None),
+                        ("_calibration_under", None), ("crop_photo", None),
                         ("scale_covariances", {"one": np.zeros((bands, bands))})):
         monkeypatch.setattr(scene_light, name, lambda *_, value=value, **__: value)
     crop = SimpleNamespace(rows=slice(0, 12), columns=slice(0, 16))

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from spectrabox.measure.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
@@ -18,7 +19,6 @@ from spectrabox.session.pipeline import (
     run_stages,
     stage_states,
 )
-from spectrabox.session.stages.error_budget import measurement_of
 from spectrabox.session.stages.order import STAGES
 from spectrabox.session.stages.reconstruct_stage import read_materials, settings_of
 from spectrabox.session.stages.scenes import read_session_scene
@@ -168,7 +168,7 @@ def test_the_recovered_signals_are_those_of_the_truth(finished):
     response = response_matrix(made.grid, calibration.sensitivity.curves, light)
     for index, name in enumerate(made.materials):
         truth = spectrum_on_grid(read_reflectance(config, config.materials[name].truth), made.grid)
-        operator = measurement_of([calibration], made, index)
+        operator = measurement(scene_signals(made, [calibration]), index)
         error = response @ truth / response.sum(axis=1) - operator.signal
         chi_square = error @ np.linalg.solve(operator.noise_covariance, error)
         # Three bands: 21.1 is exceeded once in ten thousand if the stated covariance is right.
@@ -181,7 +181,7 @@ def test_draws_reproduce_the_signal_within_its_stated_noise(finished):
     calibration, made = calibrations_of(config, stored)[0], joint_of(stored)
     for index, name in enumerate(made.materials):
         samples, summary = samples_of(stored, name)
-        operator = measurement_of([calibration], made, index)
+        operator = measurement(scene_signals(made, [calibration]), index)
         assert samples.spectra.min() >= 0 and samples.spectra.max() <= 1
         residual = samples.spectra @ response_on(operator, samples.grid).T - operator.signal
         chi_square = np.einsum("tk,kl,tl->t", residual, np.linalg.inv(operator.noise_covariance),

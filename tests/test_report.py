@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from report_example import SURFACES, WORST_RATIO, example_session
 
+from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.light_scale import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import CalibrationDoubt, Outcome, SurfaceMisfit
 from spectrabox.sampling.prior.family_coverage import (
     BandCertificate,

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from test_light_drift import photo
 
-from spectrabox.radiometry.light_drift import drift_between
+from spectrabox.radiometry.error_model import error_of_each_band, with_common_error
 from spectrabox.radiometry.light_scale import (
-    error_of_each_band,
+    drift_between,
     exposure_ratio,
     rounding_error,
     scale_from_signals,
-    with_common_error,
 )
 from spectrabox.radiometry.records import LightScale
 

@@ -16,8 +16,8 @@ from spectrabox.fixtures.demo_session import PAINTS
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.lamp import radiance
 from spectrabox.fixtures.paints import NM, paint
+from spectrabox.radiometry.error_model import DRIFT, LAMP_AT_CHART, REPEATABILITY
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.light_scale import DRIFT, LAMP_AT_CHART, REPEATABILITY
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished, run_stages

@@ -16,7 +16,7 @@ from spectrabox.measure.pictures.crop import Crop
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths
-from spectrabox.radiometry.light_scale import REPEATABILITY, with_common_error
+from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from test_error_budget import calibration, curves_and_covariance, joint
 
+from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
+from spectrabox.radiometry.error_model import drift_covariance
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.light_drift import LightDrift, drift_covariance
-from spectrabox.radiometry.records import LightScale, SpectrumSummary, StrayLight
+from spectrabox.radiometry.records import LightDrift, LightScale, SpectrumSummary, StrayLight
 from spectrabox.session.stages import calibrate_stage, reconstruct_stage
 from spectrabox.session.stages.drawing import on_finer_grid
-from spectrabox.session.stages.error_budget import signal_covariances
 
 COEFFICIENTS, COVARIANCE = curves_and_covariance()
 COLOUR = np.array([0.02, 0.0, -0.03])
@@ -109,7 +109,7 @@ def test_stray_light_of_one_photo_is_that_of_no_other():
     pattern = np.array([[0.01, 0.02, 0.03, 0.04, 0.05, 0.06]])
     two = dataclasses.replace(joint(COEFFICIENTS), stray_light=(StrayLight("glare", pattern),))
     both = [calibration(np.ones(61), COEFFICIENTS, COVARIANCE)] * 2
-    found = signal_covariances(both, two, 0)["glare"]
+    found = errors_by_cause(scene_signals(two, both), 0)["glare"]
     error = pattern[0] * two.signal[0]
     one = np.outer(error, error)
     np.testing.assert_allclose(found[:3, :3], one[:3, :3])

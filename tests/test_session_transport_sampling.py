@@ -74,7 +74,8 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
     np.testing.assert_array_equal(of_region, materials[regions.surface])
     # an error of one material's signal befalls the regions of that material and no other
     relative = np.ones(regions.signal.shape)
-    for error in _of_tails(calibrations_of(config, stored)[0], regions, relative):
+    of_brightest = calibrations_of(config, stored)[0].relative_covariance
+    for error in _of_tails(of_brightest, regions, relative):
         assert len(set(of_region[(error != 0).any(axis=1)])) == 1
     stray = with_stray_light(joint, np.full(3, 0.01), 0.0)
     glare = _of_stray_light(stray, regions, relative)[0]

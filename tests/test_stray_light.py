@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from spectrabox.fixtures.demo_scenes import CHART_LIGHT_CM, chart_scene_xml
+from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
 from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
+from spectrabox.radiometry.error_model import CAUSES, GLARE, LAMP_AT_CHART, STRAY_LIGHT
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.light_scale import LAMP_AT_CHART
 from spectrabox.radiometry.records import JointReconstruction
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -16,9 +17,8 @@ from spectrabox.reconstruct.scene.moved_light import with_light_moved
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
-from spectrabox.session.stages.error_budget import signal_covariances
 from spectrabox.session.stages.stored_records import calibrations_of, joint_of
-from spectrabox.session.stages.stray_light import AMBIENT, GLARE, with_stray_light
+from spectrabox.session.stages.stray_light import with_stray_light
 
 GRID = visible_grid(50)
 SIGNAL = np.array([[0.8, 0.7, 0.6], [0.1, 0.05, 0.2]])     # a white and a dark paint
@@ -48,7 +48,7 @@ def test_glare_and_ambient_light_are_what_a_photo_with_them_reads_more():
     photo = clean.views[0].measured
     hazy = photo + 0.01 * photo.mean(axis=(0, 1))
     lit = joint(irradiance + 0.004 * np.percentile(irradiance, 99), surface).views[0].measured
-    for cause, spoilt in ((GLARE, hazy), (AMBIENT, lit)):
+    for cause, spoilt in ((GLARE, hazy), (STRAY_LIGHT, lit)):
         more = [spoilt[surface == paint].mean(axis=0) / photo[surface == paint].mean(axis=0) - 1
                 for paint in (0, 1)]
         # Round-off.
@@ -86,13 +86,15 @@ def test_a_session_names_each_cause_in_its_budget(finished):
     config = read_session(finished)
     stored = load_finished(config).stored
     made = joint_of(stored)
-    parts = signal_covariances(calibrations_of(config, stored), made, 0)
-    assert {GLARE, AMBIENT, LAMP_AT_CHART} <= set(parts)
+    calibrations = calibrations_of(config, stored)
+    parts = errors_by_cause(scene_signals(made, calibrations), 0)
+    assert parts.keys() <= CAUSES.keys()
+    assert {GLARE, STRAY_LIGHT, LAMP_AT_CHART} <= set(parts)
     # Inverse squares, 0.5 % along each axis: 1 %, less where the light falls at an angle.
     errors = {error.cause: error.relative for error in made.views[0].light_scale.common_errors}
     assert 0.005 < errors[LAMP_AT_CHART] < 0.012
     without = dataclasses.replace(made, stray_light=())
-    total = sum(signal_covariances(calibrations_of(config, stored), without, 0).values())
+    total = sum(errors_by_cause(scene_signals(without, calibrations), 0).values())
     # Round-off.
-    np.testing.assert_allclose(sum(parts.values()) - total, parts[GLARE] + parts[AMBIENT],
+    np.testing.assert_allclose(sum(parts.values()) - total, parts[GLARE] + parts[STRAY_LIGHT],
                                atol=1e-15)

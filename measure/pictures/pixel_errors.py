@@ -12,12 +12,13 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
-from spectrabox.measure.pictures.curve_errors import CurveErrors, curve_errors
 from spectrabox.measure.pictures.illumination import (
     Illumination,
     LightAdaptation,
     light_adaptation,
 )
+from spectrabox.radiometry.error_model import ResponseErrors, curve_errors, light_errors
+from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Calibration
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
@@ -25,6 +26,9 @@ from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posteri
 EXPECTED = 0.01         # of white: error of the signals whose spectra the errors are evaluated at
 EXPECTED_AT_ONCE = 500
 COARSE_TOLERANCE = 1e-3     # logits: a coarse spectrum need not be nearer to its mode
+
+
+GRID = visible_grid()
 
 
 @dataclass(frozen=True)
@@ -67,10 +71,12 @@ class PixelErrors:
         return light_adaptation(self.light, self.prior)
 
     @cached_property
-    def curves(self) -> list[CurveErrors]:
+    def curves(self) -> list[ResponseErrors]:
         """Errors by sensitivities and light under each typical light."""
-        return [curve_errors(calibration, response, PRIOR_GRID.nm) for calibration, response
-                in zip(self.calibrations, self.fine_responses, strict=True)]
+        return [curve_errors(calibration, GRID).together_with(
+                    light_errors(calibration, GRID, response)).at(PRIOR_GRID.nm, GRID)
+                for calibration, response in zip(self.calibrations, self.fine_responses,
+                                                 strict=True)]
 
     def white_at(self, weights: csr_array) -> White:
         """White at the pixels (n) of some weights of the nodes."""

@@ -18,13 +18,13 @@ from spectrabox.calibrate.products.lamps import lamps_like
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
+from spectrabox.radiometry.error_model import curve_errors, proportional_covariance
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import (
     Calibration,
     PatchSamples,
     Quantity,
     Spectrum,
-    SurfaceSignals,
     UnknownLight,
 )
 from spectrabox.radiometry.response import response_matrix, white_signal
@@ -40,7 +40,6 @@ from spectrabox.sampling.prior.mixture import (
 )
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.session.signals.lamps_at_hand import LampsAtHand, lamp_candidates
-from spectrabox.session.stages.error_budget import sensitivity_covariance
 
 GRID = visible_grid(1)
 TO_FINE = interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
@@ -192,16 +191,13 @@ def _recovered(shoot: Shoot, fit: PriorFit, products: np.ndarray, truth: np.ndar
     response = response / white_signal(response)[:, None]
     bands = len(response)
     calibration = Calibration(fit.sensitivity, light, None, np.zeros((bands, bands)), ())
+    curves = curve_errors(calibration, GRID)
     relative = white.covariance[:bands, :bands] + fit.patch_error.among_bands(bands)
     estimate = truth.mean(axis=0) * np.ones_like(truth)
     for _ in range(2):
-        seen = SurfaceSignals(tuple(map(str, range(len(signals)))), (False,) * len(signals), GRID,
-                              estimate @ TO_FINE.T, tuple(map(str, range(bands))),
-                              np.zeros(bands, int), response, signals, ())
-        covariance = np.array([sensitivity_covariance([calibration], seen, index)
-                               for index in range(len(signals))])
+        covariance = curves.covariance(signals, estimate @ TO_FINE.T)
         found = _judged(prior, response, signals,
-                        covariance + relative * signals[:, :, None] * signals[:, None, :], truth)
+                        covariance + proportional_covariance(signals, relative), truth)
         estimate = found[0]
     return list(found[1:])
 

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.surface_signals import families_allowed, relative_errors, variance_shares
+from spectrabox.radiometry.error_model import DISAGREEMENT, PHOTO_NOISE
 from spectrabox.radiometry.records import SurfaceSignals
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.calibration_facts import light_facts
 from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
 from spectrabox.session.flat.flat_results import FlatResults, PhotoOfRegions
 from spectrabox.session.flat.region_stage import regions_of
-from spectrabox.session.flat.signals_stage import MODEL, NOISE
 from spectrabox.session.pictures.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.scores import score
@@ -30,11 +31,6 @@ from spectrabox.session.stages.stored_records import (
     photo_of,
     samples_of,
     signals_of,
-)
-from spectrabox.session.stages.surface_signals import (
-    families_allowed,
-    relative_errors,
-    variance_shares,
 )
 from spectrabox.session.store.made_from import made_from
 from spectrabox.session.store.results import AS_INTENDED, MaterialResult
@@ -72,8 +68,8 @@ def _region(config: SessionConfig, signals: SurfaceSignals, stored: Mapping[str,
     by_cause = {error.cause: error.covariance[index] for error in signals.errors}
     signal = signals.signal[index]
     with np.errstate(invalid="ignore"):
-        model = by_cause[MODEL] / np.outer(signal, signal)
-    measured = (signal, by_cause[NOISE], model)
+        model = by_cause[DISAGREEMENT] / np.outer(signal, signal)
+    measured = (signal, by_cause[PHOTO_NOISE], model)
     if signals.known[index]:
         return MaterialResult(name, signals.spectra[index], *measured, None, None, {}, truth, None)
     samples, summary = samples_of(stored, name)

@@ -3,11 +3,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from spectrabox.measure.surface_signals import measurement
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.session.stages.drawing import drawn_and_summarised
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import signals_of
-from spectrabox.session.stages.surface_signals import measurement
 
 
 def sample_regions(task: StageTask) -> dict[str, Any]:

@@ -8,9 +8,24 @@ from typing import Any
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import PatchError
+from spectrabox.measure.surface_signals import with_errors
+from spectrabox.radiometry.error_model import (
+    DISAGREEMENT,
+    DRIFT_OF_COLOUR,
+    GLARE,
+    LIGHT_SPECTRUM,
+    PHOTO_NOISE,
+    SENSITIVITIES,
+    added_covariance,
+    drift_covariance,
+    glare_signal,
+    light_covariance,
+    proportional_covariance,
+    sensitivity_covariance,
+)
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.light_drift import LightDrift, drift_between, drift_covariance
-from spectrabox.radiometry.records import Calibration, SignalError, SurfaceSignals
+from spectrabox.radiometry.light_scale import drift_between
+from spectrabox.radiometry.records import Calibration, LightDrift, SurfaceSignals
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
@@ -24,7 +39,6 @@ from spectrabox.session.flat.white_at_regions import (
     white_at_regions,
     with_known,
 )
-from spectrabox.session.stages.error_budget import light_covariance, sensitivity_covariance
 from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import (
@@ -36,8 +50,6 @@ from spectrabox.session.stages.stored_records import (
 
 SAME = 1e-9             # relative: responses closer than this are one
 GUESSED = 0.01          # of white: error of the signals whose spectra the errors are evaluated at
-NOISE, MODEL, COLOUR = "photo noise", "photo and model disagree", "drift of the light's colour"
-CURVES, SPECTRUM, GLARE = "sensitivities", "light spectrum", "veiling glare"
 
 
 def find_signals(task: StageTask) -> dict[str, Any]:
@@ -177,11 +189,9 @@ def _stacked(task: StageTask, calibrations: Sequence[Calibration], responses: li
     signals = SurfaceSignals(names, tuple(name in known for name in names), GRID, spectra, labels,
                              np.repeat(distinct, count), response, signal, ())
     filled = dataclasses.replace(signals, signal=np.nan_to_num(signal))
-    for cause, function in ((CURVES, sensitivity_covariance), (SPECTRUM, light_covariance)):
-        causes[cause] = np.array([function(calibrations, filled, index)
-                                  for index in range(len(names))])
-    return dataclasses.replace(signals, errors=tuple(
-        SignalError(cause, covariance) for cause, covariance in causes.items()))
+    causes[SENSITIVITIES] = sensitivity_covariance(calibrations, filled)
+    causes[LIGHT_SPECTRUM] = light_covariance(calibrations, filled)
+    return with_errors(signals, causes)
 
 
 def _errors(task: StageTask, config: SessionConfig,
@@ -195,21 +205,21 @@ def _errors(task: StageTask, config: SessionConfig,
     parts: list[dict[str, np.ndarray]] = []
     for white, row, view in shown:
         signal = white.signal[row]
-        veil = config.stray_light.glare * photo_of(task.stored, view).signal.mean(axis=(0, 1)) \
-            / white.white[row]
-        parts.append({**white.errors(row), GLARE: np.outer(veil, veil),
-                      MODEL: _model_covariance(signal, model)})
+        veil = glare_signal(config.stray_light.glare, photo_of(task.stored, view).signal.mean(
+            axis=(0, 1))) / white.white[row]
+        parts.append({**white.errors(row), GLARE: added_covariance(veil),
+                      DISAGREEMENT: _model_covariance(signal, model)})
         if drift is not None and not view.name:
-            parts[-1][COLOUR] = drift_covariance(drift) * np.outer(signal, signal)
+            parts[-1][DRIFT_OF_COLOUR] = proportional_covariance(signal, drift_covariance(drift))
     causes = dict.fromkeys(cause for part in parts for cause in part)
     zero = np.zeros_like(noise)
-    return {NOISE: noise, **{cause: np.mean([part.get(cause, zero) for part in parts], axis=0)
-                             for cause in causes}}
+    return {PHOTO_NOISE: noise, **{
+        cause: np.mean([part.get(cause, zero) for part in parts], axis=0) for cause in causes}}
 
 
 def _model_covariance(signal: np.ndarray, model: PatchError) -> np.ndarray:
     """Covariance (K, K) by what patches and model disagree."""
-    return np.outer(signal, signal) * model.among_bands(signal.size)
+    return proportional_covariance(signal, model.among_bands(signal.size))
 
 
 def _guess(config: SessionConfig, prior: LogitMixture, name: str, response: np.ndarray,

@@ -17,22 +17,21 @@ import numpy as np
 from spectrabox.calibrate.light_field import LightElsewhere, PicturePoints, light_elsewhere
 from spectrabox.radiometry.chart import plane_centres, plane_from_picture, projected
 from spectrabox.radiometry.covariance import symmetric
-from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.light_drift import LightDrift
-from spectrabox.radiometry.light_scale import (
+from spectrabox.radiometry.error_model import (
     DRIFT,
+    LIGHT_FIELD,
     REPEATABILITY,
     ROUNDED_EXPOSURES,
-    exposure_ratio,
-    rounding_error,
+    WHITE,
 )
-from spectrabox.radiometry.records import ChartWhite, LinearImage, RegionSamples
+from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.light_scale import exposure_ratio, rounding_error
+from spectrabox.radiometry.records import ChartWhite, LightDrift, LinearImage, RegionSamples
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import chart_of, photo_of
 
-WHITE, LIGHT = "white on the chart", "light over the picture"
 KNOWN_ERROR = 0.005         # relative, of a known spectrum: its angle to the light, wear
 OTHER_COLOUR, SIGMAS = 0.04, 4.0    # relative and in standard errors: the light is another
 LEVEL_DOUBTED, LEVEL_REFUSED = 3.0, 5.0     # standard errors between a known level and the light's
@@ -102,7 +101,7 @@ class PhotoWhite:
         steps = np.maximum(np.diff(common), 0.0)
         steps *= min(1.0, common[-1] / max(float(steps.sum()), np.finfo(float).tiny))
         both = np.outer(signal, signal)
-        parts = dict(zip((LIGHT, *self.causes), steps[:, None, None] * both, strict=True))
+        parts = dict(zip((LIGHT_FIELD, *self.causes), steps[:, None, None] * both, strict=True))
         return {WHITE: symmetric(totals[-1] - np.sum(list(parts.values()), axis=0)), **parts}
 
 

@@ -11,8 +11,8 @@ from spectrabox.measure.pictures.crop import Crop, crop_of, crop_photo
 from spectrabox.measure.pictures.illumination import even_light
 from spectrabox.measure.pictures.lit_photo import LitPhoto
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
+from spectrabox.radiometry.error_model import drift_covariance, glare_signal
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.light_drift import drift_covariance
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
 from spectrabox.session.flat.signals_stage import (
     drift_of,
@@ -79,7 +79,7 @@ def pixel_errors(task: StageTask, crop: Crop, prior: LogitMixture) -> PixelError
     relative = model_error(task).among_bands(bands)
     if drift is not None and not view.name:
         relative = relative + drift_covariance(drift)
-    veil = config.stray_light.glare * photo_of(stored, view).signal.mean(axis=(0, 1))
+    veil = glare_signal(config.stray_light.glare, photo_of(stored, view).signal.mean(axis=(0, 1)))
     on_prior = response @ interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
     return PixelErrors(
         node_weights(x_px, y_px, crop.x_px, crop.y_px), White(white.white[regions:], log,

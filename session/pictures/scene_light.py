@@ -16,14 +16,13 @@ from spectrabox.measure.pictures.illumination import illumination
 from spectrabox.measure.pictures.lit_photo import LitPhoto
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.pictures.pixel_flags import DARK, EDGE, PENUMBRA, SEEN
-from spectrabox.radiometry.light_drift import drift_covariance
+from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
 from spectrabox.radiometry.records import Calibration, LightScale
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
 from spectrabox.reconstruct.pixels.hits import hits_of
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.pictures.reference_surfaces import compare_reference_surfaces
 from spectrabox.session.pictures.traced_photo import TracedPhoto
-from spectrabox.session.stages.error_budget import scale_covariances
 
 MAX_ROUNDS, TOLERANCE = 12, 0.005   # largest relative change of light that counts as none
 STEP = 0.65                 # under-relaxation: full steps oscillate, as brighter walls send on more
@@ -167,9 +166,7 @@ def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightS
     bands = white.shape[1]
     ambient = scene.ambient * np.percentile(grey, BRIGHTEST_PERCENTILE) / grey
     common = scene.traced.relative_variance + uneven**2 + ambient**2
-    first, *others = scene.joint.views
-    rescaled = replace(scene.joint, views=(replace(first, light_scale=references.scale), *others))
-    scale = sum(scale_covariances(scene.calibration, rescaled, 0).values())
+    scale = sum(scale_covariances(scene.calibration, references.scale).values())
     log = scale + common[:, None, None] * np.ones((bands, bands))
     width = crop.columns.stop - crop.columns.start
 

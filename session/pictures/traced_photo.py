@@ -8,8 +8,7 @@ import numpy as np
 
 from spectrabox.measure.pictures.crop import Crop
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.light_drift import LightDrift
-from spectrabox.radiometry.records import Calibration, JointReconstruction
+from spectrabox.radiometry.records import Calibration, JointReconstruction, LightDrift
 from spectrabox.reconstruct.pixels.pixel_light import PixelLight
 from spectrabox.reconstruct.scene.regions import region_means
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene

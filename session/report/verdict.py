@@ -6,7 +6,7 @@ from enum import Enum
 
 import numpy as np
 
-from spectrabox.radiometry.light_scale import REPEATABILITY
+from spectrabox.radiometry.error_model import REPEATABILITY
 from spectrabox.radiometry.records import (
     CalibrationDoubt,
     Outcome,

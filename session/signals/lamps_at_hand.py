@@ -105,10 +105,11 @@ def session_plan(folder: Path, hand: LampsAtHand,
     ------
     InputError
     """
+    from spectrabox.measure.surface_signals import measurement
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import load_finished
     from spectrabox.session.stages.stored_records import calibrations_of, samples_of
-    from spectrabox.session.stages.surface_signals import measurement, surface_signals
+    from spectrabox.session.stages.surface_signals import surface_signals
 
     config = read_session(folder, allow_outside)
     stored = load_finished(config).stored

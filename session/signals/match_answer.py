@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.surface_signals import measurement
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.judge.identification import Identification, identify
 from spectrabox.sampling.prior.mixture import load_prior, of_families
@@ -13,7 +14,7 @@ from spectrabox.session.commands.requests import MatchRequest
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.signals.spectral_library import SpectralLibrary, read_spectral_libraries
-from spectrabox.session.stages.surface_signals import measurement, surface_signals
+from spectrabox.session.stages.surface_signals import surface_signals
 
 SHOWN, NAMED = 10, 3    # rows of a table, and sentences on spectra left out
 LIKELY_NONE = 0.95      # probability from which another surface is called more likely

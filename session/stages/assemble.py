@@ -5,18 +5,19 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.records import Calibration, JointReconstruction
+from spectrabox.measure.surface_signals import (
+    families_allowed,
+    relative_errors,
+    scene_signals,
+    variance_shares,
+)
+from spectrabox.radiometry.records import Calibration, JointReconstruction, SurfaceSignals
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, spectrum_on_grid
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pictures.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.scores import score
-from spectrabox.session.stages.error_budget import (
-    families_allowed,
-    relative_errors,
-    variance_shares,
-)
 from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
 from spectrabox.session.stages.stored_records import (
     calibrations_of,
@@ -48,9 +49,9 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
     stored = run.stored
     calibrations, joint = calibrations_of(config, stored), joint_of(stored)
     calibration, reconstruction = calibrations[0], joint.views[0]
-    photo = photo_of(stored)
+    photo, signals = photo_of(stored), scene_signals(joint, calibrations)
     bands = band_names(config, photo.signal.shape[2])
-    materials = [_material(config, calibrations, joint, stored, joint.materials.index(name))
+    materials = [_material(config, signals, joint, stored, joint.materials.index(name))
                  for name in config.materials if name in joint.materials]
     previews = config.results_folder / "photo"
     views = [ViewResult(view.name, bands, calibrations[number],
@@ -72,7 +73,7 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
         geometry=geometry_of(stored), picture=picture_of(config, stored))
 
 
-def _material(config: SessionConfig, calibrations: list[Calibration], joint: JointReconstruction,
+def _material(config: SessionConfig, signals: SurfaceSignals, joint: JointReconstruction,
               stored: dict[str, Any], index: int) -> MaterialResult:
     name, spectrum = joint.materials[index], joint.spectra[index]
     section = config.materials[name]
@@ -82,13 +83,13 @@ def _material(config: SessionConfig, calibrations: list[Calibration], joint: Joi
     if joint.known[index]:
         return MaterialResult(*known, None, None, {}, truth, None)
     samples, summary = samples_of(stored, name)
-    errors = relative_errors(calibrations, joint, index)
+    errors = relative_errors(signals, index)
     scores = None if truth is None else score(spectrum_on_grid(truth, joint.grid), spectrum,
                                               summary, samples)
     by_prior = config.sampling.method == "prior" and config.sampling.through == "surface"
-    shares = variance_shares(calibrations, joint, index, section.families) if by_prior else {}
+    shares = variance_shares(signals, index, section.families) if by_prior else {}
     by_learnt = config.sampling.method == "prior" and samples.outcome in AS_INTENDED
-    families = families_allowed(calibrations, joint, index, section.families) if by_learnt else ()
+    families = families_allowed(signals, index, section.families) if by_learnt else ()
     return MaterialResult(*known, summary, samples, errors, truth, scores, shares, families)
 
 

@@ -19,7 +19,7 @@ from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.calibrate.sensitivity import scale_of_photo
 from spectrabox.calibrate.trust import GLARE_SIGMA
 from spectrabox.capture.chart.quality import uneven_light_reasons
-from spectrabox.radiometry.light_scale import LAMP_AT_CHART, with_common_error
+from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import (
     Calibration,

@@ -7,18 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry.error_model import REPEATABILITY, drift_covariance, with_common_error
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.light_drift import (
-    LightDrift,
-    drift_between,
-    drift_covariance,
-    scale_after_drift,
-)
-from spectrabox.radiometry.light_scale import REPEATABILITY, scale_for_photo, with_common_error
+from spectrabox.radiometry.light_scale import drift_between, scale_after_drift, scale_for_photo
 from spectrabox.radiometry.records import (
     Calibration,
     JointReconstruction,
     LearntSpectra,
+    LightDrift,
     LightScale,
     LinearImage,
 )

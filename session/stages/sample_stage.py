@@ -3,10 +3,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from spectrabox.measure.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.records import SpectrumSamples
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.session.stages.drawing import drawn_and_summarised
-from spectrabox.session.stages.error_budget import measurement_of
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import calibrations_of, joint_of
 
@@ -21,7 +21,7 @@ def sample_materials(task: StageTask) -> dict[str, Any]:
     """
     chosen, seed = task.config.sampling, task.config.session.seed
     calibrations, joint = calibrations_of(task.config, task.stored), joint_of(task.stored)
-    prior = load_prior()
+    signals, prior = scene_signals(joint, calibrations), load_prior()
     records: dict[str, Any] = {}
     jointly: dict[str, SpectrumSamples] = {}
     families = {name: material.families for name, material in task.config.materials.items()}
@@ -35,7 +35,6 @@ def sample_materials(task: StageTask) -> dict[str, Any]:
         if joint.known[index]:
             continue
         task.progress(index / len(joint.materials), name)
-        records |= drawn_and_summarised(task.config, name,
-                                        measurement_of(calibrations, joint, index), seed + index,
-                                        prior, jointly.get(name))
+        records |= drawn_and_summarised(task.config, name, measurement(signals, index),
+                                        seed + index, prior, jointly.get(name))
     return records

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from spectrabox.radiometry.error_model import curve_errors, scale_covariances
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import (
     Calibration,
@@ -15,10 +16,8 @@ from spectrabox.radiometry.records import (
     SpectrumSamples,
 )
 from spectrabox.radiometry.response import white_signal
-from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.scene.scene_draws import draw_scene, shared_errors
-from spectrabox.session.stages.error_budget import scale_covariances
 from spectrabox.session.stages.one_transport import require_one_transport
 
 KEPT = 1e-4              # of the largest variance of a direction of the sensitivities' error
@@ -67,20 +66,20 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
     """What one standard deviation of each error that regions share does to their signals (Q, R,
     K).
     """
-    view = joint.views[0]
     spectra = np.array([joint.spectra[joint.materials.index(name)]
                         for name in regions.transport.materials])
     products = np.exp(regions.transport.exponents.astype(float) @ np.log(np.maximum(spectra, 1e-6)))
     received = regions.transport.coefficients @ products
-    signal = received @ response.T
-    fit, white = calibration.sensitivity, white_signal(response)
-    if fit.covariance is None or fit.basis is None:
-        of_curves = _of_tails(calibration, regions, signal / white) * white
-    else:
-        of_curves = _of_curves(calibration, received, response, view.light_scale.value, joint)
-    return np.concatenate([of_curves, _of_stray_light(joint, regions, signal), shared_errors(
-        signal, np.sum(list(scale_covariances(calibration, joint, 0).values()), axis=0), 0.0,
-        regions.surface, regions.colour_error, regions.brightness_error)])
+    signal, white = received @ response.T, white_signal(response)
+    errors = curve_errors(calibration, joint.grid, KEPT)
+    of_curves = np.moveaxis(errors.changes(signal / white, received), 2, 0)
+    scale = np.sum(list(scale_covariances(calibration, joint.views[0].light_scale).values()),
+                   axis=0)
+    return np.concatenate([
+        of_curves * white, _of_tails(errors.of_brightest, regions, signal / white) * white,
+        _of_stray_light(joint, regions, signal),
+        shared_errors(signal, scale, 0.0, regions.surface, regions.colour_error,
+                      regions.brightness_error)])
 
 
 def _of_stray_light(joint: JointReconstruction, regions: RegionTransport,
@@ -92,34 +91,16 @@ def _of_stray_light(joint: JointReconstruction, regions: RegionTransport,
                     ).reshape(-1, *signal.shape)
 
 
-def _of_tails(calibration: Calibration, regions: RegionTransport,
+def _of_tails(of_brightest: np.ndarray, regions: RegionTransport,
               relative: np.ndarray) -> np.ndarray:
-    """Errors (Q, R, K) of measured curves, relative to white, as
-    ``error_budget.sensitivity_covariance`` has them.
+    """Errors (Q, R, K) of measured curves, relative to white; see ``error_model.curve_errors``.
 
     Every band errs by the stated share of the material's brightest band; errors of regions of the
     same material are fully correlated.
     """
-    values, vectors = np.linalg.eigh(calibration.relative_covariance)
+    values, vectors = np.linalg.eigh(of_brightest)
     patterns = (vectors * np.sqrt(np.maximum(values, 0))).T[values > 0]
     brightest = relative.max(axis=1, keepdims=True)
     errors = [np.where((regions.material == material)[:, None], brightest * pattern, 0.0)
               for material in np.unique(regions.material) for pattern in patterns]
     return np.array(errors).reshape(-1, *relative.shape)
-
-
-def _of_curves(calibration: Calibration, received: np.ndarray, response: np.ndarray, scale: float,
-               joint: JointReconstruction) -> np.ndarray:
-    """Errors (Q, R, K) of the camera's curves by principal directions; white keeps its signal,
-    being calibrated.
-    """
-    fit = calibration.sensitivity
-    assert fit.covariance is not None and fit.basis is not None
-    values, vectors = np.linalg.eigh(fit.covariance)
-    chosen = values > KEPT * values[-1]
-    bands, count = len(fit.curves), fit.basis.shape[1]
-    curves = (vectors[:, chosen] * np.sqrt(values[chosen])).T.reshape(-1, bands,
-                                                                      count) @ fit.basis.T
-    moved = scale * curves * spectrum_on_grid(calibration.light, joint.grid) * joint.grid.weights_nm
-    moved -= response * (moved.sum(axis=2) / white_signal(response))[..., None]
-    return np.einsum("rp,qkp->qrk", received, moved)

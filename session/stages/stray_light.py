@@ -12,10 +12,9 @@ import dataclasses
 
 import numpy as np
 
+from spectrabox.radiometry.error_model import GLARE, STRAY_LIGHT
 from spectrabox.radiometry.records import JointReconstruction, Reconstruction, StrayLight
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
-
-GLARE, AMBIENT = "veiling glare", "stray light"
 
 
 def with_stray_light(joint: JointReconstruction, glare: np.ndarray,
@@ -44,7 +43,7 @@ def with_stray_light(joint: JointReconstruction, glare: np.ndarray,
                 of_glare[index, bands] = glare * view.measured.mean(axis=(0, 1)) / shown
                 of_ambient[index, bands] = ambient * brightest / irradiance[own].mean()
     return dataclasses.replace(joint, stray_light=(StrayLight(GLARE, of_glare),
-                                                   StrayLight(AMBIENT, of_ambient)))
+                                                   StrayLight(STRAY_LIGHT, of_ambient)))
 
 
 def _irradiance(view: Reconstruction) -> np.ndarray:

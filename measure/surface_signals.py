@@ -1,0 +1,140 @@
+"""What the photos say of every surface: the record in which flat samples and scenes end."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from spectrabox.radiometry.covariance import block_diagonal, symmetric
+from spectrabox.radiometry.error_model import (
+    DISAGREEMENT,
+    LIGHT_SPECTRUM,
+    RENDERING_NOISE,
+    SENSITIVITIES,
+    added_covariance,
+    light_covariance,
+    proportional_covariance,
+    scale_covariances,
+    sensitivity_covariance,
+)
+from spectrabox.radiometry.records import (
+    Calibration,
+    JointReconstruction,
+    SignalError,
+    SpectralMeasurement,
+    SurfaceSignals,
+)
+from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_coverages
+from spectrabox.sampling.prior.mixture import load_prior, of_families
+from spectrabox.sampling.prior.signal_posterior import solve_posterior
+
+
+def scene_signals(joint: JointReconstruction,
+                  calibrations: Sequence[Calibration]) -> SurfaceSignals:
+    """The signals of all materials of a scene, with their errors.
+
+    Parameters
+    ----------
+    joint : JointReconstruction
+    calibrations : sequence of Calibration
+        Of every view, in the order of ``joint.views``.
+    """
+    signals = SurfaceSignals(joint.materials, joint.known, joint.grid, joint.spectra, joint.bands,
+                             joint.view_of_band, joint.response, joint.signal, ())
+    scales = [scale_covariances(calibrations[view], joint.views[view].light_scale)
+              for view in np.unique(joint.view_of_band)]
+    bands = len(calibrations[0].sensitivity.curves)
+    none = np.zeros((bands, bands))
+    causes = {RENDERING_NOISE: joint.signal_covariance,
+              SENSITIVITIES: sensitivity_covariance(calibrations, signals),
+              LIGHT_SPECTRUM: light_covariance(calibrations, signals)}
+    for cause in dict.fromkeys(cause for parts in scales for cause in parts):
+        relative = block_diagonal(*(parts.get(cause, none) for parts in scales))
+        causes[cause] = proportional_covariance(joint.signal, relative)
+    for stray in joint.stray_light:
+        causes[stray.cause] = added_covariance(stray.relative * joint.signal, joint.view_of_band)
+    causes[DISAGREEMENT] = proportional_covariance(joint.signal, joint.model_covariance)
+    return with_errors(signals, causes)
+
+
+def with_errors(signals: SurfaceSignals, causes: dict[str, np.ndarray]) -> SurfaceSignals:
+    """The signals with the covariances (M, J, J) of their errors by cause."""
+    return SurfaceSignals(signals.names, signals.known, signals.grid, signals.spectra,
+                          signals.bands, signals.view_of_band, signals.response, signals.signal,
+                          tuple(SignalError(*cause) for cause in causes.items()))
+
+
+def errors_by_cause(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
+    """Covariance of one surface's signal by cause, in the bands that show it.
+
+    Parameters
+    ----------
+    index : int
+        Of the surface.
+    """
+    seen = np.flatnonzero(np.isfinite(signals.signal[index]))
+    return {error.cause: error.covariance[index][np.ix_(seen, seen)] for error in signals.errors}
+
+
+def measurement(signals: SurfaceSignals, index: int) -> SpectralMeasurement:
+    """What the photos said of one surface, in the bands that show it.
+
+    Parameters
+    ----------
+    index : int
+        Of the surface.
+    """
+    seen = np.isfinite(signals.signal[index])
+    total = np.sum(list(errors_by_cause(signals, index).values()), axis=0)
+    return SpectralMeasurement(signals.grid, signals.response[seen], signals.signal[index][seen],
+                               symmetric(total))
+
+
+def relative_errors(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
+    """Relative standard error of one surface's signal by cause, in the bands that show it.
+
+    Parameters
+    ----------
+    index : int
+        Of the surface.
+    """
+    value = signals.signal[index][np.isfinite(signals.signal[index])]
+    return {cause: np.sqrt(np.diag(covariance)) / value
+            for cause, covariance in errors_by_cause(signals, index).items()}
+
+
+def variance_shares(signals: SurfaceSignals, index: int,
+                    families: Sequence[str]) -> dict[str, float]:
+    """Share of each cause in the variance of a spectrum drawn from the learnt prior.
+
+    Parameters
+    ----------
+    index : int
+        Of the surface.
+    families : sequence of str
+        Which it is said to be of.
+
+    Returns
+    -------
+    dict
+        From each cause to its share, 0 to 1, mean over wavelengths; they sum to 1.
+    """
+    posterior = solve_posterior(of_families(load_prior(), families), measurement(signals, index))
+    return posterior.variance_shares(errors_by_cause(signals, index))
+
+
+def families_allowed(signals: SurfaceSignals, index: int,
+                     stated: Sequence[str]) -> tuple[FamilyCoverage, ...]:
+    """The families that a surface's signal allows, or those stated, and how their bands were
+    certified.
+
+    Parameters
+    ----------
+    index : int
+        Of the surface.
+    stated : sequence of str
+        Which it is said to be of.
+    """
+    prior = of_families(load_prior(), stated)
+    shares = solve_posterior(prior, measurement(signals, index)).family_shares
+    return family_coverages(shares, prior.stated, prior.certificates)

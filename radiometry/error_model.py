@@ -1,0 +1,326 @@
+"""Every cause of error of a surface's signal, once: its name, its covariance, what it is common to.
+
+    signal (J,) = response (J, P) @ reflectance (P,) + errors
+
+relative to a perfect white in the surface's place. To first order, an error does one of three
+things, and for each there is one function:
+
+    added           it adds light: d s = pattern                        `added_covariance`
+    proportional    it changes white or its light: d s = s x relative   `proportional_covariance`
+    response        it bends curves: d s = integral (r - s) d response  `ResponseErrors`
+
+The last holds s as well as r, since what white reads is calibrated: an error that is common to a
+whole curve changes no signal. Flat samples, scenes, pixels and rehearsals read their errors here.
+"""
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from spectrabox.radiometry.covariance import block_diagonal
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records import (
+    Calibration,
+    CommonError,
+    LightDrift,
+    LightScale,
+    SurfaceSignals,
+    WavelengthGrid,
+)
+from spectrabox.radiometry.response import white_signal
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+
+PHOTO_NOISE = "photo noise"
+RENDERING_NOISE = "photo and rendering noise"
+SENSITIVITIES = "sensitivities"
+LIGHT_SPECTRUM = "light spectrum"
+WHITE = "white on the chart"
+LIGHT_FIELD = "light over the picture"
+LIGHT_SCALE = "light scale"
+REPEATABILITY = "light and shutter repeat"
+ROUNDED_EXPOSURES = "rounded exposures"
+DRIFT = "drift of the light"
+DRIFT_OF_COLOUR = "drift of the light's colour"
+LAMP_AT_CHART = "lamp position at chart"
+GLARE = "veiling glare"
+STRAY_LIGHT = "stray light"
+DISAGREEMENT = "photo and model disagree"
+
+
+class Cause(NamedTuple):
+    """What one cause of error does, and whether one error of it befalls several at once."""
+
+    kind: str           # "added", "proportional" or "response"
+    bands: bool         # of one photo
+    surfaces: bool      # of one photo
+    photos: bool        # under different light; those that only repeat a photo share all but noise
+
+
+CAUSES = {
+    PHOTO_NOISE: Cause("added", bands=False, surfaces=False, photos=False),
+    RENDERING_NOISE: Cause("added", bands=False, surfaces=False, photos=False),
+    SENSITIVITIES: Cause("response", bands=True, surfaces=True, photos=True),
+    LIGHT_SPECTRUM: Cause("response", bands=True, surfaces=True, photos=False),
+    WHITE: Cause("proportional", bands=True, surfaces=True, photos=False),
+    LIGHT_FIELD: Cause("proportional", bands=True, surfaces=False, photos=False),
+    LIGHT_SCALE: Cause("proportional", bands=True, surfaces=True, photos=False),
+    REPEATABILITY: Cause("proportional", bands=True, surfaces=True, photos=False),
+    ROUNDED_EXPOSURES: Cause("proportional", bands=True, surfaces=True, photos=False),
+    DRIFT: Cause("proportional", bands=True, surfaces=True, photos=False),
+    DRIFT_OF_COLOUR: Cause("proportional", bands=True, surfaces=True, photos=False),
+    LAMP_AT_CHART: Cause("proportional", bands=True, surfaces=True, photos=False),
+    GLARE: Cause("added", bands=True, surfaces=True, photos=False),
+    STRAY_LIGHT: Cause("added", bands=True, surfaces=True, photos=False),
+    DISAGREEMENT: Cause("proportional", bands=True, surfaces=False, photos=False),
+}
+
+DARK = 1e-12             # of the light's strongest wavelength
+
+
+# ---- errors that add light, and errors of white --------------------------------------------------
+
+def added_covariance(pattern: np.ndarray, view_of_band: np.ndarray | None = None) -> np.ndarray:
+    """Covariance (..., J, J) of signals by light that is added to the bands of a photo at once.
+
+    Parameters
+    ----------
+    pattern : (..., J) array
+        What one standard deviation of it adds to the signals.
+    view_of_band : (J,) array, optional
+        The photo of each band: that of different photos is independent. One photo by default.
+    """
+    covariance = pattern[..., :, None] * pattern[..., None, :]
+    return covariance if view_of_band is None else \
+        covariance * (view_of_band[:, None] == view_of_band)
+
+
+def proportional_covariance(signal: np.ndarray, relative: np.ndarray) -> np.ndarray:
+    """Covariance (..., J, J) of signals by errors in proportion to them.
+
+    Parameters
+    ----------
+    signal : (..., J) array
+    relative : (..., J, J) array
+        Relative covariance.
+    """
+    return np.asarray(signal[..., :, None] * signal[..., None, :] * relative)
+
+
+def glare_signal(share: np.ndarray | float, mean_signal: np.ndarray) -> np.ndarray:
+    """Signal (K,) that one standard deviation of veiling glare adds everywhere in a photo.
+
+    Parameters
+    ----------
+    share : float or (K,) array
+        Standard error of the glare, of the photo's mean signal.
+    mean_signal : (K,) array
+        Of the whole photo.
+    """
+    return np.asarray(share * mean_signal)
+
+
+def drift_covariance(drift: LightDrift) -> np.ndarray:
+    """Relative covariance (K, K) of signals by a change of the light's colour that no scale undoes.
+
+    Parameters
+    ----------
+    drift : LightDrift
+    """
+    return np.outer(drift.colour,
+                    drift.colour) if drift.colour_changed else np.zeros((drift.ratio.size,) * 2)
+
+
+def with_common_error(scale: LightScale, cause: str, relative: float) -> LightScale:
+    """The scale with one more error, independent of its others, that all bands share.
+
+    Parameters
+    ----------
+    scale : LightScale
+    cause : str
+    relative : float
+        Standard error; 0 leaves the scale as it is.
+    """
+    if relative == 0:
+        return scale
+    error = scale.standard_error
+    if error is not None:
+        error = float(np.hypot(error, relative * scale.value))
+    return dataclasses.replace(scale, standard_error=error, common_errors=(
+        *scale.common_errors, CommonError(cause, relative)))
+
+
+def error_of_each_band(scale: LightScale) -> float:
+    """Relative standard error of the scale in one band without what all bands share; 0 where
+    nobody stated it.
+    """
+    if scale.standard_error is None:
+        return 0.0
+    common = sum(error.relative**2 for error in scale.common_errors)
+    return float(np.sqrt(max((scale.standard_error / scale.value) ** 2 - common, 0.0)))
+
+
+def scale_covariances(calibration: Calibration, scale: LightScale) -> dict[str, np.ndarray]:
+    """Relative covariance (K, K) of what the bands of one photo read of white, by cause.
+
+    A known material sets one scale for all bands. A chart to which the curves are fitted too gives
+    every band its own: their errors on white are uncorrelated within what
+    benchmarks/bench_white_signal.py can tell. What befell the light or the shutter between the
+    photos befell all bands.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Of the photo.
+    scale : LightScale
+        As it was used for the photo.
+    """
+    bands = len(calibration.sensitivity.curves)
+    fitted = calibration.light_scale is not None and calibration.sensitivity.covariance is not None
+    alike = np.ones((bands, bands))
+    own = error_of_each_band(scale)**2 * (np.eye(bands) if fitted else alike)
+    return {LIGHT_SCALE: own} | {error.cause: error.relative**2 * alike
+                                 for error in scale.common_errors}
+
+
+# ---- errors of the response ----------------------------------------------------------------------
+
+@dataclass(frozen=True, eq=False)
+class ResponseErrors:
+    """What E independent errors of one standard deviation change in the response of K bands, each
+    relative to its response to white.
+    """
+
+    by_spectrum: np.ndarray     # (K, P, E) change of the signal by reflectance at each wavelength
+    by_white: np.ndarray        # (K, E) its sum: change of the signal of white
+    of_brightest: np.ndarray    # (K, K) covariance relative to the brightest band's signal
+
+    def changes(self, signals: np.ndarray, spectra: np.ndarray) -> np.ndarray:
+        """Changes (n, K, E) of signals (n, K) for the reflectances (n, P) behind them, white being
+        calibrated.
+        """
+        return np.stack([spectra @ by_spectrum for by_spectrum in self.by_spectrum], axis=1) \
+            - signals[:, :, None] * self.by_white
+
+    def covariance(self, signals: np.ndarray, spectra: np.ndarray) -> np.ndarray:
+        """Covariance (n, K, K) of signals (n, K), for the reflectances (n, P) behind them."""
+        changes = self.changes(signals, spectra)
+        brightest = signals.max(axis=1)[:, None, None]
+        return np.asarray(changes @ changes.transpose(0, 2, 1) + brightest**2 * self.of_brightest)
+
+    def together_with(self, other: ResponseErrors) -> ResponseErrors:
+        """These errors and others, independent of them."""
+        return ResponseErrors(np.concatenate([self.by_spectrum, other.by_spectrum], axis=2),
+                              np.concatenate([self.by_white, other.by_white], axis=1),
+                              self.of_brightest + other.of_brightest)
+
+    def at(self, nm: np.ndarray, grid: WavelengthGrid) -> ResponseErrors:
+        """The same for reflectances that are straight lines between other wavelengths ``nm``."""
+        return dataclasses.replace(
+            self, by_spectrum=interpolation_matrix(nm, grid.nm).T @ self.by_spectrum)
+
+
+def curve_errors(calibration: Calibration, grid: WavelengthGrid,
+                 kept: float = 0.0) -> ResponseErrors:
+    """Errors of the camera's curves, SENSITIVITIES.
+
+    With a covariance of the curves they are its principal directions, the same in photos under
+    every light. Without one, every band errs by the stated share of the brightest band,
+    independently in each photo: an error of a curve's tail admits light from there.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    grid : WavelengthGrid
+        Of the curves.
+    kept : float
+        Directions whose variance is less than this share of the largest are left out.
+    """
+    fit, bands = calibration.sensitivity, len(calibration.sensitivity.curves)
+    if fit.covariance is None or fit.basis is None:
+        return ResponseErrors(np.zeros((bands, grid.nm.size, 0)), np.zeros((bands, 0)),
+                              calibration.relative_covariance)
+    weight = spectrum_on_grid(calibration.light, grid) * grid.weights_nm
+    white = white_signal(fit.curves * weight)[:, None, None]
+    variances, directions = np.linalg.eigh(fit.covariance)
+    chosen = variances > kept * variances[-1]
+    independent = (directions[:, chosen] * np.sqrt(variances[chosen])).reshape(
+        bands, fit.basis.shape[1], -1)
+    changes = (weight[:, None] * fit.basis / white) @ independent
+    return ResponseErrors(changes, changes.sum(axis=1), np.zeros((bands, bands)))
+
+
+def light_errors(calibration: Calibration, grid: WavelengthGrid,
+                 response: np.ndarray) -> ResponseErrors:
+    """Errors of the readings of one light, LIGHT_SPECTRUM, which are independent of each other;
+    none where nobody stated them.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    grid : WavelengthGrid
+    response : (K, P) array
+        Of the bands to reflectances; rows sum to 1.
+    """
+    light, bands = calibration.light, len(response)
+    if light.standard_error is None:
+        changes = np.zeros((*response.shape, 0))
+    else:
+        power = spectrum_on_grid(light, grid)
+        by_power = response / np.maximum(power, DARK * power.max())
+        changes = by_power[:, :, None] * interpolation_matrix(light.grid.nm, grid.nm) \
+            * light.standard_error
+    return ResponseErrors(changes, changes.sum(axis=1), np.zeros((bands, bands)))
+
+
+def sensitivity_covariance(calibrations: Sequence[Calibration],
+                           surfaces: SurfaceSignals) -> np.ndarray:
+    """Covariance (M, J, J) of the signals of M surfaces by the errors of the camera's curves.
+
+    Parameters
+    ----------
+    calibrations : sequence of Calibration
+        Of every photo, as ``surfaces.view_of_band`` numbers them.
+    surfaces : SurfaceSignals
+        Its signals and spectra; its own errors are not read.
+    """
+    views = [int(view) for view in np.unique(surfaces.view_of_band)]
+    covariance = np.zeros((len(surfaces.names), len(surfaces.bands), len(surfaces.bands)))
+    errors = {view: curve_errors(calibrations[view], surfaces.grid) for view in views}
+    for number, view in enumerate(views):
+        mine = np.flatnonzero(surfaces.view_of_band == view)
+        signals = surfaces.signal[:, mine]
+        covariance[:, mine[:, None], mine] = errors[view].covariance(signals, surfaces.spectra)
+        for other in views[:number]:
+            # photos under lights that are each unknown have products of their own
+            if not np.array_equal(calibrations[view].sensitivity.curves,
+                                  calibrations[other].sensitivity.curves):
+                continue
+            theirs = np.flatnonzero(surfaces.view_of_band == other)
+            both = errors[view].changes(signals, surfaces.spectra) @ errors[other].changes(
+                surfaces.signal[:, theirs], surfaces.spectra).transpose(0, 2, 1)
+            covariance[:, mine[:, None], theirs] = both
+            covariance[:, theirs[:, None], mine] = both.transpose(0, 2, 1)
+    return covariance
+
+
+def light_covariance(calibrations: Sequence[Calibration], surfaces: SurfaceSignals) -> np.ndarray:
+    """Covariance (M, J, J) of the signals of M surfaces by the stated errors of each light's
+    readings.
+
+    Views under the same light share their bands, and these errors with them.
+
+    Parameters
+    ----------
+    calibrations, surfaces
+        As of ``sensitivity_covariance``.
+    """
+    by_view = []
+    for view in np.unique(surfaces.view_of_band):
+        mine = surfaces.view_of_band == view
+        errors = light_errors(calibrations[view], surfaces.grid, surfaces.response[mine])
+        by_view.append(errors.covariance(surfaces.signal[:, mine], surfaces.spectra))
+    return np.array([block_diagonal(*blocks) for blocks in zip(*by_view, strict=True)])
