@@ -30,7 +30,7 @@ from spectrabox.radiometry.error_model import error_of_each_band
 from spectrabox.radiometry.records import JointReconstruction, LightScale
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.replay import Truth, replay
-from spectrabox.reconstruct.scene.moved_light import with_light_moved
+from spectrabox.reconstruct.scene.edit_scene import with_light_moved
 from spectrabox.reconstruct.tracer.transport import TracedTransport, trace_transport
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.prior.summaries import summaries

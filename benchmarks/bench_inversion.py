@@ -52,8 +52,8 @@ from spectrabox.reconstruct.fit.spectrum_prior import smooth_prior
 from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
 from spectrabox.reconstruct.fit.view_terms import Nuisances
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.scene.regions import block_regions
 from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.scene.surfaces import block_regions
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import TracedTransport, shaded_images, trace_transport
 from spectrabox.reconstruct.view import MaterialSpec, View

@@ -39,8 +39,8 @@ from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
 from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.scene.regions import block_regions
 from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.scene.surfaces import block_regions
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.prior.mixture import load_prior, reflectance_moments
@@ -149,8 +149,8 @@ def without_scale(view: View, truth: dict[str, np.ndarray], given: Reconstructio
     start = time.perf_counter()
     view = replace(view, materials=specs(truth, ()))
     region, group = block_regions(view.surface, view.used)
-    traced = trace_view(view, unit_scene(view, view.scene_file.max_depth - 1), region, 1,
-                        lambda done, what: None)
+    traced = trace_view(view, unit_scene(view, view.scene_file.max_depth - 1), region, group,
+                        1, lambda done, what: None)
     shown = scene_errors(given.agreement, frozenset(), len(group))
     assert shown is not None
     free = replace(nuisances(view, settings), scale=None, brightness_error=shown.brightness,

@@ -9,7 +9,12 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.progress import Progress
-from spectrabox.radiometry.records import JointReconstruction, LightScale, Reconstruction
+from spectrabox.radiometry.records import (
+    JointReconstruction,
+    LightScale,
+    Reconstruction,
+    RegionTransport,
+)
 from spectrabox.radiometry.response import white_signal
 from spectrabox.reconstruct.agreement import (
     model_covariance,
@@ -17,23 +22,21 @@ from spectrabox.reconstruct.agreement import (
     shift_sentence,
     surface_agreement,
 )
-from spectrabox.reconstruct.engines.answer import EngineAnswer
 from spectrabox.reconstruct.engines.gradient import invert_by_gradient
-from spectrabox.reconstruct.engines.transport_engine import (
-    require_named_lights,
-    require_plain_products,
-    solve_views,
-)
+from spectrabox.reconstruct.engines.transport_engine import require_traceable, solve_views
+from spectrabox.reconstruct.fit.identifiability import band_signals
 from spectrabox.reconstruct.fit.transport_fit import TransportFit
-from spectrabox.reconstruct.joint_reconstruction import joint_record
 from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
 from spectrabox.reconstruct.scene.scene_file import not_plain_products
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
-from spectrabox.reconstruct.view import View
+from spectrabox.reconstruct.view import View, ViewSolution, unknown_materials
 from spectrabox.reconstruct.view_checks import check_views
 
+SAME_RESPONSE = 1e-9    # relative: responses closer than this are the same
+# of white: error given to every stacked signal, so that bands which repeat others stay regular
+REDUNDANT = 1e-4
 # engines that take one photo; the others trace the light, and take several
-SINGLE_VIEW: dict[str, Callable[[View, InversionSettings, Progress], EngineAnswer]] = {
+SINGLE_VIEW: dict[str, Callable[[View, InversionSettings, Progress], ViewSolution]] = {
     "gradient": invert_by_gradient}
 
 
@@ -80,8 +83,7 @@ def settings_for(views: Sequence[View],
                          "given; set [reconstruct] engine = \"transport\", or leave photos out")
     if settings.engine not in SINGLE_VIEW:
         for view in views:
-            require_plain_products(view)
-            require_named_lights(view, settings)
+            require_traceable(view, settings)
     check_views(views)
     return settings, chosen
 
@@ -109,38 +111,91 @@ def reconstruct_views(views: Sequence[View], settings: InversionSettings, progre
         takes one photo is given several.
     """
     settings, chosen = settings_for(views, settings)
-    answers: tuple[EngineAnswer, ...]
+    solutions: tuple[ViewSolution, ...]
     if settings.engine in SINGLE_VIEW:
-        fit, answers = None, (SINGLE_VIEW[settings.engine](views[0], settings, progress),)
+        fit, solutions = None, (SINGLE_VIEW[settings.engine](views[0], settings, progress),)
     else:
-        fit, answers = solve_views(views, settings, progress, checkpoint)
-    answers = tuple(replace(answer, notes=chosen + answer.notes) for answer in answers)
-    return reconstruction_of(views, fit, answers, settings)
+        fit, solutions = solve_views(views, settings, progress, checkpoint)
+    solutions = tuple(replace(solution, notes=chosen + solution.notes) for solution in solutions)
+    return reconstruction_of(views, fit, solutions, settings)
 
 
 def reconstruction_of(views: Sequence[View], fit: TransportFit | None,
-                      answers: Sequence[EngineAnswer],
+                      solutions: Sequence[ViewSolution],
                       settings: InversionSettings) -> JointReconstruction:
-    """The record of a fit and its answers, one for each view.
+    """The record of a fit and its solutions, one for each view.
 
     Parameters
     ----------
     views : V of View
     fit : TransportFit or None
         None from an engine that takes a single view.
-    answers : V of EngineAnswer
+    solutions : V of ViewSolution
     settings : InversionSettings
         Of which the errors of surfaces, the number of coefficients and the seed count.
     """
-    records = [_record(view, answer, settings)
-               for view, answer in zip(views, answers, strict=True)]
-    return joint_record(views, records, fit, [answer.regions for answer in answers])
+    records = [_record(view, solution, settings)
+               for view, solution in zip(views, solutions, strict=True)]
+    return joint_record(views, records, fit, [solution.regions for solution in solutions])
 
 
-def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Reconstruction:
-    """The answer with all that a later stage or a reader needs."""
-    scale = _light_scale(view, answer)
-    renderings = answer.renderings * scale.value
+def joint_record(views: Sequence[View], records: Sequence[Reconstruction],
+                 fit: TransportFit | None,
+                 regions: Sequence[RegionTransport | None]) -> JointReconstruction:
+    """Several photos of the same materials as one record, the bands of all of them stacked.
+
+    Parameters
+    ----------
+    views, records : V each
+    fit : TransportFit or None
+        None from an engine that takes a single view: its signals are taken as they are.
+    regions : of each view
+        Left out where a view has none.
+    """
+    responses = [view.response / white_signal(view.response)[:, None] for view in views]
+    distinct = [number for number, response in enumerate(responses)
+                if not any(_same_response(response, other) for other in responses[:number])]
+    materials = tuple(dict.fromkeys(name for record in records for name in record.materials))
+    shown = {name: (record, index) for record in reversed(records)
+             for index, name in enumerate(record.materials)}
+    first_shown = [shown[name] for name in materials]
+    spectra = np.array([record.spectra[index] for record, index in first_shown])
+    known = tuple(record.known[index] for record, index in first_shown)
+    response = np.vstack([responses[number] for number in distinct])
+    view_of_band = np.repeat(distinct, [len(views[number].bands) for number in distinct])
+    signal = spectra @ response.T
+    covariance = np.zeros((len(materials), len(response), len(response)))
+    if fit is None:
+        signal, covariance = np.array(records[0].signal), np.array(records[0].signal_covariance)
+    else:
+        unknown = [materials.index(material.name) for material in unknown_materials(views)]
+        operator = response @ views[0].basis(fit.coefficients.shape[1])
+        signal[unknown], covariance[unknown] = band_signals(fit, operator, len(unknown))
+    model = np.zeros_like(covariance)
+    for number in distinct:
+        bands = np.flatnonzero(view_of_band == number)
+        same = [record for record, other in zip(records, responses, strict=True)
+                 if _same_response(other, responses[number])]
+        for index, name in enumerate(materials):
+            parts = [record.model_covariance[record.materials.index(name)] for record in same
+                     if name in record.materials]
+            # the mean, not divided by their number: the errors of one model are correlated
+            if parts:
+                model[index][np.ix_(bands, bands)] = np.mean(parts, axis=0)
+    if len(views) > 1:
+        covariance = covariance + REDUNDANT**2 * np.eye(len(response))
+    return JointReconstruction(
+        tuple(records), tuple(view.name for view in views), materials, known, views[0].grid,
+        spectra, tuple(f"{views[number].name}: {band}" for number in distinct
+                       for band in views[number].bands),
+        view_of_band, response, signal, covariance, model,
+        tuple(region for region in regions if region is not None))
+
+
+def _record(view: View, solution: ViewSolution, settings: InversionSettings) -> Reconstruction:
+    """The solution with all that a later stage or a reader needs."""
+    scale = _light_scale(view, solution)
+    renderings = solution.renderings * scale.value
     rendered = renderings.mean(axis=0)
     names, materials = tuple(view.scene_file.surfaces), view.surface_materials
     agreement = surface_agreement(names, materials, view.photo, renderings, view.surface, view.used)
@@ -149,14 +204,14 @@ def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Re
     tests = surface_tests(labels, view.measured, rendered, view.surface, view.used, stated_error)
     misfits = surface_misfits(tests, view.bands)
     shift = shift_sentence(view.measured, rendered)
-    spectra, basis = view.spectra(answer.coefficients), view.basis(settings.coefficients)
+    spectra, basis = view.spectra(solution.coefficients), view.basis(settings.coefficients)
     white = white_signal(view.response)
     signal = spectra @ (view.response / white[:, None]).T
     unknown = [material.reflectance is None for material in view.scene_materials]
     covariance = np.zeros((len(unknown), len(white), len(white)))
     coefficients = np.full((len(unknown), settings.coefficients), np.nan)
-    signal[unknown], covariance[unknown] = answer.signals, answer.signal_covariance
-    coefficients[unknown] = answer.coefficients
+    signal[unknown], covariance[unknown] = solution.signals, solution.signal_covariance
+    coefficients[unknown] = solution.coefficients
     known = frozenset(view.known)
     return Reconstruction(
         materials=tuple(material.name for material in view.scene_materials),
@@ -167,9 +222,9 @@ def _record(view: View, answer: EngineAnswer, settings: InversionSettings) -> Re
                                    for material in view.scene_materials]),
         measured=view.measured, rendered=rendered, used=view.used,
         surface=_numbered(view.surface, labels, agreement.names),
-        agreement=agreement, light_scale=scale, loss_history=answer.loss_history,
-        engine=answer.engine, spp=answer.spp, seed=settings.seed, outcome=answer.outcome,
-        notes=(*answer.notes, *(misfit.sentence for misfit in misfits),
+        agreement=agreement, light_scale=scale, loss_history=solution.loss_history,
+        engine=solution.engine, spp=solution.spp, seed=settings.seed, outcome=solution.outcome,
+        notes=(*solution.notes, *(misfit.sentence for misfit in misfits),
                *([shift] if shift else [])),
         misfits=misfits)
 
@@ -180,13 +235,19 @@ def _numbered(surface: np.ndarray, labels: Sequence[str], compared: Sequence[str
     return np.array([*numbers, -1])[surface]  # -1, no surface, is the last
 
 
-def _light_scale(view: View, answer: EngineAnswer) -> LightScale:
+def _light_scale(view: View, solution: ViewSolution) -> LightScale:
     """The given scale; or that of the known materials; or that of the fit."""
     if view.light_scale is not None:
         return view.light_scale
     known_surface = view.known_surface
     if (known_surface >= 0).any():
-        return scale_from_surfaces(view.measured, answer.renderings.mean(axis=0), known_surface,
+        return scale_from_surfaces(view.measured, solution.renderings.mean(axis=0), known_surface,
                                    f"known material {', '.join(view.known)}")
-    return LightScale(answer.scale[0], answer.scale[1], None,
+    return LightScale(solution.scale[0], solution.scale[1], None,
                       "materials in common with the other photos")
+
+
+def _same_response(response: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two responses (K, P) are the same within round-off."""
+    return response.shape == other.shape and bool(
+        np.abs(response - other).max() <= SAME_RESPONSE * np.abs(other).max())

@@ -24,20 +24,12 @@ from spectrabox.reconstruct.engines.transport_engine import (
 )
 from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.inverse_rendering import reconstruction_of
-from spectrabox.reconstruct.scene.regions import region_means
+from spectrabox.reconstruct.scene.surfaces import region_means
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import TracedTransport
 from spectrabox.reconstruct.view import View
 
 FLAT = 1e-9     # of the largest singular value: a term of the field that a surface does not have
-
-
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """Traced views with the errors that the session's photos showed, ready to be replayed."""
-
-    views: tuple[TracedView, ...]
-    settings: InversionSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +50,22 @@ class Truth:
     transports: tuple[TracedTransport, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Traced views with the errors that the session's photos showed, ready to be replayed."""
+
+    views: tuple[TracedView, ...]
+    settings: InversionSettings
+
+
 def set_stage(views: Sequence[View], settings: InversionSettings, progress: Progress) -> Stage:
     """Trace the views, and solve their own photos once for the errors that the scene shows.
+
+    Parameters
+    ----------
+    views : V of View
+    settings : InversionSettings
+    progress : function of (fraction done, what is being done)
 
     Raises
     ------
@@ -68,8 +74,9 @@ def set_stage(views: Sequence[View], settings: InversionSettings, progress: Prog
     """
     traced = trace_views(views, settings, progress)
     images = {id(view.traced): renderings_of(view, settings) for view in traced}
-    return Stage(solve_traced(traced, settings, lambda view, fit: images[id(view.traced)](
-        fit.signals)).views, settings)
+    shown, _, _ = solve_traced(traced, settings,
+                               lambda view, fit: images[id(view.traced)](fit.signals))
+    return Stage(shown, settings)
 
 
 def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconstruction:
@@ -77,30 +84,24 @@ def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconst
 
     Parameters
     ----------
+    stage : Stage
     truth : Truth
     rng : numpy.random.Generator
         Of the noise and the errors of surfaces.
     """
-    settings = stage.settings
-    given, rendered = [], {}
+    given, rendered, settings = [], {}, stage.settings
     for number, traced in enumerate(stage.views):
         # The trace is off by its noise from what is photographed; renderings, whose own noise is
-        # told from the scene's scatter, are not.
-        error = _of_tracing(traced, rng)
+        # estimated from the scene's scatter, are not.
+        deviations = traced.traced.deviations
+        error = np.einsum("are,ar->re", deviations, rng.standard_normal(deviations.shape[:2]))
         view = _photographed(traced, truth, number, error, rng)
         rendered[id(traced.traced)] = traced.traced.coefficients + error
         # what the first photo showed of errors is the truth's: this photo shows its own
         given.append(replace(traced, view=view, nuisances=nuisances(view, settings)))
-    solution = solve_traced(given, settings, lambda traced, fit: _picture(
+    _, fit, solutions = solve_traced(given, settings, lambda traced, fit: _picture(
         rendered[id(traced.traced)] @ fit.signals, traced.region, traced.view.measured)[None])
-    return reconstruction_of([traced.view for traced in given], solution.fit, solution.answers,
-                             settings)
-
-
-def _of_tracing(traced: TracedView, rng: np.random.Generator) -> np.ndarray:
-    """Errors (R, L E) of the transport's coefficients by the noise of its tracing."""
-    deviations = traced.traced.deviations
-    return np.einsum("are,ar->re", deviations, rng.standard_normal(deviations.shape[:2]))
+    return reconstruction_of([traced.view for traced in given], fit, solutions, settings)
 
 
 def _photographed(traced: TracedView, truth: Truth, number: int, error: np.ndarray,
@@ -125,7 +126,7 @@ def _photographed(traced: TracedView, truth: Truth, number: int, error: np.ndarr
 
 
 def _stray_light(traced: TracedView, truth: Truth, number: int, signal: np.ndarray) -> np.ndarray:
-    """Signal (R, K) by glare of the lens and by light from elsewhere than the scene's lamps."""
+    """Signal (R, K) by glare of the lens and by light that does not come from the scene's lamps."""
     names = traced.view.surface_materials
     response = truth.responses[number].sum(axis=0)
     lit = np.array([response @ truth.reflectances[name] for name in names])[traced.group]
@@ -153,14 +154,14 @@ def _patterns(traced: TracedView, rng: np.random.Generator) -> np.ndarray:
     The fit takes the errors of blocks for independent, and for larger instead: drawn so they would
     scatter a photo several times more than the pattern that they stand for.
     """
-    places = np.moveaxis(np.indices(traced.region.shape), 0, -1).astype(float)
-    row, column = region_means(places, traced.region).T
+    positions = np.moveaxis(np.indices(traced.region.shape), 0, -1).astype(float)
+    row, column = region_means(positions, traced.region).T
     within = traced.nuisances.block_error / within_to_block(len(traced.group),
                                                             np.unique(traced.group).size)
     pattern = np.zeros(len(traced.group))
     for surface in np.unique(traced.group):
         own = traced.group == surface
-        x, y = (place[own] - place[own].mean() for place in (row, column))
+        x, y = (position[own] - position[own].mean() for position in (row, column))
         terms = np.stack([x, y, x * x, x * y, y * y], axis=1)
         axes, sizes, _ = np.linalg.svd(terms - terms.mean(axis=0), full_matrices=False)
         axes = axes[:, sizes > FLAT * sizes[0]]
@@ -170,6 +171,6 @@ def _patterns(traced: TracedView, rng: np.random.Generator) -> np.ndarray:
     return np.exp(within * pattern)[:, None]
 
 
-def _picture(signal: np.ndarray, region: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:
-    """Signals (R, K) in the pixels (H, W, K) of their regions, and another picture elsewhere."""
-    return np.where((region >= 0)[..., None], signal[np.maximum(region, 0)], elsewhere)
+def _picture(signal: np.ndarray, region: np.ndarray, outside: np.ndarray) -> np.ndarray:
+    """Signals (R, K) in the pixels (H, W, K) of their regions, and another picture outside."""
+    return np.where((region >= 0)[..., None], signal[np.maximum(region, 0)], outside)

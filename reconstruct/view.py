@@ -17,6 +17,8 @@ from spectrabox.radiometry.records import (
     LearntSpectra,
     LightScale,
     LinearImage,
+    Outcome,
+    RegionTransport,
     Spectrum,
     WavelengthGrid,
 )
@@ -95,7 +97,7 @@ class View:
             (H, W, K).
         """
         other = replace(self, photo=photo)
-        vars(other).update(surface=self.surface, used=self.used)  # found already, for this scene
+        vars(other).update(surface=self.surface, used=self.used)  # the scene is the same
         return other
 
     @cached_property
@@ -262,6 +264,25 @@ class View:
             coefficients = np.full((len(self.unknown), 4), PLACEHOLDER)
         names = [material.bsdf for material in self.scene_materials]
         return load_scene(self.xml(dict(zip(names, self.spectra(coefficients), strict=True))))
+
+
+@dataclass(frozen=True, eq=False)
+class ViewSolution:
+    """What an engine finds for one view, before it is compared with the photo."""
+
+    coefficients: np.ndarray        # (U, N)
+    signals: np.ndarray             # (U, K) relative to white: what the photo alone gives
+    signal_covariance: np.ndarray   # (U, K, K)
+    # (A, H, W, K) for a light scale of 1: independent renderings, whose mean is the picture
+    renderings: np.ndarray
+    loss_history: np.ndarray
+    engine: str
+    spp: int
+    outcome: Outcome
+    notes: tuple[str, ...] = ()     # sentences on what is measured and what assumed
+    # light scale and its standard error, where no known material sets it
+    scale: tuple[float, float | None] = (1.0, None)
+    regions: RegionTransport | None = None  # for the samplers, where light was traced
 
 
 def unknown_materials(views: Sequence[View]) -> tuple[MaterialSpec, ...]:

@@ -39,7 +39,7 @@ from spectrabox.radiometry.records import Quantity, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, read_table
-from spectrabox.reconstruct.scene.pose_scene import scene_with_light_moved
+from spectrabox.reconstruct.scene.edit_scene import scene_with_light_moved
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.tracer.trace_checkpoint import PassSums, TraceCheckpoint
 from spectrabox.sampling.judge.cube_files import open_cube

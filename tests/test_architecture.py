@@ -250,7 +250,7 @@ def test_writing_by_oneself_is_seen():
     assert [call.lineno for call in writes_of(ast.parse(code))] == [1, 2]
 
 
-CHANGING = {"reconstruct/scene/parts.py": "Parts", "reconstruct/tracer/path_tracer.py": "PathState",
+CHANGING = {"reconstruct/tracer/path_tracer.py": "PathState",
             "sampling/polytope/simplex.py": "_State"}    # written to while they are worked out
 
 

@@ -84,9 +84,8 @@ def surface_signals(text):
 
     from spectrabox.radiometry.interreflection import signal
     from spectrabox.reconstruct.rendering.renderer import load_scene, start_mitsuba
-    from spectrabox.reconstruct.scene.regions import block_regions
     from spectrabox.reconstruct.scene.scene_xml import scene_xml
-    from spectrabox.reconstruct.scene.surfaces import surface_map
+    from spectrabox.reconstruct.scene.surfaces import block_regions, surface_map
     from spectrabox.reconstruct.tracer.transport import trace_transport
     from spectrabox.reconstruct.tracer.unit_scene import UnitScene
     start_mitsuba("cpu")

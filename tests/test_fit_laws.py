@@ -13,7 +13,7 @@ from spectrabox.reconstruct.fit.band_system import compress
 from spectrabox.reconstruct.fit.identifiability import HIDDEN_ERROR, band_signals
 from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewTerms
-from spectrabox.reconstruct.scene.regions import region_means
+from spectrabox.reconstruct.scene.surfaces import region_means
 from spectrabox.reconstruct.tracer.transport import TracedTransport, joined
 
 SIGMAS = 3.9

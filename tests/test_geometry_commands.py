@@ -21,7 +21,7 @@ from spectrabox.calibrate.geometry.projection import board_picture
 from spectrabox.capture.photo.image_files import read_linear_file, write_exr
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.rendering.renderer import load_scene, start_mitsuba
-from spectrabox.reconstruct.scene.pose_scene import scene_with_camera
+from spectrabox.reconstruct.scene.edit_scene import scene_with_camera
 from spectrabox.session.cli import app
 
 BOARD = "columns = 9\nrows = 7\nsquare = 0.03\nmarker = 0.022\n"

@@ -15,8 +15,8 @@ from spectrabox.radiometry.interreflection import signal
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.scene.edit_scene import light_number, move_light, with_light_moved
 from spectrabox.reconstruct.scene.light_position import PositionSettings, refine_light_position
-from spectrabox.reconstruct.scene.moved_light import light_number, move_light, with_light_moved
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.tracer.transport import trace_transport

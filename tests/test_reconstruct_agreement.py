@@ -28,8 +28,8 @@ from spectrabox.reconstruct.agreement import (
 )
 from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.scene.regions import block_regions, region_means
 from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.scene.surfaces import block_regions, region_means
 
 from tests.cornell_problem import WIDTH, photo_of, scene, view_of
 

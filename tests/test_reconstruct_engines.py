@@ -18,14 +18,13 @@ from spectrabox.reconstruct.engines.gradient import fit_by_gradient
 from spectrabox.reconstruct.engines.transport_engine import (
     FEW_SPP,
     FIRST_SPP,
-    first_trace,
     require_lit,
     trace_view,
     unit_scene,
 )
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
-from spectrabox.reconstruct.scene.regions import block_regions
+from spectrabox.reconstruct.scene.surfaces import block_regions
 from spectrabox.reconstruct.settings import ENGINES
 from spectrabox.reconstruct.tracer.transport import shaded_images, trace_transport
 from spectrabox.reconstruct.view_checks import check_views
@@ -97,8 +96,8 @@ def test_tracing_ends_where_its_noise_falls_below_the_photo_s(box, photo, error,
     monkeypatch.setattr(view_module, "PHOTO_ERROR", error)
     monkeypatch.setattr(view_module, "PHOTO_FLOOR", 0.0)
     view = view_of(box, replace(photo, variance=np.full_like(photo.variance, 1e-30)))
-    region, _ = block_regions(view.surface, view.used)
-    traced = trace_view(view, unit_scene(view, BOUNCES), region, 5, silent)
+    region, group = block_regions(view.surface, view.used)
+    traced = trace_view(view, unit_scene(view, BOUNCES), region, group, 5, silent)
     of_photo = error**2 / np.bincount(region[region >= 0])
     # Half of the regions are below; four passes know each variance to two fifths, and their median
     # much better.
@@ -257,7 +256,7 @@ def test_the_few_paths_are_among_those_of_the_first_trace(box, photo):
     shot = view_of(box, photo)
     region, _ = block_regions(shot.surface, shot.used)
     unit = unit_scene(shot, BOUNCES)
-    few, first = (first_trace(unit, region, 7, spp) for spp in (FEW_SPP, FIRST_SPP))
+    few, first = (trace_transport(unit, region, spp=spp, seed=7) for spp in (FEW_SPP, FIRST_SPP))
     # What reaches a region on one of the few paths is among the sums of all: all are positive.
     assert (first.passes[few.passes > 0] > 0).all()
     assert np.count_nonzero(few.passes) < np.count_nonzero(first.passes)

@@ -25,15 +25,14 @@ from spectrabox.reconstruct.fit.identifiability import band_signals
 from spectrabox.reconstruct.fit.spectrum_prior import greville_abscissae
 from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewTerms
-from spectrabox.reconstruct.joint_reconstruction import joint_record
+from spectrabox.reconstruct.inverse_rendering import joint_record
 from spectrabox.reconstruct.misfit import surface_tests
-from spectrabox.reconstruct.pixels.hits import hits_of
 from spectrabox.reconstruct.pixels.light_nodes import LightNodes
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.replay import Truth, _gains, _photographed
 from spectrabox.reconstruct.scene.light_position import _solve, _whitening
 from spectrabox.reconstruct.scene.light_profile import read_profile, relative_radiance
-from spectrabox.reconstruct.scene.regions import region_means
+from spectrabox.reconstruct.scene.surfaces import hits_of, region_means
 from spectrabox.reconstruct.tracer.transport import TracedTransport
 
 from tests.cornell_problem import photo_of
@@ -182,12 +181,13 @@ def test_paths_are_traced_until_their_noise_is_that_of_the_photo(monkeypatch, no
     photo = 1e-4 / 0.5**2 / 4                   # relative, of a region of four pixels
     asked = []
     monkeypatch.setattr(transport_engine, "trace_transport",
-                        lambda unit, region, *, spp, **_: asked.append(spp))
+                        lambda unit, region, *, spp, **_: asked.append(spp) or first)
+    monkeypatch.setattr(transport_engine, "unlit_materials", lambda *_: [])
     monkeypatch.setattr(transport_engine, "joined", lambda first, second: None)
     first = SimpleNamespace(spp=16, exponents=None,
                             relative_variance=np.full(6, noisier**2 * photo))
-    transport_engine._traced_enough(view, None, region, 0, first, lambda *_: None, None)
-    assert asked[0] + 16 == pytest.approx(noisier**2 * 16, abs=1)
+    transport_engine.trace_view(view, None, region, None, 0, lambda *_: None)
+    assert asked[1] + 16 == pytest.approx(noisier**2 * 16, abs=1)
 
 
 def test_a_loss_that_does_not_fall_is_said_to_have_stalled_as_often_as_one_sigma_says():

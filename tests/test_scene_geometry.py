@@ -10,7 +10,7 @@ from test_colmap import with_model
 from typer.testing import CliRunner
 
 from spectrabox.reconstruct.scene.box_scene import box_xml, chart_xml
-from spectrabox.reconstruct.scene.pose_scene import scene_with_camera, scene_with_light_moved
+from spectrabox.reconstruct.scene.edit_scene import scene_with_camera, scene_with_light_moved
 from spectrabox.reconstruct.scene.refinements import Refinement, refinements
 from spectrabox.reconstruct.scene.scene_file import read_scene, scene_of_text
 from spectrabox.session.box.box_camera import corners_in_photo

@@ -13,7 +13,7 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import JointReconstruction
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.scene.moved_light import with_light_moved
+from spectrabox.reconstruct.scene.edit_scene import with_light_moved
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished

@@ -6,7 +6,7 @@ the squared error is unbiased although both are noisy; the error itself is not, 
 the variance of the rendering left in.
 
 It stops by itself: once the error has not fallen over ``WINDOW`` steps by more than the standard
-error that its own scatter gives, the step size is brought down over the last quarter of the steps,
+error that its own scatter gives, the step size falls over the last quarter of the steps,
 whose second half is averaged.
 """
 from __future__ import annotations
@@ -20,11 +20,10 @@ from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import relative_operator
 from spectrabox.reconstruct.agreement import scale_from_surfaces
-from spectrabox.reconstruct.engines.answer import EngineAnswer
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_xml import BLACK
 from spectrabox.reconstruct.settings import InversionSettings
-from spectrabox.reconstruct.view import View
+from spectrabox.reconstruct.view import View, ViewSolution
 
 START = 1e-3
 LEARNING_RATE = 0.06
@@ -47,7 +46,7 @@ class GradientFit:
 
 
 def invert_by_gradient(view: View, settings: InversionSettings,
-                       progress: Progress) -> EngineAnswer:
+                       progress: Progress) -> ViewSolution:
     """Coefficients by gradient descent through Mitsuba's ``prb`` integrator and spectral film.
 
     Parameters
@@ -59,7 +58,7 @@ def invert_by_gradient(view: View, settings: InversionSettings,
 
     Returns
     -------
-    EngineAnswer
+    ViewSolution
         The averaged last steps, whose scatter is taken for the error of the signals.
     """
     fit = fit_by_gradient(view, settings, progress)
@@ -71,7 +70,7 @@ def invert_by_gradient(view: View, settings: InversionSettings,
     notes = () if fit.outcome is Outcome.STEP_LIMIT else (
         f"The descent stopped after {len(fit.loss_history)} of at most {settings.steps} steps: its "
         "error no longer fell by more than its noise.",)
-    return EngineAnswer(fit.coefficients, fit.coefficients @ operator.T, covariance,
+    return ViewSolution(fit.coefficients, fit.coefficients @ operator.T, covariance,
                         rendered[None], fit.loss_history,
                         "gradient descent (Mitsuba prb, specfilm)", settings.spp, fit.outcome,
                         notes)

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +12,14 @@ from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import relative_operator
 from spectrabox.reconstruct.agreement import scale_from_surfaces, scene_errors, surface_agreement
-from spectrabox.reconstruct.engines.answer import EngineAnswer
 from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
 from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
 from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
 from spectrabox.reconstruct.fit.transport_fit import TransportFit
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewFit
 from spectrabox.reconstruct.rendering.renderer import load_scene
-from spectrabox.reconstruct.scene.regions import block_regions, region_means
 from spectrabox.reconstruct.scene.scene_file import not_plain_products
+from spectrabox.reconstruct.scene.surfaces import block_regions, region_means
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import (
     TracedTransport,
@@ -31,16 +30,17 @@ from spectrabox.reconstruct.tracer.transport import (
     trace_transport,
 )
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
-from spectrabox.reconstruct.view import View, unknown_materials
+from spectrabox.reconstruct.view import View, ViewSolution, unknown_materials
 
 FIRST_SPP = 64           # paths per pixel by which the noise is judged
-FEW_SPP = 2              # and by which materials that are lit are seen to be
+FEW_SPP = 2              # and by which most materials are seen to receive light
 MAX_SPP = 1024           # per pixel: where tracing ends, whatever the photo's noise
 IMAGE_SPP, IMAGES = 128, 2  # paths per pixel of the final renderings together, and their number
+VIEW_SEED_STEP = 613     # between the seeds of two views' traces
 
 
 def solve_views(views: Sequence[View], settings: InversionSettings, progress: Progress,
-                checkpoint: Path | None = None) -> tuple[TransportFit, tuple[EngineAnswer, ...]]:
+                checkpoint: Path | None = None) -> tuple[TransportFit, tuple[ViewSolution, ...]]:
     """Spectra that explain all photos together, each traced on its own.
 
     Parameters
@@ -55,7 +55,7 @@ def solve_views(views: Sequence[View], settings: InversionSettings, progress: Pr
     Returns
     -------
     fit : TransportFit
-    answers : V of EngineAnswer
+    solutions : V of ViewSolution
 
     Raises
     ------
@@ -66,19 +66,10 @@ def solve_views(views: Sequence[View], settings: InversionSettings, progress: Pr
     traced = trace_views(views, settings, progress, checkpoint)
     progress(0.7, "fitting spectra")
     images = {id(view.traced): renderings_of(view, settings) for view in traced}
-    solution = solve_traced(traced, settings,
-                            lambda view, fit: images[id(view.traced)](fit.signals))
+    _, fit, solutions = solve_traced(traced, settings,
+                                     lambda view, fit: images[id(view.traced)](fit.signals))
     progress(1.0, "")
-    return solution.fit, solution.answers
-
-
-@dataclass(frozen=True, eq=False)
-class TracedSolution:
-    """The fit of traced views, and what it says of each."""
-
-    views: tuple[TracedView, ...]           # with the errors that the scene showed
-    fit: TransportFit
-    answers: tuple[EngineAnswer, ...]
+    return fit, solutions
 
 
 def trace_views(views: Sequence[View], settings: InversionSettings, progress: Progress,
@@ -89,13 +80,66 @@ def trace_views(views: Sequence[View], settings: InversionSettings, progress: Pr
         def part(done: float, what: str, number: int = number) -> None:
             progress((0.7 * number + done) / len(views), what)  # tracing reports up to 0.7
         file = checkpoint and checkpoint.with_stem(f"{checkpoint.stem}{number or ''}")
-        traced.append(_traced_view(view, number, settings, part, file))
+        region, group = block_regions(view.surface, view.used)
+        part(0.0, "tracing light")
+        transport = trace_view(view, _unit_scene_for(view, settings), region, group,
+                               settings.seed + VIEW_SEED_STEP * number, part, file)
+        traced.append(TracedView(view, transport, region, group, nuisances(view, settings)))
     return traced
 
 
+def trace_view(view: View, unit: UnitScene, region: np.ndarray, group: np.ndarray, seed: int,
+               progress: Progress, checkpoint: Path | None = None) -> TracedTransport:
+    """Transport of the regions, traced until its noise is below the photo's.
+
+    A first trace says how noisy ``FIRST_SPP`` paths per pixel are. More follow until the median
+    region's Monte Carlo variance is no more than the variance that the fit gives the photo there,
+    or ``MAX_SPP`` are drawn.
+
+    Parameters
+    ----------
+    view : View
+        Whose photo says how little noise is enough.
+    unit : UnitScene
+        Of the view.
+    region : (H, W) int
+        Region 0 to R-1 of each pixel, -1 where it is not wanted.
+    group : (R,) int
+        Surface of each region.
+    seed : int
+        Of the first trace; the second has the next.
+    progress : function of (fraction done, from 0 to 0.7; what is being done)
+    checkpoint : Path, optional
+        File from which a trace that was stopped goes on.
+
+    Raises
+    ------
+    InputError
+        If no light reaches a material; or as ``trace_transport``.
+    """
+    first = trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
+    _require_lit(view, unlit_materials(view, first, group))
+    photo = region_means(view.variance / np.maximum(view.measured, 1e-12) ** 2,
+                         region).mean(axis=1)
+    photo = photo / np.bincount(region[region >= 0])
+    needed = first.spp * float(np.median(first.relative_variance / photo))
+    more = int(min(needed, MAX_SPP)) - first.spp
+    progress(0.2, "tracing light")
+    if more <= 0:
+        return first
+    second = trace_transport(unit, region, spp=more, seed=seed + 1, exponents=first.exponents,
+                             progress=lambda done: progress(0.2 + 0.5 * done, "tracing light"),
+                             checkpoint=checkpoint)
+    return joined(first, second)
+
+
 def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
-                 render: Callable[[TracedView, ViewFit], np.ndarray]) -> TracedSolution:
+                 render: Callable[[TracedView, ViewFit], np.ndarray]
+                 ) -> tuple[tuple[TracedView, ...], TransportFit, tuple[ViewSolution, ...]]:
     """Spectra that explain the photos of traced views.
+
+    The first fit's renderings show errors of the scene. With these stated, and the light scale from
+    known surfaces alone as in every engine, it is fitted again.
 
     Parameters
     ----------
@@ -103,6 +147,13 @@ def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
     settings : InversionSettings
     render : function of a traced view and its part of the fit
         Independent renderings (A, H, W, K) of the solution for a light scale of 1.
+
+    Returns
+    -------
+    traced : V of TracedView
+        With the errors that the scene showed.
+    fit : TransportFit
+    solutions : V of ViewSolution
     """
     priors = [spectrum_prior(settings, traced[0].view.grid, material.learnt)
               for material in unknown_materials([view.view for view in traced])]
@@ -113,22 +164,29 @@ def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
     if [view.nuisances for view in informed] != [view.nuisances for view in traced]:
         traced, fit = informed, fit_traced(informed, priors, fit.coefficients)
         images = [render(view, part) for view, part in zip(traced, fit.views, strict=True)]
-    return TracedSolution(tuple(traced), fit, _answers(traced, fit, images, settings))
+    return tuple(traced), fit, _solutions(traced, fit, images, settings)
 
 
-def require_plain_products(view: View) -> None:
-    """Refuse a scene with surfaces whose reflected light is no plain product with their
-    reflectance.
+def require_traceable(view: View, settings: InversionSettings) -> None:
+    """Refuse a scene that the transport engine cannot treat.
+
+    Parameters
+    ----------
+    view : View
+    settings : InversionSettings
+        Of which ``light_error`` counts.
 
     Raises
     ------
     InputError
+        If a surface's reflected light is no plain product with its reflectance, or a light has no
+        id where each is to be told from the others.
     """
-    if others := not_plain_products(view.scene_file):
-        raise InputError("the transport engine treats diffuse surfaces only, and "
-                         f"{', '.join(others)} of {view.scene_file.path.name} is coated or "
-                         "glossy: its spectrum does not just multiply; set [reconstruct] engine = "
-                         "\"gradient\"")
+    _require_plain_products(view)
+    if _tells_lights_apart(view, settings) and any(
+            not node.get("id") for node in view.scene_file.root.findall("emitter")):
+        raise InputError(f"{view.scene_file.path.name} has a light without an id, and its "
+                         "lights are to be told apart: write <emitter id=...> on each")
 
 
 def unit_scene(view: View, bounces: int, separate_lights: bool = False) -> UnitScene:
@@ -147,73 +205,12 @@ def unit_scene(view: View, bounces: int, separate_lights: bool = False) -> UnitS
     InputError
         If a surface's reflected light is no plain product with its reflectance.
     """
-    require_plain_products(view)
+    _require_plain_products(view)
     ones = np.ones(2)
     scene = load_scene(view.xml(dict.fromkeys(view.name_of_bsdf, ones), light=ones,
                                 bands={"one": ones}))
     return UnitScene(scene, view.name_of_bsdf, view.size, bounces,
                      view.light_groups if separate_lights else None, view.scene_file.profiles)
-
-
-def trace_view(view: View, unit: UnitScene, region: np.ndarray, seed: int, progress: Progress,
-               checkpoint: Path | None = None) -> TracedTransport:
-    """Transport of the regions, traced until its noise is below the photo's.
-
-    A first trace says how noisy ``FIRST_SPP`` paths per pixel are. More follow until the median
-    region's Monte Carlo variance is no more than the variance that the fit gives the photo there,
-    or ``MAX_SPP`` are drawn.
-
-    Parameters
-    ----------
-    view : View
-        Whose photo says how little noise is enough.
-    unit : UnitScene
-        Of the view.
-    region : (H, W) int
-        Region 0 to R-1 of each pixel, -1 where it is not wanted.
-    seed : int
-        Of the first trace; the second has the next.
-    progress : function of (fraction done, from 0 to 0.7; what is being done)
-    checkpoint : Path, optional
-        File from which a trace that was stopped goes on.
-
-    Raises
-    ------
-    InputError
-        As ``trace_transport``.
-    """
-    return _traced_enough(view, unit, region, seed, first_trace(unit, region, seed), progress,
-                          checkpoint)
-
-
-def first_trace(unit: UnitScene, region: np.ndarray, seed: int,
-                spp: int = FIRST_SPP) -> TracedTransport:
-    """The trace of ``FIRST_SPP`` paths per pixel that tells how many more are needed, or the first
-    few of these paths.
-
-    Raises
-    ------
-    InputError
-        As ``trace_transport``.
-    """
-    return trace_transport(unit, region, spp=spp, seed=seed)
-
-
-def _traced_enough(view: View, unit: UnitScene, region: np.ndarray, seed: int,
-                   first: TracedTransport, progress: Progress,
-                   checkpoint: Path | None) -> TracedTransport:
-    photo = region_means(view.variance / np.maximum(view.measured, 1e-12) ** 2,
-                         region).mean(axis=1)
-    photo = photo / np.bincount(region[region >= 0])
-    needed = first.spp * float(np.median(first.relative_variance / photo))
-    more = int(min(needed, MAX_SPP)) - first.spp
-    progress(0.2, "tracing light")
-    if more <= 0:
-        return first
-    second = trace_transport(unit, region, spp=more, seed=seed + 1, exponents=first.exponents,
-                             progress=lambda done: progress(0.2 + 0.5 * done, "tracing light"),
-                             checkpoint=checkpoint)
-    return joined(first, second)
 
 
 def nuisances(view: View, settings: InversionSettings) -> Nuisances:
@@ -236,7 +233,12 @@ def nuisances(view: View, settings: InversionSettings) -> Nuisances:
 def require_lit(views: Sequence[View], settings: InversionSettings) -> int:
     """Refuse views that show a material which no light reaches, by the first, short trace of each.
 
-    A material that a few of its paths find lit is lit; only for others all are followed.
+    A material that one of a few paths finds lit is lit; only for others all are followed.
+
+    Parameters
+    ----------
+    views : sequence of View
+    settings : InversionSettings
 
     Returns
     -------
@@ -251,41 +253,60 @@ def require_lit(views: Sequence[View], settings: InversionSettings) -> int:
     kept = image = 0
     for number, view in enumerate(views):
         region, group = block_regions(view.surface, view.used)
-        unit = unit_scene(view, _bounces(view, settings), _tells_lights_apart(view, settings))
-        first = first_trace(unit, region, _seed(number, settings), FEW_SPP)
-        if _unlit(view, first, group):
-            _require_lit(view, first_trace(unit, region, _seed(number, settings)), group)
-        passes, regions, groups, products = first.passes.shape
+        unit, seed = _unit_scene_for(view, settings), settings.seed + VIEW_SEED_STEP * number
+        few = trace_transport(unit, region, spp=FEW_SPP, seed=seed)
+        if unlit_materials(view, few, group):
+            first = trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
+            _require_lit(view, unlit_materials(view, first, group))
+        passes, regions, groups, products = few.passes.shape
         kept += memory_of(regions, groups * products, passes)
         image = max(image, memory_of_image(region.size, groups * products))
     return kept + image
 
 
-def _traced_view(view: View, number: int, settings: InversionSettings, progress: Progress,
-                 checkpoint: Path | None) -> TracedView:
-    region, group = block_regions(view.surface, view.used)
-    progress(0.0, "tracing light")
-    unit = unit_scene(view, _bounces(view, settings), _tells_lights_apart(view, settings))
-    first = first_trace(unit, region, _seed(number, settings))
-    _require_lit(view, first, group)
-    traced = _traced_enough(view, unit, region, _seed(number, settings), first, progress,
-                            checkpoint)
-    return TracedView(view, traced, region, group, nuisances(view, settings))
+def unlit_materials(view: View, traced: TracedTransport, group: np.ndarray) -> list[str]:
+    """Names of the materials that the camera sees but that no path connects to a light.
+
+    Parameters
+    ----------
+    view : View
+    traced : TracedTransport
+        Of R regions.
+    group : (R,) int
+        Surface of each region.
+    """
+    received = traced.coefficients.sum(axis=1)
+    bsdfs = list(view.scene_file.surfaces.values())
+    unlit = []
+    for material in view.scene_materials:
+        own = np.isin(group, [index for index, bsdf in enumerate(bsdfs) if bsdf == material.bsdf])
+        if own.any() and not received[own].any():
+            unlit.append(material.name)
+    return unlit
 
 
-def _seed(number: int, settings: InversionSettings) -> int:
-    """Seed of the first trace of a view."""
-    return settings.seed + 613 * number
+def renderings_of(traced: TracedView, settings: InversionSettings
+                  ) -> Callable[[np.ndarray], np.ndarray]:
+    """The view's renderings for a light scale of 1 as a function of the signals of its products.
 
+    Parameters
+    ----------
+    traced : TracedView
+    settings : InversionSettings
+        Of which the engine and the seed count.
 
-def _bounces(view: View, settings: InversionSettings) -> int:
-    return 1 if settings.engine == "single-bounce" else view.scene_file.max_depth - 1
+    Returns
+    -------
+    function of signals (L E, K), which gives images (A, H, W, K)
+    """
+    view, transport = traced.view, traced.traced
+    unit = unit_scene(view, _bounces(view, settings), transport.passes.shape[2] > 1)
+    return images_of_signals(unit, transport.exponents, spp=IMAGE_SPP, seed=settings.seed + 7919,
+                             passes=IMAGES)
 
 
 def _informed_by(images: np.ndarray, traced: TracedView, settings: InversionSettings) -> Nuisances:
-    """What first renderings (A, H, W, K) add to the nuisances: the light scale, from known surfaces
-    alone as in every engine, and the errors that the scene shows.
-    """
+    """Nuisances with what first renderings (A, H, W, K) show: light scale, errors of the scene."""
     view, given = traced.view, traced.nuisances
     known_surface = view.known_surface
     if given.scale is None and (known_surface >= 0).any():
@@ -304,73 +325,56 @@ def _informed_by(images: np.ndarray, traced: TracedView, settings: InversionSett
                    brightness_error=max(given.brightness_error, errors.brightness))
 
 
-def renderings_of(traced: TracedView, settings: InversionSettings
-                  ) -> Callable[[np.ndarray], np.ndarray]:
-    """The view's renderings for a light scale of 1 by the signals of its products."""
-    view, transport = traced.view, traced.traced
-    unit = unit_scene(view, _bounces(view, settings), transport.passes.shape[2] > 1)
-    return images_of_signals(unit, transport.exponents, spp=IMAGE_SPP, seed=settings.seed + 7919,
-                             passes=IMAGES)
-
-
-def _answers(traced: Sequence[TracedView], fit: TransportFit, images: Sequence[np.ndarray],
-             settings: InversionSettings) -> tuple[EngineAnswer, ...]:
-    """The fit's answer for each view."""
+def _solutions(traced: Sequence[TracedView], fit: TransportFit, images: Sequence[np.ndarray],
+               settings: InversionSettings) -> tuple[ViewSolution, ...]:
+    """The fit's solution for each view."""
     unknown = unknown_materials([view.view for view in traced])
     bsdfs = [material.bsdf for material in unknown]
     operators = [relative_operator(view.view.response, view.view.basis(settings.coefficients))
                  for view in traced]
-    decided = identifiability(fit, tuple(material.name for material in unknown),
-                              np.vstack(operators))
-    ill_posed = fit.outcome is Outcome.CONVERGED and any(item.by_prior for item in decided)
+    determined = identifiability(fit, tuple(material.name for material in unknown),
+                                 np.vstack(operators))
+    ill_posed = fit.outcome is Outcome.CONVERGED and any(item.by_prior for item in determined)
     name = ("single bounce (direct light only)" if settings.engine == "single-bounce"
             else "light transport traced once")
-    answers = []
-    for view, image, operator, solution in zip(traced, images, operators, fit.views, strict=True):
+    solutions = []
+    for view, image, operator, part in zip(traced, images, operators, fit.views, strict=True):
         own = [bsdfs.index(material.bsdf) for material in view.view.unknown]
         signals, covariance = band_signals(fit, operator, len(bsdfs))
         lights = [light for light, in view.view.light_groups]
-        answers.append(EngineAnswer(
+        solutions.append(ViewSolution(
             fit.coefficients[own], signals[own], covariance[own], image, fit.cost_history,
             f"{name} ({_bounces(view.view, settings)} bounces, {len(view.traced.exponents)} "
             "products)", view.traced.spp, Outcome.ILL_POSED if ill_posed else fit.outcome,
-            sentences(decided) + solution.sentences(view.view.bands, lights),
-            (solution.scale, solution.scale_error), view.regions(solution)))
-    return tuple(answers)
+            sentences(determined) + part.sentences(view.view.bands, lights),
+            (part.scale, part.scale_error), view.regions(part)))
+    return tuple(solutions)
+
+
+def _unit_scene_for(view: View, settings: InversionSettings) -> UnitScene:
+    """The scene for the tracer with the bounces and light groups that the settings ask for."""
+    return unit_scene(view, _bounces(view, settings), _tells_lights_apart(view, settings))
+
+
+def _bounces(view: View, settings: InversionSettings) -> int:
+    return 1 if settings.engine == "single-bounce" else view.scene_file.max_depth - 1
 
 
 def _tells_lights_apart(view: View, settings: InversionSettings) -> bool:
     return len(view.light_groups) > 1 and (settings.light_error > 0 or bool(view.own_lights))
 
 
-def require_named_lights(view: View, settings: InversionSettings) -> None:
-    """Refuse lights without a name where each is to be told from the others.
-
-    Raises
-    ------
-    InputError
-    """
-    if _tells_lights_apart(view, settings) and any(
-            not node.get("id") for node in view.scene_file.root.findall("emitter")):
-        raise InputError(f"{view.scene_file.path.name} has a light without an id, and its "
-                         "lights are to be told apart: write <emitter id=...> on each")
+def _require_plain_products(view: View) -> None:
+    if others := not_plain_products(view.scene_file):
+        raise InputError("the transport engine treats diffuse surfaces only, and "
+                         f"{', '.join(others)} of {view.scene_file.path.name} is coated or "
+                         "glossy: its spectrum does not just multiply; set [reconstruct] engine = "
+                         "\"gradient\"")
 
 
-def _unlit(view: View, traced: TracedTransport, group: np.ndarray) -> list[str]:
-    """Names of the materials that the camera sees but no path brought light from."""
-    received = traced.coefficients.sum(axis=1)
-    bsdfs = list(view.scene_file.surfaces.values())
-    unlit = []
-    for material in view.scene_materials:
-        own = np.isin(group, [index for index, bsdf in enumerate(bsdfs) if bsdf == material.bsdf])
-        if own.any() and not received[own].any():
-            unlit.append(material.name)
-    return unlit
-
-
-def _require_lit(view: View, traced: TracedTransport, group: np.ndarray) -> None:
+def _require_lit(view: View, unlit: Sequence[str]) -> None:
     """Refuse a material that the camera sees but no light reaches."""
-    for name in _unlit(view, traced, group):
+    for name in unlit:
         raise InputError(f"no light reaches material {name!r} in "
                          f"{view.scene_file.path.name}, although the photo shows it lit: "
                          "check the light's position and the direction its surfaces face")

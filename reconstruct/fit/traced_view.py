@@ -13,7 +13,7 @@ from spectrabox.reconstruct.fit.band_system import compress, huber_weight
 from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior
 from spectrabox.reconstruct.fit.transport_fit import TransportFit, fit_views
 from spectrabox.reconstruct.fit.view_terms import Nuisances, SpectrumModel, ViewFit, ViewTerms
-from spectrabox.reconstruct.scene.regions import region_means
+from spectrabox.reconstruct.scene.surfaces import region_means
 from spectrabox.reconstruct.tracer.transport import TracedTransport
 from spectrabox.reconstruct.view import View, unknown_materials
 

@@ -20,7 +20,7 @@ from spectrabox.reconstruct.scene.box_tables import (
     LampTable,
     ObjectTable,
 )
-from spectrabox.reconstruct.scene.pose_scene import camera_nodes
+from spectrabox.reconstruct.scene.edit_scene import camera_nodes
 from spectrabox.reconstruct.scene.scene_file import PROFILE
 
 MAX_DEPTH = 8               # segments of a path in the box

@@ -22,11 +22,10 @@ from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import LightScale, LinearImage, Outcome
 from spectrabox.radiometry.shaped import Record
 from spectrabox.reconstruct.rendering.renderer import load_scene
-from spectrabox.reconstruct.scene.moved_light import light_number, with_light_moved
-from spectrabox.reconstruct.scene.regions import block_regions, region_means
+from spectrabox.reconstruct.scene.edit_scene import light_number, with_light_moved
 from spectrabox.reconstruct.scene.scene_file import SceneFile, not_plain_products
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
-from spectrabox.reconstruct.scene.surfaces import surface_map
+from spectrabox.reconstruct.scene.surfaces import block_regions, region_means, surface_map
 from spectrabox.reconstruct.tracer.transport import trace_transport
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 

@@ -13,20 +13,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.reconstruct.scene.elsewhere import (
+from spectrabox.reconstruct.scene.import_scene import (
     COLOURING,
     SPECTRAL_FACTOR,
     bsdf_of,
+    normalise_scene,
     plain_bsdf,
-    written_out,
 )
-from spectrabox.reconstruct.scene.parts import (
-    Parts,
+from spectrabox.reconstruct.scene.scene_includes import (
+    IncludedFiles,
     defaults_of,
-    filled_in,
-    found_file,
-    put_together,
+    find_file,
     relative_to_scene,
+    resolve_includes,
+    substitute_defaults,
 )
 
 if TYPE_CHECKING:
@@ -87,18 +87,18 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
         As of ``read_scene``.
     """
     root = _parse(text, path)
-    parts = put_together(root, path, folder)
+    included = resolve_includes(root, path, folder)
     defaults = defaults_of(root)
-    problems = [f"{path.name} {problem}" for problem in parts.problems]
+    problems = [f"{path.name} {problem}" for problem in included.problems]
     sensor = root.find("sensor")
     if sensor is None:
         problems.append(f"{path.name} has no <sensor>: the scene must hold the camera's pose and "
                         "field of view")
-    problems += [f"{path.name}: {problem}" for problem in written_out(root)]
+    problems += [f"{path.name}: {problem}" for problem in normalise_scene(root)]
     # a picture that is refused is not looked for
     pictures = [node for texture in root.iter("texture") if texture.get("name") in COLOURING
                 for node in texture.iter("string")] if problems else []
-    files, missing = _named_files(root, path, parts, folder, pictures)
+    files, missing = _named_files(root, path, included, folder, pictures)
     lights = list(root.iter("emitter"))
     if not lights:
         missing.append(
@@ -179,32 +179,32 @@ def _parse(text: str, path: Path) -> ET.Element:
     return root
 
 
-def _named_files(root: ET.Element, path: Path, parts: Parts, folder: Path | None,
+def _named_files(root: ET.Element, path: Path, included: IncludedFiles, folder: Path | None,
                  left_out: list[ET.Element]) -> tuple[tuple[Path, ...], list[str]]:
     """The files that a scene names, which it then names by the way to them, and sentences about
     those that cannot be used.
     """
-    defaults, files, problems = defaults_of(root), [*parts.files], []
+    defaults, files, problems = defaults_of(root), [*included.files], []
     missing: list[str] = []
     nodes = [(node, "value") for node in root.iter("string") if node.get("name")
              in ("filename", PROFILE) and node not in left_out]
     nodes += [(node, "filename") for node in root.iter() if node.get("filename")]
     for node, attribute in nodes:
-        name = filled_in(node.get(attribute, ""), defaults)
+        name = substitute_defaults(node.get(attribute, ""), defaults)
         if "$" in name:
             problems.append(f"{path.name} names the file {name!r} through a variable; write its "
                             "path out")
             continue
-        found = found_file(name, parts.folders)
-        target = (found or path.parent / name).resolve()
+        file = find_file(name, included.folders)
+        target = (file or path.parent / name).resolve()
         if folder is not None and not target.is_relative_to(folder.resolve()):
             problems.append(f"{path.name} names {name!r}, which lies outside the session folder; "
                             "copy it into scene/")
-        elif found is None:
+        elif file is None:
             missing.append(name)
         else:
             files.append(target)
-            if found != path.parent / name or name != node.get(attribute):
+            if file != path.parent / name or name != node.get(attribute):
                 node.set(attribute, relative_to_scene(target, path))
     return tuple(dict.fromkeys(file.resolve() for file in files)), problems + _missing(
         path, [*dict.fromkeys(missing)])
@@ -264,7 +264,7 @@ def _integer(parent: ET.Element | None, name: str, defaults: Mapping[str, str], 
 
 
 def light_id(root: ET.Element, light: ET.Element) -> str:
-    """Id of a light, or of the shape that shines; its type where neither has one."""
+    """Id of a light, or of the shape that emits it; its type where neither has one."""
     for shape in root.iter("shape"):
         if light in list(shape):
             return shape.get("id", "")

@@ -9,7 +9,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import plain
-from spectrabox.reconstruct.scene.elsewhere import (
+from spectrabox.reconstruct.scene.import_scene import (
     EMITTED,
     SKY_MAP,
     SPECTRAL_FACTOR,

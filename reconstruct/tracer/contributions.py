@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.reconstruct.tracer.tracer_tables import number_of
+from spectrabox.reconstruct.tracer.unit_scene import number_of
 
 
 class Contributions:

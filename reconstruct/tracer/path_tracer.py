@@ -15,14 +15,14 @@ from spectrabox.radiometry.interreflection import product_after
 from spectrabox.reconstruct.scene.light_profile import STEP_DEG, TABLE_DEG
 from spectrabox.reconstruct.tracer.contributions import Contributions
 from spectrabox.reconstruct.tracer.path_samples import ShiftedLattice
-from spectrabox.reconstruct.tracer.tracer_tables import (
+from spectrabox.reconstruct.tracer.unit_scene import (
+    UnitScene,
     bsdf_table,
     is_sky_map,
     light_table,
     number_of,
     profile_table,
 )
-from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 
 # random numbers: of pixel and position in it; of light and direction
 BEFORE_BOUNCES, PER_BOUNCE = 3, 4
@@ -158,12 +158,12 @@ class Tracer:
 
         # ------------------------- emitter that the ray hits -------------------------
         emitter = hit.emitter(scene, active)
-        shines = active & (emitter != None)  # noqa: E711 - an array of pointers, one by one
+        hits_light = active & (emitter != None)  # noqa: E711 - an array of pointers, one by one
         direct = mi.DirectionSample3f(scene, hit, path.previous)
         emitter_pdf = scene.pdf_emitter_direction(path.previous, direct, active & (path.depth > 0))
         weight = dr.select(path.depth > 0, power_heuristic(path.bsdf_pdf, emitter_pdf), 1.0)
-        radiance = emitter.eval(hit, active)[0] * self._profile(emitter, hit.wi.z, shines)
-        sums.add(region, path.throughput * weight * radiance, emitter, path.product, shines)
+        radiance = emitter.eval(hit, active)[0] * self._profile(emitter, hit.wi.z, hits_light)
+        sums.add(region, path.throughput * weight * radiance, emitter, path.product, hits_light)
 
         # ------------------------- reflectance of the surface ------------------------
         active &= hit.is_valid() & (path.depth < self.bounces)

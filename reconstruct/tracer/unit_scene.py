@@ -1,4 +1,7 @@
-"""A scene as the tracer takes it: open, with reflectances and light spectra of 1."""
+"""A scene as the tracer takes it: open, with reflectances and light spectra of 1.
+
+With tables from the renderer's numbers of BSDFs and emitters to what a traced path needs.
+"""
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -6,6 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.scene.light_profile import TABLE_DEG
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,3 +49,112 @@ class UnitScene:
     def groups(self) -> int:
         """Number L of light groups."""
         return 1 if self.lights is None else len(self.lights)
+
+
+def number_of(pointer: Any) -> Any:
+    """The renderer's number of a BSDF or emitter."""
+    import drjit as dr
+    import mitsuba as mi
+
+    return dr.reinterpret_array(mi.UInt32, pointer)
+
+
+def bsdf_table(scene: Any, material_of_bsdf: Mapping[str, str],
+               materials: tuple[str, ...]) -> np.ndarray:
+    """Material index by the renderer's number of the BSDF; M where a BSDF reflects nothing.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+    material_of_bsdf : mapping
+        From BSDF id to material name.
+    materials : M names
+
+    Raises
+    ------
+    InputError
+        If a BSDF that reflects light has no material.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    bsdfs = list(dict.fromkeys(shape.bsdf() for shape in scene.shapes()))
+    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.BSDFPtr(bsdfs)))
+    table = np.full(numbers.max() + 1, len(materials), dtype=np.uint32)
+    for bsdf, number in zip(bsdfs, numbers, strict=True):
+        if bsdf.id() in material_of_bsdf:
+            table[number] = materials.index(material_of_bsdf[bsdf.id()])
+        elif _reflects(bsdf):
+            raise InputError(f"the scene's BSDF {bsdf.id()!r} has no material: every surface needs "
+                             "one, since light that it reflects reaches all the others")
+    return table
+
+
+def _reflects(bsdf: Any) -> bool:
+    import mitsuba as mi
+
+    hit: Any = mi.SurfaceInteraction3f()
+    hit.wavelengths, hit.wi = mi.Spectrum(550.0), mi.Vector3f(0.0, 0.0, 1.0)
+    return bool(np.any(np.array(bsdf.eval_diffuse_reflectance(hit)) != 0))
+
+
+def is_sky_map(emitter: Any) -> bool:
+    """Whether an emitter's radiance comes from a picture."""
+    return bool(emitter.class_name() == "EnvironmentMapEmitter")
+
+
+def profile_table(scene: Any, profiles: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Profiles, one after the other, by the renderer's number of the emitter; 1 without a profile.
+
+    A map of the sky is lit by Mitsuba's D65, which is taken off at the wavelength of the paths.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+    profiles : mapping
+        From the id of an area light's shape to its table of ``light_profile.py``.
+
+    Returns
+    -------
+    (numbers * 181,) float32
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    daylight: Any = dr.zeros(mi.SurfaceInteraction3f)
+    daylight.wavelengths = scene.sensors()[0].sample_ray(0.0, 0.5, mi.Point2f(0.5),
+                                                         mi.Point2f(0.5))[0].wavelengths
+    d65 = float(np.array(mi.load_dict({"type": "d65"}).eval(daylight)[0]).item())
+
+    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(scene.emitters())))
+    table = np.ones((numbers.max() + 1, TABLE_DEG.size), dtype=np.float32)
+    for emitter, number in zip(scene.emitters(), numbers, strict=True):
+        shape = emitter.get_shape()
+        if shape is not None and shape.id() in profiles:
+            table[number] = profiles[shape.id()]
+        elif is_sky_map(emitter):
+            table[number] = 1 / d65
+    return table.ravel()
+
+
+def light_table(scene: Any, lights: tuple[tuple[str, ...], ...]) -> np.ndarray:
+    """Light group by the renderer's number of the emitter; L where an emitter is in none.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+    lights : L groups of ids of emitters or of their shapes
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    emitters = scene.emitters()
+    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(emitters)))
+    table = np.full(numbers.max() + 1, len(lights), dtype=np.uint32)
+    for emitter, number in zip(emitters, numbers, strict=True):
+        shape = emitter.get_shape()
+        names = {emitter.id(), shape.id() if shape is not None else emitter.id()}
+        for group, members in enumerate(lights):
+            if names & set(members):
+                table[number] = group
+    return table

@@ -159,7 +159,7 @@ def pose(request: PoseRequest) -> Answer:
     from spectrabox.calibrate.geometry.pose import FLAT, pose_and_focal_length, pose_from_points
     from spectrabox.calibrate.geometry.projection import spread
     from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.reconstruct.scene.pose_scene import scene_with_camera
+    from spectrabox.reconstruct.scene.edit_scene import scene_with_camera
     from spectrabox.reconstruct.scene.refinements import Refinement, rounded
     check_ending(request.out, {".xml": "the scene with this camera"})
     require_new(request.out, request.force, request.photo, request.points_file, request.board_file,

@@ -77,8 +77,8 @@ def light(request: LightRequest) -> Answer:
         PositionSettings,
         refine_light_position,
     )
-    from spectrabox.reconstruct.scene.moved_light import light_number
-    from spectrabox.reconstruct.scene.pose_scene import scene_with_light_moved
+    from spectrabox.reconstruct.scene.edit_scene import light_number
+    from spectrabox.reconstruct.scene.edit_scene import scene_with_light_moved
     from spectrabox.reconstruct.scene.refinements import Refinement, rounded
     from spectrabox.reconstruct.scene.scene_file import read_scene
     from spectrabox.session.progress_display import progress_display

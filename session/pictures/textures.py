@@ -29,8 +29,8 @@ from spectrabox.radiometry.spectra.spectral_layers import (
     layout_attributes,
 )
 from spectrabox.radiometry.system.names import file_stem
-from spectrabox.reconstruct.pixels.hits import hits_of
 from spectrabox.reconstruct.rendering.spectral_texture import NAME
+from spectrabox.reconstruct.scene.surfaces import hits_of
 from spectrabox.session.pictures.spectra_files import DEVIATION, srgb_of_spectra
 from spectrabox.session.pictures.traced_photo import TracedPhoto
 

@@ -277,7 +277,7 @@ def test_what_includes_itself_or_lies_elsewhere_is_refused(tmp_path):
 
 def test_a_light_whose_place_is_a_vector_can_be_moved(tmp_path):
     """As Blender's exporter has written it since Mitsuba 3.5."""
-    from spectrabox.reconstruct.scene.moved_light import with_light_moved
+    from spectrabox.reconstruct.scene.edit_scene import with_light_moved
     text = HEAD.replace('<point name="position"', '<vector name="position"')
     path = tmp_path / "scene.xml"
     path.write_text(text + PAINT + FLOOR.format(bsdf='<ref id="mat-Paint"/>') + "</scene>",
@@ -288,7 +288,7 @@ def test_a_light_whose_place_is_a_vector_can_be_moved(tmp_path):
 
 
 def test_a_scene_of_several_files_is_not_copied_in_part(tmp_path):
-    from spectrabox.reconstruct.scene.pose_scene import scene_with_light_moved
+    from spectrabox.reconstruct.scene.edit_scene import scene_with_light_moved
     written(tmp_path, "lamp.xml", LAMP)
     main = written(tmp_path, "scene.xml", CAMERA + '<include filename="lamp.xml"/>')
     with pytest.raises(InputError, match="includes other files, whose parts a copy could not"):

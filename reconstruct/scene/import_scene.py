@@ -1,4 +1,4 @@
-"""Scenes as other programs write them, brought to the form that the rest of the code reads.
+"""Scenes as other programs write them, in the form that the rest of the code reads.
 
 Exporters put BSDFs inside shapes or give none, refer to BSDFs among other things, and place copies
 of a group of shapes as instances. All of it is written out here: every BSDF stands at the top with
@@ -31,7 +31,7 @@ SHAPES = (*MESHES, "rectangle", "cube", "sphere", "disk", "cylinder", "linearcur
           "merge", GROUP, INSTANCE)
 
 
-def written_out(root: ET.Element) -> list[str]:
+def normalise_scene(root: ET.Element) -> list[str]:
     """Lift BSDFs out of shapes and instances out of their groups, in place.
 
     Parameters
@@ -71,7 +71,7 @@ def _expand_instances(root: ET.Element) -> list[str]:
         name = instance.get("id") or f"instance_{number}"
         reference = instance.find("ref")
         group = groups.get("" if reference is None else reference.get("id", ""))
-        place = list(root).index(instance)
+        position = list(root).index(instance)
         root.remove(instance)
         if group is None:
             problems.append(f"instance {name!r} refers to no group of shapes in this file; export "
@@ -81,7 +81,7 @@ def _expand_instances(root: ET.Element) -> list[str]:
             one = copy.deepcopy(shape)
             one.set("id", f"{name} {shape.get('id') or index + 1}")
             _move(one, instance.find("transform"))
-            root.insert(place + index, one)
+            root.insert(position + index, one)
     for group in groups.values():
         root.remove(group)
     return problems

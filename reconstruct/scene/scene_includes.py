@@ -1,4 +1,4 @@
-"""A scene in several files, or of an older Mitsuba, brought into one tree as Mitsuba 3 has it.
+"""A scene in several files, or of an older Mitsuba, as one tree of Mitsuba 3.
 
 ``<include>`` is replaced by what the file holds, ``<path>`` names folders in which files are looked
 for, ``$NAME`` in a file's name is the <default> of that name, and names of Mitsuba 0.x
@@ -20,9 +20,9 @@ RENAMED = {"lookAt": "lookat", "srgb": "rgb"}
 CURRENT = "3.0.0"
 
 
-@dataclass
-class Parts:
-    """What is found while the files of a scene are put together."""
+@dataclass(frozen=True)
+class IncludedFiles:
+    """Files that a scene includes, and what is wrong with them; the lists grow as they are read."""
 
     files: list[Path] = field(default_factory=list)         # included
     folders: list[Path] = field(default_factory=list)       # in which files are looked for
@@ -30,7 +30,7 @@ class Parts:
     problems: list[str] = field(default_factory=list)
 
 
-def put_together(root: ET.Element, scene: Path, inside: Path | None = None) -> Parts:
+def resolve_includes(root: ET.Element, scene: Path, inside: Path | None = None) -> IncludedFiles:
     """Replace every <include> and <path> of a <scene>, in place, and bring names up to date.
 
     Parameters
@@ -42,10 +42,10 @@ def put_together(root: ET.Element, scene: Path, inside: Path | None = None) -> P
     inside : Path, optional
         Included files must lie in here; None allows any.
     """
-    parts = Parts(folders=[scene.parent], inside=inside)
+    included = IncludedFiles(folders=[scene.parent], inside=inside)
     _upgrade(root)
-    _include(root, parts)
-    return parts
+    _include(root, included)
+    return included
 
 
 def defaults_of(root: ET.Element) -> dict[str, str]:
@@ -56,7 +56,7 @@ def defaults_of(root: ET.Element) -> dict[str, str]:
     return values
 
 
-def filled_in(text: str, defaults: Mapping[str, str]) -> str:
+def substitute_defaults(text: str, defaults: Mapping[str, str]) -> str:
     """A value with every $NAME replaced by its default; one that has none stays.
 
     Parameters
@@ -67,50 +67,52 @@ def filled_in(text: str, defaults: Mapping[str, str]) -> str:
     return re.sub(r"\$(\w+)", lambda name: defaults.get(name[1], name[0]), text)
 
 
-def found_file(name: str, folders: list[Path]) -> Path | None:
+def find_file(name: str, folders: list[Path]) -> Path | None:
     """The first of some folders' files of a name, None where no folder has one."""
     return next((folder / name for folder in folders if is_there(folder / name)), None)
 
 
-def _include(root: ET.Element, parts: Parts) -> None:
+def _include(root: ET.Element, included: IncludedFiles) -> None:
     """Replace includes until none is left."""
     while (node := next((child for child in root if child.tag in ("include", "path")), None)
            ) is not None:
-        place, defaults = list(root).index(node), defaults_of(root)
+        position, defaults = list(root).index(node), defaults_of(root)
         root.remove(node)
         if node.tag == "path":
-            folder = parts.folders[0] / filled_in(node.get("value", ""), defaults)
-            parts.folders.append(folder)
+            folder = included.folders[0] / substitute_defaults(node.get("value", ""), defaults)
+            included.folders.append(folder)
             continue
-        name = filled_in(node.get("filename", ""), defaults)
-        file = found_file(name, parts.folders)
+        name = substitute_defaults(node.get("filename", ""), defaults)
+        file = find_file(name, included.folders)
         if file is None:
-            parts.problems.append(f"includes {name!r}, which is missing; copy it beside the scene")
+            included.problems.append(f"includes {name!r}, which is missing; copy it beside the "
+                                     "scene")
             continue
-        if parts.inside is not None and not file.resolve().is_relative_to(parts.inside.resolve()):
-            parts.problems.append(f"includes {name!r}, which lies outside the session folder; copy "
-                                  "it into scene/")
+        inside = included.inside
+        if inside is not None and not file.resolve().is_relative_to(inside.resolve()):
+            included.problems.append(f"includes {name!r}, which lies outside the session folder; "
+                                     "copy it into scene/")
             continue
-        if len(parts.files) == MAX_INCLUDES:
-            parts.problems.append(f"includes more than {MAX_INCLUDES} files; {name!r} may include "
-                                  "itself")
+        if len(included.files) == MAX_INCLUDES:
+            included.problems.append(f"includes more than {MAX_INCLUDES} files; {name!r} may "
+                                     "include itself")
             return
-        parts.files.append(file)
-        parts.folders.append(file.parent)
-        if (inside := _scene_of(file, parts)) is not None:
-            _upgrade(inside)
-            for index, child in enumerate(list(inside)):
-                root.insert(place + index, child)
+        included.files.append(file)
+        included.folders.append(file.parent)
+        if (part := _scene_of(file, included)) is not None:
+            _upgrade(part)
+            for index, child in enumerate(list(part)):
+                root.insert(position + index, child)
 
 
-def _scene_of(file: Path, parts: Parts) -> ET.Element | None:
+def _scene_of(file: Path, included: IncludedFiles) -> ET.Element | None:
     try:
         root = ET.fromstring(file.read_text(encoding="utf-8-sig"))
     except (OSError, ET.ParseError, ValueError, RecursionError) as error:
-        parts.problems.append(f"includes {file.name!r}, which cannot be read: {error}")
+        included.problems.append(f"includes {file.name!r}, which cannot be read: {error}")
         return None
     if root.tag != "scene":
-        parts.problems.append(f"includes {file.name!r}, whose root is <{root.tag}>; <scene> is "
+        included.problems.append(f"includes {file.name!r}, whose root is <{root.tag}>; <scene> is "
                               "needed")
         return None
     return root
