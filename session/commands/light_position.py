@@ -73,12 +73,11 @@ def light(request: LightRequest) -> Answer:
     from spectrabox.radiometry.spectra.named_spectra import sensitivities
     from spectrabox.reconstruct.rendering.renderer import start_mitsuba
     from spectrabox.reconstruct.scene.box_scene import is_of_box
+    from spectrabox.reconstruct.scene.edit_scene import light_number, scene_with_light_moved
     from spectrabox.reconstruct.scene.light_position import (
         PositionSettings,
         refine_light_position,
     )
-    from spectrabox.reconstruct.scene.edit_scene import light_number
-    from spectrabox.reconstruct.scene.edit_scene import scene_with_light_moved
     from spectrabox.reconstruct.scene.refinements import Refinement, rounded
     from spectrabox.reconstruct.scene.scene_file import read_scene
     from spectrabox.session.progress_display import progress_display
