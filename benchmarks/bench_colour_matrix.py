@@ -3,7 +3,7 @@
 A raw file of a few grey pixels is written in each camera's name and read back, so that LibRaw adds
 the matrix it has for that camera. Printed are the mean and the standard deviation of the departure
 from what the measured curves predict (``TYPICAL`` and ``SPREAD`` of
-``calibrate/colour_matrix.py``), and how many cameras are called doubtful when a chart photo under
+``calibrate/doubts.py``), and how many cameras are called doubtful when a chart photo under
 one light, noise 1 %, is fitted under the right or another light, the camera left out of the prior.
 Threshold and table were found on these same cameras.
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
-from spectrabox.calibrate.colour_matrix import DOUBTFUL, matrix_deviation, matrix_doubt
+from spectrabox.calibrate.doubts import DOUBTFUL, matrix_deviation, matrix_doubt
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.dng import write_dng

@@ -20,13 +20,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, field_terms
-from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
-from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.calibrate.products.lamps import Lamps, all_lamps
-from spectrabox.calibrate.products.light_evidence import (
+from spectrabox.calibrate.doubts import (
     CONTRADICTS,
     evidence_for_another_light,
 )
+from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.products.lamps import Lamps, all_lamps
 from spectrabox.calibrate.products.product_fit import ProductFit, fit_products
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv

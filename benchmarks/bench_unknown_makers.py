@@ -18,8 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
-from spectrabox.calibrate.curve_band import curve_band
+from spectrabox.calibrate.chart_calibration import (
+    CalibrationOptions,
+    ChartPhoto,
+    calibrate_chart,
+    curve_band,
+)
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, matern
 from spectrabox.calibrate.prior.learnt_prior import CONSTANTS, PriorConstants, build_prior

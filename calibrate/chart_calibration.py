@@ -8,14 +8,14 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, some_patches
-from spectrabox.calibrate.colour_matrix import matrix_contradicts
+from spectrabox.calibrate.doubts import light_doubts, matrix_contradicts, unlike_cameras
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
 from spectrabox.calibrate.measured_curves import check_measured_curves
 from spectrabox.calibrate.photo_checks import disagreement, light_power, refuse_disagreement
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.calibrate.prior.smooth_prior import SMOOTH_SOURCE
+from spectrabox.calibrate.prior.curve_posterior import draw_curves
+from spectrabox.calibrate.prior.plain_priors import SMOOTH_SOURCE
 from spectrabox.calibrate.products.lamps import lamps_like
-from spectrabox.calibrate.products.light_evidence import evidence_for_another_light, light_doubts
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.sensitivity import (
     CHART_ERROR,
@@ -28,7 +28,7 @@ from spectrabox.calibrate.sensitivity import (
     scale_of_photo,
 )
 from spectrabox.calibrate.spline_fit import SPLINE_BANDS
-from spectrabox.calibrate.trust import chart_colour_differences, doubts, other_reading, sentences
+from spectrabox.calibrate.trust import chart_colour_differences, other_reading, sentences
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.light_scale import scale_from_signals
@@ -51,6 +51,10 @@ from spectrabox.radiometry.response import response_matrix
 from spectrabox.radiometry.shaped import Record
 
 MIN_BANDS = 3
+LEVEL = 0.9                 # of the band of curves
+NORMAL_QUANTILE = 1.6449    # of that level, two-sided
+DRAWS = 1000                # of the curves
+
 
 @dataclass(frozen=True, eq=False)
 class ChartPhoto(Record):
@@ -152,24 +156,29 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     light, power, unseen = _power_of(first.light, grid)
     irradiance = first.irradiance_or_pi
     prior_fit, posterior = None, None
-    doubtful: tuple[CalibrationDoubt, ...] = ()
+    doubts: tuple[CalibrationDoubt, ...] = ()
     if chosen.curves is not None:
         fit, scale, predicted, without = _from_measured(first, power, irradiance, grid,
                                                         chosen.curves)
-        said: tuple[str, ...] = (
+        notes: tuple[str, ...] = (
             check_measured_curves(_as_equations(first, grid)[0], chosen.curves, grid),)
     elif chosen.method == "prior":
         equations = [_as_equations(photo, grid) for photo in photos]
-        fitted, apart = [used for used, _ in equations], equations[0][1]
+        fitted, excluded = [used for used, _ in equations], equations[0][1]
+        cameras = default_prior(fitted, grid) if chosen.prior is None else chosen.prior
         if isinstance(first.light, UnknownLight):
-            prior_fit, posterior, said = _products(fitted, first.light, grid, chosen.prior, apart)
+            prior_fit, posterior, notes = _products(fitted, first.light, grid, cameras, excluded)
         else:
-            prior_fit = prior_calibration(fitted, grid, chosen.prior, apart)
-            doubtful, said = _light_doubts(photos, fitted, grid, chosen.prior)
-            doubtful = (*doubts(prior_fit), *doubtful)
-        said = (*sentences(prior_fit, grid), *said)
+            prior_fit = prior_calibration(fitted, grid, cameras, excluded)
+            wrong_lights, notes = light_doubts([_power_of(photo.light, grid)[0].source
+                                                for photo in photos], fitted, cameras, grid)
+            unlike = (CalibrationDoubt.UNLIKE_CAMERAS,) if unlike_cameras(prior_fit) else ()
+            doubts = (*unlike, *wrong_lights)
+        notes = (*sentences(prior_fit, grid), *notes)
         scale, without = scale_of_photo(prior_fit, 0), in_chart_order(prior_fit.without, first.used)
-        predicted = _predicted(prior_fit, first, without)
+        # of excluded patches, signals that the fit without them predicts
+        predicted = without.predicted(first.reflectances)
+        predicted[first.used] = prior_fit.photos[0].predicted
         fit = replace(prior_fit.sensitivity, residuals=1 - predicted / first.samples.mean,
                       held_out_residuals=1 - without.predicted(first.reflectances)
                       / first.samples.mean)
@@ -178,7 +187,7 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         fit, scale, without = fit_sensitivities(
             first.samples, first.reflectances, power, irradiance, grid, chosen.coefficients,
             method=chosen.method, used=first.used)
-        said = (SPLINE_BANDS[chosen.method],)
+        notes = (SPLINE_BANDS[chosen.method],)
         predicted = scale.value * _chart_signals(grid, fit.curves, power, first.reflectances,
                                                  irradiance)
     held_out = fit.residuals if fit.held_out_residuals is None else fit.held_out_residuals
@@ -191,15 +200,46 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     left_out = ("" if chosen.curves is not None
                 else f", {delta_e_without.mean():.2f} for patches left out of the fit")
     checks = (f"chart colour difference {delta_e.mean():.2f} CIEDE2000{left_out}",
-              *_checks(fit, covariance, scale), *unseen, *said)
+              *_checks(fit, covariance, scale), *unseen, *notes)
     # products with an unknown light are no curves that a matrix could be held against
     if posterior is None and matrix_contradicts(first.samples.camera_from_xyz, fit.curves, grid):
-        doubtful += (CalibrationDoubt.COLOUR_MATRIX,)
-    checks += tuple(doubt.value for doubt in doubtful)
+        doubts += (CalibrationDoubt.COLOUR_MATRIX,)
+    checks += tuple(doubt.value for doubt in doubts)
     calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
-                              checks, doubtful, posterior)
+                              checks, doubts, posterior)
     return ChartCalibration(calibration, scale, predicted, signals_without, delta_e,
                             delta_e_without, prior_fit, without, ~first.used)
+
+
+@dataclass(frozen=True, eq=False)
+class CurveBand(Record):
+    """Band of curves of largest value 1; draws are None for methods without a posterior."""
+
+    lower: Annotated[np.ndarray, "K P"]
+    upper: Annotated[np.ndarray, "K P"]
+    draws: Annotated[np.ndarray, "T K P"] | None
+
+
+def curve_band(calibration: ChartCalibration, seed: int = 0) -> CurveBand | None:
+    """The pointwise 90 % band of a calibration's curves; None for measured curves.
+
+    Quantiles of 1000 draws with the method ``prior``, else from the standard error.
+
+    Parameters
+    ----------
+    calibration : ChartCalibration
+    seed : int
+        Of the draws.
+    """
+    fit = calibration.calibration.sensitivity
+    if calibration.prior_fit is not None:
+        draws = draw_curves(calibration.prior_fit.posterior, len(fit.curves), DRAWS, seed).curves
+        lower, upper = np.quantile(draws, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
+        return CurveBand(lower, upper, draws)
+    if fit.standard_error is None:
+        return None
+    half = NORMAL_QUANTILE * fit.standard_error
+    return CurveBand(np.maximum(fit.curves - half, 0), fit.curves + half, None)
 
 
 def unknown_irradiance(patches: int) -> np.ndarray:
@@ -209,7 +249,7 @@ def unknown_irradiance(patches: int) -> np.ndarray:
 
 def prior_calibration(photos: list[ChartEquations], grid: WavelengthGrid,
                       prior: CameraPrior | None = None,
-                      apart: ChartEquations | None = None) -> PriorFit:
+                      excluded: ChartEquations | None = None) -> PriorFit:
     """The joint estimate from chart photos, refused where no camera explains them.
 
     Parameters
@@ -220,7 +260,7 @@ def prior_calibration(photos: list[ChartEquations], grid: WavelengthGrid,
         Working grid, of P wavelengths.
     prior : CameraPrior or None
         None: see ``default_prior``.
-    apart : ChartEquations or None
+    excluded : ChartEquations or None
         Patches of the first photo that no fit is to use.
 
     Raises
@@ -229,7 +269,7 @@ def prior_calibration(photos: list[ChartEquations], grid: WavelengthGrid,
         If the patches disagree with the reference under any camera; it says which photo, and which
         other reading of it would agree.
     """
-    joint = fit_with_prior(photos, prior, grid, apart=apart)
+    joint = fit_with_prior(photos, prior, grid, excluded=excluded)
     if not joint.disagrees:
         return joint
     known = default_prior(photos, grid) if prior is None else prior
@@ -300,7 +340,7 @@ def _power_of(light: Spectrum | UnknownLight,
 def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> tuple[ChartEquations,
                                                                     ChartEquations | None]:
     """A photo as equations, with a field where the illumination of the chart is not known; and the
-    patches that are kept out, if any.
+    excluded patches, if any.
     """
     _, power, _ = _power_of(photo.light, grid)
     known = photo.irradiance is not None
@@ -312,48 +352,21 @@ def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> tuple[ChartEquatio
     return some_patches(whole, photo.used), some_patches(whole, ~photo.used)
 
 
-def _light_doubts(shots: Sequence[ChartPhoto], photos: list[ChartEquations], grid: WavelengthGrid,
-                  prior: CameraPrior | None) -> tuple[tuple[CalibrationDoubt, ...],
-                                                      tuple[str, ...]]:
-    """Whether a photo contradicts its stated light, and a sentence for each that does."""
-    cameras = default_prior(photos, grid) if prior is None else prior
-    if cameras.source == SMOOTH_SOURCE:     # no camera is known, so no lamp can be told
-        return (), ()
-    found, said = set(), []
-    for shot, photo in zip(shots, photos, strict=True):
-        light, power, _ = _power_of(shot.light, grid)
-        evidence = evidence_for_another_light([photo], cameras, power, grid)
-        if light_doubts(evidence):
-            found |= set(light_doubts(evidence))
-            said.append(f"{CalibrationDoubt.WRONG_LIGHT.value} ({light.source}: other lamps "
-                        f"explain the chart better, by {evidence:.0f} nats)")
-    return tuple(found), tuple(said)
-
-
-def _products(photos: list[ChartEquations], said: UnknownLight, grid: WavelengthGrid,
-              prior: CameraPrior | None, apart: ChartEquations | None
+def _products(photos: list[ChartEquations], light: UnknownLight, grid: WavelengthGrid,
+              cameras: CameraPrior, excluded: ChartEquations | None
               ) -> tuple[PriorFit, LightPosterior | None, tuple[str, ...]]:
     """Products of sensitivity and an unknown light, and what is known of the light by itself."""
-    cameras = default_prior(photos, grid) if prior is None else prior
     if cameras.source == SMOOTH_SOURCE:
-        return prior_calibration(photos, grid, cameras, apart), None, (
+        return prior_calibration(photos, grid, cameras, excluded), None, (
             f"no measured camera has {cameras.bands} bands: products of sensitivity and light were "
             "fitted with smoothness alone, so narrow lines of the lamp are smoothed over and the "
             "light by itself is not known",)
-    lamps = lamps_like(said)
-    found = fit_products(photos, cameras, lamps, grid, said.words, apart)
-    if found.fit.disagrees:
-        first = found.fit.held_out[0]
+    products = fit_products(photos, cameras, lamps_like(light), grid, light.words, excluded)
+    if products.fit.disagrees:
         refuse_disagreement("no camera under any lamp explains the chart photo",
-                            disagreement(photos[0].signal, first), found.fit.chi_square, None)
-    return found.fit, found.light, found.light.sentences
-
-
-def _predicted(fit: PriorFit, photo: ChartPhoto, without: PatchesWithout) -> np.ndarray:
-    """Signals (I, K) that the fit predicts; of patches kept out, those of the fit without them."""
-    predicted = without.predicted(photo.reflectances)
-    predicted[photo.used] = fit.photos[0].predicted
-    return predicted
+                            disagreement(photos[0].signal, products.fit.held_out[0]),
+                            products.fit.chi_square, None)
+    return products.fit, products.light, products.light.sentences
 
 
 def _from_measured(photo: ChartPhoto, power: np.ndarray, irradiance: np.ndarray,

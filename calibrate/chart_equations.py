@@ -172,6 +172,22 @@ def nuisance_sd(photo: ChartEquations) -> np.ndarray:
     return np.concatenate([np.full(photo.field_terms.shape[1], FIELD_SD), glare])
 
 
+def nuisance_starts(photos: Sequence[ChartEquations]) -> np.ndarray:
+    """Index of each photo's log exposure among the nuisances of all photos, then their number.
+
+    The nuisances stand photo by photo: log exposure, field terms, glare of each band.
+
+    Parameters
+    ----------
+    photos : sequence of V ChartEquations
+
+    Returns
+    -------
+    (V + 1,) int array
+    """
+    return np.cumsum([0, *(1 + nuisance_sd(photo).size for photo in photos)])
+
+
 def predicted_signal(photo: ChartEquations, design: np.ndarray, coefficients: np.ndarray,
                      exposure: float, nuisance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signal (I K,) patch after patch, and its derivatives (I K, K N + 1 + nuisances).

@@ -5,12 +5,11 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.photo_checks import disagreement, refuse_disagreement
-from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.plain_priors import prior_about
 from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.calibrate.trust import other_reading
 from spectrabox.radiometry.records import WavelengthGrid
 
-STEP_NM = 5.0
 DOUBTFUL = 1.5  # chi-square per signal, 72 of them: chance gives as much once in 200 photos
 # What a measurement may be off by: two laboratories that measure one camera differ by about 8 %.
 # Added to each band (of the largest value, nm), multiplied with each band, with all bands alike.
@@ -34,7 +33,8 @@ def check_measured_curves(photo: ChartEquations, curves: np.ndarray, grid: Wavel
         If they do not, but would if the photo were read in another way: mirrored, bands reversed,
         encoded.
     """
-    known = _about(curves, grid)
+    # cameras that another laboratory would have measured so
+    known = prior_about(grid, curves, LABORATORY, "measured curves")
     fit = fit_with_prior([photo], known, grid)
     if fit.chi_square < DOUBTFUL and not fit.disagrees:
         return (f"measured curves and photo agree within {fit.model_error:.1%} (chi-square "
@@ -46,13 +46,3 @@ def check_measured_curves(photo: ChartEquations, curves: np.ndarray, grid: Wavel
     return ("the measured curves do not explain the chart photo (chi-square "
             f"{fit.chi_square:.1f} per signal): check that they are of this camera and their "
             "columns in the photo's order, and light, chart and glare")
-
-
-def _about(curves: np.ndarray, grid: WavelengthGrid) -> CameraPrior:
-    """A prior of cameras that another laboratory would have measured so."""
-    nm = np.arange(grid.nm[0], grid.nm[-1] + 1, STEP_NM)
-    mean = np.array([np.interp(nm, grid.nm, curve) for curve in curves]).ravel()
-    none = np.zeros((mean.size, 0))
-    return CameraPrior(nm, np.ones(1), mean[None], np.zeros(1, int), np.zeros((1, 2)),
-                       np.array([LABORATORY]), np.ones(1), none, none, ("the measured camera",),
-                       "measured curves", "none")

@@ -22,19 +22,20 @@ from spectrabox.calibrate.photo_checks import (
 )
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, shipped_prior
 from spectrabox.calibrate.prior.curve_posterior import (
+    CurveMoments,
     PhotoState,
     curve_moments,
     curve_variance,
     photo_states,
     prior_share,
 )
+from spectrabox.calibrate.prior.plain_priors import smooth_prior
 from spectrabox.calibrate.prior.prior_fit import (
     MODEL_ERRORS,
     CurvePosterior,
     held_out_signals,
     posterior_of_curves,
 )
-from spectrabox.calibrate.prior.smooth_prior import smooth_prior
 from spectrabox.calibrate.spline_fit import SPLINE_METHODS, BandFits, fit_bands
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import block_diagonal
@@ -68,7 +69,7 @@ class PriorFit(Record):
     families: tuple[tuple[str, float], ...]         # members and probability, likeliest first
     patch_error: PatchError                         # disagreement of patches and model
     chi_square: float                               # per datum, about 1 where everything agrees
-    without: PatchesWithout                         # of the first photo, then those kept apart
+    without: PatchesWithout                         # of the first photo, then the excluded
 
     @property
     def model_error(self) -> float:
@@ -94,8 +95,8 @@ def default_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> CameraP
     return shipped if photos[0].signal.shape[1] == shipped.bands else smooth_prior(photos, grid)
 
 
-def require_bands(photos: list[ChartEquations], prior: CameraPrior) -> None:
-    """Refuse photos of another number of bands than a prior's cameras have.
+def require_fit_for(photos: list[ChartEquations], prior: CameraPrior) -> None:
+    """Refuse photos that no fit with a prior can use.
 
     Parameters
     ----------
@@ -104,9 +105,14 @@ def require_bands(photos: list[ChartEquations], prior: CameraPrior) -> None:
 
     Raises
     ------
+    CalibrationError
+        If a photo holds too few patches, or two bands have the same signals.
     InputError
+        If the prior's cameras have another number of bands than the photos.
     """
     for photo in photos:
+        require_patches(photo.signal)
+        require_apart(photo.signal)
         if photo.signal.shape[1] != prior.bands:
             raise InputError(f"the prior is for cameras of {prior.bands} bands, the photo has "
                              f"{photo.signal.shape[1]}; give a prior made from such cameras, or "
@@ -115,7 +121,7 @@ def require_bands(photos: list[ChartEquations], prior: CameraPrior) -> None:
 
 def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid: WavelengthGrid, *,
                    model_errors: tuple[float, ...] = MODEL_ERRORS,
-                   apart: ChartEquations | None = None) -> PriorFit:
+                   excluded: ChartEquations | None = None) -> PriorFit:
     """Curves, exposure, field and glare from chart photos of one camera, with calibrated errors.
 
     Parameters
@@ -129,7 +135,7 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid
         Working grid, of P wavelengths.
     model_errors : tuple of float
         Relative errors of patches against the model that are held possible.
-    apart : ChartEquations or None
+    excluded : ChartEquations or None
         Patches of the first photo that no fit is to use.
 
     Raises
@@ -139,31 +145,47 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid
     InputError
         If the prior holds another number of bands than the photos.
     """
-    for photo in photos:
-        require_patches(photo.signal)
-        require_apart(photo.signal)
     prior = default_prior(photos, grid) if prior is None else prior
-    require_bands(photos, prior)
+    require_fit_for(photos, prior)
     # matrices of 200 rows: more threads wait for each other, ten times as long
     with threadpool_limits(1, "blas"):
         posterior = posterior_of_curves(photos, prior, grid, model_errors=model_errors)
-        held_out, chi_square, without = held_out_signals(photos, prior, grid, posterior, apart)
+        held_out, chi_square, without = held_out_signals(photos, prior, grid, posterior, excluded)
         moments = curve_moments(posterior, prior.bands)
         states = photo_states(posterior, photos, moments)
         shares = prior_share(posterior, prior, moments)
     shares[:, np.all([unlit(photo.power / grid.weights_nm) for photo in photos], axis=0)] = 1.0
-    curves = moments.coefficients @ posterior.basis.T
-    error = np.sqrt(curve_variance(posterior.basis, moments.covariance, prior.bands))
-    first = photos[0].signal
-    condition = condition_number(photos[0], grid)
-    fit = SensitivityFit(grid, curves, posterior.basis, moments.coefficients, moments.covariance,
-                         error, 1 - states[0].predicted / first, 1 - held_out[0] / first, condition,
-                         f"joint estimate with a Gaussian mixture prior ({prior.source})",
-                         Outcome.CONVERGED)
+    fit = sensitivity_fit(photos[0], posterior, moments, states[0].predicted, held_out[0], grid,
+                          f"joint estimate with a Gaussian mixture prior ({prior.source})")
     order = np.argsort(-posterior.families)
     families = tuple((prior.members[index], float(posterior.families[index])) for index in order)
     return PriorFit(fit, posterior, tuple(states), tuple(held_out), shares, families,
                     posterior.model_error, chi_square, without)
+
+
+def sensitivity_fit(photo: ChartEquations, posterior: CurvePosterior, moments: CurveMoments,
+                    predicted: np.ndarray, held_out: np.ndarray, grid: WavelengthGrid,
+                    method: str) -> SensitivityFit:
+    """Curves of largest value 1 from a posterior, with their errors and one photo's residuals.
+
+    Parameters
+    ----------
+    photo : ChartEquations
+    posterior : CurvePosterior
+    moments : CurveMoments
+        Of the posterior.
+    predicted, held_out : (I, K) arrays
+        Signals of the photo's patches: fitted, and each predicted from the other patches.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    method : str
+        In words, for the report.
+    """
+    error = np.sqrt(curve_variance(posterior.basis, moments.covariance, len(moments.coefficients)))
+    return SensitivityFit(grid, moments.coefficients @ posterior.basis.T, posterior.basis,
+                          moments.coefficients, moments.covariance, error,
+                          1 - predicted / photo.signal, 1 - held_out / photo.signal,
+                          condition_number(photo, grid), method, Outcome.CONVERGED)
 
 
 def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np.ndarray,

@@ -5,18 +5,16 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.calibrate.prior.learnt_prior import UNLIKE
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
-from spectrabox.radiometry.records import CalibrationDoubt, WavelengthGrid
+from spectrabox.radiometry.records import WavelengthGrid
 
 FROM_PRIOR = 0.5             # share of the prior's uncertainty left, above which the prior decides
 MUCH_GLARE = 0.02            # of the brightest patch
 GLARE_SIGMA = 3.0            # of a band: nearer to 0 none is claimed
 PROBABLE = 0.05              # families below are not named
-SURELY = 0.9                 # probability of an unlike camera above which something may be wrong
 CLEAR_GAIN = 20.0            # of log evidence, for another reading of the photo
 
 
@@ -73,12 +71,6 @@ def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGri
     if evidence[best] - _evidence(photo, photo.signal, prior, grid) < CLEAR_GAIN:
         return None
     return None if fit_with_prior([_read(photo, readings[best])], prior, grid).disagrees else best
-
-
-def doubts(fit: PriorFit) -> tuple[CalibrationDoubt, ...]:
-    """What makes the fit doubtful although some camera explains the photos."""
-    unlike = dict(fit.families).get(UNLIKE, 0.0) > SURELY and len(fit.families) > 1
-    return (CalibrationDoubt.UNLIKE_CAMERAS,) if unlike else ()
 
 
 def sentences(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:

@@ -77,7 +77,7 @@ def light_as_stated(monkeypatch):
     their time, for tests of something else.
     """
     from spectrabox.calibrate import chart_calibration
-    monkeypatch.setattr(chart_calibration, "_light_doubts", lambda *_: ((), ()))
+    monkeypatch.setattr(chart_calibration, "light_doubts", lambda *_: ((), ()))
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
-from spectrabox.calibrate.colour_matrix import (
+from spectrabox.calibrate.doubts import (
     SPREAD,
     TYPICAL,
     matrix_contradicts,

@@ -8,8 +8,12 @@ import pytest
 from calibrate_cameras import GRID, cameras, led, on_grid
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
-from spectrabox.calibrate.curve_band import curve_band
+from spectrabox.calibrate.chart_calibration import (
+    CalibrationOptions,
+    ChartPhoto,
+    calibrate_chart,
+    curve_band,
+)
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.records import Quantity

@@ -21,7 +21,7 @@ from calibrate_cameras import (
 )
 from scipy import optimize
 
-from spectrabox.calibrate import chart_calibration, colour_matrix
+from spectrabox.calibrate import chart_calibration, doubts
 from spectrabox.calibrate.beam.beam_fit import _jackknife
 from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
@@ -38,14 +38,14 @@ from spectrabox.calibrate.chart_equations import (
     field_terms,
     mean_error,
 )
-from spectrabox.calibrate.colour_matrix import SPREAD, TYPICAL, matrix_deviation, matrix_doubt
+from spectrabox.calibrate.doubts import SPREAD, TYPICAL, matrix_deviation, matrix_doubt
 from spectrabox.calibrate.light_field import PicturePoints, _of_distance
 from spectrabox.calibrate.photo_checks import disagreement
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import nonnegative
 from spectrabox.calibrate.prior.learnt_prior import KEPT_VARIANCE, _leading, within_families
-from spectrabox.calibrate.prior.measured_prior import prior_of_curves
+from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import fit_with_prior, relative_prediction_covariance
@@ -333,7 +333,7 @@ def calibrated():
     curves = on_grid(cameras(1, 44)[0])
     made = {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(chart_calibration, "_light_doubts", lambda *_: ((), ()))
+        patch.setattr(chart_calibration, "light_doubts", lambda *_: ((), ()))
         for method in ("nonnegative", "smooth", "file", "prior"):
             options = CalibrationOptions("prior" if method == "file" else method, coarse_prior(),
                                          curves=curves if method == "file" else None)
@@ -499,7 +499,7 @@ def test_what_is_expected_of_a_photo_does_not_hang_on_how_bright_a_camera_was_me
 
 def test_a_camera_that_departs_by_one_spread_everywhere_is_doubted_by_one(monkeypatch):
     """A mean square over what is free: nine entries, of which a common scale takes up one."""
-    monkeypatch.setattr(colour_matrix, "matrix_deviation", lambda *_: TYPICAL - SPREAD)
+    monkeypatch.setattr(doubts, "matrix_deviation", lambda *_: TYPICAL - SPREAD)
     assert matrix_doubt(np.eye(3), np.ones((3, GRID.nm.size)), GRID) == pytest.approx(9 / 8)
 
 

@@ -23,7 +23,7 @@ from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhot
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.curve_posterior import draw_curves, sensitivity_draws
-from spectrabox.calibrate.prior.smooth_prior import smooth_prior
+from spectrabox.calibrate.prior.plain_priors import smooth_prior
 from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
 from spectrabox.radiometry.errors import InputError

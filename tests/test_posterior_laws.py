@@ -22,8 +22,8 @@ from calibrate_cameras import (
 from sampling_cameras import seen
 from scipy import special, stats
 
+from spectrabox.calibrate.chart_calibration import curve_band
 from spectrabox.calibrate.chart_equations import unlit_design
-from spectrabox.calibrate.curve_band import curve_band
 from spectrabox.calibrate.prior.camera_prior import matern
 from spectrabox.calibrate.prior.curve_posterior import curve_moments, curve_variance, photo_states
 from spectrabox.calibrate.prior.learnt_prior import between_makers, build_prior

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
-from spectrabox.calibrate.prior.measured_prior import prior_of_curves
+from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
 from spectrabox.radiometry.records import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities

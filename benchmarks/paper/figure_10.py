@@ -21,8 +21,8 @@ from spectrabox.calibrate.chart_calibration import (
     ChartCalibration,
     ChartPhoto,
     calibrate_chart,
+    curve_band,
 )
-from spectrabox.calibrate.curve_band import curve_band
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import grid_from_nm, visible_grid
 from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum

@@ -4,7 +4,9 @@ Curves, their covariance, their band, draws and the light scale.
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
@@ -13,6 +15,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from spectrabox.calibrate.chart_equations import (
     ChartEquations,
     nuisance_sd,
+    nuisance_starts,
     predicted_signal,
     unlit_design,
 )
@@ -79,7 +82,7 @@ def curve_moments(posterior: CurvePosterior, bands: int) -> CurveMoments:
         K, of the camera.
     """
     size = bands * posterior.basis.shape[1]
-    mean, covariance = _moments(posterior)
+    mean, covariance = mixture_moments(posterior.weights, posterior.means, posterior.covariances)
     mean, covariance = nonnegative(mean[:size], covariance[:size, :size]), covariance[:size, :size]
     coefficients = mean.reshape(bands, -1)
     curves = coefficients @ posterior.basis.T
@@ -206,11 +209,10 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
     """
     bands = len(moments.coefficients)
     size = moments.coefficients.size
-    mean, covariance = _moments(posterior)
-    states, index = [], size        # index of the photo's log exposure in the state vector
-    for photo in photos:
-        count = 1 + nuisance_sd(photo).size
-        nuisance = mean[index + 1:index + count]
+    mean, covariance = mixture_moments(posterior.weights, posterior.means, posterior.covariances)
+    states = []
+    for photo, (index, stop) in zip(photos, pairwise(size + nuisance_starts(photos)), strict=True):
+        nuisance = mean[index + 1:stop]
         terms = photo.field_terms.shape[1]
         design = unlit_design(photo, posterior.basis)
         predicted, _ = predicted_signal(photo, design, moments.coefficients * moments.peak,
@@ -221,12 +223,11 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
         glare, glare_error = np.zeros((2, bands))
         if photo.glare:
             glare = nuisance[terms:]
-            glare_error = np.sqrt(np.diag(covariance)[index + 1 + terms:index + count])
+            glare_error = np.sqrt(np.diag(covariance)[index + 1 + terms:stop])
         white = _white(photo, posterior.basis, moments.coefficients * moments.peak, mean,
                        covariance, index)
         states.append(PhotoState(scale, scale * error, np.exp(photo.field_terms @ nuisance[:terms]),
                                  glare, glare_error, predicted.reshape(-1, bands), white))
-        index += count
     return states
 
 
@@ -299,11 +300,23 @@ def _scaling(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
     return np.eye(coefficients.size) - np.outer(coefficients.ravel(), at_peak.ravel())
 
 
-def _moments(posterior: CurvePosterior) -> tuple[np.ndarray, np.ndarray]:
-    mean = posterior.weights @ posterior.means
-    offset = posterior.means - mean
-    within = np.einsum("c,cij->ij", posterior.weights, posterior.covariances)
-    return mean, within + np.einsum("c,ci,cj->ij", posterior.weights, offset, offset)
+def mixture_moments(weights: np.ndarray, means: np.ndarray | Sequence[np.ndarray],
+                    covariances: np.ndarray | Sequence[np.ndarray]
+                    ) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (Z,) and covariance (Z, Z) of a mixture of Gaussians.
+
+    Parameters
+    ----------
+    weights : (C,) array
+        Of any sum.
+    means : (C, Z) array
+    covariances : (C, Z, Z) array
+    """
+    shares = weights / np.sum(weights)
+    mean = shares @ np.asarray(means)
+    offset = (means - mean) * np.sqrt(shares)[:, None]
+    within = np.einsum("c,cij->ij", shares, np.asarray(covariances))
+    return mean, within + offset.T @ offset
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:

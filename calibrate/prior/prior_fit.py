@@ -10,7 +10,7 @@ the prior (the logarithm of the curves) and handed on in the curves.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 from typing import Annotated
 
 import numpy as np
@@ -21,6 +21,7 @@ from spectrabox.calibrate.chart_equations import (
     mean_error,
     noise_covariance,
     nuisance_sd,
+    nuisance_starts,
     patch_errors,
     predicted_signal,
     unlit_design,
@@ -136,7 +137,7 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
 
 
 def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: WavelengthGrid,
-                     posterior: CurvePosterior, apart: ChartEquations | None = None
+                     posterior: CurvePosterior, excluded: ChartEquations | None = None
                      ) -> tuple[list[np.ndarray], float, PatchesWithout]:
     """Signals (I, K) of every photo, each patch predicted from all others; chi-square per datum;
     and what fits without each say of the patches of the first photo.
@@ -152,7 +153,7 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
         As given to ``posterior_of_curves``.
     posterior : CurvePosterior
         Its result.
-    apart : ChartEquations or None
+    excluded : ChartEquations or None
         Patches of the first photo that were in no fit; they come after its own.
     """
     designs = [unlit_design(photo, posterior.basis) for photo in photos]
@@ -188,10 +189,10 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
         rows = slice(patch * prior.bands, (patch + 1) * prior.bands)
         add(photos[0], patch, start + projected @ weights_without(inverse, weighted, rows),
             covariance_without(after, gain, inverse, rows))
-    for patch in range(0 if apart is None else len(apart.signal)):
-        assert apart is not None
-        add(apart, patch, start + projected @ weighted, after)
-    without_each = gathered([photos[0], *([] if apart is None else [apart])], posterior.basis,
+    for patch in range(0 if excluded is None else len(excluded.signal)):
+        assert excluded is not None
+        add(excluded, patch, start + projected @ weighted, after)
+    without_each = gathered([photos[0], *([] if excluded is None else [excluded])], posterior.basis,
                             posterior.best_error, patches)
     return signals, float(innovation @ weighted / innovation.size), without_each
 
@@ -260,7 +261,7 @@ def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: f
     start = np.concatenate([mean, *nuisances])
     total = np.diag(np.concatenate([np.zeros(mean.size), *(sd**2 for sd in sds)]))
     total[:mean.size, :mean.size] = covariance
-    indices = mean.size + np.cumsum([0, *(sd.size for sd in sds)])[:-1][linked]
+    indices = mean.size + nuisance_starts(photos)[:-1][linked]
     others = 1 - np.eye(len(indices)) * (indices == indices[0])
     total[np.ix_(indices, indices)] += EXPOSURE_SD**2 * others
     return total, start
@@ -272,17 +273,16 @@ def _equations(photos: list[ChartEquations], designs: list[np.ndarray], state: n
     size = prior.bands * designs[0].shape[1]
     curves = prior.curves(state[:size]).reshape(prior.bands, -1)
     slope = prior.slope(state[:size])
-    signals, rows, index = [], [], size
-    for photo, design in zip(photos, designs, strict=True):
-        count = 1 + nuisance_sd(photo).size
-        signal, derivative = predicted_signal(photo, design, curves, state[index],
-                                              state[index + 1:index + count])
+    signals, rows = [], []
+    for photo, design, (start, stop) in zip(
+            photos, designs, pairwise(size + nuisance_starts(photos)), strict=True):
+        signal, derivative = predicted_signal(photo, design, curves, state[start],
+                                              state[start + 1:stop])
         row = np.zeros((signal.size, state.size))
         row[:, :size] = derivative[:, :size] * slope
-        row[:, index:index + count] = derivative[:, size:]
+        row[:, start:stop] = derivative[:, size:]
         signals.append(signal)
         rows.append(row)
-        index += count
     return np.concatenate(signals), np.vstack(rows)
 
 
@@ -300,7 +300,10 @@ def _linearise(photos: list[ChartEquations], designs: list[np.ndarray], start: n
     noise = _noise(photos, PatchError(LINEARISED_AT))
     sigma = np.sqrt(np.diag(noise))
     state, size = start if guess is None else guess, prior.means.shape[1]
-    logarithms = _logarithms(photos, size)
+    # exposures and field terms are logarithms, glare is in the unit of the signals
+    logarithms = np.concatenate([
+        np.arange(start, start + 1 + photo.field_terms.shape[1])
+        for start, photo in zip(size + nuisance_starts(photos), photos, strict=False)])
     for _ in range(MAX_ITERATIONS):
         predicted, jacobian = _equations(photos, designs, state, prior)
         linear = measured - predicted + jacobian @ state
@@ -315,13 +318,6 @@ def _linearise(photos: list[ChartEquations], designs: list[np.ndarray], start: n
             break
     predicted, jacobian = _equations(photos, designs, state, prior)
     return jacobian, measured - predicted + jacobian @ state, state
-
-
-def _logarithms(photos: list[ChartEquations], size: int) -> np.ndarray:
-    """Indices in the state of exposures and field terms: glare is in the unit of the signals."""
-    ends = size + np.cumsum([0, *(1 + nuisance_sd(photo).size for photo in photos)])
-    return np.concatenate([np.arange(end, end + 1 + photo.field_terms.shape[1])
-                           for end, photo in zip(ends, photos, strict=False)])
 
 
 def _log_evidence(covariances: np.ndarray, innovation: np.ndarray) -> np.ndarray:
@@ -369,7 +365,7 @@ def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray, who
     exposures make up for it.
     """
     size = whole.size
-    exposures = size + np.cumsum([0, *(1 + nuisance_sd(photo).size for photo in photos)])[:-1]
+    exposures = size + nuisance_starts(photos)[:-1]
     curves = prior.curves(mean[:size])
     signal = whole @ curves
     change = np.eye(mean.size)

@@ -14,22 +14,22 @@ SURE, OPEN = 0.9, 0.25      # probability of a kind: above, it is said; both abo
 NARROWED = 0.75             # width of the band over that beforehand: above, the photo said little
 
 
-def light_posterior(found: ProductPosterior, grid: WavelengthGrid) -> LightPosterior:
+def light_posterior(posterior: ProductPosterior, grid: WavelengthGrid) -> LightPosterior:
     """The light behind the products.
 
     Parameters
     ----------
-    found : ProductPosterior
+    posterior : ProductPosterior
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
-    prior = found.prior
+    prior = posterior.prior
     basis = interpolation_matrix(prior.nm, grid.nm)
     # the lamp of each component moves with its products: one gain for all
     kind = prior.lamps.kind[prior.lamp]
     shares = np.zeros(len(LIGHT_KINDS))
     mean, square = np.zeros(prior.nm.size), np.zeros(prior.nm.size)
-    for hypothesis in found.hypotheses:
+    for hypothesis in posterior.hypotheses:
         shares += hypothesis.share * np.bincount(kind, hypothesis.weights,
                                                  minlength=len(LIGHT_KINDS))
         lamps = prior.components[:, prior.light] + (
@@ -38,10 +38,10 @@ def light_posterior(found: ProductPosterior, grid: WavelengthGrid) -> LightPoste
         own = np.maximum(np.diag(hypothesis.covariance)[prior.light], 0)
         mean += hypothesis.share * (hypothesis.weights @ lamps)
         square += hypothesis.share * (hypothesis.weights @ lamps**2 + own)
-    total = sum(hypothesis.share for hypothesis in found.hypotheses)
+    total = sum(hypothesis.share for hypothesis in posterior.hypotheses)
     mean, square, shares = mean / total, square / total, shares / shares.sum()
     half = NORMAL_QUANTILE * np.sqrt(np.maximum(square - mean**2, 0))
-    before = _spread_before(found)
+    before = _spread_before(posterior)
     fine = mean @ basis.T
     scale = 1 / fine.mean()
     lower, upper = np.maximum(mean - half, 0) @ basis.T, (mean + half) @ basis.T
@@ -49,8 +49,8 @@ def light_posterior(found: ProductPosterior, grid: WavelengthGrid) -> LightPoste
                           LEVEL, _sentences(shares, half, before, mean))
 
 
-def _spread_before(found: ProductPosterior) -> np.ndarray:
-    lamps, weights = found.prior.components[:, found.prior.light], found.prior.weights
+def _spread_before(posterior: ProductPosterior) -> np.ndarray:
+    lamps, weights = posterior.prior.components[:, posterior.prior.light], posterior.prior.weights
     return np.asarray(NORMAL_QUANTILE * np.sqrt(weights @ (lamps - weights @ lamps) ** 2))
 
 

@@ -13,11 +13,11 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import ChartEquations, mean_error, nuisance_sd
 from spectrabox.calibrate.held_out_patches import PatchesWithout, gathered, patch_moments
-from spectrabox.calibrate.photo_checks import require_apart, require_patches
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import (
     curve_moments,
     curve_variance,
+    mixture_moments,
     photo_states,
 )
 from spectrabox.calibrate.prior.prior_fit import CurvePosterior
@@ -26,20 +26,14 @@ from spectrabox.calibrate.products.light_posterior import light_posterior
 from spectrabox.calibrate.products.product_posterior import (
     ProductPosterior,
     hypothesis_moments,
-    mixed,
     posterior_of_products,
     shares_without,
 )
 from spectrabox.calibrate.products.product_prior import ProductPrior, product_prior
-from spectrabox.calibrate.sensitivity import PriorFit, condition_number, require_bands
+from spectrabox.calibrate.sensitivity import PriorFit, require_fit_for, sensitivity_fit
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import (
-    LightPosterior,
-    Outcome,
-    SensitivityFit,
-    WavelengthGrid,
-)
+from spectrabox.radiometry.records import LightPosterior, WavelengthGrid
 
 SEED = 1                    # of the draws of cameras
 WIDENING = 1.27             # of standard errors: benchmarks/bench_light_kinds.py
@@ -56,8 +50,8 @@ class ProductFit:
 
 
 def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamps,
-                 grid: WavelengthGrid, said: str,
-                 apart: ChartEquations | None = None) -> ProductFit:
+                 grid: WavelengthGrid, light_words: str,
+                 excluded: ChartEquations | None = None) -> ProductFit:
     """Products of sensitivity and light, exposure, field and glare of chart photos under one light.
 
     Parameters
@@ -69,9 +63,9 @@ def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamp
         That the light may be.
     grid : WavelengthGrid
         Working grid, of P wavelengths.
-    said : str
-        What is known of the light, in words.
-    apart : ChartEquations or None
+    light_words : str
+        What is known of the light.
+    excluded : ChartEquations or None
         Patches of the first photo that no fit is to use.
 
     Raises
@@ -81,54 +75,45 @@ def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamp
     InputError
         If the cameras have another number of bands than the photos.
     """
-    for photo in photos:
-        require_patches(photo.signal)
-        require_apart(photo.signal)
-    require_bands(photos, cameras)
+    require_fit_for(photos, cameras)
     with threadpool_limits(1, "blas"):      # see fit_with_prior
         prior = product_prior(cameras, lamps, SEED)
-        found = posterior_of_products(photos, prior)
-        curves = _as_curves(found, photos, grid)
-        without = _without_each(found, photos[0], grid, apart)
+        posterior = posterior_of_products(photos, prior)
+        curves = _as_curves(posterior, photos, grid)
+        without = _without_each(posterior, photos[0], grid, excluded)
         moments = curve_moments(curves, prior.bands)
         states = photo_states(curves, photos, moments)
-        share = _prior_share(found, curves, moments.covariance, grid)
-        light = light_posterior(found, grid)
-    held_out = without.predicted(np.vstack([photos[0].reflectances] if apart is None else [
-        photos[0].reflectances, apart.reflectances]))[:len(photos[0].signal)]
-    first = photos[0].signal
-    error = np.sqrt(curve_variance(curves.basis, moments.covariance, prior.bands))
-    fit = SensitivityFit(grid, moments.coefficients @ curves.basis.T, curves.basis,
-                         moments.coefficients, moments.covariance, error,
-                         1 - states[0].predicted / first,
-                         1 - held_out / first,
-                         condition_number(photos[0], grid),
-                         f"products of sensitivity and light, {said}: mixture of cameras "
-                         f"({cameras.source}) and {len(lamps.names)} lamps", Outcome.CONVERGED)
-    chi_square = sum(h.share * h.chi_square for h in found.hypotheses)
+        share = _prior_share(posterior, curves, moments.covariance, grid)
+        light = light_posterior(posterior, grid)
+    held_out = without.predicted(np.vstack([photos[0].reflectances] if excluded is None else [
+        photos[0].reflectances, excluded.reflectances]))[:len(photos[0].signal)]
+    fit = sensitivity_fit(photos[0], curves, moments, states[0].predicted, held_out, grid,
+                          f"products of sensitivity and light, {light_words}: mixture of cameras "
+                          f"({cameras.source}) and {len(lamps.names)} lamps")
+    chi_square = sum(h.share * h.chi_square for h in posterior.hypotheses)
     joint = PriorFit(fit, curves, tuple(states), (held_out, *(state.predicted
                                                              for state in states[1:])),
                      share, (), curves.model_error, float(chi_square), without)
-    return ProductFit(joint, light, found)
+    return ProductFit(joint, light, posterior)
 
 
-def _as_curves(found: ProductPosterior, photos: list[ChartEquations],
+def _as_curves(posterior: ProductPosterior, photos: list[ChartEquations],
                grid: WavelengthGrid) -> CurvePosterior:
     """The posterior as one of curves under a light of 1, a component for each hypothesis."""
-    prior, basis = found.prior, interpolation_matrix(found.prior.nm, grid.nm)
+    prior, basis = posterior.prior, interpolation_matrix(posterior.prior.nm, grid.nm)
     mass = grid.weights_nm @ basis
     means, covariances = [], []
-    for hypothesis in found.hypotheses:
-        mean, covariance = hypothesis_moments(found, hypothesis)
+    for hypothesis in posterior.hypotheses:
+        mean, covariance = hypothesis_moments(posterior, hypothesis)
         state, spread = in_curves(prior, mean, covariance, mass)
         means.append(state)
         covariances.append(spread)
-    shares = np.array([hypothesis.share for hypothesis in found.hypotheses])
+    shares = np.array([hypothesis.share for hypothesis in posterior.hypotheses])
     shares /= shares.sum()
-    best = found.hypotheses[int(np.argmax(shares))]
-    error = mean_error(shares, [hypothesis.error for hypothesis in found.hypotheses])
+    best = posterior.hypotheses[int(np.argmax(shares))]
+    error = mean_error(shares, [hypothesis.error for hypothesis in posterior.hypotheses])
     return CurvePosterior(basis, shares, np.array(means), np.array(covariances), shares, error,
-                          found.log_evidence, 0, best.gain_sd, best.error)
+                          posterior.log_evidence, 0, best.gain_sd, best.error)
 
 
 def in_curves(prior: ProductPrior, mean: np.ndarray, covariance: np.ndarray,
@@ -163,32 +148,34 @@ def in_curves(prior: ProductPrior, mean: np.ndarray, covariance: np.ndarray,
     return state, symmetric(WIDENING**2 * change @ covariance @ change.T)
 
 
-def _without_each(found: ProductPosterior, photo: ChartEquations, grid: WavelengthGrid,
-                  apart: ChartEquations | None) -> PatchesWithout:
-    """Every patch of the first photo by the hypotheses that are likely, then those kept apart."""
-    prior, basis = found.prior, interpolation_matrix(found.prior.nm, grid.nm)
-    mass, bands = grid.weights_nm @ basis, found.prior.bands
+def _without_each(posterior: ProductPosterior, photo: ChartEquations, grid: WavelengthGrid,
+                  excluded: ChartEquations | None) -> PatchesWithout:
+    """Every patch of the first photo by the hypotheses that are likely, then the excluded."""
+    prior, basis = posterior.prior, interpolation_matrix(posterior.prior.nm, grid.nm)
+    mass, bands = grid.weights_nm @ basis, posterior.prior.bands
     size = bands * prior.nm.size
-    likely = sorted(found.hypotheses, key=lambda h: -h.share)[:MAX_HYPOTHESES]
+    likely = sorted(posterior.hypotheses, key=lambda h: -h.share)[:MAX_HYPOTHESES]
     own = size + 1 + nuisance_sd(photo).size
     patches = []
     ours = [(photo, patch) for patch in range(len(photo.signal))]
-    others = [] if apart is None else [(apart, patch) for patch in range(len(apart.signal))]
+    others = ([] if excluded is None
+              else [(excluded, patch) for patch in range(len(excluded.signal))])
     for source, patch in ours + others:
         rows = slice(patch * bands, (patch + 1) * bands) if source is photo else None
         shares = (np.array([h.share for h in likely]) if rows is None
                   else shares_without(likely, rows))
-        state, spread = in_curves(prior, *mixed(list(shares), [
-            hypothesis_moments(found, h, rows, MAX_COMPONENTS) for h in likely]), mass)
+        moments = [hypothesis_moments(posterior, h, rows, MAX_COMPONENTS) for h in likely]
+        state, spread = in_curves(prior, *mixture_moments(shares, *zip(*moments, strict=True)),
+                                  mass)
         patches.append(patch_moments(source, patch, state[:own], spread[:own, :own], size))
     error = mean_error(np.array([h.share for h in likely]), [h.error for h in likely])
-    return gathered([photo, *([] if apart is None else [apart])], basis, error, patches)
+    return gathered([photo, *([] if excluded is None else [excluded])], basis, error, patches)
 
 
-def _prior_share(found: ProductPosterior, curves: CurvePosterior, covariance: np.ndarray,
+def _prior_share(posterior: ProductPosterior, curves: CurvePosterior, covariance: np.ndarray,
                  grid: WavelengthGrid) -> np.ndarray:
     """Share (K, P) of the prior's uncertainty that the photo left, of curves of largest value 1."""
-    prior = found.prior
+    prior = posterior.prior
     mass = grid.weights_nm @ curves.basis
     level = np.exp(prior.components[:, prior.balance])
     before = prior.components[:, prior.products].reshape(len(level), prior.bands, -1)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 from typing import Annotated, Any
 
 import numpy as np
@@ -25,8 +25,10 @@ from spectrabox.calibrate.chart_equations import (
     PatchError,
     noise_covariance,
     nuisance_sd,
+    nuisance_starts,
 )
 from spectrabox.calibrate.held_out_patches import covariance_without, weights_without
+from spectrabox.calibrate.prior.curve_posterior import mixture_moments
 from spectrabox.calibrate.prior.prior_fit import EXPOSURE_SD, GAINS, LINEARISED_AT
 from spectrabox.calibrate.products.lamps import GRID
 from spectrabox.calibrate.products.product_prior import ProductPrior
@@ -89,8 +91,9 @@ class ProductPosterior(Record):
 
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean (Z,) and covariance (Z, Z) over all hypotheses."""
-        return mixed([hypothesis.share for hypothesis in self.hypotheses],
-                     [hypothesis_moments(self, hypothesis) for hypothesis in self.hypotheses])
+        return mixture_moments(np.array([each.share for each in self.hypotheses]),
+                               *zip(*(hypothesis_moments(self, each) for each in self.hypotheses),
+                                    strict=True))
 
 
 def posterior_of_products(photos: list[ChartEquations], prior: ProductPrior) -> ProductPosterior:
@@ -121,39 +124,21 @@ def evidence_of_products(photos: list[ChartEquations], prior: ProductPrior) -> f
 
 def _about_the_best(photos: list[ChartEquations], prior: ProductPrior) -> LinearChart:
     """The equations linearised about what explains the photos."""
-    best = (prior.weights @ prior.components, np.zeros(_nuisances(photos)),
-            np.zeros(prior.bands))
-    best[1][_exposures(photos)] = [_first_exposure(photo, prior, best[0]) for photo in photos]
+    starts = nuisance_starts(photos)
+    best = (prior.weights @ prior.components, np.zeros(starts[-1]), np.zeros(prior.bands))
+    best[1][starts[:-1]] = [_first_exposure(photo, prior, best[0]) for photo in photos]
     start = best[1].copy()
     ends = np.cumsum([prior.components.shape[1], best[1].size])
     for _ in range(STEPS):
         chart = linearised(photos, prior, *best, start)
-        found = _solved(prior, _weighed(photos, prior, chart, WIDTHS[1:2], GAINS[1:2],
+        posterior = _solved(prior, _weighed(photos, prior, chart, WIDTHS[1:2], GAINS[1:2],
                                         (LINEARISED_AT,)))
-        hypothesis = found.hypotheses[0]
+        hypothesis = posterior.hypotheses[0]
         chosen = np.argsort(-hypothesis.weights)[:MAX_COMPONENTS]
         weights = hypothesis.weights[chosen] / hypothesis.weights[chosen].sum()
-        mean = weights @ states_of_components(found, hypothesis, chosen)
+        mean = weights @ states_of_components(posterior, hypothesis, chosen)
         best = (mean[:ends[0]], mean[ends[0]:ends[1]], mean[ends[1]:])
     return linearised(photos, prior, *best, start)
-
-
-def mixed(shares: Sequence[float], moments: Sequence[tuple[np.ndarray, np.ndarray]]
-          ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (Z,) and covariance (Z, Z) of a mixture from those of its parts.
-
-    Parameters
-    ----------
-    shares : sequence of float
-        Of any sum.
-    moments : sequence of (Z,) and (Z, Z) arrays
-    """
-    parts = np.asarray(shares) / np.sum(shares)
-    means = np.array([mean for mean, _ in moments])
-    mean = parts @ means
-    away = (means - mean) * np.sqrt(parts)[:, None]
-    within = sum(part * spread for part, (_, spread) in zip(parts, moments, strict=True))
-    return mean, np.asarray(within + away.T @ away)
 
 
 def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.ndarray,
@@ -173,11 +158,9 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
     product_now = component[prior.products].reshape(bands, nodes)
     level = component[prior.balance] + gains
     measured, by_component, by_nuisance, by_gain, variances = [], [], [], [], []
-    at, count = 0, nuisance.size
-    for photo in photos:
+    for photo, (at, stop) in zip(photos, pairwise(nuisance_starts(photos)), strict=True):
         design = node_reflectances(photo, prior.nm)
         patches, terms = photo.signal.shape[0], photo.field_terms.shape[1]
-        own = 1 + nuisance_sd(photo).size
         exposure, field = nuisance[at], nuisance[at + 1:at + 1 + terms]
         lit = np.exp(exposure + photo.field_terms @ field) * photo.irradiance / np.pi
         scale = lit[:, None] * np.exp(level)
@@ -186,11 +169,11 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
         for band in range(bands):
             rows[:, band, band * nodes:(band + 1) * nodes] = scale[:, band, None] * design
             rows[:, band, prior.balance.start + band] = signal[:, band]
-        nuisances = np.zeros((patches, bands, count))
+        nuisances = np.zeros((patches, bands, nuisance.size))
         nuisances[:, :, at] = signal
         nuisances[:, :, at + 1:at + 1 + terms] = signal[:, :, None] * photo.field_terms[:, None]
         if photo.glare:
-            nuisances[:, :, at + 1 + terms:at + own] = np.eye(bands)
+            nuisances[:, :, at + 1 + terms:stop] = np.eye(bands)
         of_gain = signal[:, :, None] * np.eye(bands)
         offset = signal * (level + exposure + (photo.field_terms @ field)[:, None])
         measured.append((photo.signal + offset).ravel())
@@ -198,7 +181,6 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
         by_nuisance.append(nuisances.reshape(patches * bands, -1))
         by_gain.append(of_gain.reshape(patches * bands, -1))
         variances.append(np.r_[EXPOSURE_SD, nuisance_sd(photo)]**2)
-        at += own
     return LinearChart(np.concatenate(measured), np.vstack(by_component), np.vstack(by_nuisance),
                        np.concatenate(variances), start, np.vstack(by_gain))
 
@@ -264,13 +246,13 @@ def _shares(tried: Sequence[tuple[Any, ...]]) -> tuple[np.ndarray, float]:
 def _solved(prior: ProductPrior, weighed: _Weighed) -> ProductPosterior:
     """The mixture over the hypotheses that are not negligible."""
     shares, log_evidence = _shares(weighed.tried)
-    found = tuple(
+    hypotheses = tuple(
         _hypothesis(prior, weighed.chart, weighed.innovation, (width, gain, error), float(share),
                     logs, square, rest + np.diag((error.own * weighed.level) ** 2))
         for (width, gain, error, logs, square, rest), share in zip(weighed.tried, shares,
                                                                    strict=True)
         if share >= NEGLIGIBLE)
-    return ProductPosterior(prior, weighed.chart, weighed.innovation, found, log_evidence)
+    return ProductPosterior(prior, weighed.chart, weighed.innovation, hypotheses, log_evidence)
 
 
 def _hypothesis(prior: ProductPrior, chart: LinearChart, innovation: np.ndarray,
@@ -290,13 +272,14 @@ def _hypothesis(prior: ProductPrior, chart: LinearChart, innovation: np.ndarray,
                       float(np.exp(log_weights) @ square / len(total)))
 
 
-def hypothesis_moments(found: ProductPosterior, hypothesis: Hypothesis, rows: slice | None = None,
+def hypothesis_moments(posterior: ProductPosterior, hypothesis: Hypothesis,
+                       rows: slice | None = None,
                        most: int = MAX_COMPONENTS) -> tuple[np.ndarray, np.ndarray]:
     """Mean (Z,) and covariance (Z, Z) under one hypothesis, without some rows where they are named.
 
     Parameters
     ----------
-    found : ProductPosterior
+    posterior : ProductPosterior
     hypothesis : Hypothesis
     rows : slice or None
         Of the signals that are left out.
@@ -309,20 +292,20 @@ def hypothesis_moments(found: ProductPosterior, hypothesis: Hypothesis, rows: sl
         covariance = covariance_without(covariance, hypothesis.gain, hypothesis.inverse, rows)
     carrying = np.argsort(-weights)[:most]
     carrying = carrying[weights[carrying] > FAINT * weights[carrying[0]]]
-    states = states_of_components(found, hypothesis, carrying, rows)
+    states = states_of_components(posterior, hypothesis, carrying, rows)
     weights = weights[carrying] / weights[carrying].sum()
     mean = weights @ states
     away = (states - mean) * np.sqrt(weights)[:, None]
     return mean, covariance + away.T @ away
 
 
-def states_of_components(found: ProductPosterior, hypothesis: Hypothesis, chosen: np.ndarray,
+def states_of_components(posterior: ProductPosterior, hypothesis: Hypothesis, chosen: np.ndarray,
                          rows: slice | None = None) -> np.ndarray:
     """Posterior means (n, Z) of some components under one hypothesis.
 
     Parameters
     ----------
-    found : ProductPosterior
+    posterior : ProductPosterior
     hypothesis : Hypothesis
     chosen : (n,) int array
     rows : slice or None
@@ -331,8 +314,8 @@ def states_of_components(found: ProductPosterior, hypothesis: Hypothesis, chosen
     seen = (hypothesis.seen[chosen] if rows is None else
             weights_without(hypothesis.inverse, hypothesis.seen[chosen], rows))
     states = seen @ hypothesis.projected.T
-    entries, mean = found.prior.components.shape[1], found.chart.nuisance_mean
-    states[:, :entries] += found.prior.components[chosen]
+    entries, mean = posterior.prior.components.shape[1], posterior.chart.nuisance_mean
+    states[:, :entries] += posterior.prior.components[chosen]
     states[:, entries:entries + mean.size] += mean
     return np.asarray(states)
 
@@ -367,15 +350,6 @@ def _surprise(hypothesis: Hypothesis, rows: slice) -> np.ndarray:
     weighted = hypothesis.seen[:, rows]
     solved = weighted @ np.linalg.inv(hypothesis.inverse[rows, rows])
     return np.asarray(np.einsum("cy,cy->c", weighted, solved))
-
-
-def _nuisances(photos: list[ChartEquations]) -> int:
-    return sum(1 + nuisance_sd(photo).size for photo in photos)
-
-
-def _exposures(photos: list[ChartEquations]) -> np.ndarray:
-    """Index of each photo's exposure among the nuisances."""
-    return np.cumsum([0, *(1 + nuisance_sd(photo).size for photo in photos)])[:-1]
 
 
 def _first_exposure(photo: ChartEquations, prior: ProductPrior, component: np.ndarray) -> float:

@@ -9,8 +9,7 @@ from spectrabox.radiometry.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
 
-    from spectrabox.calibrate.chart_calibration import ChartCalibration, ChartPhoto
-    from spectrabox.calibrate.curve_band import CurveBand
+    from spectrabox.calibrate.chart_calibration import ChartCalibration, ChartPhoto, CurveBand
     from spectrabox.radiometry.chart import Chart
     from spectrabox.radiometry.records import (
         Calibration,
@@ -205,7 +204,7 @@ def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthG
     """A calibration as plain numbers for a script (docs/json.md, ``camera fit``); ``left_out`` is
     of the first photo, which shows ``chart``.
     """
-    from spectrabox.calibrate.curve_band import LEVEL
+    from spectrabox.calibrate.chart_calibration import LEVEL
     from spectrabox.session.calibration_facts import (
         left_out_facts,
         left_out_sentence,

@@ -9,7 +9,7 @@ import numpy as np
 from spectrabox.calibrate.photo_checks import light_power
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_camera_prior, shipped_prior
-from spectrabox.calibrate.prior.measured_prior import prior_of_curves
+from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.grid import visible_grid

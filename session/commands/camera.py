@@ -128,8 +128,11 @@ def fit(request: CameraFitRequest) -> Answer:
     charts, names = read_photos(list(given), list(request.light), list(request.reference),
                                 list(request.corners), bool(chart), grid,
                                 numbers_of_patches(request.leave_out), request.layout)
-    from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
-    from spectrabox.calibrate.curve_band import curve_band
+    from spectrabox.calibrate.chart_calibration import (
+        CalibrationOptions,
+        calibrate_chart,
+        curve_band,
+    )
     from spectrabox.calibrate.prior.camera_prior import load_camera_prior
     from spectrabox.session.stages.left_out import left_out_patches
     curves = None if request.curves is None \

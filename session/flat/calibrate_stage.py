@@ -14,7 +14,7 @@ from spectrabox.calibrate.chart_calibration import (
     calibrate_chart,
 )
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_camera_prior
-from spectrabox.calibrate.prior.measured_prior import prior_of_curves
+from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.radiometry.records import PatchSamples, UnknownLight
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
