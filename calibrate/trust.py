@@ -7,7 +7,7 @@ from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
-from spectrabox.radiometry.appearance import tristimulus
+from spectrabox.radiometry.appearance import decode_srgb, tristimulus
 from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
 from spectrabox.radiometry.records import WavelengthGrid
 
@@ -63,7 +63,9 @@ def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGri
         "mirrored top to bottom": photo.signal[order[::-1].ravel()],
         "turned by 180 degrees": photo.signal[order[::-1, ::-1].ravel()],
         "bands in reverse order (BGR)": photo.signal[:, ::-1],
-        "an encoded (sRGB) picture instead of a linear one": _decoded(photo.signal)}
+        # white is taken to read 0.95 of full scale
+        "an encoded (sRGB) picture instead of a linear one": decode_srgb(
+            0.95 * photo.signal / photo.signal.max())}
     if (shaded := _without_glare(photo)) is not None:
         readings["a photo with much glare, or with a wrong black level,"] = shaded
     evidence = {name: _evidence(photo, signal, prior, grid) for name, signal in readings.items()}
@@ -138,9 +140,3 @@ def _without_glare(photo: ChartEquations) -> np.ndarray | None:
     ratio = grey[darkest] / grey[lightest]
     offset = (photo.signal[darkest] - ratio * photo.signal[lightest]) / (1 - ratio)
     return np.maximum(photo.signal - offset, 1e-3 * photo.signal[lightest])
-
-
-def _decoded(signal: np.ndarray) -> np.ndarray:
-    """Signals scaled to a white of 0.9 and freed of the sRGB curve (IEC 61966-2-1)."""
-    encoded = 0.95 * signal / signal.max()
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)

@@ -43,8 +43,30 @@ def encoded_srgb(xyz: np.ndarray) -> np.ndarray:
     xyz : (3,) array
         Y = 1 for white.
     """
-    linear = np.clip(TO_SRGB @ xyz, 0.0, 1.0)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return encode_srgb(TO_SRGB @ xyz)
+
+
+def encode_srgb(linear: np.ndarray) -> np.ndarray:
+    """sRGB code values, 0 to 1, of linear values (IEC 61966-2-1).
+
+    Parameters
+    ----------
+    linear : array of any shape
+        Clipped to 0 to 1.
+    """
+    clipped = np.clip(linear, 0.0, 1.0)
+    return np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
+
+
+def decode_srgb(encoded: np.ndarray) -> np.ndarray:
+    """Linear values of sRGB code values; undoes ``encode_srgb``.
+
+    Parameters
+    ----------
+    encoded : array of any shape
+        0 to 1.
+    """
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 def delta_e00(nm: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:

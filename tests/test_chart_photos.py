@@ -10,7 +10,7 @@ from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import sample_patches
 from spectrabox.capture.chart.quality import judge_chart
-from spectrabox.capture.develop.developed import write_developed
+from spectrabox.capture.photo.image_files import write_linear_exr
 from spectrabox.fixtures.chart_scene import chart_scene
 from spectrabox.fixtures.paints import NM, random_paints
 from spectrabox.radiometry.chart import typical_camera_signals
@@ -151,7 +151,7 @@ def written(tmp_path_factory):
     columns = dict(zip(chart.names, truth, strict=True))
     (folder / "spectra.csv").write_text(table_text(GRID.nm, columns, source="ours",
                                                    quantity=Quantity.REFLECTANCE), encoding="utf-8")
-    write_developed(folder / "photo.exr",
+    write_linear_exr(folder / "photo.exr",
                     photograph(printed, camera_signals(truth), printed.corners()))
     words = " ".join(f"{x:.1f},{y:.1f}" for x, y in printed.corners())
     return folder, words, camera_signals(truth)
@@ -206,7 +206,7 @@ def test_flat_takes_a_layout_of_ones_own(written):
     printed = PRINTED["three rows of five"]
     corners_px = printed.corners(height=360)
     grey = 0.4 * camera_signals(np.ones((1, GRID.nm.size)))[0]
-    write_developed(folder / "flat.exr", photograph(printed, truth, corners_px, background=grey))
+    write_linear_exr(folder / "flat.exr", photograph(printed, truth, corners_px, background=grey))
     ran = call("flat", folder / "flat.exr", "--region", "table=10,100,60,150", "--light", "A",
                "--chart-layout", folder / "chart.toml", "--corners",
                ",".join(f"{value:.1f}" for value in corners_px.ravel()),

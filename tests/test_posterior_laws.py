@@ -25,7 +25,12 @@ from scipy import special, stats
 from spectrabox.calibrate.chart_calibration import curve_band
 from spectrabox.calibrate.chart_equations import unlit_design
 from spectrabox.calibrate.prior.camera_prior import matern
-from spectrabox.calibrate.prior.curve_posterior import curve_moments, curve_variance, photo_states
+from spectrabox.calibrate.prior.curve_posterior import (
+    curve_moments,
+    curve_variance,
+    mixture_moments,
+    photo_states,
+)
 from spectrabox.calibrate.prior.learnt_prior import between_makers, build_prior
 from spectrabox.calibrate.prior.prior_fit import (
     EXPOSURE_SD,
@@ -36,7 +41,6 @@ from spectrabox.calibrate.prior.prior_fit import (
     held_out_signals,
     posterior_of_curves,
 )
-from spectrabox.calibrate.products.product_posterior import mixed
 from spectrabox.calibrate.sensitivity import fit_sensitivities
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.sampling.prior.band_calibration import AT_95, LeftOut, band_figures, judge
@@ -345,7 +349,7 @@ def test_moments_of_mixed_posteriors_are_those_of_their_draws():
     shares = np.array([2.0, 1.0, 5.0])          # of any sum
     means = 2 * rng.standard_normal((3, 2))
     spreads = [root @ root.T for root in rng.standard_normal((3, 2, 2))]
-    mean, covariance = mixed(shares, list(zip(means, spreads, strict=True)))
+    mean, covariance = mixture_moments(shares, means, spreads)
     counts = (shares * 50_000).astype(int)
     draws = np.vstack([rng.multivariate_normal(one, spread, count)
                        for one, spread, count in zip(means, spreads, counts, strict=True)])

@@ -5,7 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from spectrabox.capture.develop.developed import open_any, write_developed
+from spectrabox.capture.develop.developed import open_any
+from spectrabox.capture.photo.image_files import write_linear_exr
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished, run_stages
@@ -24,7 +25,7 @@ def split_into_bands(folder, photos):
         table = []
         for (name, band), factor in zip(BANDS.items(), EXPOSED, strict=True):
             one = np.s_[..., band:band + 1]
-            write_developed(folder / "photos" / f"{stem}_{band}.exr", dataclasses.replace(
+            write_linear_exr(folder / "photos" / f"{stem}_{band}.exr", dataclasses.replace(
                 photo, signal=photo.signal[one] * factor, variance=photo.variance[one] * factor**2,
                 saturated=photo.saturated[one], exposure_s=photo.exposure_s * factor))
             table.append(f'"{name}" = "photos/{stem}_{band}.exr"')

@@ -181,25 +181,36 @@ def _mixture_fit(signals: np.ndarray, reference: np.ndarray, contrast: float,
     light, weights, centres = np.ones(len(linear)), np.ones_like(linear), chart_units(chart)
     plane = np.column_stack([np.ones(len(linear)), (centres - centres.mean(axis=0))
                              / centres.max()])
-    mixed = reference.shape[1] == linear.shape[1] == MIXED_BANDS
-    predicted = np.empty_like(linear)
     error = np.zeros_like(linear)
     for _ in range(MIXTURE_STEPS):
-        for band in range(linear.shape[1]):
-            lit = light[:, None] * (reference if mixed else reference[:, band:band + 1])
-            weight = weights[:, band] / (linear[:, band] + darkest[band])
-            mixture = np.linalg.lstsq(lit * weight[:, None], linear[:, band] * weight,
-                                      rcond=None)[0]
-            predicted[:, band] = lit @ mixture
+        predicted = _mixed_bands(linear, light[:, None] * reference, weights, darkest)
         error = (linear - predicted) / (np.abs(predicted) + darkest)
-        weights = 1 / np.maximum(1,
-                                 np.abs(error) / (2 * np.median(np.abs(error))
-                                                  + np.finfo(float).tiny))
+        weights = _huber_weights(np.abs(error))
         ratio = np.log(linear.sum(axis=1) / np.maximum(predicted.sum(axis=1), darkest.sum() / 100))
         near = np.abs(ratio) <= np.quantile(np.abs(ratio), 1 - LEFT_OUT)
         slope = np.linalg.lstsq(plane[near], ratio[near], rcond=None)[0]
         light = light * np.exp(plane[:, 1:] @ slope[1:])
     return np.sqrt(np.mean(error**2, axis=1)), light
+
+
+def _mixed_bands(signals: np.ndarray, lit: np.ndarray, weights: np.ndarray,
+                 darkest: np.ndarray) -> np.ndarray:
+    """Signals (I, K) predicted by mixing the bands of the reference under the light (I, K), by
+    weighted least squares of relative errors; band by band where there are not three.
+    """
+    predicted = np.empty_like(signals)
+    for band in range(signals.shape[1]):
+        columns = lit if lit.shape[1] == MIXED_BANDS else lit[:, band:band + 1]
+        weight = weights[:, band] / (signals[:, band] + darkest[band])
+        mixture = np.linalg.lstsq(columns * weight[:, None], signals[:, band] * weight,
+                                  rcond=None)[0]
+        predicted[:, band] = columns @ mixture
+    return predicted
+
+
+def _huber_weights(misfit: np.ndarray) -> np.ndarray:
+    """Weights by which misfits beyond twice their median count less."""
+    return np.asarray(1 / np.maximum(1, misfit / (2 * np.median(misfit) + np.finfo(float).tiny)))
 
 
 def _rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
@@ -236,24 +247,10 @@ def white_excess(signals: np.ndarray, reference: np.ndarray, light: np.ndarray,
     white : int
         Index of the white patch.
     """
-    misfit = _signed_misfit(signals, reference, light, white)
-    return np.maximum(misfit.min(axis=1), 0.0)
-
-
-def _signed_misfit(signals: np.ndarray, reference: np.ndarray, light: np.ndarray,
-                   white_index: int) -> np.ndarray:
-    """(signal - prediction) / signal of the white patch (I, K), predicted by mixing the bands."""
-    lit = light[:, None] * reference
-    white = signals[white_index]
-    weights = np.ones_like(signals)
-    misfit = np.zeros_like(signals)
+    lit, brightest = light[:, None] * reference, signals[white]
+    darkest = DARKEST_SHARE * brightest
+    weights, excess = np.ones_like(signals), np.zeros_like(signals)
     for _ in range(MIXTURE_STEPS):
-        for band in range(signals.shape[1]):
-            columns = lit if lit.shape[1] == MIXED_BANDS else lit[:, band:band + 1]
-            weight = weights[:, band] / (signals[:, band] + DARKEST_SHARE * white[band])
-            mixture = np.linalg.lstsq(columns * weight[:, None], signals[:, band] * weight,
-                                      rcond=None)[0]
-            misfit[:, band] = (signals[:, band] - columns @ mixture) / white[band]
-        relative = np.abs(misfit) * white / (np.abs(signals) + DARKEST_SHARE * white)
-        weights = 1 / np.maximum(1, relative / (2 * np.median(relative) + np.finfo(float).tiny))
-    return misfit
+        excess = signals - _mixed_bands(signals, lit, weights, darkest)
+        weights = _huber_weights(np.abs(excess) / (np.abs(signals) + darkest))
+    return np.maximum((excess / brightest).min(axis=1), 0.0)

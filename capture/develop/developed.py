@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import numpy as np
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import DarkFrame, common_variance, mean_dark, subtract_dark
 from spectrabox.capture.develop.flat_field import divide_by_flat
-from spectrabox.capture.photo.image_files import is_image_file, read_encoded_file, write_linear_exr
+from spectrabox.capture.photo.image_files import is_image_file, read_encoded_file
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.radiometry.errors import InputError
@@ -103,16 +102,3 @@ def open_any(path: Path, not_linear: bool = False) -> LinearImage:
             raise
     image = read_encoded_file(path)
     return dataclasses.replace(image, source=f"{image.source} ({NOT_LINEAR})")
-
-
-def write_developed(path: str | os.PathLike[str], image: LinearImage) -> None:
-    """Write the linear image with variance and saturation as EXR.
-
-    The pipeline and ``spectrabox chart`` read it.
-
-    Parameters
-    ----------
-    path : path
-    image : LinearImage
-    """
-    write_linear_exr(path, image)

@@ -7,11 +7,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
 
 from spectrabox.capture.photo.noise import photon_transfer
+from spectrabox.radiometry.appearance import decode_srgb
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of, whole_file
 from spectrabox.radiometry.records import LinearImage, PhotoKind
@@ -142,9 +144,8 @@ def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
     pixels, spec, _ = _read(path)
     full_scale = FULL_SCALE.get(str(spec.format), 1)
     encoded = np.clip(pixels / np.float32(full_scale), 0, 1)
-    decoded = np.where(encoded <= 0.04045, encoded / 12.92,
-                       ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)
-    return _linear_image(path, decoded, spec, clip=CLIP_FRACTION, quantum=1 / full_scale / 12.92)
+    return _linear_image(path, decode_srgb(encoded).astype(np.float32), spec, clip=CLIP_FRACTION,
+                         quantum=1 / full_scale / 12.92)
 
 
 def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, str]:
@@ -288,15 +289,31 @@ def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Se
     if image.ndim != 3 or image.shape[2] != len(channel_names):
         raise ValueError(f"image of shape {image.shape} and {len(channel_names)} channel names do "
                          "not fit")
-    spec = oiio.ImageSpec(image.shape[1], image.shape[0], image.shape[2], oiio.FLOAT)
-    spec.channelnames = tuple(channel_names)
-    spec.attribute("compression", "zip")
-    spec.attribute("DateTime", NO_DATE)  # OpenImageIO would put the time of writing there
+    spec = exr_spec(image.shape[0], image.shape[1], channel_names, oiio.FLOAT, attributes)
     if exposure_s is not None:
         spec.attribute("ExposureTime", float(exposure_s))
+    _write(Path(path), np.ascontiguousarray(image, dtype=np.float32), spec)
+
+
+def exr_spec(height: int, width: int, channel_names: Sequence[str], kind: Any,
+             attributes: Mapping[str, str] | None = None) -> oiio.ImageSpec:
+    """Header of a compressed EXR that is the same file for the same image.
+
+    Parameters
+    ----------
+    height, width : int
+    channel_names : sequence of str
+    kind : oiio.FLOAT or oiio.HALF
+    attributes : dict, optional
+        Words of the header.
+    """
+    spec = oiio.ImageSpec(width, height, len(channel_names), kind)
+    spec.channelnames = tuple(channel_names)
+    spec.attribute("compression", "zip")
+    spec.attribute("DateTime", NO_DATE)     # OpenImageIO would put the time of writing there
     for name, words in (attributes or {}).items():
         spec.attribute(name, words)
-    _write(Path(path), np.ascontiguousarray(image, dtype=np.float32), spec)
+    return spec
 
 
 def write_png(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
@@ -356,14 +373,19 @@ def _opened(path: Path) -> oiio.ImageInput:
     """The file, of which nothing but its header has been read."""
     if not path.is_file():
         raise InputError(f"photo {path} does not exist; correct its name")
-    as_stored = oiio.ImageSpec()
-    # else a TIFF's bands come multiplied by its alpha
-    as_stored.attribute("oiio:UnassociatedAlpha", 1)
-    file = oiio.ImageInput.open(os.fspath(path), as_stored)
+    file = open_as_stored(path)
     if file is None:
         raise InputError(f"photo {path.name} is no readable image ({reason_of(oiio)}); "
                          "give a camera raw, or a linear EXR or TIFF")
     return file
+
+
+def open_as_stored(path: Path) -> oiio.ImageInput | None:
+    """A picture's open file; None where OpenImageIO cannot read it."""
+    as_stored = oiio.ImageSpec()
+    # else a TIFF's bands come multiplied by its alpha
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)
+    return oiio.ImageInput.open(os.fspath(path), as_stored)
 
 
 def _stored(path: Path) -> tuple[np.ndarray, oiio.ImageSpec, str]:
@@ -486,6 +508,11 @@ def _write(path: Path, pixels: np.ndarray, spec: oiio.ImageSpec) -> None:
     with whole_file(path) as unfinished:
         file = oiio.ImageOutput.create(os.fspath(unfinished))
         if file is None or not file.open(os.fspath(unfinished), spec):
-            raise InputError(f"{path} cannot be written ({reason_of(file or oiio)})")
+            raise unwritten(path, file or oiio)
         if not (file.write_image(pixels) and file.close()):
-            raise InputError(f"{path} cannot be written ({reason_of(file)}); is the disk full?")
+            raise unwritten(path, file)
+
+
+def unwritten(path: Path, writer: Any) -> InputError:
+    """The error for a picture that cannot be written, with the writer's reason."""
+    return InputError(f"{path} cannot be written ({reason_of(writer)}); is the disk full?")

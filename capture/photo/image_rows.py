@@ -16,14 +16,16 @@ import numpy as np
 import OpenImageIO as oiio
 
 from spectrabox.capture.photo.image_files import (
-    NO_DATE,
     SATURATED,
     VARIANCE,
     band_order,
     channel_names,
+    exr_spec,
     full_scale,
     is_image_file,
+    open_as_stored,
     require_finite,
+    unwritten,
 )
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.radiometry.errors import InputError
@@ -73,7 +75,7 @@ def open_rows(path: Path) -> PictureRows:
         return _zarr_rows(path)
     if not path.is_file() or not is_image_file(path):
         return _held(path)
-    file = _opened(path)
+    file = open_as_stored(path)
     if file is None:
         return _held(path)
     spec = file.spec()
@@ -104,7 +106,7 @@ def open_layers(path: Path, prefix: str, word: str) -> tuple[PictureRows, str]:
     InputError
         If there is no such channel, or the file cannot be read.
     """
-    file = _opened(path) if path.is_file() and is_image_file(path) else None
+    file = open_as_stored(path) if path.is_file() and is_image_file(path) else None
     spec = None if file is None else file.spec()
     bands = [] if spec is None else [index for index, name in enumerate(channel_names(path, spec))
                                      if name.startswith(prefix)]
@@ -113,13 +115,6 @@ def open_layers(path: Path, prefix: str, word: str) -> tuple[PictureRows, str]:
                          "written")
     return (PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands),
                         spec.tile_height or 1), str(spec.get_string_attribute(word)))
-
-
-def _opened(path: Path) -> Any:
-    as_stored = oiio.ImageSpec()
-    # else a TIFF's bands come multiplied by its alpha
-    as_stored.attribute("oiio:UnassociatedAlpha", 1)
-    return oiio.ImageInput.open(os.fspath(path), as_stored)
 
 
 def _reader(path: Path, file: Any, bands: Sequence[int]) -> ReadRows:
@@ -189,12 +184,7 @@ def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
     InputError
         If the file cannot be written.
     """
-    spec = oiio.ImageSpec(width, height, len(channel_names), oiio.HALF if half else oiio.FLOAT)
-    spec.channelnames = tuple(channel_names)
-    spec.attribute("compression", "zip")
-    spec.attribute("DateTime", NO_DATE)     # else the time of writing
-    for name, words in (attributes or {}).items():
-        spec.attribute(name, words)
+    spec = exr_spec(height, width, channel_names, oiio.HALF if half else oiio.FLOAT, attributes)
     if not tiles:
         with _rows_of(path, spec, np.float32) as write:
             yield write
@@ -231,22 +221,18 @@ def _rows_of(path: Path, spec: oiio.ImageSpec, kind: Any) -> Iterator[WriteRows]
     with whole_file(path) as unfinished:
         file = oiio.ImageOutput.create(os.fspath(unfinished))
         if file is None or not file.open(os.fspath(unfinished), spec):
-            raise _unwritten(path, oiio if file is None else file)
+            raise unwritten(path, oiio if file is None else file)
 
         def write(first: int, pixels: np.ndarray) -> None:
             rows: np.ndarray = np.ascontiguousarray(pixels, dtype=kind)
             last = first + len(rows)
             if not (file.write_tiles(0, spec.width, first, last, 0, 1, rows) if spec.tile_width
                     else file.write_scanlines(first, last, 0, rows)):
-                raise _unwritten(path, file)
+                raise unwritten(path, file)
 
         try:
             yield write
             if not file.close():
-                raise _unwritten(path, file)
+                raise unwritten(path, file)
         finally:
             file.close()
-
-
-def _unwritten(path: Path, writer: Any) -> InputError:
-    return InputError(f"{path} cannot be written ({reason_of(writer)}); is the disk full?")

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from spectrabox.radiometry.appearance import encode_srgb
 from spectrabox.radiometry.records import LinearImage
 
 WHITE_PERCENTILE = 99.5
@@ -88,6 +89,4 @@ def encode_srgb8(linear: np.ndarray) -> np.ndarray:
     linear : (...) array
         Clipped to 0 to 1.
     """
-    clipped = np.clip(linear, 0, 1)
-    encoded = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
-    return np.rint(255 * encoded).astype(np.uint8)
+    return np.rint(255 * encode_srgb(linear)).astype(np.uint8)

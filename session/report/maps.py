@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_hex, to_rgb
 from matplotlib.ticker import FuncFormatter
 
+from spectrabox.radiometry.appearance import encode_srgb
 from spectrabox.radiometry.records import Reconstruction, SensitivityFit
 from spectrabox.session.report.svg import figure, inline_svg, plain_line
 
@@ -30,12 +31,6 @@ def display_bands(fit: SensitivityFit) -> list[int]:
     weights = np.clip(fit.curves, 0, None) * fit.grid.weights_nm
     order = np.argsort(weights @ fit.grid.nm / weights.sum(axis=1))
     return [int(order[-1]), int(order[len(order) // 2]), int(order[0])]
-
-
-def srgb_encoded(linear: np.ndarray) -> np.ndarray:
-    """sRGB transfer curve of values clipped to 0..1."""
-    x = np.clip(linear, 0, 1)
-    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 1e-9) ** (1 / 2.4) - 0.055)
 
 
 def comparison_rgb8(made: Reconstruction, fit: SensitivityFit) -> np.ndarray:
@@ -64,7 +59,7 @@ def _stretched(made: Reconstruction, chosen: list[int]) -> tuple[np.ndarray, np.
                                                                                      made.rendered))
     seen = photo[np.isfinite(photo)]
     stretch = max(float(np.percentile(seen, 99)), 1e-12) if seen.size else 1.0
-    return srgb_encoded(np.nan_to_num(photo) / stretch), srgb_encoded(np.nan_to_num(rendering)
+    return encode_srgb(np.nan_to_num(photo) / stretch), encode_srgb(np.nan_to_num(rendering)
                                                                       / stretch)
 
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.appearance import encoded_srgb, tristimulus
+from spectrabox.radiometry.appearance import encode_srgb, encoded_srgb, tristimulus
 from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
 from spectrabox.radiometry.records import HeldOutPatches
-from spectrabox.session.report.maps import display_bands, srgb_encoded
+from spectrabox.session.report.maps import display_bands
 from spectrabox.session.report.verdict import chart_residuals
 from spectrabox.session.store.results import CommonResults
 
@@ -93,4 +93,4 @@ def _camera_colours(results: CommonResults, measured: np.ndarray,
                     predicted: np.ndarray) -> list[np.ndarray]:
     chosen = display_bands(results.calibration.sensitivity)
     white = np.nanmax(measured, axis=0)[chosen] / WHITE
-    return [srgb_encoded(signal[:, chosen] / white) for signal in (measured, predicted)]
+    return [encode_srgb(signal[:, chosen] / white) for signal in (measured, predicted)]
