@@ -110,10 +110,11 @@ def develop(request: DevelopRequest) -> Answer:
     """Raw to linear camera signal: black and dark removed, exposures merged, flat-fielded; an EXR
     with its variance.
     """
-    from spectrabox.capture.develop.developed import develop_photos, write_developed
+    from spectrabox.capture.develop.developed import develop_photos
+    from spectrabox.capture.photo.image_files import write_linear_exr
     check_ending(request.out, {".exr": "the signal in floating point"})
     image, notes = develop_photos(request.photos, request.dark, request.flat, request.not_linear)
-    write_developed(request.out, image)
+    write_linear_exr(request.out, image)
     facts = {**_photo_facts(image), "out": str(request.out), "notes": list(notes),
              "size": [image.signal.shape[1], image.signal.shape[0]]}
     lines = [f"wrote {request.out}: {image.signal.shape[1]} x {image.signal.shape[0]} pixels, "
