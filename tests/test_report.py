@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from report_example import SURFACES, WORST_RATIO, example_session
 
+from spectrabox.measure.plots import band_colours
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.records import CalibrationDoubt, Outcome, SurfaceMisfit
@@ -23,7 +24,7 @@ from spectrabox.session.report.maps import residual_limit, residual_maps
 from spectrabox.session.report.methods import methods_text
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import write_report
-from spectrabox.session.report.svg import band_colours, plain_line
+from spectrabox.session.report.svg import plain_line
 from spectrabox.session.report.verdict import DOUBTS, Status, judge
 from spectrabox.session.report.words import exposure, number, percent, signed_percent
 from spectrabox.session.summary_text import run_facts, run_text

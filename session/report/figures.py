@@ -11,12 +11,10 @@ from markupsafe import Markup
 from matplotlib import image as raster
 from matplotlib.ticker import FuncFormatter
 
+from spectrabox.measure.plots import INK, QUIET, band_colours
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.report.svg import (
-    INK,
-    QUIET,
     Readout,
-    band_colours,
     figure,
     framed,
     inline_svg,

@@ -10,6 +10,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from spectrabox.measure.plots import band_colours
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Calibration, Reconstruction
 from spectrabox.session.flat.flat_results import FlatResults
@@ -28,7 +29,7 @@ from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.safe_json import json_for_script
 from spectrabox.session.report.small_figures import field_whiskers
 from spectrabox.session.report.spectra import light_figure, sensitivity_figure
-from spectrabox.session.report.svg import Drawing, band_colours, report_style
+from spectrabox.session.report.svg import Drawing, report_style
 from spectrabox.session.report.tables import (
     chart_section,
     held_out_rms,

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 import numpy as np
 from markupsafe import Markup, escape
 
+from spectrabox.measure.plots import band_colours
 from spectrabox.radiometry.grid import WavelengthGrid
-from spectrabox.session.report.svg import Drawing, band_colours, plain_line
+from spectrabox.session.report.svg import Drawing, plain_line
 
 LEFT, WIDTH, ROW, GAP = 48.0, 480.0, 34.0, 10.0    # of the share of the prior, in SVG units
 HALF = 0.5              # share above which the prior decides

@@ -7,10 +7,18 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.ticker import FuncFormatter
 
+from spectrabox.measure.plots import (
+    MEAN,
+    TRUTH,
+    band_colours,
+    plot_estimate,
+    plot_given,
+    plot_light,
+    plot_sensitivities,
+    plot_truth,
+)
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.records import (
     HeldOutPatches,
@@ -18,14 +26,11 @@ from spectrabox.radiometry.records import (
     Quantity,
     SensitivityFit,
     Spectrum,
-    SpectrumSamples,
 )
 from spectrabox.session.report.svg import (
     GRID,
-    INK,
     QUIET,
     Readout,
-    band_colours,
     framed,
     inline_svg,
     legend_above,
@@ -34,11 +39,9 @@ from spectrabox.session.report.svg import (
 from spectrabox.session.report.words import percent
 from spectrabox.session.store.results import MaterialResult
 
-DRAWS_SHOWN = 30
 LETTERS, MANY_COLUMNS = 120, 8  # above a row of patches; more columns take smaller letters
 LEGEND_LETTERS = 42     # that one row above the error budget holds
 LETTER_IN = 0.062       # width of a letter beside the error budget
-MEAN, RENDERED, TRUTH = "#1f4e8c", "#d0661a", "#1a1a1a"
 QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradiance (W m⁻² nm⁻¹)",
               Quantity.RADIANCE: "Radiance (W m⁻² sr⁻¹ nm⁻¹)",
               Quantity.RELATIVE: "Relative spectral power"}
@@ -99,48 +102,19 @@ def material_figure(name: str, material: MaterialResult, grid_nm: np.ndarray) ->
     nm, curves = material_curves(material, grid_nm)
     drawing, axes = framed(6.6, 3.7)
     if material.summary is None:
-        axes.plot(nm, curves["given"], color=MEAN, lw=1.8, label="given spectrum")
+        plot_given(axes, nm, curves["given"])
     else:
-        _draw_uncertainty(axes, material, nm, curves)
+        samples = material.samples
+        plot_estimate(axes, material.summary, None if samples is None else samples.spectra,
+                      None if samples is None else samples.grid.nm, curves.get("inverse rendering"))
     if "measured truth" in curves:
-        axes.plot(nm, curves["measured truth"], color=TRUTH, lw=1.3, ls=(0, (1, 1.2)),
-                  label="measured truth")
-    _wavelength_axis(axes, nm)
-    top = max(1.0, *(float(np.nanmax(y)) for y in curves.values() if np.isfinite(y).any()))
-    axes.set(ylim=(0, 1.02 * top), ylabel="Reflectance")
+        plot_truth(axes, nm, curves["measured truth"])
     legend_above(drawing, 4, 1.6, 1.2)
     shown = plain_line(material.name)
     return inline_svg(drawing, name, f"Reflectance of {shown}", f"Reflectance of {shown} over "
                       "wavelength with what is known of its uncertainty; the table below holds the "
                       "numbers.",
                       Readout(axes, nm, curves, "Wavelength", "nm"))
-
-
-def _draw_uncertainty(axes: Axes, material: MaterialResult, nm: np.ndarray,
-                      curves: dict[str, np.ndarray]) -> None:
-    summary = material.summary
-    assert summary is not None
-    if material.samples is not None:
-        draw_nm, draws = drawn_spectra(material.samples)
-        axes.add_collection(LineCollection([np.c_[draw_nm, draw] for draw in draws],
-                                           colors=QUIET, lw=0.5, alpha=0.3))
-        axes.plot([], [], color=QUIET, lw=0.7, alpha=0.6, label=f"{len(draws)} draws")
-    axes.fill_between(nm, summary.lower, summary.upper, color=MEAN, alpha=0.18, lw=0,
-                      label=f"{percent(summary.level)} band")
-    axes.plot(nm, summary.bound_lower, color=QUIET, lw=0.9, ls="--", label="exact bounds")
-    axes.plot(nm, summary.bound_upper, color=QUIET, lw=0.9, ls="--")
-    if "inverse rendering" in curves:
-        axes.plot(nm, curves["inverse rendering"], color=RENDERED, lw=1.4,
-                  label="inverse rendering")
-    axes.plot(nm, summary.mean, color=MEAN, lw=1.9, label="mean")
-    axes.axvline(summary.next_measurement_nm, color=INK, lw=0.6, ls=":", label="measure here next")
-
-
-def drawn_spectra(samples: SpectrumSamples) -> tuple[np.ndarray, np.ndarray]:
-    """Wavelengths (P,) and up to 30 draws (30, P), chosen at a fixed seed."""
-    count = len(samples.spectra)
-    chosen = np.random.default_rng(0).choice(count, min(DRAWS_SHOWN, count), replace=False)
-    return samples.grid.nm, samples.spectra[chosen]
 
 
 def error_budget_figure(name: str, material: MaterialResult,
@@ -195,24 +169,16 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
     """
     nm = fit.grid.nm
     drawing, axes = framed(5.6, 3.1)
+    plot_sensitivities(axes, nm, fit.curves, fit.standard_error,
+                       [plain_line(band, 24) for band in bands], truth)
     series: dict[str, np.ndarray] = {}
-    for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
+    for k, band in enumerate(bands):
         series[band] = fit.curves[k]
         if fit.standard_error is not None:
-            spread = 2 * fit.standard_error[k]
-            axes.fill_between(nm, fit.curves[k] - spread, fit.curves[k] + spread, color=colour,
-                              alpha=0.18, lw=0)
-            series[f"{band} ± 2 s.e."] = spread
-        axes.plot(nm, fit.curves[k], color=colour, lw=1.6, label=plain_line(band, 24))
+            series[f"{band} ± 2 s.e."] = 2 * fit.standard_error[k]
         if truth is not None:
-            axes.plot(truth[0], truth[1][k], color=colour, lw=1.0, ls=(0, (1, 1.2)))
-            series[f"{band} measured"] = np.interp(nm, *(truth[0], truth[1][k]), left=np.nan,
+            series[f"{band} measured"] = np.interp(nm, truth[0], truth[1][k], left=np.nan,
                                                    right=np.nan)
-    if truth is not None:
-        axes.plot([], [], color=INK, lw=1.0, ls=(0, (1, 1.2)), label="measured curves")
-    _wavelength_axis(axes, nm)
-    axes.axhline(0, color=QUIET, lw=0.6)
-    axes.set_ylabel("Sensitivity (highest peak = 1)")
     legend_above(drawing, 8, 1.4, 1.2)
     return inline_svg(drawing, name, "Camera sensitivities",
                       "Sensitivity of each camera band over wavelength.",
@@ -241,12 +207,7 @@ def light_figure(name: str, light: Spectrum, posterior: LightPosterior | None = 
             series["± 2 s.e."] = 2 * light.standard_error
             band = (values - 2 * light.standard_error, values + 2 * light.standard_error)
     drawing, axes = framed(3.7, 3.1, 0.8)
-    axes.plot(nm, values, color=INK, lw=1.5)
-    if band is not None:
-        axes.fill_between(nm, *band, color=QUIET, alpha=0.3, lw=0)
-    _wavelength_axis(axes, nm)
-    axes.set(ylabel=quantity, ylim=(0, None))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+    plot_light(axes, nm, values, band, quantity)
     digits = int(np.clip(3 - np.floor(np.log10(max(float(np.abs(values).max()), 1e-30))), 0, 12))
     return inline_svg(drawing, name, "Light spectrum", f"{quantity} over wavelength.",
                       Readout(axes, nm, series, "Wavelength", "nm", digits))
@@ -299,8 +260,3 @@ def left_out_figure(name: str, patches: HeldOutPatches, chart: Chart) -> Markup:
     axes.spines[:].set_visible(False)
     return inline_svg(drawing, name, "Patches left out", "Reflectance of each patch by a "
                       "calibration without it, its band, and the chart's reference.")
-
-
-def _wavelength_axis(axes: Axes, nm: np.ndarray) -> None:
-    axes.set(xlim=(float(nm[0]), float(nm[-1])), xlabel="Wavelength (nm)")
-    axes.grid()

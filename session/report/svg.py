@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import itertools
 import re
 import unicodedata
 import warnings
@@ -25,12 +24,12 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from spectrabox.measure.plots import INK, QUIET
 from spectrabox.session.report.safe_json import json_for_script
 
 DIGITS = 6          # significant, of a plotted number: far finer than a line is drawn
 MARGIN_IN, LEGEND_ROW_IN, LEGEND_LETTER_IN = 0.12, 0.18, 7.5 / 72
-INK, QUIET, GRID = "#22262b", "#6b7280", "#e3e6ea"
-NATURAL = {"R": "#c2352b", "G": "#2c8a4b", "B": "#2b5fb8"}
+GRID = "#e3e6ea"
 STYLE = {
     "svg.fonttype": "none", "svg.hashsalt": "spectrabox", "svg.image_inline": True,
     "text.parse_math": False,  # a name may hold dollar signs
@@ -122,16 +121,6 @@ def legend_above(drawing: Figure, columns: int, handle: float, spacing: float) -
     axes.set_position((left, below, width, height))
     drawing.legend(loc="upper left", ncols=columns, handlelength=handle, columnspacing=spacing,
                    borderpad=0, borderaxespad=MARGIN_IN / LEGEND_LETTER_IN / 2)
-
-
-def band_colours(bands: tuple[str, ...]) -> list[str]:
-    """One colour per camera band: red, green and blue where the band is named so, otherwise ten
-    distinct ones.
-    """
-    taken = {"#1f77b4", "#2ca02c", "#d62728"} if NATURAL.keys() & set(bands) else set()
-    spare = itertools.cycle([c for rgb in matplotlib.color_sequences["tab10"]
-                             if (c := matplotlib.colors.to_hex(rgb)) not in taken])
-    return [NATURAL[band] if band in NATURAL else next(spare) for band in bands]
 
 
 def plain_line(text: str, longest: int = 60) -> str:
