@@ -21,12 +21,12 @@ from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_came
 from spectrabox.calibrate.products.lamps import all_lamps
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
+from spectrabox.measure.chart_check import patches_without
 from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
-from spectrabox.session.stages.left_out import patches_without
 
 from benchmarks.bench_unknown_light import FIELD_SD, MAX_GLARE
 from benchmarks.bench_unknown_makers import makers_of, prior_without

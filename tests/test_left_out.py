@@ -8,6 +8,7 @@ from calibrate_cameras import GRID
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.calibrate.doubts import CONTRADICTS, evidence_for_another_light
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
+from spectrabox.measure.chart_check import held_out_patches
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import (
@@ -23,7 +24,6 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.report.verdict import Status, calibration_doubts
 from spectrabox.session.report.verdict import held_out_patches as criteria_of_left_out
-from spectrabox.session.stages.left_out import left_out_patches
 
 SURFACES = chart_reflectances("BabelColor Average", GRID)
 CURVES = sensitivities("Nikon 5100 (NPL)", GRID)     # a camera that the shipped prior leaves out
@@ -48,7 +48,7 @@ def test_every_calibration_predicts_each_patch_from_the_others(method):
     options = CalibrationOptions("prior" if method == "unknown" else method,
                                  curves=CURVES if method == "file" else None)
     made = calibrate_chart([photo], GRID, options)
-    patches = left_out_patches(made, SURFACES)
+    patches = held_out_patches(made, SURFACES)
     assert patches.mean.shape == (24, 61) and not patches.excluded.any()
     # Three signals leave an rms of 0.02 to 0.04 to a learnt prior even with the true curves.
     assert patches.rmse.mean() < 0.045
@@ -68,7 +68,7 @@ def test_a_patch_kept_out_changes_nothing_but_itself(stated):
     first, second = (fit.calibration.sensitivity.curves for fit in fits)
     np.testing.assert_array_equal(first, second)
     np.testing.assert_array_equal(fits[0].predicted, fits[1].predicted)
-    before, after = (left_out_patches(fit, SURFACES) for fit in fits)
+    before, after = (held_out_patches(fit, SURFACES) for fit in fits)
     assert before.excluded[4] and after.excluded.sum() == 1
     assert np.abs(after.mean[4] - before.mean[4]).max() > 0.05    # its own signal is 50 % more
     others = ~excluded
@@ -146,7 +146,7 @@ def test_a_chart_that_holds_less_than_its_familiar_colours_should_is_a_warning(i
 
 
 def test_bands_of_a_chart_hold_nearly_all_where_nothing_errs():
-    patches = left_out_patches(calibrate_chart([chart_photo("LED-B3", UnknownLight())], GRID),
+    patches = held_out_patches(calibrate_chart([chart_photo("LED-B3", UnknownLight())], GRID),
                                SURFACES)
     # 95 % bands of any surface, of familiar ones
     assert patches.expected.mean() > 0.98

@@ -8,15 +8,15 @@ from typer.testing import CliRunner
 
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
+from spectrabox.measure.expected_spectra import GRID, Shoot, expected_spectra
+from spectrabox.measure.second_photo import LampsAtHand
 from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
 from spectrabox.radiometry.records import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
-from spectrabox.session.camera.expected_spectra import GRID, Shoot, expected_spectra
 from spectrabox.session.cli import app
-from spectrabox.session.signals.lamps_at_hand import LampsAtHand
 
 CHART = chart_reflectances("BabelColor Average", GRID)
-HAND = LampsAtHand(("A", "LED-B3"), ())
+HAND = LampsAtHand({name: light(name, GRID) for name in ("A", "LED-B3")}, {})
 KNOWN_CAMERA = prior_of_curves(GRID, sensitivities("Nikon 5100 (NPL)", GRID), 1e-4)
 
 

@@ -11,6 +11,7 @@ from test_posterior_laws import SMOOTH, mixture_of
 from test_session_laws import drift, views
 
 from spectrabox.calibrate.held_out_patches import PatchesWithout
+from spectrabox.measure.chart_check import patches_without
 from spectrabox.measure.pictures import illumination
 from spectrabox.measure.pictures.crop import Crop
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
@@ -26,7 +27,6 @@ from spectrabox.session.pictures import reference_surfaces, textures
 from spectrabox.session.report.verdict import Status, _between_photos, _clipped
 from spectrabox.session.scores import score
 from spectrabox.session.stages import calibrate_stage, reconstruct_stage
-from spectrabox.session.stages.left_out import patches_without
 
 SIGMAS = 3.9
 CURVES = np.exp(-0.5 * ((PRIOR_GRID.nm - np.array([[600.0], [540.0], [460.0]])) / 35) ** 2)

@@ -9,11 +9,11 @@ from spectrabox.radiometry.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
 
-    from spectrabox.calibrate.chart_calibration import ChartCalibration, ChartPhoto, CurveBand
+    from spectrabox.calibrate.chart_calibration import ChartPhoto, CurveBand
+    from spectrabox.measure.camera import CameraFit
     from spectrabox.radiometry.chart import Chart
     from spectrabox.radiometry.records import (
         Calibration,
-        HeldOutPatches,
         PatchSamples,
         Spectrum,
         UnknownLight,
@@ -59,13 +59,13 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
                 for index in range(len(photos))]
     places = [corners[index if len(corners) > 1 else 0] if corners else None
               for index in range(len(photos))]
-    found = [_patches_of_picture(photo, at, layout_of, reflectances, grid) if decode
+    measured_photos = [_patches_of_picture(photo, at, layout_of, reflectances, grid) if decode
              else read_patches(photo, layout_of)
              for photo, at, reflectances in zip(photos, places, chart_of, strict=True)]
     from spectrabox.calibrate.chart_calibration import ChartPhoto
     charts: list[ChartPhoto] = []
     names: list[tuple[str, ...]] = []
-    for index, (photo, (measured, bands)) in enumerate(zip(photos, found, strict=True)):
+    for index, (photo, (measured, bands)) in enumerate(zip(photos, measured_photos, strict=True)):
         light = lights[index if len(lights) > 1 else 0]
         charts.append(ChartPhoto(measured, chart_of[index], known_lights[light],
                                  excluded=excluded, chart=layout_of))
@@ -79,23 +79,6 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
                              f"{', '.join(names[0])}; all photos must be of one camera, its bands "
                              "in the same order")
     return tuple(charts), names[0]
-
-
-def known_light(word: str, grid: WavelengthGrid) -> Spectrum:
-    """A light whose spectrum is stated, by a file or by its CIE name.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
-    from spectrabox.radiometry.records import UnknownLight
-    from spectrabox.radiometry.spectra.stated_light import stated_light
-    light = stated_light(word, grid)
-    if isinstance(light, UnknownLight):
-        raise InputError(f"--light {word} states no spectrum, and one is needed here; give a file "
-                         "or a CIE name such as D65")
-    return light
 
 
 def light_words(light: Spectrum | UnknownLight) -> str:
@@ -127,47 +110,26 @@ def read_layout(layout: str) -> Chart:
     return chart_layout(layout) if layout else CLASSIC
 
 
-def chart_signals(layout: Chart, reflectances: np.ndarray | None, bands: int,
-                  grid: WavelengthGrid) -> np.ndarray:
-    """Signals (I, bands) by which a chart is known in a photo whose light is not."""
-    import numpy as np
-
-    from spectrabox.capture.chart.reference import typical_signals
-    from spectrabox.radiometry.chart import typical_camera_signals
-    from spectrabox.radiometry.charts.references import published_signals
-    if layout.references:
-        return typical_signals(bands)
-    signals = published_signals(layout, grid) if reflectances is None else \
-        typical_camera_signals(reflectances, grid)
-    return signals if bands == signals.shape[1] else np.repeat(
-        signals.mean(axis=1, keepdims=True), bands, axis=1)
-
-
-def _patches_of_picture(chart: Path, corners: str | None, layout: Chart, reflectances: np.ndarray,
+def _patches_of_picture(path: Path, corners: str | None, chart: Chart, reflectances: np.ndarray,
                         grid: WavelengthGrid) -> tuple[PatchSamples, tuple[str, ...]]:
     """Patch statistics and band names of a photo."""
     import numpy as np
 
-    from spectrabox.capture.chart.detection import find_chart
-    from spectrabox.capture.chart.patches import require_unclipped, sample_patches
     from spectrabox.capture.photo.linear import open_photo
-    photo = open_photo(chart)
-    bands = photo.signal.shape[2]
-    places = None
+    from spectrabox.measure.camera import measure_chart
+    photo, corners_px = open_photo(path), None
     if corners is not None:
         try:
-            places = np.array([[float(number) for number in word.split(",")]
-                               for word in corners.split()])
+            corners_px = np.array([[float(number) for number in word.split(",")]
+                                   for word in corners.split()])
         except ValueError:
-            places = np.zeros(0)
-        if places.shape != (4, 2):
+            corners_px = np.zeros(0)
+        if corners_px.shape != (4, 2):
             raise InputError(f"--corners {corners} are not four points; write --corners 'x,y x,y "
                              "x,y x,y'")
-    measured = sample_patches(photo, find_chart(photo, chart_signals(
-        layout, reflectances, bands, grid), places, layout))
-    require_unclipped(measured, layout.names, chart.name)
-    return (measured, ("R", "G", "B") if bands == 3
-            else tuple(f"band {index + 1}" for index in range(bands)))
+    bands = photo.signal.shape[2]
+    return measure_chart(photo, chart, reflectances, grid, corners_px), (
+        ("R", "G", "B") if bands == 3 else tuple(f"band {index + 1}" for index in range(bands)))
 
 
 def read_measured_curves(path: Path, bands: int, grid: WavelengthGrid) -> np.ndarray:
@@ -199,10 +161,9 @@ def require_outputs(outputs: list[Path], inputs: list[Path]) -> None:
                              "another name")
 
 
-def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthGrid, chart: Chart,
-             left_out: HeldOutPatches) -> dict[str, Any]:
-    """A calibration as plain numbers for a script (docs/json.md, ``camera fit``); ``left_out`` is
-    of the first photo, which shows ``chart``.
+def facts_of(camera: CameraFit, chart: Chart) -> dict[str, Any]:
+    """A camera as plain numbers for a script (docs/json.md, ``camera fit``); the first photo shows
+    ``chart``.
     """
     from spectrabox.calibrate.chart_calibration import LEVEL
     from spectrabox.session.calibration_facts import (
@@ -210,9 +171,10 @@ def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthG
         left_out_sentence,
         posterior_facts,
     )
+    result, band = camera.chart, camera.band
     fit, joint = result.calibration.sensitivity, result.prior_fit
     facts: dict[str, Any] = {
-        "wavelengths_nm": grid.nm.tolist(), "sensitivities": fit.curves.tolist(),
+        "wavelengths_nm": fit.grid.nm.tolist(), "sensitivities": fit.curves.tolist(),
         "lower": None if band is None else band.lower.tolist(),
         "upper": None if band is None else band.upper.tolist(),
         "level": LEVEL, "condition_number": fit.condition_number,
@@ -223,8 +185,8 @@ def facts_of(result: ChartCalibration, band: CurveBand | None, grid: WavelengthG
         "light_scale_standard_error": result.scale.standard_error,
         "method": fit.method, "checks": list(result.calibration.checks),
         "outcome": fit.outcome.value}
-    facts["left_out"] = left_out_facts(left_out, chart.names)
-    facts["checks"].append(left_out_sentence(left_out))
+    facts["left_out"] = left_out_facts(camera.held_out, chart.names)
+    facts["checks"].append(left_out_sentence(camera.held_out))
     facts["doubts"] = [doubt.value for doubt in result.calibration.doubts]
     known = result.calibration.light_posterior
     facts["light_posterior"] = None if known is None else posterior_facts(known)

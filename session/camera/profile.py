@@ -7,18 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.camera_profile import ILLUMINANTS, IlluminantMatrices, matrices, target
+from spectrabox.calibrate.camera_profile import ILLUMINANTS, IlluminantMatrices
+from spectrabox.measure.camera import FITTED_SET, FRESH_SET, camera_profile
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.published.aces_idt import aces_idt
 from spectrabox.radiometry.records import WavelengthGrid
-from spectrabox.radiometry.spectra.named_spectra import sensitivities, test_reflectances
+from spectrabox.radiometry.spectra.named_spectra import sensitivities
 from spectrabox.radiometry.system.archives import DAMAGE
 from spectrabox.session.camera.profile_files import write_dcp, write_rawtoaces, write_vkdt
 from spectrabox.session.commands.requests import CameraProfileRequest
 
-CHART, FRESH = "BabelColor Average", "CES99"    # fitted to, and never seen by the fit
-MAX_DRAWS, IDT_DRAWS = 200, 25                  # an ACES matrix takes a search for each
+MAX_DRAWS = 200             # of those in a file
 FORMS = {".json": "curves as rawtoaces stores them", ".txt": "curves as vkdt reads them",
          ".dcp": "a DNG camera profile"}
 
@@ -37,15 +36,7 @@ def profile_answer(request: CameraProfileRequest) -> tuple[dict[str, Any], str]:
         raise InputError(f"{request.sensitivity} has {len(curves)} bands; profiles are of three: "
                          "R, G and B")
     draws = None if request.samples is None else _read_draws(request.samples, grid, curves)
-    sets = test_reflectances(grid)
-    aims = {name: target(name, grid, sets[CHART], (sets[CHART], sets[FRESH]))
-            for name in ILLUMINANTS}
-    made = {name: matrices(curves, aim) for name, aim in aims.items()}
-    drawn = {name: [matrices(draw, aim) for draw in draws] if draws is not None else []
-             for name, aim in aims.items()}
-    idt, balance = aces_idt(grid.nm, curves, request.idt_light)
-    idts = [aces_idt(grid.nm, draw, request.idt_light)
-            for draw in (draws[:IDT_DRAWS] if draws is not None else [])]
+    profile = camera_profile(curves, grid, request.idt_light, draws)
     maker, _, model = request.camera.partition(" ")
     errors = None if draws is None else draws.std(axis=0, ddof=1)
     for path in request.out:
@@ -54,14 +45,16 @@ def profile_answer(request: CameraProfileRequest) -> tuple[dict[str, Any], str]:
         elif path.suffix.lower() == ".txt":
             write_vkdt(path, grid.nm, curves)
         else:
-            write_dcp(path, request.camera, f"{request.camera} spectrabox", made)
+            write_dcp(path, request.camera, f"{request.camera} spectrabox", profile.matrices)
     facts: dict[str, Any] = {
         "camera": request.camera, "files": [str(path) for path in request.out],
         "draws": 0 if draws is None else len(draws),
-        "illuminants": {name: _facts(made[name], drawn[name]) for name in ILLUMINANTS},
-        "aces_idt": {"light": request.idt_light, "draws": len(idts),
-                     "matrix": _spread(idt, [each for each, _ in idts]),
-                     "white_balance": _spread(balance, [each for _, each in idts])}}
+        "illuminants": {name: _facts(profile.matrices[name], profile.drawn[name])
+                        for name in ILLUMINANTS},
+        "aces_idt": {"light": request.idt_light, "draws": len(profile.aces_drawn),
+                     **{name: _spread(profile.aces[index],
+                                      [each[index] for each in profile.aces_drawn])
+                        for index, name in enumerate(("matrix", "white_balance"))}}}
     return facts, _text(facts)
 
 
@@ -83,12 +76,12 @@ def _read_draws(path: Path, grid: WavelengthGrid, curves: np.ndarray) -> np.ndar
     return np.array([[np.interp(grid.nm, nm, curve) for curve in draw] for draw in values])
 
 
-def _facts(made: IlluminantMatrices, drawn: list[IlluminantMatrices]) -> dict[str, Any]:
-    return {"color_matrix": _spread(made.colour, [each.colour for each in drawn]),
-            "forward_matrix": _spread(made.forward, [each.forward for each in drawn]),
-            "delta_e00": {name: _spread(made.delta_e00[index],
+def _facts(fitted: IlluminantMatrices, drawn: Sequence[IlluminantMatrices]) -> dict[str, Any]:
+    return {"color_matrix": _spread(fitted.colour, [each.colour for each in drawn]),
+            "forward_matrix": _spread(fitted.forward, [each.forward for each in drawn]),
+            "delta_e00": {name: _spread(fitted.delta_e00[index],
                                         [each.delta_e00[index] for each in drawn])
-                          for index, name in enumerate((CHART, FRESH))}}
+                          for index, name in enumerate((FITTED_SET, FRESH_SET))}}
 
 
 def _spread(value: Any, drawn: Sequence[Any]) -> dict[str, Any]:

@@ -34,7 +34,7 @@ from spectrabox.session.commands.requests import (
 )
 
 if TYPE_CHECKING:
-    from spectrabox.calibrate.chart_calibration import ChartCalibration
+    from spectrabox.radiometry.records import Calibration
 
 METHODS = ("prior", "smooth", "nonnegative", "paper", "file")
 CURVES = {".csv": "the curves and their standard errors"}
@@ -128,32 +128,26 @@ def fit(request: CameraFitRequest) -> Answer:
     charts, names = read_photos(list(given), list(request.light), list(request.reference),
                                 list(request.corners), bool(chart), grid,
                                 numbers_of_patches(request.leave_out), request.layout)
-    from spectrabox.calibrate.chart_calibration import (
-        CalibrationOptions,
-        calibrate_chart,
-        curve_band,
-    )
+    from spectrabox.calibrate.chart_calibration import CalibrationOptions
     from spectrabox.calibrate.prior.camera_prior import load_camera_prior
-    from spectrabox.session.stages.left_out import left_out_patches
+    from spectrabox.measure.camera import fit_camera
     curves = None if request.curves is None \
         else read_measured_curves(request.curves, len(names), grid)
     prior_used = None if request.prior_file is None else load_camera_prior(request.prior_file)
     options = CalibrationOptions(request.method, prior_used, curves=curves)
-    result = calibrate_chart(charts, grid, options)
-    band = curve_band(result)
-    left_out = left_out_patches(result, charts[0].reflectances)
+    result = fit_camera(charts, grid, options)
+    calibration = result.chart.calibration
     source = ", ".join(light_words(chart.light) for chart in charts)
-    facts = {**facts_of(result, band, grid, charts[0].chart, left_out), "bands": list(names),
-             "light": source}
+    facts = {**facts_of(result, charts[0].chart), "bands": list(names), "light": source}
     if request.out is not None:
-        write_curves(request.out, result.calibration, names, source)
+        write_curves(request.out, calibration, names, source)
         facts["file"] = str(request.out)
     if request.keep is not None:
-        facts["kept"] = str(keep_fit(request.keep, result.calibration, names, source))
+        facts["kept"] = str(keep_fit(request.keep, calibration, names, source))
     if request.samples is not None:
-        write_draws(request.samples, band, grid)
+        write_draws(request.samples, result.band, grid)
         facts["samples"] = str(request.samples)
-    return Answer(facts, _fit_text(facts, result, names, request.out))
+    return Answer(facts, _fit_text(facts, calibration, names, request.out))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -246,9 +240,9 @@ def names(request: CommonOptions) -> Answer:
                   "\n".join([*(f"{name}  (your own)" for name in own), *published]))
 
 
-def _fit_text(facts: dict[str, Any], result: ChartCalibration, names: tuple[str, ...],
+def _fit_text(facts: dict[str, Any], calibration: Calibration, names: tuple[str, ...],
               out: Path | None) -> str:
-    fit = result.calibration.sensitivity
+    fit = calibration.sensitivity
     lines = [f"bands {', '.join(names)}: {fit.method}",
              *(f"- {check}" for check in facts["checks"]), fit.outcome.value]
     return "\n".join([*lines, f"wrote {out}"] if out is not None else lines)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.session.camera.inputs import chart_signals, read_layout
+from spectrabox.session.camera.inputs import read_layout
 from spectrabox.session.command_line import (
     Answer,
     ChartLayout,
@@ -67,6 +67,7 @@ def chart(request: ChartRequest) -> Answer:
     reflectances = None if chart_of.has_known_colours and request.reference is None else \
         reference_reflectances(request.reference, chart_of, grid)
     image = _open(request.photo, request.encoded)
+    from spectrabox.measure.camera import chart_signals
     signals = chart_signals(chart_of, reflectances, image.signal.shape[2], grid)
     try:
         detection = locate_chart(image, signals, _corners(request.corners, chart_of), chart_of)

@@ -15,6 +15,7 @@ from spectrabox.calibrate.chart_calibration import (
 )
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_camera_prior
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
+from spectrabox.measure.chart_check import held_out_patches
 from spectrabox.radiometry.records import PatchSamples, UnknownLight
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
@@ -25,7 +26,6 @@ from spectrabox.session.stages.inputs import (
     read_light,
     read_sensitivities,
 )
-from spectrabox.session.stages.left_out import left_out_patches
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import chart_of
 
@@ -62,7 +62,7 @@ def calibrate_photos(task: StageTask) -> dict[str, Any]:
             records |= {"predicted": made.predicted, "irradiance": lit,
                         "prior": made.prior_influence,
                         "model error": np.array(made.prior_fit.patch_error),
-                        "left out": left_out_patches(made, reference)}
+                        "left out": held_out_patches(made, reference)}
         for view in views:
             light = lights[view.light]
             records[view.record("calibration")] = made.calibration if isinstance(

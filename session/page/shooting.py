@@ -13,11 +13,11 @@ import numpy as np
 from spectrabox.capture.chart.detection import locate_chart
 from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.develop.developed import open_any
+from spectrabox.measure.camera import chart_signals
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LinearImage
-from spectrabox.session.camera.inputs import chart_signals
 
 PHOTO_SUFFIXES = (".dng", ".nef", ".cr2", ".cr3", ".arw", ".raf", ".orf", ".rw2", ".pef", ".exr",
                   ".tif", ".tiff", ".raw", ".3fr", ".iiq", ".srw", ".nrw", ".crw")

@@ -1,45 +1,29 @@
-"""What a second photo under another lamp or through a filter would bring, from those at hand.
-
-Linear-Gaussian, as in planner.py: the photo's bands are new rows on the covariance of the draws. A
-second photo is taken to be as noisy as the first and to err independently of it. Where the light of
-a session is unknown, the camera's own curves are the products over the light's posterior mean.
-"""
+"""``spectrabox plan`` on a session: what a second photo with the lamps at hand would add."""
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.second_photo import (
+    FINE,
+    LampsAtHand,
+    curves_and_light,
+    lamp_candidates,
+)
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
-from spectrabox.radiometry.records import Calibration, WavelengthGrid
 from spectrabox.radiometry.spectra import named_spectra
-from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, spectrum_on_grid
+from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
 from spectrabox.sampling.further.planner import (
-    PHOTO_ERROR,
-    PHOTO_MINUTES,
-    Candidate,
     PlannedStep,
-    photo_candidate,
     ranked,
 )
 
 COMMON = ("D65", "A", "LED-B1", "LED-B5", "LED-RGB1", "LED-V1", "FL11")
-DARK = 1e-3             # of the brightest: no curve is divided by a light below it
-FINE = visible_grid(1)
 
 
-@dataclass(frozen=True)
-class LampsAtHand:
-    """Lamps, and filters for the present light, by name or file."""
-
-    lamps: tuple[str, ...]
-    filters: tuple[str, ...]
-
-
-def lamps_at_hand(lamps: str | None, filters: str | None) -> LampsAtHand:
+def lamps_at_hand(lamp_words: str | None, filter_words: str | None) -> LampsAtHand:
     """Lamps and filters of two options, separated by commas; common lamps where neither is given.
 
     Raises
@@ -48,43 +32,14 @@ def lamps_at_hand(lamps: str | None, filters: str | None) -> LampsAtHand:
         If an option names nothing.
     """
     chosen = [None if words is None else tuple(word.strip() for word in words.split(",")
-                                               if word.strip()) for words in (lamps, filters)]
+                                               if word.strip())
+              for words in (lamp_words, filter_words)]
     if () in chosen:
         raise InputError("no lamp or filter was named; give --lamps D65,A,my.csv or --filters "
                          "yellow.csv")
-    return LampsAtHand(chosen[0] or (COMMON if chosen[1] is None else ()), chosen[1] or ())
-
-
-def lamp_candidates(curves: np.ndarray, present: np.ndarray, grid: WavelengthGrid,
-                    hand: LampsAtHand, *, standard_error: float = PHOTO_ERROR,
-                    minutes: float = PHOTO_MINUTES) -> list[Candidate]:
-    """A second photo under each lamp and through each filter.
-
-    Parameters
-    ----------
-    curves : (K, 301) array
-        Sensitivities at 400, 401 ... 700 nm.
-    present : (301,) array
-        The light that filters are used under.
-    grid : WavelengthGrid
-        Of the draws.
-    hand : LampsAtHand
-    standard_error : float
-        Of a photo's signal, of white.
-    minutes : float
-        Of a photo.
-    """
-    to_draws = interpolation_matrix(grid.nm, FINE.nm)
-    lights = [(name, named_spectra.light(name, FINE)) for name in hand.lamps]
-    lights += [(name, present * _transmittance(name)) for name in hand.filters]
-    candidates = []
-    for name, light in lights:
-        rows = curves * light * FINE.weights_nm
-        total = rows.sum(axis=1, keepdims=True)
-        if np.any(total <= 0):
-            raise InputError(f"a band of the camera sees nothing with {name}; leave it out")
-        candidates.append(photo_candidate(name, rows / total @ to_draws, minutes, standard_error))
-    return candidates
+    lamps = chosen[0] or (COMMON if chosen[1] is None else ())
+    return LampsAtHand({name: named_spectra.light(name, FINE) for name in lamps},
+                       {name: _transmittance(name) for name in chosen[1] or ()})
 
 
 def _transmittance(name: str) -> np.ndarray:
@@ -114,7 +69,7 @@ def session_plan(folder: Path, hand: LampsAtHand,
     config = read_session(folder, allow_outside)
     stored = load_finished(config).stored
     signals = surface_signals(config, stored)
-    curves, present = _camera(calibrations_of(config, stored)[0])
+    curves, present = curves_and_light(calibrations_of(config, stored)[0])
     surfaces, lines = [], []
     for index, name in enumerate(signals.names):
         if signals.known[index]:
@@ -138,18 +93,6 @@ def session_plan(folder: Path, hand: LampsAtHand,
         lines.append(f"over all surfaces {best} brings most: RMSE "
                      f"{means[best]['rmse_before']:.4f} -> {means[best]['rmse_after']:.4f}")
     return facts, "\n".join(lines)
-
-
-def _camera(calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
-    """Sensitivities (K, 301) and the light (301,) of a calibration."""
-    fit = calibration.sensitivity
-    curves = on_grid(fit.grid.nm, np.maximum(fit.curves, 0), FINE, "the camera's curves")
-    if calibration.light_posterior is None:
-        return curves, spectrum_on_grid(calibration.light, FINE)
-    known = calibration.light_posterior
-    light = on_grid(known.grid.nm, known.mean, FINE, "the light's posterior")
-    light = np.maximum(light, DARK * light.max())
-    return curves / light, light
 
 
 def _mean(surfaces: list[dict[str, Any]], lamp: str) -> dict[str, float]:

@@ -19,6 +19,7 @@ from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.calibrate.sensitivity import scale_of_photo
 from spectrabox.calibrate.trust import GLARE_SIGMA
 from spectrabox.capture.chart.quality import uneven_light_reasons
+from spectrabox.measure.chart_check import held_out_patches
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import (
@@ -41,7 +42,6 @@ from spectrabox.session.stages.inputs import (
     read_light,
     read_sensitivities,
 )
-from spectrabox.session.stages.left_out import left_out_patches
 from spectrabox.session.stages.scenes import read_chart_scene
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import chart_of
@@ -87,7 +87,7 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
     if irradiance is not None:
         _widen_by_lamp_position(config, records)
     records["notes"] = () if irradiance is None else _uneven_notes(config, task.stored, irradiance)
-    records["left out"] = None if first is None else left_out_patches(
+    records["left out"] = None if first is None else held_out_patches(
         first, read_chart_reference(config))
     return records
 

@@ -1,5 +1,6 @@
-"""Reflectance of every chart patch from its own signal and a calibration that never saw it: the one
-check with a truth in every photo.
+"""Reflectance of every chart patch from its own signal and a calibration that never saw it.
+
+It is the one check with a truth in every photo.
 """
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ PASSES = 3              # errors of the calibration depend on the reflectance th
 START = 0.4             # reflectance of the first pass
 
 
-def left_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
+def held_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
                      prior: LogitMixture | None = None) -> HeldOutPatches:
     """Reflectance of each patch by the learnt prior, its calibration being that without it.
 
@@ -60,7 +61,7 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
     common = responses.mean(axis=0)         # signals are moved to what they would be under it
     truth = np.array([np.interp(PRIOR_GRID.nm, grid.nm, row) for row in reflectances])
 
-    def found(signals: np.ndarray, spectra: np.ndarray) -> PriorSummaries:
+    def summarised(signals: np.ndarray, spectra: np.ndarray) -> PriorSummaries:
         """Of signals (I, K) under the common response, their errors by spectra (I, 61)."""
         covariance = without.error_covariance(spectra @ basis.T)
         return summaries(known, common, signals, {
@@ -68,8 +69,9 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
 
     estimate = np.full(truth.shape, START)
     for _ in range(PASSES):
-        each = found(relative - np.einsum("ikp,ip->ik", responses - common, estimate), estimate)
+        each = summarised(relative - np.einsum("ikp,ip->ik", responses - common, estimate),
+                          estimate)
         estimate = each.mean
-    exact = found(truth @ common.T, truth)
+    exact = summarised(truth @ common.T, truth)
     return HeldOutPatches(PRIOR_GRID, each.mean, each.lower, each.upper, truth, excluded,
                           share_inside(exact.lower, exact.upper, truth), LEVEL)

@@ -1,4 +1,4 @@
-"""What spectra to expect of a photo with a chart in it, before it is taken: a rehearsal in numbers.
+"""Errors of spectra to expect of a photo with a chart in it, before it is taken.
 
 Cameras are drawn from the prior, lamps from what is known of the light, surfaces of every family
 from the learnt prior. A chart photo is simulated, fitted as a photo would be, and the surfaces are
@@ -18,6 +18,7 @@ from spectrabox.calibrate.products.lamps import lamps_like
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
+from spectrabox.measure.second_photo import LampsAtHand, lamp_candidates
 from spectrabox.radiometry.error_model import curve_errors, proportional_covariance
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import (
@@ -39,7 +40,6 @@ from spectrabox.sampling.prior.mixture import (
     reflectance,
 )
 from spectrabox.sampling.prior.summaries import summaries
-from spectrabox.session.signals.lamps_at_hand import LampsAtHand, lamp_candidates
 
 GRID = visible_grid(1)
 TO_FINE = interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
@@ -92,18 +92,18 @@ class Expectation:
     @property
     def doubts(self) -> tuple[str, ...]:
         """What speaks against this photo, in sentences; none where chart and lamp will do."""
-        mean, said = self.mean, []
+        mean, doubts = self.mean, []
         if mean.rmse > MUCH_BY_CHART * mean.rmse_known:
-            said.append(f"chart and light leave camera and lamp open: the error is "
+            doubts.append(f"chart and light leave camera and lamp open: the error is "
                         f"{mean.rmse / mean.rmse_known - 1:.0%} above what both, known exactly, "
                         "would leave; measure the light, take less noise, or a chart of more "
                         "colours")
         if mean.rmse_known > MUCH_BY_LAMP * self.rmse_daylight:
-            said.append(f"this lamp shows less of a spectrum than others: even with everything "
+            doubts.append(f"this lamp shows less of a spectrum than others: even with everything "
                         f"known the error is {mean.rmse_known / self.rmse_daylight - 1:.0%} above "
                         f"that under {REFERENCE_LIGHT}; take another lamp, or add a photo under "
                         "one")
-        return tuple(said)
+        return tuple(doubts)
 
 
 def expected_spectra(shoot: Shoot, hand: LampsAtHand, *, photos: int = PHOTOS,
@@ -126,11 +126,12 @@ def expected_spectra(shoot: Shoot, hand: LampsAtHand, *, photos: int = PHOTOS,
     rows, steps = [], []
     for curves, lamp in zip(cameras, lamps, strict=True):
         truth = np.vstack([_surfaces(known, family, surfaces, rng) for family in known.families])
-        off = 1 + shoot.noise * rng.standard_normal((len(truth), len(curves)))
-        found = _recovered(shoot, _fit(shoot, curves, lamp, rng), curves * lamp, truth, off, known)
-        exact, daylight = (_exact(shoot, curves * light, truth, off, known)
+        noise = 1 + shoot.noise * rng.standard_normal((len(truth), len(curves)))
+        fitted = _recovered(shoot, _fit(shoot, curves, lamp, rng), curves * lamp, truth, noise,
+                            known)
+        exact, daylight = (_exact(shoot, curves * light, truth, noise, known)
                            for light in (lamp, named_light(REFERENCE_LIGHT, GRID)))
-        rows.append(np.array([*found, *exact[:2], daylight[0]]).reshape(
+        rows.append(np.array([*fitted, *exact[:2], daylight[0]]).reshape(
             6, len(known.families), surfaces).mean(axis=2))
         steps.append(_second(shoot, curves, lamp, hand, known, rng))
     means = np.mean(rows, axis=0)
@@ -196,10 +197,10 @@ def _recovered(shoot: Shoot, fit: PriorFit, products: np.ndarray, truth: np.ndar
     estimate = truth.mean(axis=0) * np.ones_like(truth)
     for _ in range(2):
         covariance = curves.covariance(signals, estimate @ TO_FINE.T)
-        found = _judged(prior, response, signals,
-                        covariance + proportional_covariance(signals, relative), truth)
-        estimate = found[0]
-    return list(found[1:])
+        judged = _judged(prior, response, signals,
+                         covariance + proportional_covariance(signals, relative), truth)
+        estimate = judged[0]
+    return list(judged[1:])
 
 
 def _exact(shoot: Shoot, products: np.ndarray, truth: np.ndarray, off: np.ndarray,
@@ -215,10 +216,10 @@ def _exact(shoot: Shoot, products: np.ndarray, truth: np.ndarray, off: np.ndarra
 def _judged(prior: LogitMixture, response: np.ndarray, signals: np.ndarray,
             covariance: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, ...]:
     """Mean (n, 61) of each surface, then RMSE, width and share inside (n,)."""
-    found = summaries(prior, response @ TO_FINE, signals, {"all": covariance}, LEVEL)
-    inside = (found.lower <= truth) & (truth <= found.upper)
-    return (found.mean, np.sqrt(np.mean((found.mean - truth) ** 2, axis=1)),
-            np.mean(found.upper - found.lower, axis=1), inside.mean(axis=1))
+    posterior = summaries(prior, response @ TO_FINE, signals, {"all": covariance}, LEVEL)
+    inside = (posterior.lower <= truth) & (truth <= posterior.upper)
+    return (posterior.mean, np.sqrt(np.mean((posterior.mean - truth) ** 2, axis=1)),
+            np.mean(posterior.upper - posterior.lower, axis=1), inside.mean(axis=1))
 
 
 def _second(shoot: Shoot, curves: np.ndarray, lamp: np.ndarray, hand: LampsAtHand,

@@ -1,0 +1,156 @@
+"""A camera from photos of a chart and the spectrum of its light.
+
+``measure_chart`` takes the patches from a photo, ``fit_camera`` fits the curves with their band and
+checks them on patches that no fit saw, ``camera_profile`` gives the matrices that other programs
+take. Files are read and written by the callers.
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.calibrate.camera_profile import ILLUMINANTS, IlluminantMatrices, matrices, target
+from spectrabox.calibrate.chart_calibration import (
+    CalibrationOptions,
+    ChartCalibration,
+    ChartPhoto,
+    CurveBand,
+    calibrate_chart,
+    curve_band,
+)
+from spectrabox.capture.chart.detection import find_chart
+from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.capture.chart.reference import typical_signals
+from spectrabox.measure.chart_check import held_out_patches
+from spectrabox.radiometry.chart import Chart, typical_camera_signals
+from spectrabox.radiometry.charts.references import published_signals
+from spectrabox.radiometry.published.aces_idt import aces_idt
+from spectrabox.radiometry.records import (
+    HeldOutPatches,
+    LinearImage,
+    PatchSamples,
+    WavelengthGrid,
+)
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+
+FITTED_SET, FRESH_SET = "BabelColor Average", "CES99"   # the second is never seen by the fit
+MAX_IDT_DRAWS = 25          # an ACES matrix takes a search for each
+
+
+def chart_signals(chart: Chart, reflectances: np.ndarray | None, bands: int,
+                  grid: WavelengthGrid) -> np.ndarray:
+    """Signals (I, bands) by which a chart is known in a photo whose light is not.
+
+    Parameters
+    ----------
+    chart : Chart
+    reflectances : (I, P) array or None
+        On ``grid``; None for a chart whose published colours are known.
+    bands : int
+        Of the photo. Other numbers than 3 take the mean over three bands.
+    grid : WavelengthGrid
+    """
+    if chart.references:
+        return typical_signals(bands)
+    signals = (published_signals(chart, grid) if reflectances is None
+               else typical_camera_signals(reflectances, grid))
+    return signals if bands == signals.shape[1] else np.repeat(
+        signals.mean(axis=1, keepdims=True), bands, axis=1)
+
+
+def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray, grid: WavelengthGrid,
+                  corners_px: np.ndarray | None = None) -> PatchSamples:
+    """Signals of the patches of a chart in a photo.
+
+    Parameters
+    ----------
+    photo : LinearImage
+    chart : Chart
+    reflectances : (I, P) array
+        Of the chart, on ``grid``.
+    grid : WavelengthGrid
+    corners_px : (4, 2) array or None
+        Of the chart, in pixels of the photo; None to search for it.
+
+    Raises
+    ------
+    ChartNotFoundError, CheckError
+        As ``find_chart``.
+    ClippedPhotoError
+        If patches are saturated.
+    """
+    reference = chart_signals(chart, reflectances, photo.signal.shape[2], grid)
+    samples = sample_patches(photo, find_chart(photo, reference, corners_px, chart))
+    require_unclipped(samples, chart.names, photo.source)
+    return samples
+
+
+@dataclass(frozen=True)
+class CameraFit:
+    """A camera's curves with everything that led to them."""
+
+    chart: ChartCalibration
+    band: CurveBand | None          # None for measured curves
+    held_out: HeldOutPatches        # of the first photo, each by a calibration without it
+
+
+def fit_camera(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
+               options: CalibrationOptions | None = None, seed: int = 0) -> CameraFit:
+    """Sensitivities of a camera from chart photos and the spectra of their lights.
+
+    Parameters
+    ----------
+    photos : sequence of ChartPhoto
+        By one camera.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    options : CalibrationOptions or None
+        None takes the defaults.
+    seed : int
+        Of the draws of the curves.
+
+    Raises
+    ------
+    InputError, CheckError, CalibrationError
+        As ``calibrate_chart``.
+    """
+    calibrated = calibrate_chart(photos, grid, options)
+    return CameraFit(calibrated, curve_band(calibrated, seed),
+                     held_out_patches(calibrated, photos[0].reflectances))
+
+
+@dataclass(frozen=True)
+class CameraProfile:
+    """Matrices of a camera for other programs, each with those of draws of its curves."""
+
+    matrices: dict[str, IlluminantMatrices]                     # by illuminant
+    drawn: dict[str, tuple[IlluminantMatrices, ...]]
+    aces: tuple[np.ndarray, np.ndarray]                         # matrix (3, 3), white balance (3,)
+    aces_drawn: tuple[tuple[np.ndarray, np.ndarray], ...]
+
+
+def camera_profile(curves: np.ndarray, grid: WavelengthGrid, idt_light: str,
+                   draws: np.ndarray | None = None) -> CameraProfile:
+    """Colour matrices (DNG, ACES) of a camera.
+
+    Parameters
+    ----------
+    curves : (3, P) array
+        Sensitivities R, G, B on ``grid``, of any scale.
+    grid : WavelengthGrid
+    idt_light : str
+        CIE name, of the ACES matrix.
+    draws : (T, 3, P) array or None
+        Of the curves, for the spread of every number.
+    """
+    each = () if draws is None else tuple(draws)
+    sets = test_reflectances(grid)
+    targets = {name: target(name, grid, sets[FITTED_SET], (sets[FITTED_SET], sets[FRESH_SET]))
+               for name in ILLUMINANTS}
+    return CameraProfile(
+        {name: matrices(curves, aim) for name, aim in targets.items()},
+        {name: tuple(matrices(draw, aim) for draw in each) for name, aim in targets.items()},
+        aces_idt(grid.nm, curves, idt_light),
+        tuple(aces_idt(grid.nm, draw, idt_light) for draw in each[:MAX_IDT_DRAWS]))
