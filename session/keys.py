@@ -1,6 +1,7 @@
 """What each stage of a session is made from: files, settings, earlier stages, and its code."""
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -112,7 +113,8 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
                                            "stray light": _plain(config.stray_light),
                                            "seed": config.session.seed} | developing
             } | made_by("picture")
-    return keys
+    result: dict[str, Key] = json.loads(json.dumps(keys))       # as they are stored: no tuples
+    return result
 
 
 def _flat_picture_key(config: SessionConfig, keys: Mapping[str, Key], files: Files) -> Key:
@@ -225,16 +227,6 @@ def _known(config: SessionConfig) -> dict[str, SpectrumTable]:
 
 def _families(config: SessionConfig) -> dict[str, tuple[str, ...]]:
     return {name: surface.families for name, surface in config.surfaces.items()}
-
-
-def as_stored(key: Key) -> Key:
-    """The key as JSON gives it back: tuples become lists."""
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {name: plain(item) for name, item in value.items()}
-        return [plain(item) for item in value] if isinstance(value, list | tuple) else value
-    stored: Key = plain(key)
-    return stored
 
 
 def _named_by(scene: SceneFile | None, folder: Path) -> list[str]:

@@ -4,19 +4,24 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.keys import Key, as_stored, stage_keys
+from spectrabox.radiometry.files import sha256_of
+from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
+from spectrabox.session.keys import Key, stage_keys
 from spectrabox.session.progress_display import StageProgress
+from spectrabox.session.stages.inputs import OpenPhotos
 from spectrabox.session.stages.order import stages_of
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.store.input_files import InputFiles
-from spectrabox.session.store.open_photos import OpenPhotos
-from spectrabox.session.store.shared_stages import made_once, share
+from spectrabox.session.store.shared_stages import share_stage, shared_stage
 from spectrabox.session.store.store import (
+    ARRAYS,
+    FACTS,
     StoredStage,
     copy_stage,
+    fingerprint,
     load_stage,
     save_stage,
     stage_folder,
@@ -38,12 +43,34 @@ class StageState:
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """The stages of a run: stored results by name, and which were made now ("run"), made by another
-    session with the same inputs ("copied") or still held ("kept").
+    """Stored results of a run's stages by name, with their states: computed now ("run"), copied
+    from another session with the same inputs ("copied") or up to date before ("kept").
     """
 
     stored: dict[str, StoredStage]
     states: dict[str, str]
+
+    def result_digests(self) -> dict[str, str]:
+        """SHA-256 of the stored results of all stages, by their names below the results' folder."""
+        return {f"{name}/{part}": sha256_of(stage.folder / part)
+                for name, stage in self.stored.items() for part in (FACTS, ARRAYS)}
+
+    def input_digests(self, config: SessionConfig) -> dict[str, Any]:
+        """Digests of all that a report depends on.
+
+        Returns
+        -------
+        dict
+            ``session``, ``files`` and ``results``: SHA-256 by name as seen from the session
+            folder; ``stages``: the fingerprint of each stage's key.
+        """
+        files = {name: digest for stage in self.stored.values()
+                 for name, digest in stage.key.get("files", {}).items()}
+        folder = config.results_folder.relative_to(config.folder).as_posix()
+        return {"session": {FILE_NAME: config.toml_sha256}, "files": files,
+                "results": {f"{folder}/{name}": digest
+                            for name, digest in self.result_digests().items()},
+                "stages": {name: fingerprint(stage.key) for name, stage in self.stored.items()}}
 
 
 def stage_states(config: SessionConfig) -> list[StageState]:
@@ -64,7 +91,7 @@ def stage_states(config: SessionConfig) -> list[StageState]:
         elif stored is None:
             states.append(StageState(name, "missing", (), None))
         else:
-            reasons = tuple(why_stale(stored.key, as_stored(keys[name]))) if not stored.damage \
+            reasons = tuple(why_stale(stored.key, keys[name])) if not stored.damage \
                 else (f"its stored results are damaged ({stored.damage})",)
             states.append(StageState(name, "stale" if reasons else "done", reasons, stored.seconds))
     return states
@@ -117,7 +144,7 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
         if name == before:
             break
         stored = load_stage(config.results_folder, name)
-        fresh = stored is not None and not stored.damage and stored.key == as_stored(key)
+        fresh = stored is not None and not stored.damage and stored.key == key
         if only is not None and name != only:
             later = order.index(name) > order.index(only)
             if stored is not None and not stored.damage and (fresh or later):
@@ -127,22 +154,20 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
                 raise InputError(f"stage {name!r}, which comes before {only!r}, is not up to "
                                  "date: run without --only")
             continue
-        wanted = force and only in (None, name)
-        if stored is not None and fresh and not wanted:
+        if stored is not None and fresh and not (force and only in (None, name)):
             finished.stored[name], finished.states[name] = stored, "kept"
             progress(name, 1.0, "up to date")
-        else:
-            if stored is not None and stored.damage:
-                progress(name, 0.0, "made again: its stored results are damaged "
-                         f"({stored.damage})")
-            with made_once(shared, name, as_stored(key)) as copied:
-                finished.stored[name] = _run_stage(
-                    config, name, key, inputs, device, finished.stored, progress, photos
-                    ) if copied is None else _copied(config, name, key, inputs, copied,
-                                                     progress)
-                if copied is None:
-                    share(shared, name, finished.stored[name])
-            finished.states[name] = "run" if copied is None else "copied"
+            continue
+        if stored is not None and stored.damage:
+            progress(name, 0.0, f"run again: its stored results are damaged ({stored.damage})")
+        with shared_stage(shared, name, key) as other:
+            if other is None:
+                finished.stored[name] = _run_stage(config, name, key, inputs, device,
+                                                   finished.stored, progress, photos)
+                share_stage(shared, name, finished.stored[name])
+            else:
+                finished.stored[name] = _copy_stage(config, name, key, inputs, other, progress)
+        finished.states[name] = "run" if other is None else "copied"
     return finished
 
 
@@ -178,17 +203,17 @@ def _run_stage(config: SessionConfig, name: str, key: Key, inputs: InputFiles, d
                          lambda done, message: progress(name, done, message), photos)
         records = stages_of(config.flat)[name].run(task)
         inputs.require_unchanged(key.get("files", ()))
-        save_stage(folder, as_stored(key), records, time.perf_counter() - start, {"stage": name})
+        save_stage(folder, key, records, time.perf_counter() - start, {"stage": name})
     finished = load_stage(config.results_folder, name)
     assert finished is not None
     progress(name, 1.0, f"{finished.seconds:.1f} s")
     return finished
 
 
-def _copied(config: SessionConfig, name: str, key: Key, inputs: InputFiles, made: StoredStage,
-            progress: StageProgress) -> StoredStage:
+def _copy_stage(config: SessionConfig, name: str, key: Key, inputs: InputFiles,
+                other: StoredStage, progress: StageProgress) -> StoredStage:
     with stage_folder(config.results_folder, name) as folder:
-        copy_stage(made, folder)
+        copy_stage(other, folder)
         inputs.require_unchanged(key.get("files", ()))
     finished = load_stage(config.results_folder, name)
     assert finished is not None

@@ -1,7 +1,7 @@
-"""Report, spectra and pictures of a finished run, made again only where something in them changed.
+"""Report, spectra and pictures of a finished run, written again only where something has changed.
 
-Beside the stages' results lies what they were made from and the digest of every file written. They
-are kept only while all of that is unchanged and no file has been touched.
+Their inputs and the digest of every file are stored with the stages' results. The files are kept
+while the inputs are unchanged and no file has been edited.
 """
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.progress_display import StageProgress
 from spectrabox.session.store.input_files import InputFiles
-from spectrabox.session.store.made_from import digests_of
+from spectrabox.session.store.locks import outputs_writer
 from spectrabox.session.store.program import LIBRARY, room_digests, versions
 from spectrabox.session.store.rehearsals import FILE
-from spectrabox.session.store.session_lock import outputs_writer
 from spectrabox.session.store.store import load_stage, save_stage, stage_folder
+from spectrabox.session.write_outputs import write_outputs
 
 STAGE = "report"
 
 
 @dataclass(frozen=True)
 class RunOutputs:
-    """What a run says to a script and to a person."""
+    """Answers of a run."""
 
-    facts: dict[str, Any]
-    text: str
+    facts: dict[str, Any]       # for scripts
+    text: str                   # for a person
 
 
 def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | None:
-    """What the files beside the results say, where all of them are those of this run."""
+    """Answers of the files beside the results; None unless all of them are those of this run."""
     stored = load_stage(config.results_folder, STAGE)
     if stored is None or stored.damage or set(finished.states.values()) != {"kept"} \
             or stored.key != _key(config, finished, InputFiles(config)):
@@ -52,7 +52,7 @@ def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | N
 
 def outputs_of_run(config: SessionConfig, finished: FinishedRun, command_line: list[str],
                    device: str, progress: StageProgress) -> RunOutputs:
-    """What lies beside the results of a run that has just ended, written where it is not there.
+    """Answers of a run that has just ended; its files are written where they are not up to date.
 
     Parameters
     ----------
@@ -83,33 +83,24 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
     inputs = InputFiles(config)
     key = _key(config, finished, inputs)
     with outputs_writer(config.folder):
-        return _written(config, finished, key, inputs, command_line, device)
-
-
-def _written(config: SessionConfig, finished: FinishedRun, key: dict[str, Any], inputs: InputFiles,
-             command_line: list[str], device: str) -> RunOutputs:
-    if config.flat:
-        from spectrabox.session.flat.outputs import write_flat_outputs as write
-    else:
-        from spectrabox.session.write_outputs import write_outputs_of as write
-    facts, text, files = write(config, finished, command_line, device)
-    inputs.require_unchanged(key["files"])
-    require_results(finished, key["results"], "spectrabox report")
-    digests = {path.relative_to(config.folder).as_posix(): sha256_of(path) for path in files}
-    named = {name: Path(facts[name]).name for name in ("report", "spectra")}
-    with stage_folder(config.results_folder, STAGE) as folder:
-        save_stage(folder, key, {}, 0.0,
-                   {"outputs": digests, "facts": {**facts, **named}, "text": text})
+        facts, text, files = write_outputs(config, finished, command_line, device)
+        inputs.require_unchanged(key["files"])
+        require_results(finished, key["results"], "spectrabox report")
+        digests = {path.relative_to(config.folder).as_posix(): sha256_of(path) for path in files}
+        names = {name: Path(facts[name]).name for name in ("report", "spectra")}
+        with stage_folder(config.results_folder, STAGE) as folder:
+            save_stage(folder, key, {}, 0.0,
+                       {"outputs": digests, "facts": {**facts, **names}, "text": text})
     return RunOutputs(facts, f"{text}\nreport: {facts['report']}")
 
 
 def require_results(finished: FinishedRun, digests: dict[str, str], command: str) -> None:
-    """Refuse to write what was made from results that a run has replaced since.
+    """Refuse to write files of results that a run has replaced since.
 
     Parameters
     ----------
     digests : dict
-        As ``digests_of`` gave them before the results were read.
+        As ``FinishedRun.result_digests`` gave them before the results were read.
     command : str
         What to run again.
 
@@ -117,24 +108,22 @@ def require_results(finished: FinishedRun, digests: dict[str, str], command: str
     ------
     InputError
     """
-    if digests_of(finished) != digests:
+    if finished.result_digests() != digests:
         raise InputError(f"results changed while they were used; run '{command}' again once the "
                          "run has ended")
 
 
-def _digest(path: Path) -> str:
-    return sha256_of(path) if path.is_file() else ""
-
-
 def _key(config: SessionConfig, finished: FinishedRun, inputs: InputFiles) -> dict[str, Any]:
-    """What the outputs are made from: session.toml, spectra to compare with, results, the last
-    rehearsal, and code.
+    """Inputs of the files: session.toml, spectra to compare with, results, the last rehearsal, and
+    the program.
     """
+    rehearsal = config.results_folder / FILE
     truths = [material.truth.file for material in config.surfaces.values() if material.truth]
     if config.sensitivity.truth is not None:
         truths.append(config.sensitivity.truth.file)
     # as it was read: the file may have been edited since
     settings = config.model_dump(mode="json", exclude={"folder", "allow_outside"})
     return {"settings": settings, "files": inputs.digests(*truths),
-            "results": digests_of(finished), "rehearsal": _digest(config.results_folder / FILE),
+            "results": finished.result_digests(),
+            "rehearsal": sha256_of(rehearsal) if rehearsal.is_file() else "",
             "versions": versions(), "code": room_digests((*LIBRARY, "session"))}

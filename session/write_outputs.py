@@ -1,4 +1,4 @@
-"""Everything that a finished run leaves beside its results, and what it says of itself."""
+"""The files that a finished run leaves beside its results, and its answers."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -6,20 +6,24 @@ from typing import Any
 
 from spectrabox.session.box.scene_files import write_scene_files
 from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.flat.assemble import assemble_flat
+from spectrabox.session.flat.facts import flat_facts, flat_text
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.page import NUMBERS_NAME, write_report
 from spectrabox.session.stages.assemble import assemble
-from spectrabox.session.store.outputs import write_outputs
 from spectrabox.session.store.program import provenance
+from spectrabox.session.store.surface_files import write_surface_files
 from spectrabox.session.summary_text import run_facts, run_text
 
 
-def write_outputs_of(config: SessionConfig, finished: FinishedRun, command_line: list[str],
-                     device: str) -> tuple[dict[str, Any], str, list[Path]]:
+def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],
+                  device: str) -> tuple[dict[str, Any], str, list[Path]]:
     """Write report, spectra, materials and pictures into the session folder.
 
     Parameters
     ----------
+    config : SessionConfig
+    finished : FinishedRun
     command_line : list of str
         As the operator could type it again, without paths.
     device : {"auto", "cpu", "cuda"}
@@ -34,7 +38,16 @@ def write_outputs_of(config: SessionConfig, finished: FinishedRun, command_line:
     files : list of Path
         All that were written.
     """
-    results = assemble(config, finished, provenance(command_line, config.session.seed, device))
-    report = write_report(results)
-    return run_facts(results, report), run_text(results), [
-        report, report.with_name(NUMBERS_NAME), *write_outputs(results), *write_scene_files(config)]
+    origin = provenance(command_line, config.session.seed, device)
+    if config.flat:
+        flat = assemble_flat(config, finished, origin)
+        report = write_report(flat)
+        facts, text = flat_facts(flat, report), flat_text(flat)
+        files = write_surface_files(flat, flat.signals.grid.nm)
+    else:
+        scene = assemble(config, finished, origin)
+        report = write_report(scene)
+        facts, text = run_facts(scene, report), run_text(scene)
+        files = [*write_surface_files(scene, scene.reconstruction.grid.nm),
+                 *write_scene_files(config)]
+    return facts, text, [report, report.with_name(NUMBERS_NAME), *files]

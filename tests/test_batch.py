@@ -27,8 +27,8 @@ from spectrabox.session.batch.workers import open_workers
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.run_outputs import rewritten_outputs
-from spectrabox.session.store.session_lock import sole_batch
-from spectrabox.session.store.shared_stages import share
+from spectrabox.session.store.locks import sole_batch
+from spectrabox.session.store.shared_stages import share_stage
 from spectrabox.session.store.store import load_stage
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -66,7 +66,7 @@ def with_shared(shared, session):
     """The folder of what is shared, after a batch that has made a session's calibration."""
     config = read_session(session)
     for stage in ("chart", "calibrate"):
-        share(shared, stage, load_stage(config.results_folder, stage))
+        share_stage(shared, stage, load_stage(config.results_folder, stage))
     return shared
 
 

@@ -21,7 +21,7 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.flat.new_session import FlatOrder, session_of
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.stages.stored_records import samples_of, signals_of
-from spectrabox.session.store.session_lock import only_writer
+from spectrabox.session.store.locks import only_writer
 
 pytestmark = pytest.mark.usefixtures("light_as_stated")
 

@@ -16,10 +16,10 @@ from spectrabox.fixtures.paints import NM
 from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.flat.outputs import write_flat_outputs
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.progress_display import with_time_left
 from spectrabox.session.stages.stored_records import samples_of
+from spectrabox.session.write_outputs import write_outputs
 
 LEFT, TOP, CELL, CELLS = 276, 30, 12, 14        # of a mosaic of surfaces, in pixels of the photo
 CLIPPED = (3, 5)                                # row and column of the cell that is too bright
@@ -169,7 +169,7 @@ def test_another_region_keeps_the_picture_and_the_report_shows_it(session):
     write_toml(session, WHOLE, more)
     finished = run(session)
     assert finished.states["picture"] == "kept" and finished.states["signals"] == "run"
-    facts, text, _ = write_flat_outputs(read_session(session), finished, ["spectrabox"], "cpu")
+    facts, text, _ = write_outputs(read_session(session), finished, ["spectrabox"], "cpu")
     assert all((session / file).is_file() for file in facts["picture"]["files"])
     assert facts["picture"]["size_px"] == [END // 2, END // 2]
     assert "files in results/picture" in text

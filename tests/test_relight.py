@@ -14,7 +14,7 @@ from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.relight import OBSERVER, _spread
 from spectrabox.session.stages.inputs import GRID, read_reflectance
-from spectrabox.session.store.session_lock import outputs_writer
+from spectrabox.session.store.locks import outputs_writer
 
 from tests.killed_runs import started
 from tests.test_command_line import call

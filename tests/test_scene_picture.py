@@ -33,8 +33,8 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pictures import picture_files, scene_light, scene_stage
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.run_outputs import rewritten_outputs
+from spectrabox.session.stages.inputs import OpenPhotos
 from spectrabox.session.stages.stage_task import StageTask
-from spectrabox.session.store.open_photos import OpenPhotos
 
 SIZE = (40, 60)
 SIGMAS_95 = 1.96

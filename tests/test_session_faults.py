@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.session.store.session_lock import only_writer
+from spectrabox.session.store.locks import only_writer
 from spectrabox.session.store.store import load_stage, save_stage, stage_folder
 
 from tests.killed_runs import killed_at, leftovers, results_of, started, was_killed
@@ -76,7 +76,7 @@ def test_damaged_results_are_made_again_with_a_note(stale, whole):
     assert refused.exit_code == 3 and "stage 'sample' are damaged (arrays.npz)" in refused.output
     again = call("run", stale, *RUN)
     assert again.exit_code == 0
-    assert "made again: its stored results are damaged (arrays.npz)" in again.stderr
+    assert "run again: its stored results are damaged (arrays.npz)" in again.stderr
     assert results_of(stale) == whole[1]
 
 

@@ -18,7 +18,7 @@ from spectrabox.session.pipeline import load_finished, run_stages
 from spectrabox.session.report.page import write_report
 from spectrabox.session.stages.assemble import assemble
 from spectrabox.session.stages.stored_records import joint_of
-from spectrabox.session.store.outputs import write_outputs
+from spectrabox.session.store.surface_files import write_surface_files
 
 SIZE = (208, 312)
 
@@ -71,7 +71,7 @@ def test_a_second_light_narrows_the_bands(captured, finished, chart):
 
     page = write_report(results).read_text(encoding="utf-8")
     assert "Photo “warm”" in page and "warm lamp" in page
-    write_outputs(results)
+    write_surface_files(results, results.reconstruction.grid.nm)
     assert (captured / "comparison warm.exr").is_file()
 
 

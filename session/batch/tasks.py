@@ -71,7 +71,7 @@ def failed(task: Task, said: str, exit_code: int) -> Outcome:
 def _looked_at(task: Task) -> Outcome:
     from spectrabox.session.check import preflight_check
     from spectrabox.session.stages.order import all_stages
-    from spectrabox.session.store.session_lock import only_writer
+    from spectrabox.session.store.locks import only_writer
     order = task.order
     with only_writer(task.folder, all_stages(), "spectrabox batch"):
         found = preflight_check(task.folder, order.allow_outside, order.device, order.out / SHARED)
@@ -86,7 +86,7 @@ def _run(task: Task) -> Outcome:
     from spectrabox.session.pipeline import run_stages
     from spectrabox.session.run_outputs import outputs_of_run
     from spectrabox.session.stages.order import all_stages
-    from spectrabox.session.store.session_lock import only_writer
+    from spectrabox.session.store.locks import only_writer
 
     def quiet(stage: str, share: float, message: str) -> None:
         """A batch shows sessions, not stages."""

@@ -60,7 +60,7 @@ def batch(request: BatchRequest) -> Answer:
     from spectrabox.session.batch.tasks import Order
     from spectrabox.session.batch.workers import open_workers
     from spectrabox.session.progress_display import progress_display
-    from spectrabox.session.store.session_lock import sole_batch
+    from spectrabox.session.store.locks import sole_batch
     order = Order(tuple(session_folders(request.folders, request.listed)), request.out.resolve(),
                   request.device, request.allow_outside, made_by())
     with sole_batch(order.out):

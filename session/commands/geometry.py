@@ -203,7 +203,7 @@ def box(request: SessionOptions) -> Answer:
     )
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.config.session_schema import FIRST_PHOTO
-    from spectrabox.session.store.session_lock import outputs_writer
+    from spectrabox.session.store.locks import outputs_writer
     config = read_session(request.folder, request.allow_outside)
     if config.box is None:
         raise InputError(f"{request.folder} has no [scene.box]: 'spectrabox new --template box' "

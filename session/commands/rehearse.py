@@ -40,8 +40,8 @@ def rehearse(request: RehearseRequest) -> Answer:
     from spectrabox.session.rehearsal import facts
     from spectrabox.session.rehearsal import rehearse as replay
     from spectrabox.session.stages.order import all_stages
+    from spectrabox.session.store.locks import only_writer
     from spectrabox.session.store.rehearsals import rehearsal_text, save_rehearsal
-    from spectrabox.session.store.session_lock import only_writer
     config = read_session(request.folder, request.allow_outside)
     with only_writer(config.folder, all_stages(), "spectrabox rehearse"), \
             progress_display(request.quiet) as progress:

@@ -207,8 +207,7 @@ def relight(request: RelightRequest) -> Answer:
     from spectrabox.session.relight import relight as render_under
     from spectrabox.session.run_outputs import require_results
     from spectrabox.session.stages.scenes import read_session_scene
-    from spectrabox.session.store.made_from import digests_of
-    from spectrabox.session.store.session_lock import outputs_writer
+    from spectrabox.session.store.locks import outputs_writer
     config = read_session(request.folder, request.allow_outside)
     scene = read_session_scene(config)
     size = (request.width, max(round(request.width * scene.height / scene.width), 1))
@@ -216,7 +215,7 @@ def relight(request: RelightRequest) -> Answer:
     stale, said = stale_stages(config)
     if said:
         tell(f"warning: {said}")
-    digests = digests_of(finished)
+    digests = finished.result_digests()
     made = render_under(config, finished, light=request.light,
                         observer=request.observer or OBSERVER, size=size, spp=request.spp,
                         device=request.device)
@@ -269,7 +268,7 @@ def run_session(request: RunRequest) -> Answer:
     from spectrabox.session.progress_display import progress_display, with_time_left
     from spectrabox.session.run_outputs import outputs_of_run
     from spectrabox.session.stages.order import all_stages, stages_in_order, stages_of
-    from spectrabox.session.store.session_lock import only_writer
+    from spectrabox.session.store.locks import only_writer
 
     config = read_session(request.folder, request.allow_outside)
     wanted = stages_in_order(request.only, list(stages_of(config.flat)))

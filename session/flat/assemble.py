@@ -32,8 +32,7 @@ from spectrabox.session.stages.stored_records import (
     samples_of,
     signals_of,
 )
-from spectrabox.session.store.made_from import made_from
-from spectrabox.session.store.results import AS_INTENDED, MaterialResult
+from spectrabox.session.store.results import VALID_OUTCOMES, MaterialResult
 from spectrabox.session.store.store import StoredStage
 
 
@@ -50,7 +49,7 @@ def assemble_flat(config: SessionConfig, run: FinishedRun,
         inputs=input_files(config, run), chart=chart_result(config, run), calibration=calibration,
         sensitivity_truth=sensitivity_truth(config), photo=photo,
         photo_preview=config.results_folder / "photo" / "preview.png", materials=regions,
-        signal_bands=signals.bands, provenance=provenance, made_from=made_from(config, run),
+        signal_bands=signals.bands, provenance=provenance, input_digests=run.input_digests(config),
         warnings=[*notes_of(stored), *stored["signals"].record(tuple[str, ...], "notes"),
                   *(f"Calibration: {doubt.value}." for doubt in calibration.doubts),
                   *doubtful_materials(regions)],
@@ -77,7 +76,7 @@ def _region(config: SessionConfig, signals: SurfaceSignals, stored: Mapping[str,
     by_prior = config.sampling.method == "prior"
     shares = variance_shares(signals, index, section.families) if by_prior else {}
     families = families_allowed(signals, index, section.families) \
-        if by_prior and samples.outcome in AS_INTENDED else ()
+        if by_prior and samples.outcome in VALID_OUTCOMES else ()
     return MaterialResult(name, None, *measured, summary, samples, relative_errors(signals, index),
                           truth, scores, shares, families)
 

@@ -48,8 +48,8 @@ from spectrabox.session.pictures.row_tasks import (
 from spectrabox.session.pictures.spectra_files import QUANTITIES
 from spectrabox.session.pictures.uplift import UpliftRequest, image_source, uplift_summary
 from spectrabox.session.progress_display import StageProgress
+from spectrabox.session.store.locks import sole_uplift
 from spectrabox.session.store.program import program_digest
-from spectrabox.session.store.session_lock import sole_uplift
 from spectrabox.session.store.store import fingerprint
 
 TASK_PIXELS = 4_000_000     # a few seconds: the cost of a lost worker, and little to hand out

@@ -41,7 +41,7 @@ def report_numbers(results: SessionResults | FlatResults, verdict: Verdict) -> d
         "chart": None if results.chart is None else _chart(results, results.chart),
         "clipped_share": results.photo.saturated.any(axis=2).mean(),
         "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
-        "provenance": results.provenance, "made_from": results.made_from,
+        "provenance": results.provenance, "made_from": results.input_digests,
         }
     return common | (_flat_numbers(results) if isinstance(results, FlatResults)
                      else _scene_numbers(results, common["calibration"]))

@@ -18,7 +18,7 @@ from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.flat.white_at_regions import LEVEL_DOUBTED
 from spectrabox.session.report.words import deviation_words, percent
 from spectrabox.session.store.rehearsals import too_narrow, verdict_sentence
-from spectrabox.session.store.results import AS_INTENDED, CommonResults, SessionResults
+from spectrabox.session.store.results import VALID_OUTCOMES, CommonResults, SessionResults
 
 # |photo / rendering - 1|: pass up to the first, fail beyond the second
 MEDIAN_LIMITS = (0.02, 0.05)
@@ -52,7 +52,7 @@ class Status(Enum):
 # how serious an outcome is: ill-posed is information, as the bands already carry what the data
 # left open; what is not named here is a warning
 GRADES = {Outcome.CONVERGED: Status.PASS, Outcome.ILL_POSED: Status.INFO,
-          **dict.fromkeys(AS_INTENDED, Status.PASS)}
+          **dict.fromkeys(VALID_OUTCOMES, Status.PASS)}
 
 
 @dataclass(frozen=True)

@@ -31,10 +31,9 @@ from spectrabox.session.stages.stored_records import (
     prior_influence_of,
     samples_of,
 )
-from spectrabox.session.store.made_from import made_from
 from spectrabox.session.store.rehearsals import stored_rehearsal
 from spectrabox.session.store.results import (
-    AS_INTENDED,
+    VALID_OUTCOMES,
     ChartResult,
     MaterialResult,
     SessionResults,
@@ -65,7 +64,7 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
         light_scale=reconstruction.light_scale, photo=photo, photo_preview=previews / "preview.png",
         reconstruction=reconstruction,
         materials=materials, views=views, signal_bands=joint.bands if views else bands,
-        provenance=provenance, made_from=made_from(config, run),
+        provenance=provenance, input_digests=run.input_digests(config),
         warnings=notes_of(stored) + _warnings(config, calibration, joint)
         + doubtful_materials(materials),
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name,
@@ -88,7 +87,7 @@ def _material(config: SessionConfig, signals: SurfaceSignals, joint: JointRecons
                                               summary, samples)
     by_prior = config.sampling.method == "prior" and config.sampling.through == "surface"
     shares = variance_shares(signals, index, section.families) if by_prior else {}
-    by_learnt = config.sampling.method == "prior" and samples.outcome in AS_INTENDED
+    by_learnt = config.sampling.method == "prior" and samples.outcome in VALID_OUTCOMES
     families = families_allowed(signals, index, section.families) if by_learnt else ()
     return MaterialResult(*known, summary, samples, errors, truth, scores, shares, families)
 

@@ -246,3 +246,18 @@ def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
                          f"photo has {bands} bands ({', '.join(names)}): give one curve for each, "
                          "in this order")
     return names if any(photographed) else curves
+
+
+class OpenPhotos:
+    """Photos of one run. The last is kept: chart and samples are often in one photo."""
+
+    def __init__(self) -> None:
+        self._last: tuple[dict[str, tuple[str, ...]], LinearImage, tuple[str, ...]] | None = None
+
+    def developed(self, config: SessionConfig,
+                  photo: dict[str, tuple[str, ...]]) -> tuple[LinearImage, tuple[str, ...]]:
+        """As ``read_photo``."""
+        if self._last is None or self._last[0] != photo:
+            self._last = None           # its memory is needed for the next
+            self._last = (photo, *read_photo(config, photo))
+        return self._last[1:]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from spectrabox.radiometry.progress import Progress
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.store.open_photos import OpenPhotos
+from spectrabox.session.stages.inputs import OpenPhotos
 from spectrabox.session.store.store import StoredStage
 
 

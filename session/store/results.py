@@ -27,7 +27,7 @@ from spectrabox.session.box.geometry_record import SceneGeometry
 from spectrabox.session.pictures.picture_results import PictureOfSpectra
 
 # outcomes of a sampler without reservation
-AS_INTENDED = frozenset({Outcome.EXACT, Outcome.FAMILIAR, Outcome.THROUGH_TRANSPORT})
+VALID_OUTCOMES = frozenset({Outcome.EXACT, Outcome.FAMILIAR, Outcome.THROUGH_TRANSPORT})
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class MaterialResult:
     @property
     def doubtful(self) -> bool:
         """Whether its draws ended with a reservation."""
-        return self.samples is not None and self.samples.outcome not in AS_INTENDED
+        return self.samples is not None and self.samples.outcome not in VALID_OUTCOMES
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class CommonResults:
     provenance: dict[str, Any]
     warnings: list[str] = field(default_factory=list)
     # digests of session.toml, of input files and of stored results
-    made_from: dict[str, Any] = field(default_factory=dict)
+    input_digests: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""One process at a time writes to a session, and says so; the lock dies with its owner."""
+"""Locks by which one process at a time writes to a folder; they die with their owner."""
 from __future__ import annotations
 
 import contextlib
@@ -12,6 +12,11 @@ from pathlib import Path
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.files import require_no_link, sweep_unfinished, writable
 from spectrabox.session.store.store import sweep_stage
+
+try:
+    import fcntl
+except ImportError:     # Windows
+    fcntl = None        # type: ignore[assignment]
 
 PICTURE = ".picture.lock"                       # beside the arrays of one that is written
 RUN, OUTPUTS = ".run.lock", ".outputs.lock"     # among the results
@@ -40,8 +45,11 @@ def only_writer(folder: Path, stages: tuple[str, ...], command: str) -> Iterator
     results = folder / "results"
     for name in ("results", "spdx"):
         require_no_link(folder / name)
-    with _held(results, RUN, command, wait=False):
-        sweep(folder, stages)
+    with held_lock(results / RUN, wait=False, command=command):
+        for stage in stages:
+            sweep_stage(results, stage)
+        for inside in (folder, folder / "spdx", results):
+            sweep_unfinished(inside)
         yield
 
 
@@ -50,7 +58,7 @@ def outputs_writer(folder: Path) -> Iterator[None]:
     """Be the only one that writes report and spectra, after any other."""
     for name in ("results", "spdx"):
         require_no_link(folder / name)
-    with _held(folder / "results", OUTPUTS, "", wait=True):
+    with held_lock(folder / "results" / OUTPUTS):
         yield
 
 
@@ -64,7 +72,8 @@ def sole_batch(out: Path) -> Iterator[None]:
         If another process does, saying which; if the folder cannot be written.
     """
     require_no_link(out)
-    with _held(out, BATCH, "spectrabox batch", wait=False, where="uses this folder of a batch"):
+    with held_lock(out / BATCH, wait=False, command="spectrabox batch",
+                   where="uses this folder of a batch"):
         for inside in (out, *(each for each in out.iterdir() if each.is_dir())):
             sweep_unfinished(inside)
         yield
@@ -80,31 +89,38 @@ def sole_uplift(out: Path) -> Iterator[None]:
         If another process does, saying which; if the folder cannot be written.
     """
     require_no_link(out)
-    with _held(out, PICTURE, "spectrabox uplift", wait=False, where="writes into this folder"):
+    with held_lock(out / PICTURE, wait=False, command="spectrabox uplift",
+                   where="writes into this folder"):
         sweep_unfinished(out)
         yield
 
 
-def sweep(folder: Path, stages: tuple[str, ...]) -> None:
-    """Remove what killed runs left in a session, and finish what they cut short."""
-    results = folder / "results"
-    for stage in stages:
-        sweep_stage(results, stage)
-    for inside in (folder, folder / "spdx", results):
-        sweep_unfinished(inside)
-
-
 @contextlib.contextmanager
-def _held(results: Path, name: str, command: str, wait: bool,
-          where: str = "works in this session") -> Iterator[None]:
-    try:
-        import fcntl
-    except ImportError:     # Windows: there a file that is open cannot be replaced in any case
+def held_lock(file: Path, *, wait: bool = True, command: str = "",
+              where: str = "works in this session") -> Iterator[None]:
+    """Hold the lock of a file, which is made; where the system or the file system has no locks,
+    several processes may.
+
+    Parameters
+    ----------
+    file : Path
+    wait : bool
+        For another process to free it.
+    command : str
+        Of this process, for those that find it taken.
+    where : str
+        What the owner does, for the sentence of the error.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If another process holds it and ``wait`` is false, or the folder cannot be written.
+    """
+    if fcntl is None:       # Windows: there a file that is open cannot be replaced in any case
         yield
         return
-    with writable(results):
-        handle = os.open(results / name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC,
-                         0o666)
+    with writable(file.parent):
+        handle = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
@@ -112,12 +128,12 @@ def _held(results: Path, name: str, command: str, wait: bool,
             raise EnvironmentProblem(f"{_owner(handle)} {where}; wait for it, or stop it: two "
                                      "would write over each other") from None
         except OSError:         # a file system without locks: better a run than none
-            yield
-            return
-        os.truncate(handle, 0)
-        os.write(handle, json.dumps({"command": command, "process": os.getpid(),
-                                     "machine": platform.node(),
-                                     "since": _now()}).encode())
+            pass
+        else:
+            os.truncate(handle, 0)
+            os.write(handle, json.dumps({
+                "command": command, "process": os.getpid(), "machine": platform.node(),
+                "since": datetime.datetime.now().astimezone().isoformat(" ", "seconds")}).encode())
         yield
     finally:
         os.close(handle)        # which frees it, as the end of the process does
@@ -125,12 +141,9 @@ def _held(results: Path, name: str, command: str, wait: bool,
 
 def _owner(handle: int) -> str:
     try:
-        told = json.loads(os.pread(handle, 4096, 0))
-        return (f"'{told['command']}' (process {told['process']} on {told['machine']}, since "
-                f"{told['since']})")
+        owner = json.loads(os.pread(handle, 4096, 0))
+        return (f"'{owner['command']}' (process {owner['process']} on {owner['machine']}, since "
+                f"{owner['since']})")
     except (ValueError, KeyError, TypeError):
         return "another process"
 
-
-def _now() -> str:
-    return datetime.datetime.now().astimezone().isoformat(" ", "seconds")

@@ -1,0 +1,170 @@
+"""Spectra of a finished session for other programs: tables, IES TM-27 files, colours, Mitsuba
+materials, and of a scene the pictures that compare photo and rendering.
+"""
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.capture.photo.image_files import write_exr, write_png
+from spectrabox.radiometry.appearance import BRADFORD, tristimulus_weights
+from spectrabox.radiometry.files import writable, write_text_whole
+from spectrabox.radiometry.records import Quantity, Reconstruction
+from spectrabox.radiometry.spectra.beside import metadata_beside
+from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
+from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
+from spectrabox.radiometry.system.names import file_stem
+from spectrabox.radiometry.system.words import cell
+from spectrabox.reconstruct.scene.scene_xml import materials_xml
+from spectrabox.session.report.maps import comparison_rgb8
+from spectrabox.session.store.results import CommonResults, MaterialResult, SessionResults
+
+MIN_SIGNAL = 1e-6  # signal under which a relative residual is not formed
+DAYLIGHT = "D65"
+# X, Y, Z to ACEScg (AP1), S-2014-004, and its white, about D60, from x, y = 0.32168, 0.33767
+TO_ACESCG = np.array([[1.6410233797, -0.3248032942, -0.2364246952],
+                      [-0.6636628587, 1.6153315917, 0.0167563477],
+                      [0.0117218943, -0.0082844420, 0.9883948585]])
+ACES_WHITE = np.array([0.32168 / 0.33767, 1.0, (1 - 0.32168 - 0.33767) / 0.33767])
+COLUMNS = ("X", "Y", "Z", "ACEScg R", "ACEScg G", "ACEScg B")
+
+
+def write_surface_files(results: CommonResults, grid_nm: np.ndarray) -> list[Path]:
+    """Write spectra.csv, materials.csv and spdx/ into the session folder, each file whole or not
+    at all; of a scene also materials.xml and pictures that compare photo and rendering.
+
+    Parameters
+    ----------
+    results : CommonResults
+    grid_nm : (P,) array
+        Of the spectra.
+
+    Returns
+    -------
+    list of Path
+        Every file.
+    """
+    texts = _texts(results, grid_nm)
+    if isinstance(results, SessionResults):
+        texts[results.folder / "materials.xml"] = materials_text(results)
+    with writable(results.folder):
+        (results.folder / "spdx").mkdir(exist_ok=True)
+    for path, text in texts.items():
+        write_text_whole(path, text)
+    return [*texts, *(_comparisons(results) if isinstance(results, SessionResults) else ())]
+
+
+def _comparisons(results: SessionResults) -> list[Path]:
+    """Photo, rendering and residual of every view as EXR, and a PNG to look at."""
+    views = [("comparison", results.reconstruction, results.calibration, results.bands)]
+    views += [(f"comparison {file_stem(view.name)}", view.reconstruction, view.calibration,
+               view.bands) for view in results.views]
+    pictures = []
+    for name, reconstruction, calibration, bands in views:
+        pictures += [results.folder / f"{name}.exr", results.folder / f"{name}.png"]
+        _write_comparison(pictures[-2], reconstruction, bands)
+        write_png(pictures[-1], comparison_rgb8(reconstruction, calibration.sensitivity))
+    return pictures
+
+
+def _write_comparison(path: Path, of: Reconstruction, bands: tuple[str, ...]) -> None:
+    pictures = {"photo": of.measured, "rendering": of.rendered,
+                "residual": (of.measured - of.rendered) / np.maximum(of.measured, MIN_SIGNAL)}
+    names = [f"{picture}.{band}" for picture in pictures for band in bands]
+    write_exr(path, np.concatenate(list(pictures.values()), axis=2), names)
+
+
+def materials_text(results: SessionResults) -> str:
+    """Mitsuba BSDFs of all materials: the mean of the draws, or the given spectrum."""
+    nm = results.reconstruction.grid.nm
+    return materials_xml({material.name: np.clip(best_spectrum(material), 0, 1)
+                          for material in results.materials}, (float(nm[0]), float(nm[-1])))
+
+
+def _texts(results: CommonResults, grid_nm: np.ndarray) -> dict[Path, str]:
+    """Texts of spectra.csv, its metadata, materials.csv and each surface's spdx/NAME.spdx, by path.
+
+    Parameters
+    ----------
+    grid_nm : (P,) array
+        Of the spectra.
+    """
+    columns = spectra_columns(results)
+    table = results.folder / "spectra.csv"
+    stated = metadata_text(table.name, columns, quantity=Quantity.REFLECTANCE,
+                           source=f"spectrabox, {results.name}")
+    files = {table: plain_text(grid_nm, columns), metadata_beside(table): stated,
+             results.folder / "materials.csv": colours_text(results.materials, grid_nm)}
+    return files | {results.folder / "spdx" / f"{file_stem(material.name)}.spdx": spdx_text(
+        grid_nm, {material.name: best_spectrum(material)}, quantity=Quantity.REFLECTANCE,
+        source=f"{material.name}, {results.name}") for material in results.materials}
+
+
+def best_spectrum(material: MaterialResult) -> np.ndarray:
+    """The mean (P,) of the draws, or the given spectrum."""
+    if material.summary is not None:
+        return material.summary.mean
+    assert material.spectrum is not None
+    return material.spectrum
+
+
+def spectra_columns(results: CommonResults) -> dict[str, np.ndarray]:
+    """Mean, deviation, band and bounds (P,) of all recovered spectra, by the titles they get."""
+    columns: dict[str, np.ndarray] = {}
+    for material in results.materials:
+        if material.spectrum is not None:
+            columns[f"{material.name} inverse rendering"] = material.spectrum
+        if material.summary is not None:
+            columns |= {f"{material.name} mean": material.summary.mean,
+                        f"{material.name} standard deviation": material.summary.standard_deviation,
+                        f"{material.name} lower {material.summary.level:g}": material.summary.lower,
+                        f"{material.name} upper {material.summary.level:g}": material.summary.upper,
+                        f"{material.name} bound lower": material.summary.bound_lower,
+                        f"{material.name} bound upper": material.summary.bound_upper}
+    return columns
+
+
+def colour_weights(nm: np.ndarray) -> np.ndarray:
+    """Weights (6, P) that give X, Y, Z under D65 (white's Y is 1) and ACEScg of a reflectance.
+
+    ACEScg is of what looks alike under its own white, by the Bradford transform: 1, 1, 1 is white.
+
+    Parameters
+    ----------
+    nm : (P,) array
+        Ascending.
+    """
+    to_xyz = tristimulus_weights(nm, DAYLIGHT)
+    cones, wanted = BRADFORD @ to_xyz.sum(axis=1), BRADFORD @ ACES_WHITE
+    adapted = np.linalg.solve(BRADFORD, (wanted / cones)[:, None] * (BRADFORD @ to_xyz))
+    return np.vstack([to_xyz, TO_ACESCG @ adapted])
+
+
+def colours_text(materials: list[MaterialResult], grid_nm: np.ndarray) -> str:
+    """A CSV with a row for each material: its colours, and their standard deviations over the
+    draws; 0 where the spectrum was given.
+
+    Parameters
+    ----------
+    materials : list of MaterialResult
+    grid_nm : (P,) array
+        Of the spectra that were given.
+    """
+    header = ["material", *COLUMNS, *(f"standard deviation {name}" for name in COLUMNS)]
+    rows = [",".join(header)]
+    for material in materials:
+        mean, deviation = _colours(material, grid_nm)
+        rows.append(",".join(['"' + cell(material.name).replace('"', '""') + '"',
+                              *(f"{value:.6f}" for value in (*mean, *deviation))]))
+    return "\n".join(rows) + "\n"
+
+
+def _colours(material: MaterialResult,
+             grid_nm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Colours (6,) and their standard deviations."""
+    if material.samples is None:
+        assert material.spectrum is not None
+        return colour_weights(grid_nm) @ material.spectrum, np.zeros(len(COLUMNS))
+    drawn = material.samples.spectra @ colour_weights(material.samples.grid.nm).T
+    return drawn.mean(axis=0), drawn.std(axis=0, ddof=1)
