@@ -46,7 +46,8 @@ def test_a_layer_of_kubelka_and_munk_is_its_own_inverse():
 
 def test_a_white_body_behind_a_surface_stays_white():
     one = np.ones(3)
-    np.testing.assert_allclose(behind_surface(one, 0.04 * one, 0.6 * one), 1, rtol=1e-15)
+    # round-off of a quotient of numbers of order 1
+    np.testing.assert_allclose(behind_surface(one, 0.04 * one, 0.6 * one), 1, rtol=1e-14)
 
 
 def test_the_surface_transmits_what_fresnel_says_head_on():

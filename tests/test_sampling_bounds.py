@@ -178,8 +178,9 @@ def test_the_order_of_signals_does_not_matter():
     A, signals, noise, basis = many_signals()
     order = np.random.default_rng(0).permutation(len(signals))
     together = np.array(bounds_of_many(A, signals, noise, basis))
-    np.testing.assert_array_equal(bounds_of_many(A, signals[order], noise[order], basis),
-                                  together[:, order])
+    # A signal at another index meets another lane of the vector unit: round-off, as above.
+    np.testing.assert_allclose(bounds_of_many(A, signals[order], noise[order], basis),
+                               together[:, order], atol=1e-10)
 
 
 def test_more_signals_than_are_walked_at_once_keep_their_bounds():

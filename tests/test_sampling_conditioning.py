@@ -77,8 +77,9 @@ def test_patches_of_one_material_are_averaged_by_their_errors():
     joined = same_material([first, second])
     # Weights 4 : 1 of independent errors.
     np.testing.assert_allclose(joined.signal, 0.8 * first.signal + 0.2 * second.signal, atol=1e-12)
+    # an inverse of numbers of 1e4, and their round-off
     np.testing.assert_allclose(joined.noise_covariance, np.eye(3) / (1 / 0.01**2 + 1 / 0.02**2),
-                               atol=1e-15)
+                               rtol=1e-10, atol=1e-15)
 
 
 def test_patches_that_are_not_one_material_are_an_error():

@@ -69,8 +69,8 @@ def library(name, seed, count=260):
 
 def test_logit_and_reflectance_undo_each_other():
     values = np.linspace(0.004, 0.996, 50)
-    # a few eps of numbers of order 1
-    np.testing.assert_allclose(reflectance(logit(values)), values, atol=1e-15)
+    # A logarithm and an exponential of numbers up to 6: processors round each by a few eps.
+    np.testing.assert_allclose(reflectance(logit(values)), values, atol=1e-14)
 
 
 def test_the_shipped_prior_is_small_and_well_formed(prior):
