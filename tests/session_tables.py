@@ -51,9 +51,8 @@ def table_of(folder, answer):
     unknown = [each for each in surfaces if not each["known"]]
     states = [each["status"] for each in report["verdict"]["criteria"]]
     assert report["verdict"]["status"].lower() == answer["verdict"]
-    blocks = {"verdict": (["status", *sorted(set(states))], [
-        ["session", report["verdict"]["status"],
-         *(states.count(state) for state in sorted(set(states)))]])}
+    blocks = {"verdict": (["status", "warnings", "failures"], [
+        ["session", report["verdict"]["status"], states.count("WARN"), states.count("FAIL")]])}
     outcomes = {each["name"]: each["outcome"]
                 for each in answer.get("materials") or answer["regions"] if not each["known"]}
     blocks["spectra"] = spectra_block(folder, unknown, outcomes)

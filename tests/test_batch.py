@@ -16,7 +16,7 @@ from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.batch.batch import kept_outcomes, run_batch
 from spectrabox.session.batch.folders import session_folders
 from spectrabox.session.batch.manifest import Outcome, store_outcome, stored_outcome
-from spectrabox.session.batch.needs import PeakMemory, needed_bytes
+from spectrabox.session.batch.needs import PeakMemory
 from spectrabox.session.batch.page import link, write_page
 from spectrabox.session.batch.pool import Finished, Lost
 from spectrabox.session.batch.processes import open_processes, shares_of_cores
@@ -302,21 +302,6 @@ def test_a_session_too_large_for_any_worker_is_one_row(tmp_path, monkeypatch):
     outcomes = list(run_batch(order, [*order.folders], Here(stand_in, largest_bytes=2**29)))
     assert [each.word for each in outcomes] == ["ERROR", "PASS"]
     assert "1024 MiB of memory are needed and a worker has 512 MiB" in outcomes[0].says
-
-
-def test_a_scene_is_run_as_run_does(captured, finished, tmp_path):
-    config = read_session(finished)
-    rewritten_outputs(config, run_stages(config, device="cpu", only=None, force=False,
-                                         progress=lambda *_: None), ["spectrabox", "run"], "cpu")
-    order = order_of([captured], tmp_path / "out")
-    pool = Here()
-    (outcome,) = run_batch(order, [captured], pool)
-    assert [task.look for task in pool.started] == [True, False]
-    assert pool.started[1].needed_bytes > pool.started[0].needed_bytes \
-        == needed_bytes(config)
-    assert outcome.stages["reconstruct"][0] == "run" and outcome.stages["calibrate"][0] == "kept"
-    assert {name for name, digest in results_of(captured).items()
-            if results_of(finished).get(name) != digest} == set()
 
 
 def test_everything_that_is_wrong_with_a_scene_is_in_its_row(captured, tmp_path):

@@ -314,29 +314,6 @@ def test_a_true_card_far_from_the_chart_in_uneven_light_is_believed(flat_session
     assert np.abs(misfits).max() < 3
 
 
-def test_the_demo_finds_the_paints_of_a_painting_under_an_unknown_lamp(tmp_path):
-    from spectrabox.fixtures.flat_demo import PHOTO_SIZE, write_flat_demo
-    from spectrabox.fixtures.pigments import PIGMENTS
-    size = tuple(side // 2 for side in PHOTO_SIZE)
-    write_flat_demo(tmp_path / "demo", 1, size=size)
-    stored = run(tmp_path / "demo").stored
-    config = read_session(tmp_path / "demo")
-    off, inside = [], []
-    for name, section in config.regions.items():
-        if section.known is None:
-            _, summary = samples_of(stored, name)
-            pigment = PIGMENTS[_pigment_of(name)]
-            truth = np.interp(summary.grid.nm, NM, pigment)
-            off.append(np.sqrt(np.mean((summary.mean - truth) ** 2)))
-            inside.append(np.mean((summary.lower <= truth) & (truth <= summary.upper)))
-    assert np.mean(off) < 0.04 and np.mean(inside) > 0.9
-
-
-def _pigment_of(name):
-    from spectrabox.fixtures.flat_demo import REGIONS
-    return REGIONS[name][0]
-
-
 def test_a_shadow_across_the_chart_is_said(flat_session):
     light = light_over()
     left, top = CHART[:2]

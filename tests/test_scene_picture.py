@@ -18,7 +18,6 @@ from spectrabox.fixtures.painted_box import (
     write_picture_demo,
 )
 from spectrabox.fixtures.paints import NM
-from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.measure.pictures.pixel_flags import EDGE, PENUMBRA, SEEN
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import products
@@ -30,7 +29,7 @@ from spectrabox.sampling.prior.uplift_table import uplift_signals
 from spectrabox.session.check import preflight_check
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pictures import picture_files, scene_light, scene_stage
+from spectrabox.session.pictures import scene_light, scene_stage
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.run_outputs import rewritten_outputs
 from spectrabox.session.stages.inputs import OpenPhotos
@@ -193,25 +192,6 @@ def test_few_typical_lights_stand_for_the_light_on_every_pixel(lighting):
     assert picked.size > 25 and len(light.typical) > 1
     # measured: 1.1 % of what spectra are known to
     assert np.sqrt(np.mean(off**2)) < 0.02 * np.sqrt(np.mean(spread**2))
-
-
-def test_tables_of_the_typical_lights_give_what_pixels_give_one_by_one(scene, finished, tmp_path,
-                                                                       monkeypatch):
-    lit = scene_light.converge_light(scene, lambda _: None).photo
-    made, section = [], read_session(finished[0]).picture
-    for how, pixels_of_a_point in (("one-by-one", np.inf), ("tables", 0)):
-        monkeypatch.setattr(pixel_spectra, "POINT_IN_PIXELS", pixels_of_a_point)
-        picture_files.write_picture(lit, section, tmp_path / how, lambda _: None)
-        made.append([layers(tmp_path / how / f"{name}.exr") for name in ("mean",
-                                                                         "standard_deviation")])
-    (mean, spread), (quick_mean, quick_spread) = made
-    seen = np.isfinite(spread[..., 0])
-    np.testing.assert_array_equal(np.isfinite(quick_mean[..., 0]), seen)
-    # lattices of 17 points a side, and noise between two of them: 0.08 and 0.07 measured
-    # of the standard deviation
-    for quick, alone in ((quick_mean, mean), (quick_spread, spread)):
-        off = np.sqrt(np.mean((quick - alone)[seen]**2))
-        assert off < 0.12 * np.sqrt(np.mean(spread[seen]**2))
 
 
 def test_what_leaves_a_node_is_its_reflectance_times_its_light(scene):

@@ -27,12 +27,15 @@ from session_tables import (
 from session_without_chart import write_transport_session, write_two_lamps
 from typer.testing import CliRunner
 
+from spectrabox.fixtures.flat_demo import PHOTO_SIZE, write_flat_demo
 from spectrabox.session.cli import with_only
 
 RECORDS = Path(__file__).parent / "whole_sessions"
+PAINTING = tuple(side // 2 for side in PHOTO_SIZE)
 SESSIONS = {
     "flat samples": write_flat_samples,
     "lamps that nobody measured": write_unknown_lamps,
+    "demo of a painting": lambda folder: write_flat_demo(folder, 1, size=PAINTING) or folder,
     "box measured with a tape": write_box,
     "scene with several photos": write_scene,
     "scene picture without a chart": write_transport_session,
