@@ -26,7 +26,7 @@ from spectrabox.capture.chart.reference import typical_signals
 from spectrabox.measure.chart_check import held_out_patches
 from spectrabox.radiometry.chart import Chart, typical_camera_signals
 from spectrabox.radiometry.charts.references import published_signals
-from spectrabox.radiometry.published.aces_idt import aces_idt
+from spectrabox.radiometry.colour_science import aces_idt
 from spectrabox.radiometry.records import (
     HeldOutPatches,
     LinearImage,

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -232,3 +233,27 @@ def typical_camera_signals(reflectances: np.ndarray, grid: WavelengthGrid,
     bands = np.array([np.exp(-0.5 * ((grid.nm - peak) / width) ** 2) * power
                       for peak, width in TYPICAL_BANDS_NM])
     return reflectances @ (bands / bands.sum(axis=1, keepdims=True)).T
+
+
+def excluded_patches(numbers: Sequence[int], chart: Chart, place: str) -> np.ndarray:
+    """Whether each patch (I,) is excluded from every fit by the operator.
+
+    Parameters
+    ----------
+    numbers : sequence of int
+        From 1, in chart order.
+    chart : Chart
+    place : str
+        Where the operator wrote them, for the message.
+
+    Raises
+    ------
+    InputError
+        If the chart has no patch of such a number.
+    """
+    patches = len(chart.names)
+    for number in numbers:
+        if not 1 <= number <= patches:
+            raise InputError(f"{place} {number} is no patch; those of the {chart.name} are "
+                             f"numbered 1 to {patches}, {chart.names[0]} first")
+    return np.isin(np.arange(1, patches + 1), list(numbers))

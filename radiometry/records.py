@@ -7,6 +7,7 @@ Wavelengths are in nm. Arrays are read-only.
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from typing import Annotated
@@ -14,6 +15,9 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.shaped import Record
+
+# Callback of long work: the share that is done, 0 to 1, and what is being done.
+Progress = Callable[[float, str], None]
 
 
 class Quantity(Enum):

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import (
     JointReconstruction,
     LightScale,
+    Progress,
     Reconstruction,
     RegionTransport,
 )

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spectrabox.radiometry.interreflection import products
-from spectrabox.radiometry.progress import Progress
-from spectrabox.radiometry.records import JointReconstruction
+from spectrabox.radiometry.records import JointReconstruction, Progress
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE, within_to_block
 from spectrabox.reconstruct.engines.transport_engine import (
     nuisances,

@@ -10,7 +10,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.signal_posterior import sample_prior
-from spectrabox.sampling.published.sampler import sample_published
+from spectrabox.sampling.published.per_axis_box import sample_published
 from spectrabox.sampling.uniform import sample_uniform
 
 # (measurement, draws, seed, coefficients, prior) -> samples

@@ -36,7 +36,12 @@ def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coef
     check_measurement(measurement)
     check_draw_count(draws)
     operator, moved = into_reach(spline_operator(measurement, coefficients))
-    coefficient_draws, method = _draw(operator, draws, seed)
+    few = draws < BULK and len(operator.y) <= MAX_BANDS
+    if few or operator.noise_covariance.any():
+        coefficient_draws, method = sample_polytope(operator, draws, seed), METHOD
+    else:
+        coefficient_draws = circuit_hit_and_run.sample_in_bulk(operator, draws, seed)
+        method = circuit_hit_and_run.METHOD
     outcome, sentence = coefficient_draws.outcome, coefficient_draws.outcome.value
     if moved:
         outcome = Outcome.MOVED
@@ -82,9 +87,3 @@ def into_reach(operator: MeasurementOperator) -> tuple[MeasurementOperator, floa
             continue
     raise ConvergenceError("the signal lies too far from what reflectances between 0 and 1 can "
                            "give; check the white it is relative to")
-
-
-def _draw(operator: MeasurementOperator, draws: int, seed: int) -> tuple[CoefficientDraws, str]:
-    if (draws < BULK and len(operator.y) <= MAX_BANDS) or operator.noise_covariance.any():
-        return sample_polytope(operator, draws, seed), METHOD
-    return circuit_hit_and_run.sample_in_bulk(operator, draws, seed), circuit_hit_and_run.METHOD

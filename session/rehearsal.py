@@ -26,8 +26,7 @@ from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
 from spectrabox.measure.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.progress import Progress
-from spectrabox.radiometry.records import Calibration, JointReconstruction, LightDrift
+from spectrabox.radiometry.records import Calibration, JointReconstruction, LightDrift, Progress
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.fit.traced_view import TracedView

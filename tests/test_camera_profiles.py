@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 from spectrabox.calibrate.camera_profile import D50, ILLUMINANTS, matrices, target
 from spectrabox.calibrate.prior.camera_database import cameras_of_file
 from spectrabox.radiometry.chart import chart_reflectances
+from spectrabox.radiometry.colour_science import aces_idt
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.published.aces_idt import aces_idt
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
 from spectrabox.session.cli import app
 

@@ -2,8 +2,12 @@
 import numpy as np
 import pytest
 
-from spectrabox.radiometry.chart import CLASSIC, chart_reflectances, typical_camera_signals
-from spectrabox.radiometry.charts.excluded_patches import left_out
+from spectrabox.radiometry.chart import (
+    CLASSIC,
+    chart_reflectances,
+    excluded_patches,
+    typical_camera_signals,
+)
 from spectrabox.radiometry.charts.layout_names import LAYOUT_NAMES
 from spectrabox.radiometry.charts.layouts import LAYOUTS, chart_layout
 from spectrabox.radiometry.charts.references import measured_chart, reference_reflectances
@@ -265,11 +269,11 @@ def test_the_order_of_a_digital_sg_is_known_from_its_published_colours(tmp_path)
 
 @pytest.mark.parametrize("numbers", [[1], [24], [3, 7, 24], []])
 def test_patches_are_kept_out_by_their_numbers_from_one(numbers):
-    excluded = left_out(numbers, LAYOUTS["ColorChecker Classic"], "--leave-out")
+    excluded = excluded_patches(numbers, LAYOUTS["ColorChecker Classic"], "--leave-out")
     assert excluded.shape == (24,) and (np.flatnonzero(excluded) + 1).tolist() == numbers
     for wrong in (0, 25, -1):
         with pytest.raises(InputError, match=f"--leave-out {wrong} is no patch; those of"):
-            left_out([wrong], LAYOUTS["ColorChecker Classic"], "--leave-out")
+            excluded_patches([wrong], LAYOUTS["ColorChecker Classic"], "--leave-out")
 
 
 def test_every_layout_has_its_name():

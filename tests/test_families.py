@@ -5,15 +5,13 @@ import numpy as np
 import pytest
 
 from spectrabox.sampling.prior.families import (
-    animals,
+    coatings,
     dyes,
-    earth,
     leaves,
-    paint,
+    natural_materials,
     plant_tissue,
     printing,
     skin,
-    whites,
 )
 from spectrabox.sampling.prior.families.kubelka_munk import (
     absorption_of,
@@ -26,7 +24,8 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_familie
 FAMILIES = {made.__name__: made for made in (
     skin.skin, skin.skin_in_two_fluxes, skin.skin_by_absorbance, leaves.leaves, leaves.petals,
     plant_tissue.green_tissue, plant_tissue.petal_tissue, dyes.textile, dyes.plastic,
-    printing.paper, whites.whites, whites.tiles, earth.soils, earth.woods, animals.animals)}
+    printing.paper, coatings.whites, coatings.tiles, natural_materials.soils,
+    natural_materials.woods, natural_materials.animals)}
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -156,21 +155,21 @@ def test_rutile_absorbs_violet_and_nothing_else():
 
 def test_mixtures_of_grey_pigments_are_smooth_and_of_a_red_one_red():
     red = np.where(PRIOR_GRID.nm < 590, 0.05, 0.8)
-    made = paint.pigment_mixtures(np.random.default_rng(4), 300, red[None])
+    made = coatings.pigment_mixtures(np.random.default_rng(4), 300, red[None])
     assert np.all(made[:, -1] > made[:, 20])
-    grey = paint.pigment_mixtures(np.random.default_rng(4), 300,
+    grey = coatings.pigment_mixtures(np.random.default_rng(4), 300,
                                   np.full((2, PRIOR_GRID.nm.size), 0.3))
     # rutile is gone above 450 nm, and black changes by a sixth from there to 700 nm
     assert np.abs(np.diff(grey[:, PRIOR_GRID.nm > 450], axis=1)).max() < 0.01
 
 
 def test_yellowing_makes_whites_fall_towards_the_blue():
-    made = whites.whites(np.random.default_rng(6), 2000)
+    made = coatings.whites(np.random.default_rng(6), 2000)
     assert np.mean(made[:, 5] <= made[:, 30]) > 0.8
 
 
 def test_iron_makes_soils_rise_to_the_red():
-    made = earth.soils(np.random.default_rng(7), 2000)
+    made = natural_materials.soils(np.random.default_rng(7), 2000)
     assert np.mean(made[:, -1] > made[:, 0]) > 0.99
 
 

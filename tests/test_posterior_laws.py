@@ -54,7 +54,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
 )
 from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.prior.training import LEVELS
-from spectrabox.sampling.scene.joint_posterior import JointProblem, climb
+from spectrabox.sampling.scene.joint_posterior import JointProblem, fit_modes
 
 SIGMAS = stats.norm.isf(0.5e-4)
 SMOOTH = 0.2 + 0.8 * np.exp(-np.abs(PRIOR_GRID.nm[:, None] - PRIOR_GRID.nm) / 60)
@@ -145,7 +145,7 @@ def test_evidence_of_a_scene_is_exact_where_the_logit_is_linear():
     problem = JointProblem(("a", "b"), np.eye(materials), np.ones((materials, size)), reading,
                            targets, response, log_weights, means, roots)
     labels = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
-    found = climb(problem, labels, np.zeros((len(labels), materials * size))).evidence
+    found = fit_modes(problem, labels, np.zeros((len(labels), materials * size))).evidence
     exact = []
     for chosen in labels:
         covariance = np.zeros((materials * size,) * 2)
@@ -155,7 +155,7 @@ def test_evidence_of_a_scene_is_exact_where_the_logit_is_linear():
         density = stats.multivariate_normal(zero + slopes @ means[chosen].ravel(),
                                             slopes @ covariance @ slopes.T + np.eye(rows))
         exact.append(density.logpdf(targets) + log_weights[[0, 1], chosen].sum())
-    # The climb stops within 0.01 nats; the curvature of the logit is of the order of 1e-3 of it.
+    # The fit stops within 0.01 nats; the curvature of the logit is of the order of 1e-3 of it.
     np.testing.assert_allclose(found - found[0], np.array(exact) - exact[0], atol=0.02)
 
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.records import Quantity
-from spectrabox.radiometry.spectra.beside import metadata_beside
+from spectrabox.radiometry.spectra.companion_files import metadata_path
 from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.session.cli import app
@@ -30,7 +30,7 @@ def table(tmp_path):
     columns = {name: rng.uniform(1e-6, 1, NM.size) for name in NAMES}
     path = tmp_path / "spectra.csv"
     path.write_text(plain_text(NM, columns), encoding="utf-8")
-    metadata_beside(path).write_text(metadata_text(
+    metadata_path(path).write_text(metadata_text(
         path.name, columns, quantity=Quantity.REFLECTANCE, source="a box\nof mine"),
         encoding="utf-8")
     return path, list(columns.values())
@@ -68,9 +68,9 @@ def test_what_the_table_states_lies_beside_it(table):
     assert (read.facts["quantity"], read.facts["unit"], read.facts["source"]) == (
         "reflectance", "1", "a box of mine")
     np.testing.assert_allclose(read.values, columns, rtol=DIGITS)
-    stated = json.loads(metadata_beside(path).read_text(encoding="utf-8"))
+    stated = json.loads(metadata_path(path).read_text(encoding="utf-8"))
     assert [each["dc:title"] for each in stated["tableSchema"]["columns"][1:]] == NAMES
-    metadata_beside(path).unlink()
+    metadata_path(path).unlink()
     assert "quantity" not in read_table(path).facts
 
 
@@ -78,7 +78,7 @@ def test_what_the_table_states_lies_beside_it(table):
                                      '{"tableSchema": {"columns": [{}]}}', '\udcff'])
 def test_damaged_metadata_leave_the_table_without_a_quantity(table, damaged):
     path, _ = table
-    metadata_beside(path).write_bytes(damaged.encode("utf-8", "surrogateescape"))
+    metadata_path(path).write_bytes(damaged.encode("utf-8", "surrogateescape"))
     assert "quantity" not in read_table(path).facts
 
 

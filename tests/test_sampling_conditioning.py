@@ -6,7 +6,7 @@ import pytest
 from sampling_cameras import camera, grey, measurement, response, seen, surface
 
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.error_budget import METAMERISM, sensitivity_covariance
@@ -26,16 +26,14 @@ from spectrabox.sampling.judge.spectrum_scores import (
     winkler_score,
 )
 from spectrabox.sampling.polytope.refinement import (
-    choose_coefficients,
     lifting,
-    log_evidence,
     residual_directions,
     sample_refined,
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.mixture_posterior import posterior, with_floor
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
-from spectrabox.sampling.published.ranking import best_by_readings, best_by_signals
+from spectrabox.sampling.published.ranking_and_refinement import best_by_signals
 from spectrabox.sampling.uniform import into_reach
 
 TRUTH = surface(PRIOR_GRID.nm, 7)
@@ -184,12 +182,11 @@ def test_scores_of_known_cases():
 # ---- ranking, refinement, N ----------------------------------------------------------------------
 
 def test_ranking_keeps_the_nearest(draws):
-    kept = best_by_readings(draws, np.array([0, 60]), TRUTH[[0, 60]], 10)
+    kept = best_by_signals(draws[:, [0, 60]], TRUTH[[0, 60]], 10)
     loss = np.sum((draws[:, [0, 60]] - TRUTH[[0, 60]])**2, axis=1)
     assert loss[kept].max() <= np.sort(loss)[9]
-    np.testing.assert_array_equal(best_by_signals(draws[:, [0, 60]], TRUTH[[0, 60]], 10), kept)
     with pytest.raises(InputError, match="the best 0 of"):
-        best_by_readings(draws, np.array([0]), np.array([0.1]), 0)
+        best_by_signals(draws[:, :1], np.array([0.1]), 0)
 
 
 @pytest.mark.parametrize("coarse, fine", [(5, 9), (7, 11), (7, 15)])
@@ -226,24 +223,6 @@ def test_refined_draws_keep_the_signal_and_the_box():
                                # lifting to 1e-12, twenty moves
                                np.tile(operator.y, (300, 1)), atol=1e-9)
     assert samples.coefficients.min() >= 0 and samples.coefficients.max() <= 1
-
-
-def test_the_evidence_of_a_uniform_sum_is_its_density():
-    # Of four coefficients seen through their mean, the density is that of Bates: 4 x Irwin-Hall at
-    # 2, 4 x 2/3.
-    found = log_evidence(measurement(np.full((1, 4), 0.25), np.array([0.5])))
-    # The saddle point is an approximation: 4 % for four terms.
-    np.testing.assert_allclose(found, np.log(4 * 2 / 3), atol=0.05)
-    assert log_evidence(measurement(camera(7), np.array([0.1, 1.3, 0.1]))) == -np.inf
-
-
-def test_n_is_chosen_among_those_that_can_reach_every_colour():
-    grid, matrix = response(3)
-    signals = np.array([matrix @ surface(grid.nm, seed) for seed in range(6)])
-    best, scores = choose_coefficients(matrix, grid.nm, signals, np.zeros((3, 3)))
-    assert scores[best] == max(scores.values())
-    with pytest.raises(ConvergenceError, match="out of reach at every number"):
-        choose_coefficients(matrix, grid.nm, np.array([[0.1, 1.3, 0.1]]), np.zeros((3, 3)), (5, 7))
 
 
 def test_an_unreachable_signal_is_moved_by_what_is_said():

@@ -11,10 +11,8 @@ from spectrabox.radiometry.records import LightTransport, Outcome
 from spectrabox.sampling.polytope.diagnostics import tail_shape
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families, reflectance
 from spectrabox.sampling.scene.joint_posterior import (
-    climb,
-    covariance_at,
+    fit_modes,
     gaussian_of,
-    information_bits,
     joint_problem,
     logits_of,
     products,
@@ -26,6 +24,25 @@ from spectrabox.sampling.scene.labels import find_modes, near_labels
 from spectrabox.sampling.scene.scene_draws import draw_scene, shared_errors
 
 EXPONENTS = np.array([[1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [1, 2], [2, 1]])
+
+
+def covariance_at(problem, labels, z):
+    """Covariance (M P, M P) of z about a mode, by Laplace's approximation."""
+    jacobian = residual_and_jacobian(problem, labels, z)[1]
+    return np.linalg.inv(jacobian.T @ jacobian + np.eye(z.size))
+
+
+def information_bits(problem):
+    """Bits (M,) that a picture gives of each material: -log2 det of covariance over prior, halved.
+
+    Both covariances are those of the one Gaussian with the mixture's moments.
+    """
+    materials, size = len(problem.materials), problem.means.shape[1]
+    labels = np.full(materials, len(problem.means) - 1)
+    mode = fit_modes(problem, labels[None], np.zeros((1, materials * size))).z[0]
+    covariance = covariance_at(problem, labels, mode).reshape(materials, size, materials, size)
+    return np.array([-np.linalg.slogdet(covariance[m, :, m])[1] / (2 * np.log(2))
+                     for m in range(materials)])
 
 
 def scene(error=0.01, regions=40, exponents=EXPONENTS, seed=0):
@@ -139,7 +156,7 @@ def test_switching_labels_finds_the_best_of_all(prior, error):
     known = of_families(prior, ["leaves", "skin", "white", "animal"])
     problem = joint_problem(*scene(error=error)[:4], known)
     count = len(problem.means) - 1
-    fitted = climb(problem, np.array([[count, count]]), np.zeros((1, 122)))
+    fitted = fit_modes(problem, np.array([[count, count]]), np.zeros((1, 122)))
     logits = logits_of(problem, fitted.labels[0], fitted.z)[0]
     residual, by_logit = residual_by_logit(problem, logits)
     seen = np.einsum("fmp,mp->f", by_logit, logits) - residual

@@ -15,7 +15,7 @@ from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.further.more_measurements import joined
 from spectrabox.sampling.further.self_reflection import given_reflected_twice
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.sampling.published.options import refined_as_published
+from spectrabox.sampling.published.ranking_and_refinement import refined_as_published
 from spectrabox.sampling.spline_measurement import spline_operator
 from spectrabox.session.cli import app
 from spectrabox.session.commands.requests import SampleRequest

@@ -14,11 +14,11 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement
 from spectrabox.sampling.prior.band_calibration import AT_95, judge, train
+from spectrabox.sampling.prior.families.coatings import tiles, whites
 from spectrabox.sampling.prior.families.family_models import FAMILIES, Family
 from spectrabox.sampling.prior.families.family_names import NAMES, WORDS
 from spectrabox.sampling.prior.families.plant_tissue import petal_tissue
 from spectrabox.sampling.prior.families.skin import skin
-from spectrabox.sampling.prior.families.whites import tiles, whites
 from spectrabox.sampling.prior.family_coverage import (
     BandCertificate,
     FamilyCertificate,

@@ -30,7 +30,7 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.per_axis_box import sample_per_axis
-from spectrabox.sampling.published.ranking import best_by_readings
+from spectrabox.sampling.published.ranking_and_refinement import best_by_signals
 from spectrabox.sampling.spline_measurement import spline_operator
 
 from benchmarks.paper.figure_4 import spectra_behind
@@ -63,7 +63,7 @@ def main() -> None:
     box = sample_per_axis(spline_operator(as_published, COEFFICIENTS),
                           np.clip(found[0].coefficients[0], 0, 1), DRAWS, 0)
     spectra = box.coefficients @ basis_matrix(PRIOR_GRID.nm, COEFFICIENTS).T
-    best = best_by_readings(spectra, np.array([0, 60]), np.interp((400.0, 700.0), GRID.nm, truth),
+    best = best_by_signals(spectra[:, [0, 60]], np.interp((400.0, 700.0), GRID.nm, truth),
                             KEPT)
     draws = {("paper", False): spectra, ("paper", True): spectra[best]}
     for readings in (False, True):

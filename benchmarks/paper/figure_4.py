@@ -30,7 +30,7 @@ from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.further.conditioning import Reading, condition
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
-from spectrabox.sampling.published.ranking import best_by_readings
+from spectrabox.sampling.published.ranking_and_refinement import best_by_signals
 
 from benchmarks.paper.synthetic_photo import (
     BANDS,
@@ -103,7 +103,7 @@ def spectra_behind(method: str, readings: bool, measurement: SpectralMeasurement
     at = np.interp((400.0, 700.0), GRID.nm, truth)
     if method == "paper":
         spectra = draw_spectra(measurement, "paper", DRAWS, 0, coefficients).spectra
-        return spectra[best_by_readings(spectra, np.array([0, 60]), at,
+        return spectra[best_by_signals(spectra[:, [0, 60]], at,
                                         KEPT)] if readings else spectra
     extra = [Reading.at_wavelength(nm, float(value), READING_ERROR)
              for nm, value in zip((400.0, 700.0), at, strict=True)]

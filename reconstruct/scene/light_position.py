@@ -18,8 +18,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.interreflection import signal
-from spectrabox.radiometry.progress import Progress
-from spectrabox.radiometry.records import LightScale, LinearImage, Outcome
+from spectrabox.radiometry.records import LightScale, LinearImage, Outcome, Progress
 from spectrabox.radiometry.shaped import Record
 from spectrabox.reconstruct.rendering.renderer import load_scene
 from spectrabox.reconstruct.scene.edit_scene import light_number, with_light_moved

@@ -16,12 +16,12 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.prior.mixture_posterior import with_floor
 from spectrabox.sampling.spline_measurement import response_on
 
-PROPOSALS_PER_DRAW, MOST_PROPOSALS = 20, 200_000
+PROPOSALS_PER_DRAW, MAX_PROPOSALS = 20, 200_000
 
 
 def proposals_for(draws: int) -> int:
     """How many draws to weight where so many are wanted."""
-    return min(PROPOSALS_PER_DRAW * draws, max(MOST_PROPOSALS, draws))
+    return min(PROPOSALS_PER_DRAW * draws, max(MAX_PROPOSALS, draws))
 
 
 def given_reflected_twice(samples: SpectrumSamples, twice: SpectralMeasurement,

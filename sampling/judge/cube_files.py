@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.spectra.beside import envi_header_of
+from spectrabox.radiometry.spectra.companion_files import envi_header_of
 from spectrabox.radiometry.spectra.formats.envi import (
     DATA_TYPES,
     ITEM,
@@ -25,7 +25,7 @@ from spectrabox.radiometry.spectra.formats.envi import (
 from spectrabox.radiometry.spectra.formats.measurement_table import number, text_of
 from spectrabox.radiometry.system.archives import DAMAGE
 from spectrabox.sampling.judge.cubes import (
-    MOST_BANDS,
+    MAX_BANDS,
     Cube,
     check_sides,
     cube_of_array,
@@ -94,7 +94,7 @@ def _from_npz(path: Path, nm: np.ndarray | None, variable: str | None) -> Cube:
                              variable)
             _check_size(path.name, *shapes[chosen])
             stated = next((file[name].ravel() for name in WAVELENGTH_NAMES
-                           if name in shapes and np.prod(shapes[name][0]) <= MOST_BANDS), None)
+                           if name in shapes and np.prod(shapes[name][0]) <= MAX_BANDS), None)
             array = file[chosen]
     except DAMAGE as error:
         raise InputError(f"{path.name} is damaged or holds more than plain numbers "
@@ -122,7 +122,7 @@ def _from_matlab(path: Path, nm: np.ndarray | None, variable: str | None) -> Cub
         chosen = _chosen(path.name, numeric, variable)
         _check_size(path.name, *stated[chosen])
         wanted = [chosen, *(name for name in WAVELENGTH_NAMES
-                            if name in numeric and np.prod(numeric[name]) <= MOST_BANDS)]
+                            if name in numeric and np.prod(numeric[name]) <= MAX_BANDS)]
         arrays = loadmat(path, variable_names=wanted)
     except (*DAMAGE, MatReadError) as error:
         raise InputError(f"{path.name} is no MATLAB file that can be read ({_line(error)}); save "
@@ -148,7 +148,7 @@ def _from_hdf5(path: Path, nm: np.ndarray | None, variable: str | None) -> Cube:
         chosen = _chosen(path.name, {name: array.shape for name, array in arrays.items()}, variable)
         stated = next((np.asarray(arrays[name][()], dtype=float).ravel()
                        for name in WAVELENGTH_NAMES
-                       if name in arrays and arrays[name].size <= MOST_BANDS), None)
+                       if name in arrays and arrays[name].size <= MAX_BANDS), None)
     except (*DAMAGE, RuntimeError) as error:
         raise InputError(
             f"{path.name} is a damaged MATLAB 7.3 file ({_line(error)}); save it again") from None

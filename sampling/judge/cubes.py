@@ -14,7 +14,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.formats.measurement_table import text_of
 from spectrabox.radiometry.spectra.spectral_layers import REFLECTANCE, spectral_layers
 
-MOST_BANDS, MOST_SIDE, MOST_IN_ROW = 5000, 200_000, 100_000_000     # the last: values, read at once
+MAX_BANDS, MOST_SIDE, MOST_IN_ROW = 5000, 200_000, 100_000_000     # the last: values, read at once
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def parse_wavelengths(text: str) -> np.ndarray:
         if len(parts := text.split(":")) == 3:
             first, last, step = map(float, parts)
             count = round((last - first) / step) + 1 if step > 0 and np.isfinite(step) else 0
-            if not 2 <= count <= MOST_BANDS:
+            if not 2 <= count <= MAX_BANDS:
                 raise ValueError
             return first + step * np.arange(count)
         if Path(text).is_file():
@@ -138,7 +138,7 @@ def check_sides(name: str, height: int, width: int, bands: int) -> None:
     ------
     InputError
     """
-    if not (0 < height <= MOST_SIDE and 0 < width <= MOST_SIDE and 2 <= bands <= MOST_BANDS) \
+    if not (0 < height <= MOST_SIDE and 0 < width <= MOST_SIDE and 2 <= bands <= MAX_BANDS) \
             or width * bands > MOST_IN_ROW:
         raise InputError(f"{name}: {height} x {width} pixels of {bands} bands cannot be a "
                          "hyperspectral picture; check which dimension holds the wavelengths")

@@ -18,7 +18,7 @@ from spectrabox.radiometry.covariance import chi_square_beyond
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.checks import check_noise
 from spectrabox.sampling.polytope.linear_programmes import LP_ATOL, SignalBoxes, bounds_of_one
-from spectrabox.sampling.polytope.simplex import Walk, highest
+from spectrabox.sampling.polytope.simplex import SolveStatus, highest
 from spectrabox.sampling.polytope.tilt import check_operator
 from spectrabox.sampling.spline_measurement import MeasurementOperator
 
@@ -76,10 +76,10 @@ def bounds_of_many(A: np.ndarray, signals: np.ndarray, noise_covariance: np.ndar
                          "has that many coefficients")
     boxes = signal_boxes(A, signals, noise_covariance, level)
     lower, upper, ends = _extremes(boxes, basis)
-    if (empty := np.flatnonzero(ends == Walk.EMPTY)).size:
+    if (empty := np.flatnonzero(ends == SolveStatus.EMPTY)).size:
         wider = boxes.of(empty, widenings(boxes.of(empty))[:, None])
         lower[empty], upper[empty], ends[empty] = _extremes(wider, basis)
-    for row in np.flatnonzero(ends != Walk.DONE):
+    for row in np.flatnonzero(ends != SolveStatus.DONE):
         lower[row], upper[row] = bounds_of_one(boxes, int(row), basis)
     return lower, upper
 
@@ -132,7 +132,7 @@ def widenings(boxes: SignalBoxes) -> np.ndarray:
     upper[:, coefficients] = away
     upper[:, coefficients + 1:] = np.tile(2 * (largest[:, None] + boxes.half_width), 2)
     values, ends = highest(A, y, upper, -np.eye(1, A.shape[2], coefficients))
-    slack = np.where(ends == Walk.DONE, -values[:, 0], 0.0)
+    slack = np.where(ends == SolveStatus.DONE, -values[:, 0], 0.0)
     # The solver's tolerance again, or the set could come out empty.
     return np.where(slack > LP_ATOL, slack + LP_ATOL, 0.0)
 

@@ -1,5 +1,4 @@
-"""Adaptive refinement of the basis (paper Sec. 3.3.3, Eqs. 11-16), and how many coefficients to
-use.
+"""Adaptive refinement of the basis (paper Sec. 3.3.3, Eqs. 11-16).
 
 Only nested knots are refined: (fine - 3) must be a multiple of (coarse - 3). Then lifting is exact
 knot insertion, its matrix T has rows that sum to 1 and no negative entries, and a coarse c in [0,
@@ -14,10 +13,9 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry.bspline import DEGREE, basis_matrix
-from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement
-from spectrabox.sampling.polytope.tilt import max_entropy_tilt, tilt_moments
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.spline_measurement import (
     CoefficientDraws,
@@ -27,7 +25,6 @@ from spectrabox.sampling.spline_measurement import (
 
 SWEEPS = 20         # of hit-and-run along the residual directions, per draw
 FINE = visible_grid(1)
-CANDIDATES = (5, 6, 7, 8, 9, 10, 11, 13, 15)    # numbers of coefficients
 
 
 def lifting(coarse: int, fine: int) -> np.ndarray:
@@ -90,41 +87,3 @@ def sample_refined(measurement: SpectralMeasurement, operator: MeasurementOperat
         low, high = np.minimum(at_zero, at_one).max(axis=1), np.maximum(at_zero, at_one).min(axis=1)
         c = np.clip(c + (low + (high - low) * rng.random(draws))[:, None] * moves, 0, 1)
     return CoefficientDraws(c, coarse.acceptance, float(draws), Outcome.CONVERGED)
-
-
-def log_evidence(operator: MeasurementOperator) -> float:
-    """log p_N(y): logarithm of the density of A c at y for uniform c, by the saddle point of the
-    tilt; -inf if none.
-    """
-    try:
-        tilt = max_entropy_tilt(operator)
-    except ConvergenceError:
-        return -np.inf
-    log_z, _, variance = tilt_moments(tilt.h)
-    spread = (operator.A * variance) @ operator.A.T + operator.noise_covariance
-    return float(log_z.sum() - tilt.theta @ operator.y + tilt.theta @ operator.noise_covariance
-                 @ tilt.theta / 2
-                 - np.linalg.slogdet(2 * np.pi * spread)[1] / 2)
-
-
-def choose_coefficients(relative_response: np.ndarray, grid_nm: np.ndarray, signals: np.ndarray,
-                        noise_covariance: np.ndarray,
-                        candidates: tuple[int, ...] = CANDIDATES) -> tuple[int, dict[int, float]]:
-    """The N with the highest summed evidence over an image's signals (n, K), and the evidence of
-    each.
-
-    Raises
-    ------
-    ConvergenceError
-        If some signal is out of reach at every N.
-    """
-    scores = {}
-    for count in candidates:
-        A = relative_response @ basis_matrix(grid_nm, count)
-        scores[count] = float(sum(log_evidence(MeasurementOperator(A, y, noise_covariance))
-                                  for y in signals))
-    best = max(scores, key=lambda count: scores[count])
-    if not np.isfinite(scores[best]):
-        raise ConvergenceError("some colour of the image is out of reach at every number of "
-                               "coefficients tried; state the noise of the signals")
-    return best, scores

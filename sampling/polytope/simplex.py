@@ -23,7 +23,7 @@ AT_ONCE = 1024              # walks: their arrays stay within the processor's ca
 FEW = 64                    # walks cost hardly more than one: few polytopes get several each
 
 
-class Walk(Enum):
+class SolveStatus(Enum):
     """How the walk over a polytope ended."""
 
     DONE = 0
@@ -48,7 +48,7 @@ def highest(A: np.ndarray, y: np.ndarray, upper: np.ndarray,
     -------
     values : (S, F) array
         NaN where the walk did not end well.
-    ends : (S,) array of Walk
+    ends : (S,) array of SolveStatus
     """
     values = np.empty((len(y), len(functions)))
     ends = np.empty(len(y), dtype=object)
@@ -88,7 +88,7 @@ def _walks(A: np.ndarray, y: np.ndarray, upper: np.ndarray,
     rows = np.zeros((variables + bands, total + 1))
     rows[:variables, 1:], rows[variables:, 0] = functions.T, -1.0
     values = np.full((total + 1, count), np.nan)
-    ends = np.full(count, Walk.DONE, dtype=object)
+    ends = np.full(count, SolveStatus.DONE, dtype=object)
     steps = 0
     while state.polytope.size:
         function = rows[:, state.function]
@@ -108,9 +108,10 @@ def _walks(A: np.ndarray, y: np.ndarray, upper: np.ndarray,
         steps += 1
         lost = _refactor(state) if steps % REFACTOR == 0 else np.zeros_like(done)
         lost |= state.pivots > MAX_PIVOTS
-        ends[state.polytope[lost]], ends[state.polytope[empty]] = Walk.STALLED, Walk.EMPTY
+        ends[state.polytope[lost]] = SolveStatus.STALLED
+        ends[state.polytope[empty]] = SolveStatus.EMPTY
         state = _without(state, done | empty | lost)
-    values[:, ends != Walk.DONE] = np.nan
+    values[:, ends != SolveStatus.DONE] = np.nan
     return values[1:].T, ends
 
 

@@ -34,7 +34,7 @@ MOMENT_DRAWS = 20000
 SINGLE = 1e-6           # round-off of covariances kept in single precision, with room for products
 STATED = "stated_"              # before the names of their arrays
 FORMAT = "spectrabox prior 4"
-BEFORE = "spectrabox prior 3"   # without mixtures of stated families; otherwise the same
+PREVIOUS_FORMAT = "spectrabox prior 3"   # without mixtures of stated families; otherwise the same
 SCALARS = ("curve_factor", "familiar_surprise", "width_power")
 COMPONENTS = ("weights", "means", "covariances", "family")
 ARRAYS = ("nm", *COMPONENTS, "levels", "band_factors", "stated_factors", *SCALARS)
@@ -184,7 +184,8 @@ def save_prior(path: Path, prior: LogitMixture) -> None:
     with whole_file(path) as unfinished, unfinished.open("wb") as file:
         np.savez_compressed(file, format=np.array(FORMAT), source=np.array(prior.source),
                             families=np.array(prior.families),
-                            certificates=np.array(_certificates_text(prior)),
+                            certificates=np.array(json.dumps(
+                                {name: asdict(one) for name, one in prior.certificates.items()})),
                             **arrays)  # type: ignore[arg-type]
 
 
@@ -196,26 +197,29 @@ def load_prior(path: Path | None = None) -> LogitMixture:
     InputError
         If the file is missing, damaged, holds something else, or was made for other wavelengths.
     """
-    return _shipped() if path is None else _loaded(path)
+    return _shipped() if path is None else _read_prior(path)
 
 
 @cache
 def _shipped() -> LogitMixture:
     """The prior that ships with the project, read and checked once in a process."""
-    return _loaded(SHIPPED)
+    return _read_prior(SHIPPED)
 
 
-def _loaded(path: Path) -> LogitMixture:
+def _read_prior(path: Path) -> LogitMixture:
     try:
         with opened_npz(path) as stored:
-            if "format" not in stored or str(stored["format"]) not in (FORMAT, BEFORE):
+            if "format" not in stored or str(stored["format"]) not in (FORMAT, PREVIOUS_FORMAT):
                 raise InputError(f"{path.name} is not a prior of this program; train one with "
                                  "'spectrabox prior train'")
             numbers = {name: np.asarray(stored[name], dtype=float) for name in ARRAYS}
             other = {name: np.asarray(stored[STATED + name], dtype=float) for name in COMPONENTS
                      if STATED + name in stored}
             source, families = str(stored["source"]), tuple(stored["families"].tolist())
-            certificates = _certificates_of(str(stored["certificates"]))
+            certificates = {
+                name: FamilyCertificate(**row | {kind: BandCertificate(**row[kind])
+                                                 for kind in ("stated", "unstated")})
+                for name, row in json.loads(str(stored["certificates"])).items()}
     except FileNotFoundError:
         raise InputError(f"the prior {path} is missing; give another file or train one with "
                          "'spectrabox prior train'") from None
@@ -230,16 +234,6 @@ def _loaded(path: Path) -> LogitMixture:
         raise InputError(f"the prior {path.name} is damaged ({error}); train it again") from None
     check_prior(prior, path.name)
     return prior
-
-
-def _certificates_text(prior: LogitMixture) -> str:
-    return json.dumps({name: asdict(one) for name, one in prior.certificates.items()})
-
-
-def _certificates_of(text: str) -> dict[str, FamilyCertificate]:
-    return {name: FamilyCertificate(**row | {kind: BandCertificate(**row[kind])
-                                             for kind in ("stated", "unstated")})
-            for name, row in json.loads(text).items()}
 
 
 def check_prior(prior: LogitMixture, name: str) -> None:

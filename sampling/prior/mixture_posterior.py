@@ -126,9 +126,11 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     weights /= weights.sum(axis=0)
     weights[weights < NEGLIGIBLE] = 0
     weights /= weights.sum(axis=0)
+    largest = plain.max(axis=0)             # kept apart: exponentials of evidences underflow
+    log_evidence = largest + np.log(np.exp(plain - largest).sum(axis=0)) \
+        - signals.shape[1] / 2 * np.log(2 * np.pi)
     return MixturePosterior(weights.T, logits, variances, (weights * misfit).sum(axis=0),
-                            surprise.min(axis=0), _log_sum(plain)
-                            - signals.shape[1] / 2 * np.log(2 * np.pi))
+                            surprise.min(axis=0), log_evidence)
 
 
 def _components_of_signals(prior: LogitMixture, seen: Observations,
@@ -146,12 +148,6 @@ def _components_of_signals(prior: LogitMixture, seen: Observations,
     for index in range(components):
         yield _Pairs((index, slice(None)), seen, prior.means[index], prior.covariances[index],
                     logits[index])
-
-
-def _log_sum(logarithms: np.ndarray) -> np.ndarray:
-    """Logarithm (T,) of the sum over the rows of (C, T) numbers given by their logarithms."""
-    largest = logarithms.max(axis=0)
-    return np.asarray(largest + np.log(np.exp(logarithms - largest).sum(axis=0)))
 
 
 def with_floor(covariance: np.ndarray) -> np.ndarray:

@@ -24,9 +24,9 @@ from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import LightTransport, Outcome
 from spectrabox.sampling.prior.mixture import LogitMixture, of_families, reflectance
 
-# of Levenberg-Marquardt; the fall of the cost, in nats, that counts as standing still
-STEPS, STILL = 60, 1e-2
-LONGEST_STEP = 3.0          # in standard deviations of the prior
+# of Levenberg-Marquardt; the fall of the cost, in nats, at which it has converged
+STEPS, COST_TOLERANCE = 60, 1e-2
+MAX_STEP = 3.0          # in standard deviations of the prior
 NEGLIGIBLE = 1e-6           # of the brightest product: dropped
 # a row of the transport whose signals scatter by less under the prior, in units of noise
 BELOW_NOISE = 0.05
@@ -155,7 +155,7 @@ def _components(prior: LogitMixture, stated: Sequence[tuple[str, ...]], mean: np
             np.concatenate([*roots, root[None]]))
 
 
-def climb(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes:
+def fit_modes(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes:
     """Most probable z given labels (B, M), from z (B, M P), by Levenberg-Marquardt, with Laplace's
     evidence.
 
@@ -164,9 +164,9 @@ def climb(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes:
     ConvergenceError
         If a cost is not finite.
     """
-    modes = [_climb_one(problem, chosen, start) for chosen, start in zip(labels, z, strict=True)]
-    z, evidence, still = (np.array(part) for part in zip(*modes, strict=True))
-    return Modes(labels, z, evidence, Outcome.CONVERGED if still.all() else Outcome.STEP_LIMIT)
+    modes = [_fit_mode(problem, chosen, start) for chosen, start in zip(labels, z, strict=True)]
+    z, evidence, converged = (np.array(part) for part in zip(*modes, strict=True))
+    return Modes(labels, z, evidence, Outcome.CONVERGED if converged.all() else Outcome.STEP_LIMIT)
 
 
 def residual_and_jacobian(problem: JointProblem, labels: np.ndarray,
@@ -209,44 +209,22 @@ def log_weight_of(problem: JointProblem, labels: np.ndarray) -> float:
     return float(problem.log_weights[np.arange(len(labels)), labels].sum())
 
 
-def covariance_at(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Covariance (M P, M P) of z about a mode, by Laplace's approximation."""
-    jacobian = residual_and_jacobian(problem, labels, z)[1]
-    covariance = np.linalg.inv(jacobian.T @ jacobian + np.eye(z.size))
-    return (covariance + covariance.T) / 2
-
-
-def information_bits(problem: JointProblem) -> np.ndarray:
-    """Bits (M,) that the picture told about each material: -1/2 log2 det of its covariance over the
-    prior's.
-
-    Both are those of the one Gaussian with the mixture's moments, the posterior's by Laplace.
-    """
-    materials, size = len(problem.materials), problem.means.shape[1]
-    labels = np.full(materials, len(problem.means) - 1)
-    mode = climb(problem, labels[None], np.zeros((1, materials * size))).z[0]
-    covariance = covariance_at(problem, labels, mode)
-    blocks = [covariance[m * size:(m + 1) * size, m * size:(m + 1) * size]
-              for m in range(materials)]
-    return np.array([-np.linalg.slogdet(block)[1] / (2 * np.log(2)) for block in blocks])
-
-
-def _climb_one(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, float,
+def _fit_mode(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, float,
                                                                                   bool]:
-    """z at the mode, log evidence, and whether it stood still. The algebra is in the space of the F
+    """z at the mode, log evidence, and whether it converged. The algebra is in the space of the F
     rows.
     """
     residual, jacobian = residual_and_jacobian(problem, labels, z)
     cost, damping = float(residual @ residual + z @ z) / 2, 1e-3
     values, vectors = np.linalg.eigh(jacobian @ jacobian.T)
-    still = False
+    converged = False
     for _ in range(STEPS):
         # Woodbury: (J'J + a I)^-1 v = (v - J' (J J' + a I)^-1 J v) / a; a step towards a lower
         # cost.
         slope, a = jacobian.T @ residual + z, 1 + damping
         step = -(slope - jacobian.T
                  @ (vectors @ ((vectors.T @ (jacobian @ slope)) / (values + a)))) / a
-        trial = z + step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+        trial = z + step * min(1.0, MAX_STEP / max(float(np.abs(step).max()), 1e-12))
         trial_residual, trial_jacobian = residual_and_jacobian(problem, labels, trial)
         trial_cost = float(trial_residual @ trial_residual + trial @ trial) / 2
         fall = cost - trial_cost
@@ -256,14 +234,14 @@ def _climb_one(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> tupl
             values, vectors = np.linalg.eigh(jacobian @ jacobian.T)
         else:
             damping = max(10 * damping, 1e-3)
-        still = 0 <= fall < STILL or damping > 1e10
-        if still:
+        converged = 0 <= fall < COST_TOLERANCE or damping > 1e10
+        if converged:
             break
     if not np.isfinite(cost):
         raise ConvergenceError("the joint fit did not reach a finite cost; check the signals and "
                                "their errors")
     evidence = log_weight_of(problem, labels) - cost - np.log1p(np.maximum(values, 0)).sum() / 2
-    return z, evidence, still
+    return z, evidence, converged
 
 
 def _whitened(coefficients: np.ndarray, signal: np.ndarray, weight: np.ndarray,

@@ -34,12 +34,12 @@ from spectrabox.sampling.scene.joint_posterior import (
 )
 from spectrabox.sampling.scene.labels import SAMPLED, find_modes
 
-ROUND, MOST_PROPOSALS = 2000, 16_000
+ROUND, MAX_PROPOSALS = 2000, 16_000
 INFORMED = 0.01  # a singular value of the Jacobian by which a direction counts as informed
 DEFENSIVE = 0.2  # of the proposals go to all labels alike, whatever is believed of them
 NEWTON_STEPS, SOLVED = 20, 1e-6
 BLOCK = 250
-FEWEST_EFFECTIVE, TAIL_LIMIT = 400.0, 0.7     # of the weights (tail: Vehtari et al. 2024)
+MIN_EFFECTIVE, TAIL_LIMIT = 400.0, 0.7     # of the weights (tail: Vehtari et al. 2024)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class JointSamples(Record):
         """Whether 400 draws are effective and the weights' tail is light enough to trust that
         number.
         """
-        return self.effective_samples >= FEWEST_EFFECTIVE and self.tail < TAIL_LIMIT
+        return self.effective_samples >= MIN_EFFECTIVE and self.tail < TAIL_LIMIT
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class _Proposer:
 
 
 def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, kept: int = 4000,
-                 effective_wanted: float = FEWEST_EFFECTIVE, refuse: bool = True) -> JointSamples:
+                 effective_wanted: float = MIN_EFFECTIVE, refuse: bool = True) -> JointSamples:
     """Draw from the joint posterior until enough draws are effective.
 
     Parameters
@@ -112,7 +112,7 @@ def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, k
     logits: list[np.ndarray] = []
     log_ratios: list[np.ndarray] = []
     owners: list[np.ndarray] = []
-    while counts.sum() < MOST_PROPOSALS:
+    while counts.sum() < MAX_PROPOSALS:
         new = rng.multinomial(ROUND, (1 - DEFENSIVE) * belief / belief.sum()
                               + DEFENSIVE / len(belief))
         for number in np.flatnonzero(new):
@@ -134,7 +134,7 @@ def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, k
         belief = np.bincount(owner, weights, len(counts))
     else:
         if refuse:
-            raise ConvergenceError(f"the joint posterior has not converged after {MOST_PROPOSALS} "
+            raise ConvergenceError(f"the joint posterior has not converged after {MAX_PROPOSALS} "
                                    f"proposals: {effective:.0f} effective draws, tail of the "
                                    f"weights {tail:.2f}; state a larger noise, or use each "
                                    "material's own signal")

@@ -16,7 +16,7 @@ from scipy.linalg import cholesky, solve_triangular
 from spectrabox.sampling.scene.joint_posterior import (
     JointProblem,
     Modes,
-    climb,
+    fit_modes,
     logits_of,
     residual_by_logit,
 )
@@ -27,7 +27,7 @@ FITTED = 4              # labels that are fitted in full on the way to the most 
 # the noise is taken for larger at first: sharp likelihoods trap the fit on its way
 SOFTENED = (30.0, 5.0, 1.0)
 SAMPLED = 128           # labels that draws are made of, at most; they leave 5 % of the spread out
-WORTHLESS = 7.0         # nats below the best, by the linearised evidence
+EVIDENCE_CUTOFF = 7.0   # nats below the best, by the linearised evidence
 
 
 def find_modes(problem: JointProblem, most: int = FITTED) -> Modes:
@@ -44,10 +44,10 @@ def find_modes(problem: JointProblem, most: int = FITTED) -> Modes:
                               - 1), np.zeros((1, materials * wavelengths))
     for times in SOFTENED:
         softened = replace(problem, rows=problem.rows / times, targets=problem.targets / times)
-        rough = climb(softened, one_gaussian, z)
+        rough = fit_modes(softened, one_gaussian, z)
         z = rough.z
-    first = climb(problem, *near_labels(problem, _logits_of_best(problem, rough), FITTED))
-    second = climb(problem, *near_labels(problem, _logits_of_best(problem, first), most))
+    first = fit_modes(problem, *near_labels(problem, _logits_of_best(problem, rough), FITTED))
+    second = fit_modes(problem, *near_labels(problem, _logits_of_best(problem, first), most))
     return _joined(first, second)
 
 
@@ -83,7 +83,7 @@ def near_labels(problem: JointProblem, logits: np.ndarray,
         tried |= {labels: evidence(labels) for labels in around if labels not in tried}
         switched.add(pending[0])
         best = sorted(tried, key=lambda labels: -tried[labels][0])[:most]
-    best = [labels for labels in best if tried[labels][0] > tried[best[0]][0] - WORTHLESS]
+    best = [labels for labels in best if tried[labels][0] > tried[best[0]][0] - EVIDENCE_CUTOFF]
     z = [np.concatenate([gain[m, c].T @ tried[labels][1] for m, c in enumerate(labels)])
          for labels in best]
     return np.array(best), np.array(z)

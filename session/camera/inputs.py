@@ -45,13 +45,13 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     """
     import numpy as np
 
-    from spectrabox.radiometry.charts.excluded_patches import left_out
+    from spectrabox.radiometry.chart import excluded_patches
     from spectrabox.radiometry.charts.references import reference_reflectances
     from spectrabox.radiometry.spectra.stated_light import stated_light
     from spectrabox.session.camera.patch_files import read_patches
     known_lights = {name: stated_light(name, grid) for name in lights}
     layout_of = read_layout(layout)
-    excluded = left_out(leave_out, layout_of, "--leave-out")
+    excluded = excluded_patches(leave_out, layout_of, "--leave-out")
     named_charts: list[str | None] = list(references) or [None]
     known_charts = {name: reference_reflectances(name, layout_of, grid)
                     for name in named_charts}

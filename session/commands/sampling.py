@@ -149,13 +149,13 @@ def judge(request: JudgeRequest) -> Answer:
     check_ending(request.out, {".csv": "the regions' spectra"})
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.records import Quantity
-    from spectrabox.radiometry.spectra.beside import metadata_beside
+    from spectrabox.radiometry.spectra.companion_files import metadata_path
     from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
     from spectrabox.session.signals.cube_answers import judge_answer
     facts, text, columns = judge_answer(request)
     if request.out is not None:
         write_text_whole(request.out, plain_text(facts["wavelengths_nm"], columns))
-        write_text_whole(metadata_beside(request.out), metadata_text(
+        write_text_whole(metadata_path(request.out), metadata_text(
             request.out.name, columns, quantity=Quantity.REFLECTANCE,
             source=f"regions of {request.cube.name}"))
         facts["file"] = request.out

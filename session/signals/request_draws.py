@@ -11,8 +11,8 @@ from spectrabox.sampling.further.self_reflection import given_reflected_twice, p
 from spectrabox.sampling.polytope.refinement import sample_refined
 from spectrabox.sampling.prior.mixture import LogitMixture, load_prior
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
-from spectrabox.sampling.published.options import ranked, refined_as_published
-from spectrabox.sampling.published.sampler import sample_published
+from spectrabox.sampling.published.per_axis_box import sample_published
+from spectrabox.sampling.published.ranking_and_refinement import ranked, refined_as_published
 from spectrabox.sampling.spline_measurement import spline_operator
 from spectrabox.sampling.uniform import as_spectra, into_reach
 from spectrabox.session.commands.requests import SampleRequest

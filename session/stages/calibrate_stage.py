@@ -21,12 +21,12 @@ from spectrabox.calibrate.trust import GLARE_SIGMA
 from spectrabox.capture.chart.quality import uneven_light_reasons
 from spectrabox.measure.chart_check import held_out_patches
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
-from spectrabox.radiometry.progress import Progress
 from spectrabox.radiometry.records import (
     Calibration,
     LightScale,
     LinearImage,
     PatchSamples,
+    Progress,
     Spectrum,
     UnknownLight,
 )

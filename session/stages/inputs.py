@@ -5,7 +5,7 @@ import dataclasses
 
 import numpy as np
 
-from spectrabox.radiometry.charts.excluded_patches import left_out
+from spectrabox.radiometry.chart import excluded_patches as patches_by_number
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
 from spectrabox.radiometry.grid import visible_grid
@@ -131,7 +131,7 @@ def excluded_patches(config: SessionConfig) -> np.ndarray:
     InputError
         If the chart has no patch of such a number.
     """
-    return left_out(config.chart.leave_out, session_chart(config), "chart.leave_out")
+    return patches_by_number(config.chart.leave_out, session_chart(config), "chart.leave_out")
 
 
 def chart_corners(config: SessionConfig, view: ViewInputs) -> np.ndarray | None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from spectrabox.radiometry.progress import Progress
+from spectrabox.radiometry.records import Progress
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.inputs import OpenPhotos
 from spectrabox.session.store.store import StoredStage

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import FileState, file_state
-from spectrabox.radiometry.spectra.beside import envi_partner, metadata_beside
+from spectrabox.radiometry.spectra.companion_files import envi_partner, metadata_path
 from spectrabox.session.config.session_schema import SessionConfig
 
 
@@ -66,7 +66,7 @@ class InputFiles:
             if name is not None:
                 yield name
                 path = self._path(name)
-                for partner in (envi_partner(path), metadata_beside(path)):
+                for partner in (envi_partner(path), metadata_path(path)):
                     if partner is not None and partner.is_file():
                         yield str(Path(name).with_name(partner.name))
 

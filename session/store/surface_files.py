@@ -11,7 +11,7 @@ from spectrabox.capture.photo.image_files import write_exr, write_png
 from spectrabox.radiometry.appearance import BRADFORD, tristimulus_weights
 from spectrabox.radiometry.files import writable, write_text_whole
 from spectrabox.radiometry.records import Quantity, Reconstruction
-from spectrabox.radiometry.spectra.beside import metadata_beside
+from spectrabox.radiometry.spectra.companion_files import metadata_path
 from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.names import file_stem
@@ -94,7 +94,7 @@ def _texts(results: CommonResults, grid_nm: np.ndarray) -> dict[Path, str]:
     table = results.folder / "spectra.csv"
     stated = metadata_text(table.name, columns, quantity=Quantity.REFLECTANCE,
                            source=f"spectrabox, {results.name}")
-    files = {table: plain_text(grid_nm, columns), metadata_beside(table): stated,
+    files = {table: plain_text(grid_nm, columns), metadata_path(table): stated,
              results.folder / "materials.csv": colours_text(results.materials, grid_nm)}
     return files | {results.folder / "spdx" / f"{file_stem(material.name)}.spdx": spdx_text(
         grid_nm, {material.name: best_spectrum(material)}, quantity=Quantity.REFLECTANCE,

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.records import Quantity
-from spectrabox.radiometry.spectra.beside import metadata_beside
+from spectrabox.radiometry.spectra.companion_files import metadata_path
 from spectrabox.radiometry.system.words import cell, plain
 
 MAX_BYTES = 10_000_000
@@ -62,7 +62,7 @@ def metadata_text(file: str, columns: dict[str, np.ndarray], *, quantity: Quanti
 
 def facts_beside(path: Path) -> dict[str, str]:
     """Quantity, unit and source that the file beside a CSV states; empty where there is none."""
-    beside = metadata_beside(path)
+    beside = metadata_path(path)
     if not beside.is_file() or beside.stat().st_size > MAX_BYTES:
         return {}
     try:

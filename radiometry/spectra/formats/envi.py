@@ -8,7 +8,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
-from spectrabox.radiometry.spectra.beside import envi_header_of, envi_values_of
+from spectrabox.radiometry.spectra.companion_files import envi_header_of, envi_values_of
 from spectrabox.radiometry.spectra.formats.measurement_table import (
     MAX_VALUES,
     SpectralTable,

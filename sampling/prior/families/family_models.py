@@ -13,14 +13,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from spectrabox.sampling.prior.families.animals import animals
+from spectrabox.sampling.prior.families.coatings import tiles, whites
 from spectrabox.sampling.prior.families.dyes import plastic, textile
-from spectrabox.sampling.prior.families.earth import soils, woods
 from spectrabox.sampling.prior.families.leaves import leaves, petals
+from spectrabox.sampling.prior.families.natural_materials import animals, soils, woods
 from spectrabox.sampling.prior.families.plant_tissue import green_tissue, petal_tissue
 from spectrabox.sampling.prior.families.printing import paper
 from spectrabox.sampling.prior.families.skin import skin, skin_by_absorbance, skin_in_two_fluxes
-from spectrabox.sampling.prior.families.whites import tiles, whites
 
 Model = Callable[[np.random.Generator, int], np.ndarray]
 

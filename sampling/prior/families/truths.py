@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from spectrabox.sampling.prior.families.coatings import pigment_mixtures
 from spectrabox.sampling.prior.families.family_models import FAMILIES
-from spectrabox.sampling.prior.families.paint import pigment_mixtures
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 
 MIXED = 0.5              # of the truths of families that have measured curves alone

@@ -14,7 +14,6 @@ from spectrabox.sampling.further.more_measurements import MoreMeasurement, measu
 from spectrabox.sampling.polytope.refinement import lifting, residual_directions
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.per_axis_box import draw_in_box
-from spectrabox.sampling.published.ranking import best_by_signals
 from spectrabox.sampling.spline_measurement import (
     CoefficientDraws,
     nearest_coefficients,
@@ -49,6 +48,24 @@ def ranked(samples: SpectrumSamples, base: SpectralMeasurement, more: list[MoreM
                    method=f"{samples.method}, best {keep} of {len(samples.spectra)}",
                    outcome=Outcome.RANKED,
                    sentence=f"{samples.sentence} {Outcome.RANKED.value}")
+
+
+def best_by_signals(signals: np.ndarray, measured: np.ndarray, keep: int) -> np.ndarray:
+    """Indices (keep,) of the draws whose signals (T, ...) come nearest to the measured ones (Eqs.
+    9, 10).
+
+    Ranking keeps the best of the draws however badly they fit; `conditioning` makes every draw fit.
+
+    Raises
+    ------
+    InputError
+        If fewer than one or more than all are to be kept.
+    """
+    loss = np.sum((signals - measured).reshape(len(signals), -1)**2, axis=1)
+    if not 1 <= keep <= loss.size:
+        raise InputError(f"the best {keep} of {loss.size} draws were asked for; ask for 1 to "
+                         f"{loss.size}")
+    return np.argsort(loss, kind="stable")[:keep]
 
 
 def refined_as_published(measurement: SpectralMeasurement, coarse: int, fine: int, draws: int,

@@ -6,7 +6,7 @@ from pathlib import Path
 METADATA = "-metadata.json"     # of a plain CSV (formats/csvw.py)
 
 
-def metadata_beside(path: Path) -> Path:
+def metadata_path(path: Path) -> Path:
     """Where the metadata of a CSV lie, if there are some."""
     return path.with_name(path.name + METADATA)
 
