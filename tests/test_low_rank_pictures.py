@@ -6,6 +6,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from sampling_cameras import response, surface
+from shaded_images import CAMERA, LIGHT, shaded_image
 
 from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.capture.photo.image_rows import PictureRows
@@ -17,10 +18,9 @@ from spectrabox.sampling.prior.low_rank import LowRank, stated_errors
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.session.pictures.low_rank_files import open_low_rank
 from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
-from spectrabox.session.signals.signal_options import response_of_names
 
 zarr = pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
-CAMERA, LIGHT, HEIGHT, WIDTH = "Nikon 5100 (NPL)", "D65", 150, 70
+HEIGHT, WIDTH = 150, 70
 PARTS = ("mean", "standard_deviation")
 
 
@@ -33,11 +33,7 @@ def _few_surfaces():
 
 
 def picture(seed=0):
-    """Signals (H, W, 3) of a few surfaces under light that falls off, exact in half floats."""
-    matrix = response_of_names(CAMERA, LIGHT)
-    surfaces = np.array([matrix @ surface(PRIOR_GRID.nm, seed + each) for each in range(6)])
-    shade = np.linspace(0.5, 1, HEIGHT)[:, None, None]
-    return (surfaces[np.arange(WIDTH) % 6] * shade).astype(np.float16).astype(np.float32)
+    return shaded_image(HEIGHT, WIDTH, seed)
 
 
 def answer(folder, image, form, coefficients=12, *, full=False):

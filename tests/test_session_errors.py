@@ -12,18 +12,19 @@ from test_session_laws import drift, views
 
 from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.measure.chart_check import patches_without
-from spectrabox.measure.pictures import illumination
+from spectrabox.measure.pictures import illumination, surface_textures
 from spectrabox.measure.pictures.crop import Crop
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
-from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.batch import needs, processes
 from spectrabox.session.pictures import flat_stage as flat
-from spectrabox.session.pictures import reference_surfaces, textures
+from spectrabox.session.pictures import reference_surfaces
+from spectrabox.session.pictures.spectra_files import PictureLayout
+from spectrabox.session.pictures.texture_files import write_textures
 from spectrabox.session.report.verdict import Status, _between_photos, _clipped
 from spectrabox.session.scores import score
 from spectrabox.session.stages import calibrate_stage, reconstruct_stage
@@ -202,7 +203,7 @@ def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(tmp_path, monke
     rows, columns = shape
     row, column = (each.ravel() for each in np.mgrid[:rows, :columns])
     u, v = (column + 0.5) / columns, 1 - (row + 0.5) / rows
-    monkeypatch.setattr(textures, "hits_of", lambda *_: SimpleNamespace(
+    monkeypatch.setattr(surface_textures, "hits_of", lambda *_: SimpleNamespace(
         uv=np.column_stack([u, v]), point=np.column_stack([u * columns, v * rows, 0 * u])))
     scene = SimpleNamespace(
         crop=SimpleNamespace(rows=slice(0, rows), columns=slice(0, columns)),
@@ -212,11 +213,12 @@ def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(tmp_path, monke
         unit=SimpleNamespace(scene=None))
     seen, mean = np.full(rows * columns, SEEN), np.full((rows * columns, 61), 0.5)
     mean[:, 0], mean[:, 1] = row / 16, column / 16
-    made = textures.Textures(scene, seen.reshape(shape), KeptWavelengths(5, full=True))
+    layout = PictureLayout(5, full=True)
+    made = surface_textures.TextureSums(scene, seen.reshape(shape), layout)
     for first in range(0, rows, 2):         # some rows at a time
         part = slice(first * columns, (first + 2) * columns)
         made.add(first, first + 2, PhotoSpectra(mean[part], mean[part], None, seen[part], None))
-    made.write(tmp_path)
+    write_textures(made.textures(), layout, tmp_path)
     picture, nm = _read(str(tmp_path / "texture-wall.exr"))
     np.testing.assert_array_equal(nm, PRIOR_GRID.nm)
     np.testing.assert_array_equal(picture, mean.reshape(*shape, 61))    # sixteenths

@@ -7,7 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from flat_example import write_flat
-from sampling_cameras import surface
+from shaded_images import CAMERA, LIGHT, shaded_image, write_image
 
 from spectrabox.capture.photo.image_rows import exr_rows, open_rows
 from spectrabox.measure.pictures import pixel_spectra
@@ -20,31 +20,16 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
 from spectrabox.session.pipeline import run_stages
-from spectrabox.session.signals.signal_options import response_of_names
 from spectrabox.session.store.store import load_stage
 
 zarr = pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
-CAMERA, LIGHT, HEIGHT, WIDTH = "Nikon 5100 (NPL)", "D65", 150, 90
+HEIGHT, WIDTH = 150, 90
 NM = np.array([400.0, 500.0, 700.0])
 
 
 @pytest.fixture(scope="module")
 def image():
-    """Signals (H, W, 3) of a few surfaces under light that falls off, exact in half floats."""
-    response = response_of_names(CAMERA, LIGHT)
-    surfaces = np.array([response @ surface(PRIOR_GRID.nm, seed) for seed in range(6)])
-    shade = np.linspace(0.5, 1, HEIGHT)[:, None, None]
-    return (surfaces[np.arange(WIDTH) % 6] * shade).astype(np.float16).astype(np.float32)
-
-
-def write_picture(path, image, tile=None, kind="half"):
-    """A TIFF or EXR of scan lines, or of tiles (height, width)."""
-    spec = oiio.ImageSpec(image.shape[1], image.shape[0], 3, kind)
-    if tile:
-        spec.tile_height, spec.tile_width = tile
-    file = oiio.ImageOutput.create(str(path))
-    assert file.open(str(path), spec) and file.write_image(image) and file.close()
-    return path
+    return shaded_image(HEIGHT, WIDTH)
 
 
 def write_zarr(path, image, chunks, **more):
@@ -67,9 +52,9 @@ def stored(path):
 
 
 INPUTS = {
-    "tiles of 64": lambda path, image: write_picture(path.with_suffix(".exr"), image, (64, 64)),
-    "flat tiles": lambda path, image: write_picture(path.with_suffix(".exr"), image, (16, 32)),
-    "TIFF of tiles": lambda path, image: write_picture(path.with_suffix(".tif"), image, (32, 16),
+    "tiles of 64": lambda path, image: write_image(path.with_suffix(".exr"), image, (64, 64)),
+    "flat tiles": lambda path, image: write_image(path.with_suffix(".exr"), image, (16, 32)),
+    "TIFF of tiles": lambda path, image: write_image(path.with_suffix(".tif"), image, (32, 16),
                                                        "float"),
     "Zarr": lambda path, image: write_zarr(path.with_suffix(".zarr"), image, (40, 40, 3)),
     "Zarr of one band a chunk": lambda path, image: write_zarr(
@@ -81,7 +66,7 @@ INPUTS = {
 @pytest.fixture(scope="module")
 def of_scan_lines(image, tmp_path_factory):
     folder = tmp_path_factory.mktemp("lines")
-    return answer(folder / "out", write_picture(folder / "picture.exr", image), "exr")
+    return answer(folder / "out", write_image(folder / "picture.exr", image), "exr")
 
 
 @pytest.mark.parametrize("form", INPUTS)
@@ -99,7 +84,7 @@ def test_tiles_and_chunks_hold_what_scan_lines_hold(form, rows, image, of_scan_l
     monkeypatch.setattr(pixel_spectra, "PIXELS_AT_ONCE", 1)
     monkeypatch.setattr(zarr_array, "CHUNK_PX", 32)
     monkeypatch.setattr(zarr_array, "CHUNKS_A_SHARD", 2)
-    path = write_picture(tmp_path / "picture.exr", image, (64, 64))
+    path = write_image(tmp_path / "picture.exr", image, (64, 64))
     mean, spread = answer(tmp_path / "out", path, form)
     colours = 3 if form == "zarr" else 0    # of viewers of EXR alone
     np.testing.assert_array_equal(mean, of_scan_lines[0][..., colours:])
@@ -203,7 +188,7 @@ def test_without_zarr_the_answer_is_what_to_install(tmp_path, monkeypatch, image
 
 
 def test_a_cut_tile_file_is_one_sentence(tmp_path, image):
-    path = write_picture(tmp_path / "a.tif", image, (32, 16), "float")
+    path = write_image(tmp_path / "a.tif", image, (32, 16), "float")
     path.write_bytes(path.read_bytes()[:20_000])
     with pytest.raises(InputError):
         rows = open_rows(path)

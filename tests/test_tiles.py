@@ -6,24 +6,21 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
-from sampling_cameras import surface
+from shaded_images import CAMERA, LIGHT, shaded_image, write_image
 from typer.testing import CliRunner
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.files import UNFINISHED
-from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.batch.pool import Finished, Lost
 from spectrabox.session.batch.workers import open_workers
 from spectrabox.session.cli import app
 from spectrabox.session.pictures import shared_uplift as tiles
 from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
 from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
-from spectrabox.session.signals.signal_options import response_of_names
 
 pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
-CAMERA, LIGHT, HEIGHT, WIDTH, TASKS = "Nikon 5100 (NPL)", "D65", 400, 70, 4
+HEIGHT, WIDTH, TASKS = 400, 70, 4
 # Dask closes sockets and event loops when they are collected
 DASK = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning",
                                   "ignore::pytest.PytestUnraisableExceptionWarning")
@@ -31,21 +28,9 @@ DASK = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::Deprecatio
 
 @pytest.fixture(scope="module")
 def image(tmp_path_factory):
-    """A picture in tiles, of a few surfaces under light that falls off."""
-    matrix = response_of_names(CAMERA, LIGHT)
-    surfaces = np.array([matrix @ surface(PRIOR_GRID.nm, each) for each in range(6)])
-    shade = np.linspace(0.5, 1, HEIGHT)[:, None, None]
-    return write_tiles(tmp_path_factory.mktemp("picture") / "picture.exr",
-                       surfaces[np.arange(WIDTH) % 6] * shade)
-
-
-def write_tiles(path, pixels):
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "half")
-    spec.tile_height = spec.tile_width = 64
-    file = oiio.ImageOutput.create(str(path))
-    assert file.open(str(path), spec)
-    assert file.write_image(pixels.astype(np.float32)) and file.close()
-    return path
+    """A picture in tiles."""
+    return write_image(tmp_path_factory.mktemp("picture") / "picture.exr",
+                       shaded_image(HEIGHT, WIDTH), (64, 64))
 
 
 @pytest.fixture(autouse=True)
@@ -226,14 +211,15 @@ def test_another_picture_begins_anew(image, tmp_path, inline):
     (before,) = tmp_path.glob(f"{UNFINISHED}tiles-*")
     pixels = np.full((HEIGHT, WIDTH, 3), 0.25)
     pool = inline()
-    made = answer(write_tiles(tmp_path / "other.exr", pixels), tmp_path)
+    made = answer(write_image(tmp_path / "other.exr", pixels, (64, 64)), tmp_path)
     assert made["done_before"] == 0 and len(pool.written) == TASKS
     assert not before.exists()
 
 
 def test_a_second_picture_takes_the_place_of_the_first(image, expected, tmp_path, inline):
     inline()
-    for path in (write_tiles(tmp_path / "p.exr", np.full((HEIGHT, WIDTH, 3), 0.25)), image):
+    grey = write_image(tmp_path / "p.exr", np.full((HEIGHT, WIDTH, 3), 0.25), (64, 64))
+    for path in (grey, image):
         answer(path, tmp_path)
     (tmp_path / "p.exr").unlink()
     assert contents(tmp_path) == expected
@@ -253,7 +239,7 @@ def test_rows_that_are_wrong_end_the_command_with_their_sentence(tmp_path, inlin
     pixels[300, 3, 1] = np.nan
     inline()
     with pytest.raises(SpectraboxError, match="values that are NaN") as refused:
-        answer(write_tiles(tmp_path / "nan.exr", pixels), tmp_path / "out")
+        answer(write_image(tmp_path / "nan.exr", pixels, (64, 64)), tmp_path / "out")
     assert refused.value.exit_code == InputError.exit_code
 
 

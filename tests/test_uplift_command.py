@@ -2,29 +2,26 @@
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from sampling_cameras import surface
+from shaded_images import CAMERA, LIGHT, shaded_image, write_image
 from spectral.io import envi
 
 from spectrabox.capture.photo import image_rows
 from spectrabox.capture.photo.image_files import read_linear_file, write_exr
 from spectrabox.capture.photo.image_rows import exr_rows, open_rows
 from spectrabox.measure.pictures import pixel_spectra
+from spectrabox.measure.pictures.uplift import uplift_image
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.uplift_table import build_table, uplift_directly, uplift_pixels
 from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
 from spectrabox.session.signals.signal_options import response_of_names
 
-CAMERA, LIGHT, SIDE = "Nikon 5100 (NPL)", "D65", 5
+SIDE = 5
 HALF, SINGLE = 2.0**-11, 2.0**-24       # relative rounding of half and single floats
 
 
 def picture(height=70, width=24):
-    """Signals (H, W, 3) of a few surfaces under light that falls off."""
-    response = response_of_names(CAMERA, LIGHT)
-    surfaces = np.array([response @ surface(PRIOR_GRID.nm, seed) for seed in range(6)])
-    shade = np.linspace(0.5, 1, height)[:, None, None]
-    return (surfaces[np.arange(width) % 6] * shade).astype(np.float32)
+    return shaded_image(height, width)
 
 
 def answer(folder, image, **options):
@@ -81,17 +78,16 @@ def test_envi_images_hold_the_same_spectra(tmp_path):
         np.testing.assert_array_equal(shown, layers(exr[name])[0])
 
 
-@pytest.mark.parametrize("rows", [1, 16, 48])
-def test_what_is_written_does_not_depend_on_how_many_rows_are_read_at_once(tmp_path, rows,
-                                                                           monkeypatch):
-    image = picture()
-    whole = {name: stored(answer(tmp_path, image)[name])[0] for name in ("mean",
-                                                                        "standard_deviation")}
-    monkeypatch.setattr(pixel_spectra, "ROWS_PER_BLOCK", rows)
+@pytest.mark.parametrize("height", [3, 70])
+def test_an_image_in_memory_gives_what_the_files_hold(tmp_path, height, monkeypatch):
+    """Few pixels one by one, and more of them from a table, however many rows are read at once."""
+    image = picture(height)
+    facts = answer(tmp_path, image, full=True)
+    monkeypatch.setattr(pixel_spectra, "ROWS_PER_BLOCK", 1)
     monkeypatch.setattr(pixel_spectra, "PIXELS_AT_ONCE", 1)
-    facts = answer(tmp_path, image)
-    for name, values in whole.items():
-        np.testing.assert_array_equal(stored(facts[name])[0], values)
+    arrays = uplift_image(image, response_of_names(CAMERA, LIGHT), load_prior(), side=SIDE)
+    for name, values in zip(("mean", "standard_deviation"), arrays, strict=True):
+        np.testing.assert_array_equal(values, layers(facts[name])[0])
 
 
 def test_pixels_beyond_white_are_counted(tmp_path):
@@ -120,11 +116,7 @@ def test_a_picture_of_other_bands_is_an_error(tmp_path):
 @pytest.mark.parametrize("kind", ["uint16", "half", "float"])
 def test_rows_are_those_of_the_whole_picture(tmp_path, kind):
     path = tmp_path / ("picture.tif" if kind == "uint16" else "picture.exr")
-    spec = oiio.ImageSpec(24, 70, 3, kind)
-    file = oiio.ImageOutput.create(str(path))
-    assert file.open(str(path), spec)
-    assert file.write_image(picture())
-    assert file.close()
+    write_image(path, picture(), kind=kind)
     rows, whole = open_rows(path), read_linear_file(path).signal
     assert (rows.height, rows.width, rows.bands) == whole.shape
     read = np.concatenate([rows.read(0, 33), rows.read(33, 70)])

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.radiometry.light_scale import scale_from_signals
 from spectrabox.radiometry.records import LightScale, SurfaceAgreement
 from spectrabox.reconstruct.agreement import SCALE_ERROR, surface_covariance
-from spectrabox.session.pictures.traced_photo import TracedPhoto
 
 MIN_NODES = 8   # of a surface that is compared
 

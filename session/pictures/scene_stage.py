@@ -10,14 +10,15 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from spectrabox.calibrate.geometry.lens_files import read_lens
 from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.measure.pictures.crop import crop_of
+from spectrabox.measure.pictures.surface_textures import TextureSums
+from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.pixels.pixel_light import trace_pixel_light
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.pictures.picture_files import layout_of, write_picture
 from spectrabox.session.pictures.scene_light import converge_light
-from spectrabox.session.pictures.textures import Textures
-from spectrabox.session.pictures.traced_photo import TracedPhoto
+from spectrabox.session.pictures.texture_files import write_textures
 from spectrabox.session.stages.reconstruct_stage import drift_of, glare_error, views_of
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import calibrations_of, joint_of
@@ -49,12 +50,13 @@ def picture_of_scene(task: StageTask) -> dict[str, Any]:
     light = converge_light(scene, lambda share: task.progress(TRACED + (LIT - TRACED) * share,
                                                               "light from other surfaces"))
     assert light.photo.flags is not None
-    textures = Textures(scene, light.photo.flags, layout_of(section))
+    sums = TextureSums(scene, light.photo.flags, layout_of(section))
     written = write_picture(light.photo, section, task.folder,
                             lambda share: task.progress(LIT + (1 - LIT) * share, ""),
-                            textures.add)
-    files = (*written["files"], *textures.write(task.folder))
-    return written | {"notes": (light.sentence, *textures.notes), "files": files,
+                            sums.add)
+    files = (*written["files"],
+             *write_textures(sums.textures(), layout_of(section), task.folder))
+    return written | {"notes": (light.sentence, *sums.notes), "files": files,
                       "rounds": np.array(light.changes)}
 
 

@@ -111,7 +111,7 @@ def write_spectra(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]],
         "mean" and "standard_deviation" to their files.
     """
     paths = layout.paths(folder)
-    write_blocks(blocks, size, folder, [_layer_rows(name, path, size, layout)
+    write_blocks(blocks, size, folder, [layer_rows(name, path, size, layout)
                                         for name, path in paths.items()], progress)
     return paths
 
@@ -129,9 +129,19 @@ def write_blocks(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]], size
 
 
 @contextlib.contextmanager
-def _layer_rows(name: str, path: Path, size: tuple[int, int],
-                layout: PictureLayout) -> Iterator[WriteRows]:
-    """A function that writes the next rows of the mean or of the standard deviation."""
+def layer_rows(name: str, path: Path, size: tuple[int, int],
+               layout: PictureLayout) -> Iterator[WriteRows]:
+    """A function of (first row, pixels) that writes the next rows of the mean or of the standard
+    deviation.
+
+    Parameters
+    ----------
+    name : str
+        "mean" or "standard_deviation".
+    path : Path
+    size : (height, width)
+    layout : PictureLayout
+    """
     nm, half = layout.nm[name == DEVIATION], not layout.full
     words = name.replace("_", " ") + (" of the" if name == DEVIATION else "")
     with contextlib.ExitStack() as stack:

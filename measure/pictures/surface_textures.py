@@ -1,0 +1,169 @@
+"""Spectra of pixels collected in the texture coordinates of the surfaces that they show.
+
+A texel is as large as the finest pixels, and has the mean of the pixels that show it; holes between
+these are filled from the nearest texel. Beyond, the mean is that of the surface, and the standard
+deviation NaN. Surfaces whose parts share texture coordinates, as the faces of a cube do, have a
+texture only where one part is seen.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+from scipy.sparse import csr_array
+
+from spectrabox.measure.pictures.lit_photo import PhotoSpectra
+from spectrabox.measure.pictures.pixel_flags import SEEN
+from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths
+from spectrabox.measure.pictures.traced_photo import TracedPhoto
+from spectrabox.reconstruct.scene.surfaces import hits_of
+
+MAX_TEXELS = 8192           # along a side
+MIN_PIXELS = 16             # of a surface that gets a texture
+APART = 8.0                 # pixels: texels whose pixels lie further apart show several parts
+MAX_APART = 0.02            # share of the texels, at creases
+FINEST = 10                 # percentile of the pixels' sizes, which is the size of texels
+HOLE = 6.0                  # texels from one that is seen: filled from there
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceTexture:
+    """The texture (h, w) of one surface."""
+
+    surface: str
+    bsdf: str
+    shape: tuple[int, int]
+    mean: Callable[[int, int], np.ndarray]                  # (first, last) -> (last - first, w, P)
+    standard_deviation: Callable[[int, int], np.ndarray]    # (first, last) -> (last - first, w, Q)
+
+
+@dataclass(frozen=True, eq=False)
+class _Texels:
+    """The texels of one surface that pixels show."""
+
+    surface: str
+    bsdf: str
+    texel: np.ndarray           # (t,) of those that pixels show, ascending
+    shape: tuple[int, int]
+    first: int                  # of the t among those of all textures
+
+
+class TextureSums:
+    """Sums over the pixels of each texel, of all surfaces of unknown materials.
+
+    Parameters
+    ----------
+    scene : TracedPhoto
+    flags : (H, W) array
+        Of pixel_flags.py.
+    kept : KeptWavelengths
+    """
+
+    def __init__(self, scene: TracedPhoto, flags: np.ndarray, kept: KeptWavelengths) -> None:
+        crop, view = scene.crop, scene.view
+        self.notes: tuple[str, ...] = ()
+        surface = scene.traced.nodes.surface[crop.rows, crop.columns]
+        unknown = [number for number, name in enumerate(view.surface_materials)
+                   if name not in view.known]
+        row, column = np.nonzero(np.isin(surface, unknown) & (flags == SEEN))
+        hits = hits_of(scene.unit.scene, view.size, row + crop.rows.start,
+                       column + crop.columns.start)
+        surface_of = surface[row, column]
+        pairs = _neighbours(row, column, surface_of, surface.shape)
+        self._texel = np.full(surface.shape, -1, np.int32)      # of each pixel, among all shown
+        self._surfaces: list[_Texels] = []
+        shared, names, total = [], list(view.scene_file.surfaces.items()), 0
+        for number in unknown:
+            own = np.flatnonzero(surface_of == number)
+            neighbours = pairs[surface_of[pairs[:, 0]] == number]
+            uv = hits.uv[own]
+            if own.size < MIN_PIXELS or not neighbours.size or np.ptp(uv, axis=0).min() == 0:
+                continue
+            apart = np.linalg.norm(hits.point[neighbours[:, 0]] - hits.point[neighbours[:, 1]],
+                                   axis=1)
+            rows, columns = (_texels_along(np.abs(np.diff(hits.uv[neighbours, axis])[:, 0]))
+                             for axis in (1, 0))
+            # v runs upwards, rows downwards
+            texel = np.clip(((1 - uv[:, 1]) * rows).astype(int), 0, rows - 1) * columns \
+                + np.clip((uv[:, 0] * columns).astype(int), 0, columns - 1)
+            shown, inverse = np.unique(texel, return_inverse=True)
+            if _shows_several_parts(inverse, hits.point[own], float(np.median(apart))):
+                shared.append(names[number][0])
+                continue
+            self._texel[row[own], column[own]] = total + inverse
+            self._surfaces.append(_Texels(*names[number], shown, (rows, columns), total))
+            total += shown.size
+        self._count = np.zeros(total, np.int32)
+        self._sums = tuple(np.zeros((total, nm.size), np.float32) for nm in kept.nm)
+        if shared:
+            self.notes = (f"no texture of {', '.join(shared)}: several of their parts in the "
+                          "photo share texture coordinates",)
+
+    def add(self, first: int, last: int, spectra: PhotoSpectra) -> None:
+        """Add the spectra of rows ``first`` to ``last``."""
+        texel = self._texel[first:last].ravel()
+        some = np.flatnonzero((texel >= 0) & (spectra.flags == SEEN))
+        texels, inverse, count = np.unique(texel[some], return_inverse=True, return_counts=True)
+        of_texel = csr_array((np.ones(some.size, np.float32), (inverse, some)),
+                             (texels.size, texel.size))
+        self._count[texels] += count.astype(np.int32)
+        for sums, values in zip(self._sums, (spectra.mean, spectra.standard_deviation),
+                                strict=True):
+            sums[texels] += of_texel @ values
+
+    def textures(self) -> Iterator[SurfaceTexture]:
+        """The textures of the surfaces that the pixels showed."""
+        for each in self._surfaces:
+            own = slice(each.first, each.first + each.texel.size)
+            seen = self._count[own] > 0
+            if not seen.any():
+                continue
+            count = self._count[own][seen, None].astype(np.float32)
+            mean, deviation = (sums[own][seen] / count for sums in self._sums)
+            index = np.full(each.shape, -1, np.int32)
+            index.ravel()[each.texel[seen]] = np.arange(len(count))
+            away, at = distance_transform_edt(index < 0, return_indices=True)
+            nearest, beyond = index[tuple(at)], away > HOLE
+
+            def rows_of(values: np.ndarray, filler: np.ndarray | float,
+                        nearest: np.ndarray = nearest, beyond: np.ndarray = beyond
+                        ) -> Callable[[int, int], np.ndarray]:
+                def rows(first: int, last: int) -> np.ndarray:
+                    block = values[nearest[first:last]]
+                    block[beyond[first:last]] = filler
+                    return block
+                return rows
+
+            yield SurfaceTexture(each.surface, each.bsdf, each.shape,
+                                 rows_of(mean, mean.mean(axis=0)), rows_of(deviation, np.nan))
+
+
+def _neighbours(row: np.ndarray, column: np.ndarray, surface: np.ndarray,
+                shape: tuple[int, ...]) -> np.ndarray:
+    """Pairs (m, 2) of neighbouring pixels (n,) of one surface, by their numbers."""
+    number = np.full(shape, -1, np.int32)
+    number[row, column] = np.arange(row.size)
+    pairs = np.vstack([np.column_stack([one.ravel(), other.ravel()]) for one, other in (
+        (number[:, :-1], number[:, 1:]), (number[:-1], number[1:]))])
+    pairs = pairs[(pairs >= 0).all(axis=1)]
+    return np.asarray(pairs[surface[pairs[:, 0]] == surface[pairs[:, 1]]])
+
+
+def _texels_along(steps: np.ndarray) -> int:
+    """Texels along a side, of the steps (n,) between pixels across and down: as fine as the finest
+    pixels, of those that do go along it.
+    """
+    along = steps[steps > steps.max() / 10]
+    return int(np.clip(round(1 / max(float(np.percentile(along, FINEST)), 1e-9)), 1, MAX_TEXELS))
+
+
+def _shows_several_parts(texel: np.ndarray, point: np.ndarray, pixel: float) -> bool:
+    """Whether some of the texels 0 to t - 1 are shown (n,) by points (n, 3) far from each other."""
+    count = np.bincount(texel)
+    middle = np.column_stack([np.bincount(texel, axis) for axis in point.T]) / count[:, None]
+    off = np.linalg.norm(point - middle[texel], axis=1)
+    worst = np.zeros(count.size)
+    np.maximum.at(worst, texel, off)
+    return bool(np.mean(worst > APART * pixel) > MAX_APART)

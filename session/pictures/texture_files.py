@@ -1,0 +1,61 @@
+"""Textures of surfaces as files for Mitsuba.
+
+``texture-NAME.exr`` holds the mean in the layout of ``mean.exr``, for the texture
+``spectral_picture`` (reconstruct/rendering/spectral_texture.py), and
+``texture-NAME-standard_deviation.exr`` its standard deviation; ``textures.xml`` has BSDFs that name
+them.
+"""
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from spectrabox.measure.pictures.pixel_spectra import row_blocks
+from spectrabox.measure.pictures.surface_textures import SurfaceTexture
+from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.system.names import file_stem
+from spectrabox.reconstruct.rendering.spectral_texture import NAME
+from spectrabox.session.pictures.spectra_files import DEVIATION, MEAN, PictureLayout, layer_rows
+
+XML = "textures.xml"
+
+
+def write_textures(textures: Iterable[SurfaceTexture], layout: PictureLayout,
+                   folder: Path) -> tuple[str, ...]:
+    """Write textures, and the BSDFs that name them.
+
+    Parameters
+    ----------
+    textures : iterable of SurfaceTexture
+    layout : PictureLayout
+        Of the picture; textures are EXR whatever its format.
+    folder : Path
+
+    Returns
+    -------
+    tuple of str
+        Names of the files.
+    """
+    files: list[str] = []
+    root = ET.Element("scene", version="3.0.0")
+    layout = replace(layout, form="exr")
+    for texture in textures:
+        stem = f"texture-{file_stem(texture.surface)}"
+        for name, rows, file in ((MEAN, texture.mean, f"{stem}.exr"),
+                                 (DEVIATION, texture.standard_deviation,
+                                  f"{stem}-{DEVIATION}.exr")):
+            with layer_rows(name, folder / file, texture.shape, layout) as write:
+                for first, last in row_blocks(*texture.shape):
+                    write(first, rows(first, last))
+            files.append(file)
+        bsdf = ET.SubElement(root, "bsdf", type="diffuse",
+                             id=f"{texture.bsdf} of {texture.surface}")
+        spectra = ET.SubElement(bsdf, "texture", name="reflectance", type=NAME)
+        ET.SubElement(spectra, "string", name="filename", value=f"{stem}.exr")
+    if files:
+        ET.indent(root)
+        write_text_whole(folder / XML, ET.tostring(root, encoding="unicode") + "\n")
+        files.append(XML)
+    return tuple(files)
