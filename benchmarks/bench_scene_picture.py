@@ -38,6 +38,7 @@ from spectrabox.fixtures.painted_box import (
     write_chart_session,
 )
 from spectrabox.fixtures.paints import NM, paint
+from spectrabox.measure.pictures import scene_light
 from spectrabox.measure.pictures.lit_photo import LitPhoto
 from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
@@ -45,7 +46,7 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.prior.uplift_table import uplift_signals
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.flat.signals_stage import response_of
-from spectrabox.session.pictures import scene_light, scene_stage
+from spectrabox.session.pictures import scene_stage
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.stages.inputs import GRID as FINE
 from spectrabox.session.stages.stored_records import calibrations_of

@@ -11,17 +11,17 @@ from scipy.sparse import csr_array
 from test_light_drift import photo
 from test_posterior_laws import SMOOTH, mixture_of
 
+from spectrabox.measure.pictures import reference_surfaces as references
+from spectrabox.measure.pictures import scene_light
 from spectrabox.measure.pictures.crop import Crop
 from spectrabox.measure.pictures.illumination import Illumination, light_adaptation
 from spectrabox.measure.pictures.lit_photo import GREY, LitPhoto
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
+from spectrabox.measure.pictures.reference_surfaces import ReferenceSurfaces
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.pixels.light_nodes import LightNodes
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, reflectance_moments
-from spectrabox.session.pictures import reference_surfaces as references
-from spectrabox.session.pictures import scene_light
-from spectrabox.session.pictures.reference_surfaces import ReferenceSurfaces
 
 GRID = visible_grid()
 

@@ -18,6 +18,7 @@ from spectrabox.fixtures.painted_box import (
     write_picture_demo,
 )
 from spectrabox.fixtures.paints import NM
+from spectrabox.measure.pictures import scene_light
 from spectrabox.measure.pictures.pixel_flags import EDGE, PENUMBRA, SEEN
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import products
@@ -29,7 +30,7 @@ from spectrabox.sampling.prior.uplift_table import uplift_signals
 from spectrabox.session.check import preflight_check
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pictures import scene_light, scene_stage
+from spectrabox.session.pictures import scene_stage
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.run_outputs import rewritten_outputs
 from spectrabox.session.stages.inputs import OpenPhotos

@@ -12,8 +12,7 @@ from test_session_laws import drift, views
 
 from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.measure.chart_check import patches_without
-from spectrabox.measure.pictures import illumination, surface_textures
-from spectrabox.measure.pictures.crop import Crop
+from spectrabox.measure.pictures import illumination, reference_surfaces, surface_textures
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
@@ -21,8 +20,7 @@ from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.batch import needs, processes
-from spectrabox.session.pictures import flat_stage as flat
-from spectrabox.session.pictures import reference_surfaces
+from spectrabox.session.flat.white_at_regions import PhotoWhite
 from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.texture_files import write_textures
 from spectrabox.session.report.verdict import Status, _between_photos, _clipped
@@ -226,40 +224,27 @@ def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(tmp_path, monke
 
 # ---- white at every pixel of flat samples --------------------------------------------------------
 
-def test_errors_of_white_at_a_pixel_are_those_of_level_field_and_exposure_together(monkeypatch):
-    """Against the linear map from all unknowns to the logarithm of white and the glare."""
-    bands, regions, count, causes = 3, 2, 48, 2
-    size = 2 * bands + regions + count + causes
+def test_errors_of_white_and_glare_are_those_of_small_changes_of_all_unknowns():
+    """Against differences of the logarithm of white and of the glare by each unknown."""
+    bands, step = 3, 1e-4
+    field = np.array([-0.1, 0.0, 0.05, 0.2])
+    size = 2 * bands + field.size + 2
     root = 0.01 * np.random.default_rng(84).standard_normal((size, 2 * size))
-    total = root @ root.T
-    found = SimpleNamespace(
-        glare=np.full(bands, 0.01), covariance=total, mean=np.zeros(size),
-        white=np.ones((regions + count, bands)),
-        samples=SimpleNamespace(names=tuple(map(str, range(regions + count)))))
-    kept = {}
-    monkeypatch.setattr(flat, "COLUMNS", 8)
-    monkeypatch.setattr(flat, "white_of_photo", lambda *_: found)
-    monkeypatch.setattr(flat, "response_of", lambda *_: np.ones((bands, 301)))
-    monkeypatch.setattr(flat, "drift_of", lambda *_: None)
-    monkeypatch.setattr(flat, "calibrations_of", lambda *_: [None])
-    monkeypatch.setattr(flat, "photo_of",
-                        lambda *_: SimpleNamespace(signal=np.ones((2, 2, bands))))
-    monkeypatch.setattr(flat, "model_error", lambda *_: SimpleNamespace(
-        among_bands=lambda bands: np.zeros((bands, bands))))
-    monkeypatch.setattr(flat, "even_light", lambda *_: None)
-    monkeypatch.setattr(flat, "PixelErrors", lambda between, white, *_: kept.update(white=white))
-    task = SimpleNamespace(stored=None, config=SimpleNamespace(
-        all_views=[SimpleNamespace(name="")], stray_light=SimpleNamespace(glare=0.01)))
-    flat.pixel_errors(task, Crop(slice(0, 3), slice(0, 3), (0.0, 0.0, 80.0, 60.0), 1.0), None)
-    for node in range(count):
-        rows = np.zeros((2 * bands, size))
-        rows[:, :2 * bands] = np.eye(2 * bands)
-        rows[:bands, 2 * bands + regions + node] = 1
-        rows[:bands, 2 * bands + regions + count:] = 1
-        expected = rows @ total @ rows.T
-        np.testing.assert_allclose(kept["white"].log[node], expected[:bands, :bands], atol=1e-12)
-        np.testing.assert_allclose(kept["white"].log_and_glare[node], expected[:bands, bands:],
-                                   atol=1e-12)
+    white = PhotoWhite(
+        SimpleNamespace(names=tuple("abcd")),
+        SimpleNamespace(level=np.array([0.6, 0.8, 0.5]), field=field), 1.3,
+        np.full(bands, 0.01), ("shutter", "lamp"), np.zeros(size), root @ root.T)
+
+    def at(mean, region):
+        moved = dataclasses.replace(white, mean=mean)
+        return np.r_[np.log(moved.white[region]), moved.glare + moved.mean[bands:2 * bands]]
+
+    for region in range(field.size):
+        slopes = np.array([(at(change, region) - at(-change, region)) / (2 * step)
+                           for change in step * np.eye(size)]).T
+        # linear: round-off over the step, 1e-12
+        np.testing.assert_allclose(white.white_and_glare(region),
+                                   slopes @ white.covariance @ slopes.T, rtol=1e-8, atol=1e-14)
 
 
 def test_what_repeating_light_costs_is_its_share_in_the_mean_and_of_the_worst():

@@ -1,12 +1,14 @@
 """The rectangle of a photo that a picture of spectra shows."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_array, kron
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import LinearImage
 
 
@@ -66,3 +68,28 @@ def crop_photo(photo: LinearImage, crop: Crop) -> LinearImage:
     return replace(photo, signal=photo.signal[rows, columns],
                    variance=photo.variance[rows, columns],
                    saturated=photo.saturated[rows, columns])
+
+
+def node_grid(crop: Crop, columns: int) -> tuple[np.ndarray, Callable[[int, int], csr_array]]:
+    """Nodes on a coarse grid over a crop, and how its pixels lie between them.
+
+    Parameters
+    ----------
+    crop : Crop
+    columns : int
+        Of the nodes; rows are as far apart.
+
+    Returns
+    -------
+    nodes_px : (N, 2) array
+        x and y in the photo's pixels, row by row.
+    between : function of (first row, last row)
+        Weights (n, N) of the nodes at the pixels of rows of the crop: linear interpolation.
+    """
+    left, top, right, bottom = crop.corners_px
+    x_px = np.linspace(left, right, columns)
+    y_px = np.linspace(top, bottom, max(round(columns * (bottom - top) / (right - left)), 2))
+    across, down = (csr_array(interpolation_matrix(nodes, np.clip(at, nodes[0], nodes[-1])))
+                    for nodes, at in ((x_px, crop.x_px), (y_px, crop.y_px)))
+    return (np.stack(np.meshgrid(x_px, y_px), axis=-1).reshape(-1, 2),
+            lambda first, last: kron(down[first:last], across, format="csr"))

@@ -20,6 +20,7 @@ from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK
 from spectrabox.sampling.prior.low_rank import LowRank, stated_errors
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.uplift_table import (
+    MapParts,
     Progress,
     Uplifted,
     UpliftTable,
@@ -222,7 +223,8 @@ class SpectraPlan:
 
 def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
                  low_rank: LowRank | None = None,
-                 progress: Progress = lambda share: None) -> SpectraPlan:
+                 progress: Progress = lambda share: None,
+                 map_parts: MapParts = map) -> SpectraPlan:
     """The plan of a picture all of whose rows have been surveyed.
 
     Parameters
@@ -234,6 +236,8 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
     low_rank : LowRank, optional
         Of sources with one light and errors of one level.
     progress : function of the share that is done
+    map_parts : function of (function, iterable), optional
+        As ``map``; of a pool of threads, the tables are computed on several cores.
     """
     height, width, bands = source.size
     points = int(survey.points.sum())
@@ -247,7 +251,7 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
         made = build_tables(
             source.prior, source.responses[light], partial(source.table_errors, light), wanted,
             lambda share, done=done, own=own: progress(     # type: ignore[misc]
-                (done + share * own) / points))
+                (done + share * own) / points), map_parts)
         smallest, *larger = (_columns(table, kept, novelty=low_rank is None) for table in made)
         tables.append(LightTable(made[0].row, smallest, larger[0] - smallest if larger else None))
         done += own

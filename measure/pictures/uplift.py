@@ -25,6 +25,7 @@ from spectrabox.sampling.prior.low_rank import low_rank
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.uplift_table import (
     SIDE,
+    MapParts,
     Progress,
     Uplifted,
     relative_errors,
@@ -72,8 +73,8 @@ class ImageSource:
 
 
 def plan_image(source: ImageSource, kept: KeptWavelengths, survey: Survey,
-               coefficients: int | None = None,
-               progress: Progress = lambda share: None) -> SpectraPlan:
+               coefficients: int | None = None, progress: Progress = lambda share: None,
+               map_parts: MapParts = map) -> SpectraPlan:
     """The plan of an image all of whose rows have been surveyed.
 
     Parameters
@@ -85,6 +86,8 @@ def plan_image(source: ImageSource, kept: KeptWavelengths, survey: Survey,
     coefficients : int, optional
         Of a low rank, for each pixel in place of its spectra.
     progress : function of the share that is done
+    map_parts : function of (function, iterable), optional
+        As of ``plan_spectra``.
 
     Raises
     ------
@@ -94,13 +97,14 @@ def plan_image(source: ImageSource, kept: KeptWavelengths, survey: Survey,
     low = None if coefficients is None else low_rank(
         source.prior, source.relative_response, source.noise, coefficients, kept.mean,
         kept.deviation)
-    return plan_spectra(source, kept, survey, low, progress=progress)
+    return plan_spectra(source, kept, survey, low, progress, map_parts)
 
 
 def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: LogitMixture,
                  noise: float = 0.01, *, white: np.ndarray | None = None,
                  kept: KeptWavelengths | None = None, side: int = SIDE,
-                 progress: Progress = lambda share: None) -> tuple[np.ndarray, np.ndarray]:
+                 progress: Progress = lambda share: None,
+                 map_parts: MapParts = map) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation of the spectrum behind every pixel of an image in memory.
 
     Parameters
@@ -119,6 +123,8 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: LogitM
     side : int
         Points of the table along each axis, odd and at least 3.
     progress : function of the share of the table that is done
+    map_parts : function of (function, iterable), optional
+        As of ``plan_spectra``.
 
     Returns
     -------
@@ -139,7 +145,8 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: LogitM
         relative_response, prior, noise, side)
     blocks = row_blocks(height, width)
     plan = plan_image(source, kept or KeptWavelengths(5, full=True),
-                      merge_surveys(survey_rows(source, *rows) for rows in blocks), None, progress)
+                      merge_surveys(survey_rows(source, *rows) for rows in blocks), None, progress,
+                      map_parts)
     parts = zip(*(plan.split(plan.values(source, source.block(*rows))) for rows in blocks),
                 strict=True)
     mean, deviation = (np.concatenate(part, dtype=np.float32).reshape(height, width, -1)

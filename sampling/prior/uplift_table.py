@@ -8,9 +8,10 @@ interpolation costs. More than three bands are computed pixel by pixel.
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -29,12 +30,13 @@ from spectrabox.sampling.prior.mixture_posterior import (
 SIDE = 25                   # odd, so that grey is on the lattice
 MIN_ROOT = 0.12  # cube root of the darkest middle band; darker signals are taken for as dark
 BEND, MAX_LOG_RATIO = 0.3, 2.6   # log ratio at which the lattice widens, and the largest one
-BATCH = 200                 # signals; few are halved, or one core would have them all
+BATCH = 200                 # signals computed at a time
 MAX_SIGNAL = 1.0
 TABLE_TOLERANCE = 1e-4          # logits: what a mean is then off by is lost in half floats
 CORNERS = np.array(list(product((0, 1), repeat=3)))
 
 Progress = Callable[[float], None]      # share that is done
+MapParts = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]      # as `map`
 Errors = Callable[[np.ndarray], np.ndarray]     # signals (n, K) to covariances (n, K, K)
 
 
@@ -94,13 +96,16 @@ def build_table(prior: LogitMixture, relative_response: np.ndarray,
 
 def build_tables(prior: LogitMixture, relative_response: np.ndarray,
                  errors: Callable[[np.ndarray], list[np.ndarray]], wanted: np.ndarray,
-                 progress: Progress = lambda share: None) -> list[UpliftTable]:
+                 progress: Progress = lambda share: None,
+                 map_parts: MapParts = map) -> list[UpliftTable]:
     """The same for several noises; each table after the first takes half the time.
 
     Parameters
     ----------
     errors : function from signals (n, 3) to a list of their covariances (n, 3, 3)
         One for each table.
+    map_parts : function of (function, iterable), optional
+        Calls the function on each item, as ``map`` does; of a pool of threads, on several cores.
     """
     if len(relative_response) != 3:
         raise InputError("a table is made for three bands; there are "
@@ -112,7 +117,7 @@ def build_tables(prior: LogitMixture, relative_response: np.ndarray,
     return [UpliftTable(made.mean.astype(np.float32), made.standard_deviation.astype(np.float32),
                         made.novelty.astype(np.float32), row, relative_response)
             for made in _uplifted(prior, relative_response, signals, errors(signals), progress,
-                                  TABLE_TOLERANCE)]
+                                  TABLE_TOLERANCE, map_parts)]
 
 
 def lattice(side: int) -> np.ndarray:
@@ -175,21 +180,25 @@ def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: 
 
 def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
               covariances: Sequence[np.ndarray], progress: Progress,
-              tolerance: float) -> list[Uplifted]:
+              tolerance: float, map_parts: MapParts = map) -> list[Uplifted]:
     """What signals say under each of several errors (n, K, K)."""
     shape = len(signals), PRIOR_GRID.nm.size
     every = [Uplifted(np.empty(shape), np.empty(shape), np.empty(len(signals)))
              for _ in covariances]
+
+    def compute(start: int) -> int:
+        rows, mixture = slice(start, start + BATCH), None
+        for uplifted, covariance in zip(every, covariances, strict=True):
+            mixture = posterior(prior, relative_response, signals[rows], covariance[rows],
+                                mixture, tolerance=tolerance)
+            drawn, _ = marginal_moments(prior, relative_response, signals[rows],
+                                        covariance[rows], mixture)
+            uplifted.mean[rows], uplifted.standard_deviation[rows] = mean_and_spread(drawn)
+            uplifted.novelty[rows] = novelty(prior, mixture, covariance[rows])
+        return start
+
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
-        for start in range(0, len(signals), BATCH):
-            rows, mixture = slice(start, start + BATCH), None
-            for uplifted, covariance in zip(every, covariances, strict=True):
-                mixture = posterior(prior, relative_response, signals[rows], covariance[rows],
-                                    mixture, tolerance=tolerance)
-                drawn, _ = marginal_moments(prior, relative_response, signals[rows],
-                                            covariance[rows], mixture)
-                uplifted.mean[rows], uplifted.standard_deviation[rows] = mean_and_spread(drawn)
-                uplifted.novelty[rows] = novelty(prior, mixture, covariance[rows])
+        for start in map_parts(compute, range(0, len(signals), BATCH)):
             progress(min(start + BATCH, len(signals)) / len(signals))
     return every
 

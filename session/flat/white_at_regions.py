@@ -85,6 +85,13 @@ class PhotoWhite:
         rows[:, 2 * bands + regions:] = -signal[:, None]
         return rows
 
+    def white_and_glare(self, region: int) -> np.ndarray:
+        """Covariance (2 K, 2 K) of the logarithm of white at a region, and of the glare."""
+        bands, regions = self.glare.size, len(self.samples.names)
+        rows = np.eye(2 * bands, self.mean.size)
+        rows[:bands, [2 * bands + region, *range(2 * bands + regions, self.mean.size)]] = 1
+        return np.asarray(rows @ self.covariance @ rows.T)
+
     def noise(self, region: int) -> np.ndarray:
         """Covariance (K, K) of a region's relative signal by the noise of its pixels."""
         return self.samples.covariance_of_mean[region] / np.outer(self.white[region],

@@ -1,7 +1,9 @@
 """Files of a session's picture of spectra: mean, standard deviation and maps of them."""
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -56,8 +58,9 @@ def write_picture(photo: LitPhoto, section: PictureSection, folder: Path,
     survey = merge_surveys(survey_rows(photo, *rows) for rows in row_blocks(height, width))
     in_pixels = PIXELS_A_POINT * int(survey.points.sum())
     table_share = in_pixels / (in_pixels + height * width)
-    plan = plan_spectra(photo, layout, survey,
-                        progress=lambda share: progress(table_share * share))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        plan = plan_spectra(photo, layout, survey, None,
+                            lambda share: progress(table_share * share), pool.map)
     before = table_share if plan.tables else 0.0
     counts = np.zeros(3)        # beyond white, unlike, and the sum of standard deviations
     reasons = np.zeros(HIGHLIGHT + 1)

@@ -10,6 +10,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from spectrabox.calibrate.geometry.lens_files import read_lens
 from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.measure.pictures.crop import crop_of
+from spectrabox.measure.pictures.scene_light import converge_light
 from spectrabox.measure.pictures.surface_textures import TextureSums
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
@@ -17,7 +18,6 @@ from spectrabox.reconstruct.pixels.pixel_light import trace_pixel_light
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.pictures.picture_files import layout_of, write_picture
-from spectrabox.session.pictures.scene_light import converge_light
 from spectrabox.session.pictures.texture_files import write_textures
 from spectrabox.session.stages.reconstruct_stage import drift_of, glare_error, views_of
 from spectrabox.session.stages.stage_task import StageTask

@@ -7,9 +7,11 @@ it ended.
 from __future__ import annotations
 
 import math
+import os
 import shutil
 from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -110,8 +112,9 @@ def shared_uplift_answer(request: UpliftRequest, cluster: str | None, workers: i
             if not (order.folder / PLAN).exists():
                 survey = merge_surveys(
                     each for each in results("signals", [*starts], write=False) if each is not None)
-                plan = plan_image(source, request.layout, survey, request.coefficients,
-                                  lambda share: progress("table", share, ""))
+                with ThreadPoolExecutor(os.cpu_count()) as threads:
+                    plan = plan_image(source, request.layout, survey, request.coefficients,
+                                      lambda share: progress("table", share, ""), threads.map)
                 _create_arrays(order, source, plan, survey.outside)
             left = [first for first in starts if not done_mark(order.folder, first).exists()]
             for _ in results("spectra", left, write=True):

@@ -1,7 +1,9 @@
 """Answer of ``spectrabox uplift``: an image in, the spectra behind its pixels as files out."""
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -81,8 +83,9 @@ def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict
             progress("signals", last / height, "")
 
     survey = merge_surveys(surveys())
-    plan = plan_image(source, request.layout, survey, request.coefficients,
-                      lambda share: progress("table", share, ""))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        plan = plan_image(source, request.layout, survey, request.coefficients,
+                          lambda share: progress("table", share, ""), pool.map)
     blocks = computed_blocks(height, width, source.block,
                              lambda block: plan.split(plan.values(source, block)))
     if plan.low_rank is None:

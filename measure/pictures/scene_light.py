@@ -16,13 +16,13 @@ from spectrabox.measure.pictures.illumination import illumination
 from spectrabox.measure.pictures.lit_photo import LitPhoto
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.pictures.pixel_flags import DARK, EDGE, PENUMBRA, SEEN
+from spectrabox.measure.pictures.reference_surfaces import compare_reference_surfaces
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
 from spectrabox.radiometry.records import Calibration, LightScale
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
 from spectrabox.reconstruct.scene.surfaces import hits_of
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.session.pictures.reference_surfaces import compare_reference_surfaces
 
 MAX_ROUNDS, TOLERANCE = 12, 0.005   # largest relative change of light that counts as none
 STEP = 0.65                 # under-relaxation: full steps oscillate, as brighter walls send on more
