@@ -50,6 +50,13 @@ def browser():
 
 
 @pytest.fixture(scope="session")
+def mitsuba():
+    """Mitsuba, started on the processor."""
+    from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+    return start_mitsuba("cpu")
+
+
+@pytest.fixture(scope="session")
 def _captured(tmp_path_factory):
     from spectrabox.fixtures.demo_session import write_demo_session
     folder = tmp_path_factory.mktemp("capture") / "box"

@@ -14,7 +14,7 @@ from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.interreflection import signal
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import response_matrix
-from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.edit_scene import light_number, move_light, with_light_moved
 from spectrabox.reconstruct.scene.light_position import PositionSettings, refine_light_position
 from spectrabox.reconstruct.scene.scene_file import read_scene
@@ -23,17 +23,14 @@ from spectrabox.reconstruct.tracer.transport import trace_transport
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 from spectrabox.session.cli import app
 
+pytestmark = pytest.mark.usefixtures("mitsuba")
+
 SIZE = (36, 24)
 TRUE_OFFSET_CM = np.array([-2.0, 1.5, 1.6])  # 3 cm from where the scene has the light
 PAINTS = {"white": 0.8 + 0 * GRID.nm, "green": 0.15 + 0.25 * np.exp(-((GRID.nm - 530) / 40) ** 2),
           "red": 0.1 + 0.4 / (1 + np.exp((600 - GRID.nm) / 15)), "cube": 0.3 + 0 * GRID.nm}
 TRUE_SCALE = 80.0
 POINT = '<emitter type="point" id="bulb"><point name="position" x="5" y="27" z="38"/></emitter>'
-
-
-@pytest.fixture(scope="module", autouse=True)
-def mitsuba():
-    return start_mitsuba("cpu")
 
 
 def box(folder, change=lambda text: text, depth=3):

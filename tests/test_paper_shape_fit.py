@@ -8,7 +8,7 @@ import pytest
 
 from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
 from spectrabox.radiometry.records import LightScale
-from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.view import MaterialSpec, View
 
@@ -30,14 +30,11 @@ from benchmarks.paper.shape_fit import (
 )
 from tests.cornell_problem import BANDS, GRID, SCALE_ONE, camera, photo_of
 
+pytestmark = pytest.mark.usefixtures("mitsuba")
+
 WIDTH = 24
 PAINT = 0.1 + 0.6 / (1 + np.exp((570 - GRID.nm) / 12))
 MATERIALS = (MaterialSpec("paint", "paint"),)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def mitsuba():
-    return start_mitsuba("cpu")
 
 
 def silent(done, what):

@@ -27,18 +27,14 @@ from spectrabox.reconstruct.agreement import (
     usable_pixels,
 )
 from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
-from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.scene.surfaces import block_regions, region_means
 
 from tests.cornell_problem import WIDTH, photo_of, scene, view_of
 
+pytestmark = pytest.mark.usefixtures("mitsuba")
+
 RNG = np.random.default_rng(0)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def mitsuba():
-    return start_mitsuba("cpu")
 
 
 def grey_view(folder):

@@ -23,7 +23,7 @@ from spectrabox.reconstruct.engines.transport_engine import (
     unit_scene,
 )
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
+from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.surfaces import block_regions
 from spectrabox.reconstruct.settings import ENGINES
 from spectrabox.reconstruct.tracer.transport import shaded_images, trace_transport
@@ -42,17 +42,14 @@ from tests.cornell_problem import (
     view_of,
 )
 
+pytestmark = pytest.mark.usefixtures("mitsuba")
+
 SPECTRA = np.array([TRUTH[name] for name in MATERIALS])
 BOUNCES = 3
 
 
 def silent(done, what):
     pass
-
-
-@pytest.fixture(scope="module", autouse=True)
-def mitsuba():
-    return start_mitsuba("cpu")
 
 
 @pytest.fixture(scope="module")

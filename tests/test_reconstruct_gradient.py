@@ -17,11 +17,13 @@ from spectrabox.reconstruct.engines.gradient import (
     stalled,
 )
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.view import MaterialSpec
 
 from tests.cornell_problem import GRID, photo_of, plain_settings, view_of
+
+pytestmark = pytest.mark.usefixtures("mitsuba")
 
 WIDTH = 16
 PAINT = 0.15 + 0.5 / (1 + np.exp((560 - GRID.nm) / 20))
@@ -45,11 +47,6 @@ SCENE = """<scene version="3.0.0"><integrator type="path"><integer name="max_dep
 <shape type="rectangle" id="ground">
 <transform name="to_world"><scale value="4"/><rotate x="1" angle="-90"/>
 <translate y="-0.9"/></transform><ref id="floor"/></shape></scene>"""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def mitsuba():
-    return start_mitsuba("cpu")
 
 
 def silent(done, what):

@@ -15,7 +15,7 @@ from spectrabox.radiometry.interreflection import signal
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
-from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.light_profile import TABLE_DEG, read_profile, relative_radiance
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.tracer.transport import trace_transport
@@ -27,6 +27,8 @@ from tests.cornell_problem import (
     scene,
     view_of,
 )
+
+pytestmark = pytest.mark.usefixtures("mitsuba")
 
 SIZE, RUNS = (WIDTH, WIDTH), 12
 ALL = np.arange(WIDTH * WIDTH).reshape(WIDTH, WIDTH)
@@ -46,11 +48,6 @@ LIGHTS = {
     "two": LAMP + '<emitter type="point" id="bulb"><point name="position" value="0.2, 0.7, '
     '0.3"/></emitter>',
     }
-
-
-@pytest.fixture(scope="module", autouse=True)
-def mitsuba():
-    return start_mitsuba("cpu")
 
 
 def view_with(folder, light):

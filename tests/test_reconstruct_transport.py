@@ -18,7 +18,7 @@ from spectrabox.radiometry.interreflection import (
 )
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.tracer import transport
 from spectrabox.reconstruct.tracer.transport import (
@@ -39,14 +39,11 @@ from tests.cornell_problem import (
     view_of,
 )
 
+pytestmark = pytest.mark.usefixtures("mitsuba")
+
 SIZE = (WIDTH, WIDTH)
 ALL = np.arange(WIDTH * WIDTH).reshape(WIDTH, WIDTH)
 SPECTRA = np.array([TRUTH[name] for name in MATERIALS])
-
-
-@pytest.fixture(scope="module", autouse=True)
-def mitsuba():
-    return start_mitsuba("cpu")
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,6 @@ from spectrabox.reconstruct.engines import transport_engine
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
-from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.tracer.transport import shaded_images
 from spectrabox.reconstruct.view_checks import check_views
 from spectrabox.session.store.record_files import pack, unpack
@@ -34,6 +33,8 @@ from tests.cornell_problem import (
     view_of,
 )
 
+pytestmark = pytest.mark.usefixtures("mitsuba")
+
 SPECTRA = np.array([TRUTH[name] for name in MATERIALS])
 BOUNCES = 3
 NOISE = 0.003
@@ -43,11 +44,6 @@ SETTINGS = plain_settings(9)
 
 def silent(done, what):
     pass
-
-
-@pytest.fixture(scope="module", autouse=True)
-def mitsuba():
-    return start_mitsuba("cpu")
 
 
 @pytest.fixture(autouse=True)

@@ -12,16 +12,13 @@ from spectrabox.reconstruct.scene.scene_xml import scene_xml
 
 from tests.cornell_problem import GRID, TRUTH, camera
 
+pytestmark = pytest.mark.usefixtures("mitsuba")
+
 CURVES = camera().sensitivity.curves
 SKY = """<scene version="3.0.0"><integrator type="path"/>
 <sensor type="perspective"><float name="fov" value="40"/>
 <transform name="to_world"><lookat origin="0,0,3" target="0,0,0" up="0,1,0"/></transform></sensor>
 <emitter type="constant"><spectrum name="radiance" value="1"/></emitter></scene>"""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def mitsuba():
-    return start_mitsuba("cpu")
 
 
 def exact_integral(a, b, nm=GRID.nm):

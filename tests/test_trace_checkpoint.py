@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
-from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.tracer import transport
 from spectrabox.reconstruct.tracer.path_samples import GENERATOR, ShiftedLattice, generating_vector
 from spectrabox.reconstruct.tracer.path_tracer import Tracer
@@ -18,12 +17,9 @@ from spectrabox.reconstruct.tracer.transport import trace_transport
 
 from tests.cornell_problem import WIDTH, scene, view_of
 
+pytestmark = pytest.mark.usefixtures("mitsuba")
+
 HALVES = np.repeat([[0], [1]], WIDTH // 2, axis=0) * np.ones((1, WIDTH), int)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def mitsuba():
-    return start_mitsuba("cpu")
 
 
 @pytest.fixture(scope="module")
