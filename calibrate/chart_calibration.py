@@ -381,11 +381,11 @@ def _from_measured(photo: ChartPhoto, power: np.ndarray, irradiance: np.ndarray,
     residuals = 1 - predicted / samples.mean
     relative = relative_prediction_covariance(residuals, samples)
     bands = len(curves)
-    lit = (np.array(others) * irradiance / np.pi)[:, None, None]
+    factor = (np.array(others) * irradiance / np.pi)[:, None, None]
     covariance = np.zeros((patches, bands * bands + bands, bands * bands + bands))
     covariance[:, bands * bands:, bands * bands:] = (
         relative * samples.mean[:, :, None] * samples.mean[:, None, :])
-    without = PatchesWithout(curves.T, power * grid.weights_nm, lit * np.eye(bands),
+    without = PatchesWithout(curves.T, power * grid.weights_nm, factor * np.eye(bands),
                              np.zeros((patches, bands)), covariance, samples.mean,
                              samples.covariance_of_mean)
     return (_measured_curves(grid, curves, residuals), replace(scale, residuals=residuals),

@@ -206,10 +206,10 @@ def predicted_signal(photo: ChartEquations, design: np.ndarray, coefficients: np
     """
     patches, bands = photo.signal.shape
     terms = photo.field_terms.shape[1]
-    lit = np.exp(exposure + photo.field_terms @ nuisance[:terms])
-    bare = lit[:, None] * (design @ coefficients.T)
+    exposed = np.exp(exposure + photo.field_terms @ nuisance[:terms])
+    bare = exposed[:, None] * (design @ coefficients.T)
     glare = nuisance[terms:] if photo.glare else np.zeros(bands)
-    by_curve = np.einsum("in,kl->ikln", lit[:, None] * design,
+    by_curve = np.einsum("in,kl->ikln", exposed[:, None] * design,
                          np.eye(bands)).reshape(patches * bands, -1)
     by_exposure = bare.reshape(-1, 1)
     by_field = (bare[:, :, None] * photo.field_terms[:, None, :]).reshape(patches * bands, terms)

@@ -113,18 +113,18 @@ def patch_moments(photo: ChartEquations, patch: int, state: np.ndarray, covarian
     """
     bands, terms = photo.signal.shape[1], photo.field_terms.shape[1]
     field = photo.field_terms[patch]
-    lit = np.exp(state[size] + field @ state[size + 1:size + 1 + terms])
-    lit *= photo.irradiance[patch] / np.pi
+    irradiance = np.exp(state[size] + field @ state[size + 1:size + 1 + terms])
+    irradiance *= photo.irradiance[patch] / np.pi
     glare = slice(size + 1 + terms, size + 1 + terms + bands)
     offset = state[glare] if photo.glare else np.zeros(bands)
     change = np.zeros((size + bands, state.size))
-    change[:size, :size] = lit * np.eye(size)
+    change[:size, :size] = irradiance * np.eye(size)
     signal = photo.signal[patch] - offset
     change[size:, size] = signal
     change[size:, size + 1:size + 1 + terms] = np.outer(signal, field)
     if photo.glare:
         change[size:, glare] = np.eye(bands)
-    return lit * state[:size].reshape(bands, -1), offset, change @ covariance @ change.T
+    return irradiance * state[:size].reshape(bands, -1), offset, change @ covariance @ change.T
 
 
 def gathered(photos: list[ChartEquations], basis: np.ndarray, error: PatchError,

@@ -83,14 +83,14 @@ def light_elsewhere(white: ChartWhite, patches: PicturePoints, places: list[Pict
     if flat_field:
         kinds.append(_nearly_even(patches, places, np.random.default_rng([seed, len(kinds)])))
         shares = np.append(shares, FLAT_SHARE)
-    found = [_given_the_chart(white, project, centre, information, *kind) for kind in kinds]
-    logs = np.log(shares) + np.array([evidence for evidence, _, _ in found])
+    fits = [_given_the_chart(white, project, centre, information, *kind) for kind in kinds]
+    logs = np.log(shares) + np.array([evidence for evidence, _, _ in fits])
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
-    means = np.array([mean for _, mean, _ in found])
+    means = np.array([mean for _, mean, _ in fits])
     mean = weights @ means
     covariance = sum(weight * (inside + np.outer(off, off)) for weight, off, (_, _, inside)
-                     in zip(weights, means - mean, found, strict=True))
+                     in zip(weights, means - mean, fits, strict=True))
     bands = len(white.level)
     return LightElsewhere(white.level * np.exp(mean[:bands]), mean[bands:2 * bands],
                           mean[2 * bands:], symmetric(np.asarray(covariance)), weights)
@@ -191,8 +191,8 @@ def _lamplight(plane: np.ndarray, middle: np.ndarray, distance: float,
         along = (offset @ axis[:, :2, None])[..., 0] - lamp[:, 2:] * axis[:, 2:]
         directed = MAX_DIRECTED * rng.uniform(size=(ARRANGEMENTS, 1))
         cosine = np.maximum(along / np.sqrt(squared), 1e-3)
-        lit = lamp[:, 2:] / squared**1.5 * cosine**directed
-        total += strength * lit / lit.mean(axis=1, keepdims=True)
+        irradiance = lamp[:, 2:] / squared**1.5 * cosine**directed
+        total += strength * irradiance / irradiance.mean(axis=1, keepdims=True)
     ambient = MAX_AMBIENT * rng.uniform(size=(ARRANGEMENTS, 1))
     return np.asarray(np.log(total + ambient * total.mean(axis=1, keepdims=True)))
 

@@ -303,15 +303,15 @@ def _normalised(bands: BandFits, patches: PatchSamples, grid: WavelengthGrid,
 def _without(bands: BandFits, power: np.ndarray, irradiance: np.ndarray, patches: PatchSamples,
              sigma: np.ndarray) -> PatchesWithout:
     """Patches left out of spline fits, whose exposure is that of the curves; no glare is fitted."""
-    lit = irradiance / np.pi
+    factor = irradiance / np.pi
     count, number = patches.mean.shape
     size = number * bands.basis.shape[1]
     covariance = np.zeros((count, size + number, size + number))
     for patch in range(count):
-        covariance[patch, :size, :size] = lit[patch]**2 * block_diagonal(
+        covariance[patch, :size, :size] = factor[patch]**2 * block_diagonal(
             *bands.covariance_without[patch])
     noise = np.einsum("ik,kl->ikl", sigma**2, np.eye(number))
-    return PatchesWithout(bands.basis, power, lit[:, None, None] * bands.without,
+    return PatchesWithout(bands.basis, power, factor[:, None, None] * bands.without,
                           np.zeros((count, number)), covariance, patches.mean, noise)
 
 

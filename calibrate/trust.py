@@ -84,29 +84,30 @@ def sentences(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     grid : WavelengthGrid
         Of its curves.
     """
-    said = [f"patches and model agree within {fit.model_error:.1%} (chi-square "
+    notes = [f"patches and model agree within {fit.model_error:.1%} (chi-square "
             f"{fit.chi_square:.2f} per signal)"]
     likely = [(members, share) for members, share in fit.families if share > PROBABLE][:3]
     if likely:
-        said.append("most like " + "; ".join(f"{members} ({share:.0%})"
+        notes.append("most like " + "; ".join(f"{members} ({share:.0%})"
                                              for members, share in likely))
     held = fit.prior_share > FROM_PRIOR
     for band in range(len(held)):
         if likely and held[band].any():     # products with a lamp's lines rest on it everywhere
-            said.append(f"band {band + 1} rests on the prior over {_ranges(held[band], grid)}")
+            notes.append(f"band {band + 1} rests on the prior over {_ranges(held[band], grid)}")
     for number, state in enumerate(fit.photos, start=1):
         which = "" if len(fit.photos) == 1 else f"photo {number}: "
         if np.ptp(state.field) > 0:
             low, high = np.array([state.field.min(), state.field.max()]) / state.field.mean()
-            said.append(f"{which}illumination over the chart found to run from {low:.2f} to "
+            notes.append(f"{which}illumination over the chart runs from {low:.2f} to "
                         f"{high:.2f} of its mean")
         certain = np.abs(state.glare) > GLARE_SIGMA * state.glare_error
         glare = float(np.max(np.abs(state.glare) / state.predicted.max(axis=0), where=certain,
                              initial=0.0))
         if glare > MUCH_GLARE:
-            said.append(f"{which}glare or a wrong black level of {glare:.0%} of the brightest "
-                        "patch was found and taken off: shade the lens and check the dark frame")
-    return tuple(said)
+            notes.append(f"{which}glare or a wrong black level of {glare:.0%} of the brightest "
+                         "patch was estimated and subtracted: shade the lens and check the dark "
+                         "frame")
+    return tuple(notes)
 
 
 def _ranges(chosen: np.ndarray, grid: WavelengthGrid) -> str:

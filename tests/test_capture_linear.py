@@ -264,7 +264,7 @@ def test_an_exr_of_another_name_is_known_by_its_content(tmp_path):
 def test_files_that_are_not_linear_are_refused(tmp_path, name, kind, attributes, message):
     write(tmp_path / name, noisy(), ("R", "G", "B"), kind, **attributes)
     with pytest.raises(InputError,
-                       match=f"{message}.*not linear in the light; give the camera raw"):
+                       match=f"{message}.*not proportional to light; give the camera raw"):
         open_photo(tmp_path / name)
 
 
@@ -272,8 +272,8 @@ def test_files_that_are_not_linear_are_refused(tmp_path, name, kind, attributes,
 def test_a_jpeg_handed_in_as_raw_is_known_by_its_content(tmp_path, name):
     write(tmp_path / "photo.jpg", noisy(), ("R", "G", "B"), oiio.UINT8)
     (tmp_path / "photo.jpg").rename(tmp_path / name)
-    with pytest.raises(InputError, match=f"{name} is a JPEG of uint8 values.*, which are not "
-                       "linear in the light"):
+    with pytest.raises(InputError, match=f"{name} is a JPEG of uint8 values.*not proportional to "
+                       "light"):
         open_photo(tmp_path / name)
 
 

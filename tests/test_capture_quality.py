@@ -230,7 +230,7 @@ def test_a_jpeg_or_png_is_taken_as_encoded_and_marked(tmp_path):
     facts = json.loads(text)
     assert (code, facts["verdict"], facts["kind"]) == (0, "good", "image file taken as linear")
     code, text = call("chart", tmp_path / "chart.png", "--linear", "--json")
-    assert code == 3 and "not linear in the light" in json.loads(text)["error"]
+    assert code == 3 and "not proportional to light" in json.loads(text)["error"]
 
 
 def test_develop_merges_a_bracket_with_dark_frames(tmp_path):
@@ -259,7 +259,7 @@ def test_develop_takes_what_is_not_linear_only_when_told_and_marks_it(tmp_path):
     scene = np.random.default_rng(3).uniform(0.2, 0.8, (64, 96, 3))
     write_png(tmp_path / "photo.png", encode_srgb8(scene))
     code, text = call("develop", tmp_path / "photo.png", "-o", tmp_path / "out.exr", "--json")
-    assert code == 3 and "not linear in the light" in json.loads(text)["error"]
+    assert code == 3 and "not proportional to light" in json.loads(text)["error"]
     code, text = call("develop", tmp_path / "photo.png", "-o", tmp_path / "out.exr", "--not-linear",
                       "--json")
     facts = json.loads(text)

@@ -241,10 +241,10 @@ def _require_explained(fit: np.ndarray, start: Similarity, known: Known,
     def rms(step: np.ndarray, marks: Known) -> float:
         return float(np.sqrt(np.mean(np.sum(_misses(start, step, marks) ** 2, axis=1))))
 
-    found = rms(fit, known)
-    if found <= allowed:
+    fitted_rms = rms(fit, known)
+    if fitted_rms <= allowed:
         return
-    refusal = (f"the model does not fit the marked points (rms {found:.1f} pixels, at most "
+    refusal = (f"the model does not fit the marked points (rms {fitted_rms:.1f} pixels, at most "
                f"{allowed:.1f} is accepted); ")
     for point in twice if len(twice) > MIN_POINTS else ():
         others = [kept for seen in known if (kept := seen.without(point)).names]

@@ -235,10 +235,10 @@ def _white(photo: ChartEquations, basis: np.ndarray, coefficients: np.ndarray, m
            covariance: np.ndarray, index: int) -> ChartWhite:
     """White signal, field and glare with their covariance; ``index`` is of the log exposure."""
     bands, terms = len(coefficients), photo.field_terms.shape[1]
-    lit = photo.power @ basis
-    white = coefficients @ lit
+    power = photo.power @ basis
+    white = coefficients @ power
     jacobian = np.zeros((2 * bands + terms, len(covariance)))
-    jacobian[:bands, :coefficients.size] = np.kron(np.eye(bands), lit) / white[:, None]
+    jacobian[:bands, :coefficients.size] = np.kron(np.eye(bands), power) / white[:, None]
     jacobian[:bands, index] = 1.0
     count = nuisance_sd(photo).size
     jacobian[bands:bands + count, index + 1:index + 1 + count] = np.eye(count)
@@ -257,10 +257,10 @@ def _white_error(photo: ChartEquations, basis: np.ndarray, coefficients: np.ndar
     relative error of a dark band says little. ``index`` is that of the photo's log exposure.
     """
     bands = len(coefficients)
-    lit = photo.power @ basis
-    white = coefficients @ lit
+    power = photo.power @ basis
+    white = coefficients @ power
     jacobian = np.zeros((bands, len(covariance)))
-    jacobian[:, :coefficients.size] = np.kron(np.eye(bands), lit)
+    jacobian[:, :coefficients.size] = np.kron(np.eye(bands), power)
     jacobian[:, index] = white
     variance = np.einsum("kz,zy,ky->k", jacobian, covariance, jacobian)
     return float(np.sqrt(variance.sum() / np.sum(white**2)))

@@ -39,8 +39,8 @@ def smooth_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> CameraPr
     first = photos[0]
     bands = first.signal.shape[1]
     nm = np.arange(grid.nm[0], grid.nm[-1] + 1, STEP_NM if bands <= FEW_BANDS else COARSE_STEP_NM)
-    lit = (first.reflectances * first.power * (first.irradiance / np.pi)[:, None]).sum()
-    mean = np.repeat(first.signal.sum(axis=0) / lit, nm.size)
+    unit_signal = (first.reflectances * first.power * (first.irradiance / np.pi)[:, None]).sum()
+    mean = np.repeat(first.signal.sum(axis=0) / unit_signal, nm.size)
     kinds = list(product(DEPARTURES, LENGTHS_NM))
     departures = np.array([[0.0, 1.0, sd, length, 0.0, 1.0] for sd, length in kinds])
     return CameraPrior(nm, np.full(len(kinds), 1 / len(kinds)), np.tile(mean, (len(kinds), 1)),

@@ -55,19 +55,19 @@ class Lamps(Record):
     names: tuple[str, ...]
 
 
-def lamps_like(said: UnknownLight) -> Lamps:
-    """The lamps that a light may be, by what is said of it.
+def lamps_like(light: UnknownLight) -> Lamps:
+    """Lamps that a light may be, given its kind and colour temperature where they are known.
 
     Parameters
     ----------
-    said : UnknownLight
+    light : UnknownLight
     """
     lamps = all_lamps()
     weights = np.array(lamps.weights)
-    if said.kind is not None:
-        weights[lamps.kind != LIGHT_KINDS.index(said.kind)] = 0
-    if said.cct is not None:
-        away = np.abs(1e6 / colour_temperatures(lamps.spectra) - 1e6 / said.cct)
+    if light.kind is not None:
+        weights[lamps.kind != LIGHT_KINDS.index(light.kind)] = 0
+    if light.cct is not None:
+        away = np.abs(1e6 / colour_temperatures(lamps.spectra) - 1e6 / light.cct)
         weights = weights * np.exp(-0.5 * ((away - away.min()) / CCT_MIRED_SD) ** 2)
     kept = np.flatnonzero(weights > 1e-3 * weights.max())
     return Lamps(lamps.spectra[kept], lamps.kind[kept], weights[kept] / weights[kept].sum(),
@@ -79,7 +79,7 @@ def all_lamps() -> Lamps:
     published = _published()
     rng = np.random.default_rng(SEED)
     tubes = np.array([spectrum for kind, _, spectrum in published if kind == "fluorescent"])
-    made = {"daylight": np.vstack([daylights(np.linspace(4000, 12000, DAYLIGHTS)),
+    computed = {"daylight": np.vstack([daylights(np.linspace(4000, 12000, DAYLIGHTS)),
                                    blackbodies(np.linspace(4000, 7500, HOT_BODIES))]),
             "halogen": np.vstack([blackbodies(np.linspace(2300, 3700, FILAMENTS)),
                                   _tinted(rng)]),
@@ -88,12 +88,12 @@ def all_lamps() -> Lamps:
     spectra, kinds, names, weights = [], [], [], []
     for kind, share in KIND_SHARE.items():
         ours = [(name, spectrum) for other, name, spectrum in published if other == kind]
-        rows = [spectrum for _, spectrum in ours] + list(made[kind])
+        rows = [spectrum for _, spectrum in ours] + list(computed[kind])
         spectra += rows
-        names += [name for name, _ in ours] + [f"{kind} by formula"] * len(made[kind])
+        names += [name for name, _ in ours] + [f"{kind} by formula"] * len(computed[kind])
         kinds += [LIGHT_KINDS.index(kind)] * len(rows)
         weights += [share * PUBLISHED_SHARE / len(ours)] * len(ours)
-        weights += [share * (1 - PUBLISHED_SHARE) / len(made[kind])] * len(made[kind])
+        weights += [share * (1 - PUBLISHED_SHARE) / len(computed[kind])] * len(computed[kind])
     whole = np.array(spectra)
     return Lamps(whole / whole.mean(axis=1, keepdims=True), np.array(kinds), np.array(weights),
                  tuple(names))
@@ -152,14 +152,14 @@ def _daylight_terms(cct: float) -> np.ndarray:
 
 def _published() -> list[tuple[str, str, np.ndarray]]:
     """Kind, name and spectrum of every published lamp that lights the range."""
-    found = []
+    lamps = []
     for name, (nm, curves) in all_published(LIGHTS).items():
         if nm[0] > 405 or nm[-1] < 690:
             continue
         spectrum = np.maximum(np.interp(GRID.nm, nm, curves[0]), 0)
         if np.mean(spectrum > DARK_SHARE * spectrum.max()) > MIN_LIT:
-            found.append((_kind(name), name, spectrum / spectrum.mean()))
-    return found
+            lamps.append((_kind(name), name, spectrum / spectrum.mean()))
+    return lamps
 
 
 def _kind(name: str) -> str:

@@ -10,8 +10,8 @@ from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 
 LEVEL = 0.9
 NORMAL_QUANTILE = 1.6449
-SURE, OPEN = 0.9, 0.25      # probability of a kind: above, it is said; both above, two are
-NARROWED = 0.75             # width of the band over that beforehand: above, the photo said little
+SURE, OPEN = 0.9, 0.25      # probability of a kind: from there one kind is named, or two
+NARROWED = 0.75             # width of the band over the prior's: above, the photo says little
 
 
 def light_posterior(posterior: ProductPosterior, grid: WavelengthGrid) -> LightPosterior:
@@ -59,18 +59,18 @@ def _sentences(shares: np.ndarray, half: np.ndarray, before: np.ndarray,
     order = np.argsort(-shares)
     first, second = (LIGHT_KINDS[index] for index in order[:2])
     if shares[order[0]] >= SURE:
-        said = [f"the chart's light is {first} ({shares[order[0]]:.0%})"]
+        sentences = [f"the chart's light is {first} ({shares[order[0]]:.0%})"]
     elif shares[order[1]] >= OPEN:
-        said = [f"the chart cannot tell two kinds of light apart: {first} "
-                f"({shares[order[0]]:.0%}) and {second} ({shares[order[1]]:.0%})"]
+        sentences = [f"the chart cannot tell two kinds of light apart: {first} "
+                     f"({shares[order[0]]:.0%}) and {second} ({shares[order[1]]:.0%})"]
     else:
-        said = [f"the chart's light is likely {first} ({shares[order[0]]:.0%}), else {second} "
-                f"({shares[order[1]]:.0%})"]
+        sentences = [f"the chart's light is likely {first} ({shares[order[0]]:.0%}), else {second} "
+                     f"({shares[order[1]]:.0%})"]
     width = float(np.mean(half) / np.mean(mean))
-    said.append(f"its spectrum by itself is known within {width:.0%} of its mean "
-                f"({LEVEL:.0%} band); the products that surfaces are computed with are known far "
-                "better")
+    sentences.append(f"its spectrum by itself is known within {width:.0%} of its mean "
+                     f"({LEVEL:.0%} band); your spectra do not need the lamp alone, so they are "
+                     "known far better")
     if np.mean(half) > NARROWED * np.mean(before):
-        said.append("the chart says little of the light by itself: relighting from under it, or "
-                    "another camera under it, needs its measured spectrum")
-    return tuple(said)
+        sentences.append("the chart says little of the light by itself: relighting from under it, "
+                         "or another camera under it, needs its measured spectrum")
+    return tuple(sentences)

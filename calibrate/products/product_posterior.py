@@ -162,8 +162,8 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
         design = node_reflectances(photo, prior.nm)
         patches, terms = photo.signal.shape[0], photo.field_terms.shape[1]
         exposure, field = nuisance[at], nuisance[at + 1:at + 1 + terms]
-        lit = np.exp(exposure + photo.field_terms @ field) * photo.irradiance / np.pi
-        scale = lit[:, None] * np.exp(level)
+        irradiance = np.exp(exposure + photo.field_terms @ field) * photo.irradiance / np.pi
+        scale = irradiance[:, None] * np.exp(level)
         signal = scale * (design @ product_now.T)
         rows = np.zeros((patches, bands, prior.components.shape[1]))
         for band in range(bands):
@@ -338,9 +338,9 @@ def shares_without(hypotheses: Sequence[Hypothesis], rows: slice) -> np.ndarray:
     logs = []
     for hypothesis in hypotheses:
         # the density of the rows given all others is N(error; 0, block^-1), for every component
-        told = hypothesis.log_weights + 0.5 * _surprise(hypothesis, rows)
+        logs_without = hypothesis.log_weights + 0.5 * _surprise(hypothesis, rows)
         size = np.linalg.slogdet(hypothesis.inverse[rows, rows])[1]
-        logs.append(np.log(hypothesis.share) + np.logaddexp.reduce(told) - 0.5 * size)
+        logs.append(np.log(hypothesis.share) + np.logaddexp.reduce(logs_without) - 0.5 * size)
     shares = np.exp(np.array(logs) - np.max(logs))
     return np.asarray(shares / shares.sum())
 

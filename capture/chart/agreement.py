@@ -79,7 +79,10 @@ def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndar
         Signals that an ordinary camera would read, in chart order.
     chart : Chart
     """
-    medians, orders = _patch_medians(image, quads_px), _orders(chart)
+    medians = _patch_medians(image, quads_px)
+    # as proposed, turned by 180 degrees, and in two mirrors
+    grid = np.arange(len(chart.names)).reshape(chart.rows, chart.columns)
+    orders = [order.ravel() for order in (grid, grid[::-1, ::-1], grid[:, ::-1], grid[::-1])]
     patches = len(chart.names)
     if medians is None:
         return Agreement(np.inf, np.nan, orders[0], np.full(patches, np.inf), np.ones(patches))
@@ -90,12 +93,6 @@ def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndar
     misfit, light = _mixture_fit(medians[order], reference, contrast, chart)
     residual = float(np.sqrt(np.mean(np.sort(misfit)[:-(patches // WORST_LEFT_OUT) or None] ** 2)))
     return Agreement(residual, contrast, order, misfit, light)
-
-
-def _orders(chart: Chart) -> list[np.ndarray]:
-    """Indices (I,) of the patches as proposed, turned by 180 degrees, and in two mirrors."""
-    grid = np.arange(len(chart.names)).reshape(chart.rows, chart.columns)
-    return [order.ravel() for order in (grid, grid[::-1, ::-1], grid[:, ::-1], grid[::-1])]
 
 
 def reading_of_reference(image: LinearImage, quads_px: np.ndarray, reference: np.ndarray,
@@ -247,10 +244,10 @@ def white_excess(signals: np.ndarray, reference: np.ndarray, light: np.ndarray,
     white : int
         Index of the white patch.
     """
-    lit, brightest = light[:, None] * reference, signals[white]
+    lit_reference, brightest = light[:, None] * reference, signals[white]
     darkest = DARKEST_SHARE * brightest
     weights, excess = np.ones_like(signals), np.zeros_like(signals)
     for _ in range(MIXTURE_STEPS):
-        excess = signals - _mixed_bands(signals, lit, weights, darkest)
+        excess = signals - _mixed_bands(signals, lit_reference, weights, darkest)
         weights = _huber_weights(np.abs(excess) / (np.abs(signals) + darkest))
     return np.maximum((excess / brightest).min(axis=1), 0.0)

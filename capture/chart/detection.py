@@ -111,7 +111,11 @@ def locate_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarr
         if agreement.residual <= ACCEPTED_RESIDUAL:
             ordered = quads_px[agreement.order]
             try:
-                _require_linear(image, agreement.contrast)
+                lowest, highest = ACCEPTED_CONTRAST
+                if not lowest <= agreement.contrast <= highest:
+                    raise CheckError(f"photo {image.source} shows a chart, but its values go with "
+                                     f"the power {agreement.contrast:.2f} of the light; give the "
+                                     "camera raw, or a file without tone curve or sRGB encoding")
                 if corners_px is not None and not chart.has_known_colours:
                     _require_order(image, agreement, chart)
                 _require_every_patch(image, agreement, chart)
@@ -294,14 +298,6 @@ def _is_mirrored(quads_px: np.ndarray, chart: Chart) -> bool:
     return bool(ax * by - ay * bx < 0)
 
 
-def _require_linear(image: LinearImage, contrast: float) -> None:
-    lowest, highest = ACCEPTED_CONTRAST
-    if not lowest <= contrast <= highest:
-        raise CheckError(f"photo {image.source} shows a chart, but its values go with the power "
-                         f"{contrast:.2f} of the light; give the camera raw, or a file without "
-                         "tone curve or sRGB encoding")
-
-
 def _require_order(image: LinearImage, agreement: Agreement, chart: Chart) -> None:
     """Refuse given corners or a reference in another order, where no published colours of the
     chart say which of the two is the one to correct.
@@ -325,7 +321,8 @@ def _require_every_patch(image: LinearImage, agreement: Agreement, chart: Chart)
     if unlike.size:
         worst = unlike[np.argsort(-agreement.misfit[unlike])]
         remedy = _dark_bands(image) or ("uncover and clean the chart, keep reflections off it, and "
-                                        f"use a {_short(chart)}: {len(chart.names)} patches of "
+                                        f"use a {chart.name.removeprefix('ColorChecker ')}: "
+                                        f"{len(chart.names)} patches of "
                                         "this very order")
         raise CheckError(f"photo {image.source}: patch "
                          f"{', '.join(str(patch + 1) for patch in worst[:6])} of the chart "
@@ -344,10 +341,6 @@ def _dark_bands(image: LinearImage) -> str | None:
     return (f"its band {' and '.join(str(band + 1) for band in dark)} reads {share.min():.1%} of "
             "the brightest band: the light has no power there, and patches of different colours "
             "look alike under it; photograph the chart under a light that covers 400-700 nm")
-
-
-def _short(chart: Chart) -> str:
-    return chart.name.removeprefix("ColorChecker ")
 
 
 def _require_gaps(image: LinearImage, picture: np.ndarray, quads_px: np.ndarray,
@@ -405,9 +398,9 @@ def _gap_width(profile: np.ndarray) -> float | None:
 def _not_found(image: LinearImage, residual: float, chart: Chart, by_hand: bool) -> str:
     limit = f"at most {ACCEPTED_RESIDUAL} is accepted"
     if by_hand:
-        said = (f"disagree with a chart by {residual:.2f}" if np.isfinite(residual)
+        misfit = (f"disagree with a chart by {residual:.2f}" if np.isfinite(residual)
                 else "are nothing like a chart")
-        return (f"photo {image.source}: the patches at the given corners {said} (relative rms, "
+        return (f"photo {image.source}: the patches at the given corners {misfit} (relative rms, "
                 f"{limit}); give corners_px as the outer corners of the patch grid at "
                 f"{chart.corner_words}")
     if not chart.detectable:

@@ -142,7 +142,10 @@ def _one_patch(image: LinearImage, quad_px: np.ndarray, number: int) -> tuple[np
                          "camera closer")
     samples = image.signal[y, x].astype(float)
     terms = np.column_stack([np.ones(y.size), x - x.mean(), y - y.mean()])
-    kept = _near_plane(samples, image.variance[y, x], terms)
+    # Fitted to what lies near the median first: one glint must not tilt the plane.
+    kept = _within(samples - np.median(samples, axis=0), image.variance[y, x], 2 * CLIP_SIGMA)
+    plane = np.linalg.lstsq(terms[kept], samples[kept], rcond=None)[0]
+    kept = _within(samples - terms @ plane, image.variance[y, x], CLIP_SIGMA)
     plane = np.linalg.lstsq(terms[kept], samples[kept], rcond=None)[0]
     mean = samples[kept].mean(axis=0)
     residuals = samples[kept] - terms[kept] @ plane
@@ -158,15 +161,8 @@ def _one_patch(image: LinearImage, quad_px: np.ndarray, number: int) -> tuple[np
             gradient, excluded)
 
 
-def _near_plane(samples: np.ndarray, variance: np.ndarray, terms: np.ndarray) -> np.ndarray:
-    """Which samples lie within 3 sigma of the plane in every band."""
-    # Fitted to what lies near the median first: one glint must not tilt the plane.
-    kept = _within(samples - np.median(samples, axis=0), variance, 2 * CLIP_SIGMA)
-    plane = np.linalg.lstsq(terms[kept], samples[kept], rcond=None)[0]
-    return _within(samples - terms @ plane, variance, CLIP_SIGMA)
-
-
 def _within(residuals: np.ndarray, variance: np.ndarray, limit: float) -> np.ndarray:
+    """Which samples lie within a limit, in sigma, of their median in every band."""
     centred = np.abs(residuals - np.median(residuals, axis=0))
     # The stated noise is the least sigma: where most samples share one DN the median deviation is
     # 0.

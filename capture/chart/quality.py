@@ -126,8 +126,9 @@ def edge_width(image: LinearImage, quads_px: np.ndarray, chart: Chart = CLASSIC)
         along = np.linspace(-half_edge, half_edge, PROFILE_POINTS)[:, None] * np.array(outward)
         beside = np.linspace(-8, 8, 9)[:, None] * np.array([outward[1], outward[0]])
         points = centres[patch] + half_sizes[patch] * np.array(outward) + along[:, None] + beside
-        profile = _values_at(image.signal,
-                             _project(picture_from_chart, points)).sum(axis=2).mean(axis=1)
+        projected = points @ picture_from_chart[:, :2].T + picture_from_chart[:, 2]
+        profile = _values_at(image.signal, projected[..., :2] / projected[..., 2:]
+                             ).sum(axis=2).mean(axis=1)
         width = _rise(profile)
         if width is not None:
             widths.append(width * 2 * half_edge / (PROFILE_POINTS - 1) / PATCH)
@@ -243,8 +244,3 @@ def _values_at(picture: np.ndarray, xy: np.ndarray) -> np.ndarray:
     above = picture[top, left] * (1 - fx) + picture[top, left + 1] * fx
     below = picture[top + 1, left] * (1 - fx) + picture[top + 1, left + 1] * fx
     return above * (1 - fy) + below * fy
-
-
-def _project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    mapped = points @ matrix[:, :2].T + matrix[:, 2]
-    return mapped[..., :2] / mapped[..., 2:]

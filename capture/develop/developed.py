@@ -10,7 +10,7 @@ import numpy as np
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import DarkFrame, common_variance, mean_dark, subtract_dark
 from spectrabox.capture.develop.flat_field import divide_by_flat
-from spectrabox.capture.photo.image_files import is_image_file, read_encoded_file
+from spectrabox.capture.photo.image_files import NotLinearError, read_encoded_file
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.radiometry.errors import InputError
@@ -96,9 +96,8 @@ def open_any(path: Path, not_linear: bool = False) -> LinearImage:
     """
     try:
         return open_photo(path)
-    except InputError as error:
-        if not (not_linear and is_image_file(path) and path.is_file() and "not linear"
-                in str(error)):
+    except NotLinearError:
+        if not not_linear:
             raise
     image = read_encoded_file(path)
     return dataclasses.replace(image, source=f"{image.source} ({NOT_LINEAR})")

@@ -109,7 +109,7 @@ def factors_at(nm: np.ndarray, calibrations: Sequence[MeterCalibration]) -> Mapp
     InputError
         If a calibration does not reach from the first to the last wavelength.
     """
-    found = {}
+    factors = {}
     for calibration in calibrations:
         factor = calibration.factor
         if factor.grid.nm[0] > nm[0] or factor.grid.nm[-1] < nm[-1]:
@@ -118,5 +118,5 @@ def factors_at(nm: np.ndarray, calibrations: Sequence[MeterCalibration]) -> Mapp
                              f"{nm[0]:g}-{nm[-1]:g} nm")
         error = (np.zeros(nm.size) if factor.standard_error is None
                  else np.interp(nm, factor.grid.nm, factor.standard_error))
-        found[calibration.serial_number] = (np.interp(nm, factor.grid.nm, factor.values), error)
-    return found
+        factors[calibration.serial_number] = (np.interp(nm, factor.grid.nm, factor.values), error)
+    return factors

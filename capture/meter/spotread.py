@@ -141,7 +141,7 @@ def _run(command: list[str], log: Log, say: Say, limit_s: float) -> str:
 
 def _reading(text: str, file: Path, quantity: Quantity, taken_at: str,
              transcript: str) -> SpectralReading:
-    model, serial_number, firmware = (_said(pattern, text) for pattern in IDENTITY.values())
+    model, serial_number, firmware = (_stated(pattern, text) for pattern in IDENTITY.values())
     model, serial_number = model or NAME, serial_number or "not stated"
     try:
         saved = read_spectrum(file, role=quantity)
@@ -169,11 +169,11 @@ def _reading(text: str, file: Path, quantity: Quantity, taken_at: str,
 
 def _printed_values(text: str) -> np.ndarray | None:
     """The printed spectrum in W; spotread prints mW."""
-    found = SPECTRUM.search(text)
-    if found is None:
+    match = SPECTRUM.search(text)
+    if match is None:
         return None
-    cells = found[4].split(",")
-    if len(cells) != int(found[3]):
+    cells = match[4].split(",")
+    if len(cells) != int(match[3]):
         return None
     try:
         return np.array([float(cell) for cell in cells]) / 1000
@@ -181,15 +181,15 @@ def _printed_values(text: str) -> np.ndarray | None:
         return None
 
 
-def _said(pattern: str, text: str) -> str | None:
-    found = re.search(pattern, text)
-    return next((group.strip() for group in found.groups() if group), None) if found else None
+def _stated(pattern: str, text: str) -> str | None:
+    match = re.search(pattern, text)
+    return next((group.strip() for group in match.groups() if group), None) if match else None
 
 
 def _complaint(text: str) -> str:
     """What the program says of its failure: a line of its own, or its last words."""
-    found = re.search(r"(?:Error - |Diagnostic: )(.+)", text)
-    return found[1].strip() if found else _last_words(text)
+    match = re.search(r"(?:Error - |Diagnostic: )(.+)", text)
+    return match[1].strip() if match else _last_words(text)
 
 
 def _last_words(text: str) -> str:

@@ -25,8 +25,15 @@ def clip_points(frame: RawFrame) -> np.ndarray:
     ----------
     frame : RawFrame
     """
-    return np.array([_pile(_some_samples(frame, band), frame.white_level)
-                     for band in range(int(frame.cfa.max()) + 1)])
+    clips = []
+    rows, columns = frame.cfa.shape
+    for band in range(int(frame.cfa.max()) + 1):
+        # about SAMPLES samples, from whole rows of tiles spread over the picture
+        positions = np.argwhere(frame.cfa == band)
+        stride = max(1, int(frame.mosaic.size * len(positions) / frame.cfa.size / SAMPLES))
+        clips.append(_pile(np.concatenate([frame.mosaic[y::rows * stride, x::columns].ravel()
+                                           for y, x in positions]), frame.white_level))
+    return np.array(clips)
 
 
 def piles_up(frame: RawFrame, clip: float, band: int, noise: PhotonTransfer) -> bool:
@@ -46,16 +53,6 @@ def piles_up(frame: RawFrame, clip: float, band: int, noise: PhotonTransfer) -> 
     scale = frame.white_level - float(frame.black_level[chosen].mean())
     level = (clip - float(frame.black_level[chosen].mean())) / scale
     return float(np.sqrt(noise.read[band] + noise.gain[band] * level)) * scale >= MIN_SIGMA_DN
-
-
-def _some_samples(frame: RawFrame, band: int) -> np.ndarray:
-    """About ``SAMPLES`` samples of one colour, from whole rows of tiles spread over the picture."""
-    rows, columns = frame.cfa.shape
-    positions = np.argwhere(frame.cfa == band)
-    in_all = frame.mosaic.size * len(positions) / frame.cfa.size
-    stride = max(1, int(in_all / SAMPLES))
-    return np.concatenate([frame.mosaic[y::rows * stride, x::columns].ravel()
-                           for y, x in positions])
 
 
 def _pile(samples: np.ndarray, white_level: float) -> float:

@@ -31,6 +31,10 @@ MAX_SIGNAL = 1e9                    # its square is a variance, which single pre
 NO_DATE = "0000:00:00 00:00:00"     # unknown, as EXIF has it: the same image is the same file
 
 
+class NotLinearError(InputError):
+    """A photo's values are not proportional to light."""
+
+
 def is_image_file(path: Path) -> bool:
     """Whether a file is for this module: by its suffix, else by what it begins with.
 
@@ -112,16 +116,18 @@ def full_scale(path: Path, spec: oiio.ImageSpec, file_format: str) -> int:
 
     Raises
     ------
+    NotLinearError
+        If the values are not proportional to light.
     InputError
-        If the values are not linear in the light, or of a full scale that nobody states.
+        If nobody states their full scale.
     """
     kind = str(spec.format)
     tagged_encoded = "srgb" in _words(spec, "oiio:ColorSpace").lower() and kind in FULL_SCALE
     if file_format not in LINEAR_FORMATS or kind == "uint8" or tagged_encoded:
-        raise InputError(f"photo {path.name} is a {file_format.upper()} of {kind} "
-                         f"values{' tagged sRGB' if tagged_encoded else ''}, which are not linear "
-                         "in the light; give the camera raw, or develop it to a linear EXR or "
-                         "16-bit TIFF")
+        raise NotLinearError(f"photo {path.name} is a {file_format.upper()} of {kind} values"
+                             f"{' tagged sRGB' if tagged_encoded else ''}, processed by the "
+                             "camera: they are not proportional to light; give the camera raw, or "
+                             "develop it to a linear EXR or 16-bit TIFF")
     if kind not in (*FULL_SCALE, *FLOATS):
         raise InputError(f"photo {path.name} holds {kind} values, whose full scale nobody states; "
                          "export it as a linear EXR or a 16-bit TIFF")

@@ -124,13 +124,13 @@ def _tile_statistics(signal: np.ndarray, saturated: np.ndarray, floor: float, sa
     mean = tiles.mean(axis=(2, 3), dtype=float)
     lowest = float(signal.min())
     at_black = np.mean(tiles == lowest, axis=(2, 3)) if lowest <= 0 else np.zeros(mean.shape)
-    told = ~clipped & (at_black <= MAX_AT_BLACK)
-    if np.count_nonzero(told) < MIN_TILES:
+    usable = ~clipped & (at_black <= MAX_AT_BLACK)
+    if np.count_nonzero(usable) < MIN_TILES:
         raise InputError(f"the noise of {name} of {width} x {height} pixels with "
                          f"{np.mean(saturated):.0%} saturated and {np.mean(at_black):.0%} cut off "
                          f"at black cannot be measured; at least {MIN_TILES} tiles of {size} x "
                          f"{size} that are neither are needed")
-    return (*_uncensored(mean[told], variance[told], at_black[told], lowest, floor, samples),
+    return (*_uncensored(mean[usable], variance[usable], at_black[usable], lowest, floor, samples),
             size * (size - 2))
 
 

@@ -51,10 +51,10 @@ def add_cameras(sources: Sequence[Path]) -> tuple[list[str], list[str], Path]:
 
 def _files(sources: Sequence[Path]) -> Sequence[Path]:
     """The files, and those of the folders that end as camera files do."""
-    found = []
+    files: list[Path] = []
     for source in sources:
         if not source.exists():
             raise InputError(f"{source} is missing; give a file or folder of camera curves")
-        found += sorted(path for path in source.iterdir() if path.suffix.lower() in SUFFIXES) \
+        files += sorted(path for path in source.iterdir() if path.suffix.lower() in SUFFIXES) \
             if source.is_dir() else [source]
-    return found
+    return files
