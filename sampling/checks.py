@@ -13,6 +13,11 @@ ALIKE = 1e-6    # smallest singular value of the bands' directions: below, two b
 def check_draw_count(draws: int) -> None:
     """Raise unless at least one draw is asked for.
 
+    Parameters
+    ----------
+    draws : int
+        T, at least 1.
+
     Raises
     ------
     InputError
@@ -42,6 +47,11 @@ def check_measurement(measurement: SpectralMeasurement) -> None:
 def check_noise(covariance: np.ndarray) -> None:
     """Raise unless a matrix (..., K, K), or every one of many, is a covariance.
 
+    Parameters
+    ----------
+    covariance : (..., K, K) array
+        Symmetric and positive semi-definite, or an error.
+
     Raises
     ------
     InputError
@@ -54,6 +64,10 @@ def check_noise(covariance: np.ndarray) -> None:
 
 def check_bands(relative_response: np.ndarray) -> None:
     """Raise if two bands of a response (K, P) are alike or one sees nothing.
+
+    Parameters
+    ----------
+    relative_response : (K, P) array
 
     Raises
     ------

@@ -34,13 +34,28 @@ class CoefficientDraws(Record):
 
 
 def spline_operator(measurement: SpectralMeasurement, coefficients: int) -> MeasurementOperator:
-    """The measurement in a B-spline basis of N = ``coefficients`` functions."""
+    """The measurement in a B-spline basis of N = ``coefficients`` functions.
+
+    Parameters
+    ----------
+    measurement : SpectralMeasurement
+    coefficients : int
+        N, of the spline class.
+    """
     A = measurement.relative_response @ basis_matrix(measurement.grid.nm, coefficients)
     return MeasurementOperator(A, measurement.signal, measurement.noise_covariance)
 
 
 def nearest_coefficients(A: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Coefficients (N,) in [0, 1] whose signal A c is nearest to y, by bounded least squares."""
+    """Coefficients (N,) in [0, 1] whose signal A c is nearest to y, by bounded least squares.
+
+    Parameters
+    ----------
+    A : (K, N) array
+        From coefficients to signal.
+    y : (K,) array
+        Signal.
+    """
     from scipy.optimize import lsq_linear  # 0.3 s to import, and few signals need it
 
     return np.clip(lsq_linear(A, y, bounds=(0, 1), tol=1e-12).x, 0, 1)
@@ -49,6 +64,12 @@ def nearest_coefficients(A: np.ndarray, y: np.ndarray) -> np.ndarray:
 def response_on(measurement: SpectralMeasurement, grid: WavelengthGrid) -> np.ndarray:
     """Relative response (K, P') to reflectances that are straight lines between the P' wavelengths
     of a coarser grid; rows sum to 1.
+
+    Parameters
+    ----------
+    measurement : SpectralMeasurement
+    grid : WavelengthGrid
+        Of P wavelengths, coarser.
     """
     return measurement.relative_response @ interpolation_matrix(grid.nm, measurement.grid.nm)
 

@@ -67,6 +67,12 @@ def summarise(samples: SpectrumSamples, measurement: SpectralMeasurement, level:
 def check_draws(effective_samples: float, level: float) -> None:
     """Raise unless that many draws can tell a band of that level.
 
+    Parameters
+    ----------
+    effective_samples : float
+    level : float
+        Probability of the band, 0 to 1.
+
     Raises
     ------
     InputError
@@ -84,6 +90,11 @@ def check_draws(effective_samples: float, level: float) -> None:
 def check_level(level: float) -> None:
     """Raise unless a level is a probability.
 
+    Parameters
+    ----------
+    level : float
+        Asked for.
+
     Raises
     ------
     InputError
@@ -99,6 +110,13 @@ def next_measurement_nm(grid: WavelengthGrid, covariance: np.ndarray) -> float:
     Linear-Gaussian: a reading at p lowers the integral of the variance over wavelength by
     sum_q w_q cov(q, p)^2 / (var(p) + 0.005^2). Where nothing is left to learn, all are equal and it
     is the first.
+
+    Parameters
+    ----------
+    grid : WavelengthGrid
+        Of P wavelengths.
+    covariance : (P, P) array
+        Of the reflectance.
     """
     reduction = grid.weights_nm @ covariance**2 / (np.diag(covariance) + READING_ERROR**2)
     return float(grid.nm[np.argmax(reduction)])

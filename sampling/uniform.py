@@ -32,6 +32,18 @@ def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coef
     """Draw splines uniformly from all that give the signal; see `draw_methods.draw_spectra`.
 
     ``prior`` is not used: the coefficients are uniform in [0, 1].
+
+    Parameters
+    ----------
+    measurement : SpectralMeasurement
+    draws : int
+        T, at least 1.
+    seed : int
+        Of the random generator; the same seed gives the same draws bit for bit.
+    coefficients : int
+        N, of the spline class.
+    prior : LogitMixture, optional
+        Not used.
     """
     check_measurement(measurement)
     check_draw_count(draws)
@@ -53,7 +65,18 @@ def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coef
 
 def as_spectra(draws: CoefficientDraws, method: str, seed: int, outcome: Outcome,
                sentence: str) -> SpectrumSamples:
-    """The draws as spectra at 400, 405 ... 700 nm."""
+    """The draws as spectra at 400, 405 ... 700 nm.
+
+    Parameters
+    ----------
+    draws : CoefficientDraws
+    method : str
+    seed : int
+        Of the random generator; the same seed gives the same draws bit for bit.
+    outcome : Outcome
+    sentence : str
+        The outcome in words.
+    """
     spectra = draws.coefficients @ basis_matrix(PRIOR_GRID.nm, draws.coefficients.shape[1]).T
     spectra.flags.writeable = False     # nobody else has them: the record need not copy
     return SpectrumSamples(PRIOR_GRID, spectra, draws.coefficients, method, draws.effective_samples,
@@ -65,6 +88,11 @@ def into_reach(operator: MeasurementOperator) -> tuple[MeasurementOperator, floa
 
     The nearest signal in the least-squares sense is on the edge of the reachable set, where one
     spectrum fits; it is moved 0.2 % (then 1, 3, 10 %) of the way to middle grey.
+
+    Parameters
+    ----------
+    operator : MeasurementOperator
+        ``A`` (K, N), signal ``y`` (K,) relative to white, and its noise covariance (K, K).
 
     Raises
     ------

@@ -65,6 +65,11 @@ class Reading:
 def condition(measurement: SpectralMeasurement, readings: list[Reading]) -> SpectralMeasurement:
     """The measurement with each reading as a further band.
 
+    Parameters
+    ----------
+    measurement : SpectralMeasurement
+    readings : list of Reading
+
     Raises
     ------
     InputError
@@ -85,6 +90,11 @@ def same_material(measurements: list[SpectralMeasurement]) -> SpectralMeasuremen
 
     Bands that coincide are averaged with the weights of their errors, so that the result has
     independent bands.
+
+    Parameters
+    ----------
+    measurements : list of SpectralMeasurement
+        On one grid.
 
     Raises
     ------
@@ -115,6 +125,12 @@ def same_bands(first: SpectralMeasurement, second: SpectralMeasurement) -> bool:
 def check_agreement(grid: WavelengthGrid, readings: list[Reading]) -> None:
     """Raise where two readings through the same weights disagree by more than chance allows (1 in a
     million).
+
+    Parameters
+    ----------
+    grid : WavelengthGrid
+        Of P wavelengths.
+    readings : list of Reading
 
     Raises
     ------

@@ -43,6 +43,13 @@ class MoreMeasurement:
 def joined(base: SpectralMeasurement, more: list[MoreMeasurement]) -> SpectralMeasurement:
     """One measurement of all.
 
+    Parameters
+    ----------
+    base : SpectralMeasurement
+        What the photo says of the surface.
+    more : list of MoreMeasurement
+        Further measurements of the same surface.
+
     Raises
     ------
     InputError
@@ -71,6 +78,13 @@ def check_possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> No
     """Raise where no reflectance between 0 and 1 gives all measurements within their errors (chance
     1 in a million).
 
+    Parameters
+    ----------
+    base : SpectralMeasurement
+        What the photo says of the surface.
+    more : list of MoreMeasurement
+        Further measurements of the same surface.
+
     Raises
     ------
     InputError
@@ -90,6 +104,16 @@ def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: Logi
              seed: int) -> list[str]:
     """Sentences on measurements that lie far from what the others and the prior let expect (1 in a
     million).
+
+    Parameters
+    ----------
+    base : SpectralMeasurement
+        What the photo says of the surface.
+    more : list of MoreMeasurement
+        Further measurements of the same surface.
+    prior : LogitMixture
+    seed : int
+        Of the random generator; the same seed gives the same draws bit for bit.
     """
     sentences = []
     for index, further in enumerate(more):
@@ -124,6 +148,12 @@ def measured_rows(base: SpectralMeasurement,
                   more: MoreMeasurement) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows (J, 61) on the prior's wavelengths, values (J,) and covariance (J, J) of one more
     measurement.
+
+    Parameters
+    ----------
+    base : SpectralMeasurement
+        Whose grid readings are put on.
+    more : MoreMeasurement
     """
     if more.measurement is not None:
         photo = more.measurement

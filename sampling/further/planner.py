@@ -50,7 +50,18 @@ class PlannedStep:
 def wavelength_candidates(grid: WavelengthGrid, step_nm: float = 10.0,
                           minutes: float = READING_MINUTES,
                           standard_error: float = READING_ERROR) -> list[Candidate]:
-    """Spot readings every ``step_nm``."""
+    """Spot readings every ``step_nm``.
+
+    Parameters
+    ----------
+    grid : WavelengthGrid
+        Of P wavelengths.
+    step_nm : float
+    minutes : float
+        That a reading takes the operator.
+    standard_error : float
+        Of a reading, in reflectance.
+    """
     wanted = np.arange(grid.nm[0], grid.nm[-1] + 1e-9, step_nm)
     return [Candidate(f"reading at {nm:.0f} nm",
                       np.eye(grid.nm.size)[[int(np.argmin(np.abs(grid.nm - nm)))]], standard_error,
@@ -62,12 +73,30 @@ def photo_candidate(name: str, relative_response: np.ndarray, minutes: float = P
     """Another photo, such as one under another light, by its relative response (K, P).
 
     Rows sum to 1.
+
+    Parameters
+    ----------
+    name : str
+    relative_response : (K, P) array
+        Of camera and light; rows summing to 1.
+    minutes : float
+        That the photo takes the operator.
+    standard_error : float
+        Of each band, relative to white.
     """
     return Candidate(name, relative_response, standard_error, minutes)
 
 
 def plan(spectra: np.ndarray, candidates: list[Candidate], steps: int = 3) -> list[PlannedStep]:
     """The best ``steps`` measurements in order, from draws (T, P) of the posterior.
+
+    Parameters
+    ----------
+    spectra : (T, P) array
+        At least 100 draws of the posterior.
+    candidates : list of Candidate
+    steps : int
+        Number of measurements.
 
     Raises
     ------
@@ -89,7 +118,14 @@ def plan(spectra: np.ndarray, candidates: list[Candidate], steps: int = 3) -> li
 
 
 def ranked(covariance: np.ndarray, candidates: list[Candidate]) -> list[PlannedStep]:
-    """All candidates, best fall per minute first."""
+    """All candidates, best fall per minute first.
+
+    Parameters
+    ----------
+    covariance : (P, P) array
+        Of the reflectance.
+    candidates : list of Candidate
+    """
     options = []
     for candidate in candidates:
         left = after(covariance, candidate)
@@ -100,17 +136,36 @@ def ranked(covariance: np.ndarray, candidates: list[Candidate]) -> list[PlannedS
 
 
 def after(covariance: np.ndarray, candidate: Candidate) -> np.ndarray:
-    """Covariance (P, P) once the candidate has been measured."""
+    """Covariance (P, P) once the candidate has been measured.
+
+    Parameters
+    ----------
+    covariance : (P, P) array
+        Of the reflectance before it.
+    candidate : Candidate
+    """
     base = covariance @ candidate.rows.T
     Q = candidate.rows @ base + candidate.standard_error**2 * np.eye(len(candidate.rows))
     return covariance - base @ np.linalg.solve(Q, base.T)
 
 
 def mean_width(covariance: np.ndarray) -> float:
-    """Mean width of the 95 % band of a Gaussian with this covariance."""
+    """Mean width of the 95 % band of a Gaussian with this covariance.
+
+    Parameters
+    ----------
+    covariance : (P, P) array
+        Of the reflectance.
+    """
     return float(2 * NORMAL_95 * np.sqrt(np.maximum(np.diag(covariance), 0)).mean())
 
 
 def expected_rmse(covariance: np.ndarray) -> float:
-    """Root of the mean square error, over wavelengths, of a mean with this covariance."""
+    """Root of the mean square error, over wavelengths, of a mean with this covariance.
+
+    Parameters
+    ----------
+    covariance : (P, P) array
+        Of the reflectance.
+    """
     return float(np.sqrt(np.maximum(np.diag(covariance), 0).mean()))

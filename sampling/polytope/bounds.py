@@ -117,6 +117,11 @@ def signal_boxes(A: np.ndarray, signals: np.ndarray, noise_covariance: np.ndarra
 def widenings(boxes: SignalBoxes) -> np.ndarray:
     """Least signal (S,) by which every half-plane must move out for some coefficients in [0, 1] to
     fit; 0 where they do, within the tolerance of the general solver, and where the walk stalls.
+
+    Parameters
+    ----------
+    boxes : SignalBoxes
+        Of S signals.
     """
     count, bands, coefficients = boxes.directions.shape
     away = np.abs(boxes.centre).max(axis=1)      # c = 0 fits once the planes moved so far

@@ -64,7 +64,17 @@ def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int,
 
 def plan_moves(operator: MeasurementOperator, tilt: Tilt, rng: np.random.Generator,
                steps: int | None = None) -> tuple[np.ndarray, Circuits]:
-    """The schedule of one measurement and the circuits it refers to."""
+    """The schedule of one measurement and the circuits it refers to.
+
+    Parameters
+    ----------
+    operator : MeasurementOperator
+        ``A`` (K, N), signal ``y`` (K,) relative to white, and its noise covariance (K, K).
+    tilt : Tilt
+    rng : numpy.random.Generator
+    steps : int, optional
+        Moves of every chain; by default enough to forget the start.
+    """
     circuits = find_circuits(operator.A, rng)
     bands, coefficients = operator.A.shape
     probabilities = design(circuits, operator.A, tilt.h, rng)

@@ -37,7 +37,14 @@ class Circuits:
 
 
 def find_circuits(A: np.ndarray, rng: np.random.Generator) -> Circuits:
-    """All circuits of A (K, N), or 500 chosen at random where there are more."""
+    """All circuits of A (K, N), or 500 chosen at random where there are more.
+
+    Parameters
+    ----------
+    A : (K, N) array
+        From coefficients to signal.
+    rng : numpy.random.Generator
+    """
     bands, coefficients = A.shape
     if comb(coefficients, bands + 1) <= MAX_CIRCUITS:
         members = np.array(list(itertools.combinations(range(coefficients), bands + 1)))
@@ -60,7 +67,17 @@ def find_circuits(A: np.ndarray, rng: np.random.Generator) -> Circuits:
 
 def design(circuits: Circuits, A: np.ndarray, h: np.ndarray,
            rng: np.random.Generator) -> np.ndarray:
-    """Probabilities (n,) of the circuits under the tilt h (N,); most are zero."""
+    """Probabilities (n,) of the circuits under the tilt h (N,); most are zero.
+
+    Parameters
+    ----------
+    circuits : Circuits
+    A : (K, N) array
+        From coefficients to signal.
+    h : (N,) array
+        Slopes of the tilt.
+    rng : numpy.random.Generator
+    """
     _, _, variance = tilt_moments(h)
     covariance = np.diag(variance) - (A * variance).T @ np.linalg.solve((A * variance) @ A.T,
                                                                         A * variance)
@@ -91,6 +108,17 @@ def schedule(circuits: Circuits, probabilities: np.ndarray, steps: int, coeffici
 
     Systematic resampling of the circuits sorted by their dominant coefficient gives every
     coefficient its quota.
+
+    Parameters
+    ----------
+    circuits : Circuits
+    probabilities : (n,) array
+        Of the circuits, from `design`.
+    steps : int
+        Least number of moves.
+    coefficients : int
+        N, of the spline class.
+    rng : numpy.random.Generator
     """
     dominant = np.take_along_axis(circuits.members,
                                   np.abs(circuits.components).argmax(axis=1)[:, None], axis=1)[:, 0]
@@ -111,7 +139,15 @@ def schedule(circuits: Circuits, probabilities: np.ndarray, steps: int, coeffici
 
 
 def steps_for(coefficients: int, bands: int) -> int:
-    """Length of a schedule that mixes well; more for more bands, whose circuits are shorter."""
+    """Length of a schedule that mixes well; more for more bands, whose circuits are shorter.
+
+    Parameters
+    ----------
+    coefficients : int
+        N, of the spline class.
+    bands : int
+        K.
+    """
     table = np.array(STEPS, dtype=float)
     return round(float(np.interp(coefficients, *table.T)) * max(1.0, bands / 3)**2)
 

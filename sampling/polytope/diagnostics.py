@@ -54,6 +54,12 @@ def diagnose(starts: np.ndarray, ends: np.ndarray, groups: int = 8) -> Diagnosis
 def refuse_poor(diagnosis: Diagnosis, draws: int) -> None:
     """Raise if draws are too correlated to be trusted.
 
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    draws : int
+        T, how many it is of.
+
     Raises
     ------
     ConvergenceError
@@ -73,6 +79,11 @@ def tail_shape(weights: np.ndarray) -> float:
 
     The largest min(n / 5, 3 sqrt n) weights are fitted by the estimator of Zhang and Stephens
     (2009), with the prior of Vehtari et al. (2024, Pareto smoothed importance sampling).
+
+    Parameters
+    ----------
+    weights : (n,) array
+        Not negative.
     """
     count = int(min(len(weights) / 5, 3 * np.sqrt(len(weights))))
     ordered = np.sort(weights)

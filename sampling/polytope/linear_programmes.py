@@ -31,6 +31,15 @@ def bounds_of_one(boxes: SignalBoxes, row: int,
                   basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Smallest and largest B c (P,) over one of the boxes, moved apart where nothing fits.
 
+    Parameters
+    ----------
+    boxes : SignalBoxes
+        Of S signals.
+    row : int
+        Which signal.
+    basis : (P, N) array
+        Rows of B at the wavelengths wanted.
+
     Raises
     ------
     ConvergenceError
@@ -47,6 +56,15 @@ def bounds_of_one(boxes: SignalBoxes, row: int,
 def widening(boxes: SignalBoxes, row: int, options: dict[str, float] | None = None) -> float:
     """Least signal by which every half-plane must move out for some coefficients in [0, 1] to fit,
     and the solver's tolerance; 0 where they do.
+
+    Parameters
+    ----------
+    boxes : SignalBoxes
+        Of S signals.
+    row : int
+        Which signal.
+    options : dict, optional
+        Of HiGHS.
 
     Raises
     ------

@@ -30,6 +30,13 @@ FINE = visible_grid(1)
 def lifting(coarse: int, fine: int) -> np.ndarray:
     """T (fine, coarse) with B_fine T = B_coarse (Eq. 12).
 
+    Parameters
+    ----------
+    coarse : int
+        Number of coefficients.
+    fine : int
+        Larger number, whose knots contain the coarse ones.
+
     Raises
     ------
     InputError
@@ -46,6 +53,13 @@ def lifting(coarse: int, fine: int) -> np.ndarray:
 def residual_directions(A_fine: np.ndarray, T: np.ndarray) -> np.ndarray:
     """Directions (fine, d) that the camera does not see and that are orthogonal to the lifted span
     (Eqs. 13-15).
+
+    Parameters
+    ----------
+    A_fine : (K, fine) array
+        From fine coefficients to signal.
+    T : (fine, coarse) array
+        From `lifting`.
     """
     from scipy.linalg import null_space
 

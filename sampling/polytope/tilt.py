@@ -51,6 +51,11 @@ class Tilt(Record):
 def max_entropy_tilt(operator: MeasurementOperator) -> Tilt:
     """Find the tilt of ``operator`` by damped Newton with a line search, rows whitened.
 
+    Parameters
+    ----------
+    operator : MeasurementOperator
+        ``A`` (K, N), signal ``y`` (K,) relative to white, and its noise covariance (K, K).
+
     Raises
     ------
     InputError, CalibrationError
@@ -76,6 +81,11 @@ def max_entropy_tilt(operator: MeasurementOperator) -> Tilt:
 def tilt_moments(h: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Log-partition, mean and variance of the density proportional to exp(h c) on [0, 1], for every
     h.
+
+    Parameters
+    ----------
+    h : array
+        Slopes, of any shape.
     """
     small = np.abs(h) < SERIES_BELOW
     a = np.where(small, 1.0, np.abs(h))
@@ -93,6 +103,11 @@ def tilt_moments(h: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def is_reachable(operator: MeasurementOperator) -> bool:
     """Whether some coefficients in [0, 1] give exactly ``operator.y`` (to the 1e-7 of the LP
     solver, rows whitened).
+
+    Parameters
+    ----------
+    operator : MeasurementOperator
+        ``A`` (K, N), signal ``y`` (K,) relative to white, and its noise covariance (K, K).
     """
     from scipy.optimize import linprog  # 0.3 s to import, and few signals need it
 
@@ -104,6 +119,11 @@ def is_reachable(operator: MeasurementOperator) -> bool:
 
 def check_operator(operator: MeasurementOperator) -> None:
     """Raise if no spectrum can be sampled from ``operator``.
+
+    Parameters
+    ----------
+    operator : MeasurementOperator
+        ``A`` (K, N), signal ``y`` (K,) relative to white, and its noise covariance (K, K).
 
     Raises
     ------

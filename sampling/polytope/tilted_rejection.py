@@ -91,6 +91,13 @@ def tilted_proposals(operator: MeasurementOperator, tilt: Tilt,
                      rng: np.random.Generator) -> Propose:
     """The steps 1 to 3 as a function of the number of proposals, which returns the accepted
     coefficients.
+
+    Parameters
+    ----------
+    operator : MeasurementOperator
+        ``A`` (K, N), signal ``y`` (K,) relative to white, and its noise covariance (K, K).
+    tilt : Tilt
+    rng : numpy.random.Generator
     """
     coefficients = tilt.h.size
     columns = np.hstack([operator.A, noise_columns(operator.noise_covariance)])
@@ -119,6 +126,10 @@ def tilted_proposals(operator: MeasurementOperator, tilt: Tilt,
 def noise_columns(covariance: np.ndarray) -> np.ndarray:
     """L (K, r) with L L' equal to the covariance (K, K) of rank r; no columns where there is no
     noise.
+
+    Parameters
+    ----------
+    covariance : (K, K) array
     """
     variances, directions = np.linalg.eigh(covariance)
     return (directions * np.sqrt(np.maximum(variances, 0)))[:, variances > 0]
@@ -127,6 +138,13 @@ def noise_columns(covariance: np.ndarray) -> np.ndarray:
 def draw_tilted(h: np.ndarray, uniform: np.ndarray) -> np.ndarray:
     """Inverse of the distribution function of exp(h c) on [0, 1], for h (F,) and uniform numbers
     (T, F) in [0, 1).
+
+    Parameters
+    ----------
+    h : (F,) array
+        Slopes.
+    uniform : (T, F) array
+        Uniform numbers in [0, 1).
     """
     # The draw is made for -|h| and mirrored, so no exponential overflows; 1e-100 stands for h = 0,
     # where c = u.
@@ -146,6 +164,15 @@ def basic_columns(columns: np.ndarray, slopes: np.ndarray, coefficients: int) ->
     The factor is Z(h_j) exp(-max(0, h_j)) for a coefficient and sqrt(2 pi) for a noise coordinate.
     With the columns scaled by it this is a submatrix of largest volume: start from the pivots of a
     QR factorisation and swap while one swap gains more than 1 %.
+
+    Parameters
+    ----------
+    columns : (K, N + r) array
+        [A L].
+    slopes : (N + r,) array
+        theta' [A L].
+    coefficients : int
+        N.
     """
     from scipy.linalg import qr
 
@@ -167,6 +194,13 @@ def basic_columns(columns: np.ndarray, slopes: np.ndarray, coefficients: int) ->
 
 def collect(propose: Propose, draws: int) -> tuple[np.ndarray, float]:
     """Propose until ``draws`` are accepted; return them (T, N) and the acceptance.
+
+    Parameters
+    ----------
+    propose : function
+        From a number of proposals to those accepted (n, N).
+    draws : int
+        T, at least 1.
 
     Raises
     ------

@@ -129,6 +129,18 @@ def prior_without(part: Part, parts: Sequence[Part], fitted: Fitted,
 
     A model that is its family's only part stays: it is judged on other draws of its own.
 
+    Parameters
+    ----------
+    part : Part
+        What is left out.
+    parts : sequence of Part
+        All of them.
+    fitted : Fitted
+        With all parts.
+    families : dict of Family
+        By name.
+    seed : int
+
     Raises
     ------
     InputError
@@ -144,7 +156,16 @@ def prior_without(part: Part, parts: Sequence[Part], fitted: Fitted,
 
 def judge(prior: LogitMixture, relative_response: np.ndarray,
           reflectances: np.ndarray) -> Judgement:
-    """Bands of every level for noise-free signals of reflectances (n, 61), against the truth."""
+    """Bands of every level for noise-free signals of reflectances (n, 61), against the truth.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    relative_response : (K, 61) array
+        Rows summing to 1.
+    reflectances : (n, 61) array
+        That the prior has not seen.
+    """
     bands = len(relative_response)
     mixture = posterior(prior, relative_response, reflectances @ relative_response.T,
                         np.zeros((bands, bands)))
@@ -160,7 +181,13 @@ def judge(prior: LogitMixture, relative_response: np.ndarray,
 
 
 def calibrated(prior: LogitMixture, left_out: Sequence[LeftOut]) -> LogitMixture:
-    """The prior with band factors from what was left out in turn; see the head of this file."""
+    """The prior with band factors from what was left out in turn; see the head of this file.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    left_out : sequence of LeftOut
+    """
     stated, unstated = (np.array([[_factor(judges, place) for place in range(LEVELS.size)]
                                   for judges in _by_family(prior, left_out, kind)])
                         for kind in ("stated", "unstated"))
@@ -178,6 +205,12 @@ def certificates(prior: LogitMixture,
                  left_out: Sequence[LeftOut]) -> dict[str, FamilyCertificate]:
     """What the calibrated 95 % bands held of every family: of its measured libraries left out in
     turn, or where there are none of what its models make.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+        Calibrated.
+    left_out : sequence of LeftOut
     """
     found = {}
     for name in prior.families:
@@ -196,7 +229,16 @@ def certificates(prior: LogitMixture,
 
 
 def band_figures(prior: LogitMixture, part: LeftOut, kind: str) -> BandCertificate:
-    """What the calibrated 95 % bands did on a part left out, its family "stated" or "unstated"."""
+    """What the calibrated 95 % bands did on a part left out, its family "stated" or "unstated".
+
+    Parameters
+    ----------
+    prior : LogitMixture
+        Calibrated.
+    part : LeftOut
+    kind : str
+        "stated" or "unstated".
+    """
     judgement: Judgement = getattr(part, kind)
     factor = prior.stated_factors[prior.families.index(part.family), AT_95] \
         if kind == "stated" else judgement.shares @ prior.band_factors[:, AT_95]

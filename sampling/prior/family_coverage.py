@@ -92,6 +92,10 @@ def family_coverages(shares: Mapping[str, float], stated: Sequence[str],
 def coverage_facts(families: Sequence[FamilyCoverage]) -> list[dict[str, Any]]:
     """Families and what 95 % bands of each held when it was judged, for JSON; None where it was
     not.
+
+    Parameters
+    ----------
+    families : sequence of FamilyCoverage
     """
     return [{"name": one.name, "share": one.share, "stated": one.stated,
              "measured": one.certificate is not None and one.certificate.measured,
@@ -100,7 +104,12 @@ def coverage_facts(families: Sequence[FamilyCoverage]) -> list[dict[str, Any]]:
 
 
 def certified_sentence(families: Sequence[FamilyCoverage]) -> str:
-    """What the 95 % bands of these families held when they were judged; empty for none."""
+    """What the 95 % bands of these families held when they were judged; empty for none.
+
+    Parameters
+    ----------
+    families : sequence of FamilyCoverage
+    """
     if not families:
         return ""
     return ("What 95 % bands held of surfaces left out of the training: "
@@ -108,5 +117,10 @@ def certified_sentence(families: Sequence[FamilyCoverage]) -> str:
 
 
 def mostly_in_doubt(families: Sequence[FamilyCoverage]) -> bool:
-    """Whether most of what a signal may be was not certified on measured surfaces."""
+    """Whether most of what a signal may be was not certified on measured surfaces.
+
+    Parameters
+    ----------
+    families : sequence of FamilyCoverage
+    """
     return sum(family.share for family in families if family.in_doubt) >= MOSTLY

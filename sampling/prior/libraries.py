@@ -55,6 +55,10 @@ def read_library(folder: Path) -> ReflectanceLibrary:
     scaled), or that do not cover it to within 6 nm, and whole files whose values elsewhere show
     that they are no reflectances.
 
+    Parameters
+    ----------
+    folder : Path
+
     Raises
     ------
     InputError
@@ -118,6 +122,14 @@ def without_near_duplicates(reflectances: np.ndarray, distance: float = 0.004,
                             others: np.ndarray | None = None) -> np.ndarray:
     """Rows (n, P) with a root-mean-square distance of at least ``distance`` to every row kept
     before and to others.
+
+    Parameters
+    ----------
+    reflectances : (n, 61) array
+    distance : float
+        Root mean square, in reflectance.
+    others : (m, P) array, optional
+        That rows must differ from too.
     """
     kept = np.empty_like(reflectances)
     count = 0

@@ -96,6 +96,12 @@ class LogitMixture(Record):
 def of_families(prior: LogitMixture, stated: Sequence[str]) -> LogitMixture:
     """The prior of a surface that is said to belong to one of the families; of any for none.
 
+    Parameters
+    ----------
+    prior : LogitMixture
+    stated : sequence of str
+        Names of families, or words for them.
+
     Raises
     ------
     InputError
@@ -121,7 +127,14 @@ def of_families(prior: LogitMixture, stated: Sequence[str]) -> LogitMixture:
 
 
 def components_where_stated(prior: LogitMixture, kept: Sequence[int]) -> Components:
-    """The components of stated families, given by their indices, with weights that sum to 1."""
+    """The components of stated families, given by their indices, with weights that sum to 1.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    kept : sequence of int
+        Indices of the families.
+    """
     shares = prior.shares(prior.weights[None])[0]
     other = prior.where_stated
     replaced = set() if other is None else set(other.family.tolist())
@@ -137,32 +150,63 @@ def components_where_stated(prior: LogitMixture, kept: Sequence[int]) -> Compone
 
 
 def condition_on_families(prior: LogitMixture) -> str:
-    """What a band of this prior is conditional on, as the end of a sentence."""
+    """What a band of this prior is conditional on, as the end of a sentence.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    """
     if prior.stated:
         return f"the surface being of {' or '.join(prior.stated)}, as stated"
     return f"the surface being of one of the prior's families ({', '.join(prior.families)})"
 
 
 def logit(reflectance: np.ndarray) -> np.ndarray:
-    """Logit of reflectances, clipped to 0.004-0.996."""
+    """Logit of reflectances, clipped to 0.004-0.996.
+
+    Parameters
+    ----------
+    reflectance : array
+        Of any shape.
+    """
     clipped = np.clip(reflectance, EDGE, 1 - EDGE)
     return np.log(clipped / (1 - clipped))
 
 
 def reflectance(logits: np.ndarray) -> np.ndarray:
-    """Reflectance, strictly between 0 and 1, of logits."""
+    """Reflectance, strictly between 0 and 1, of logits.
+
+    Parameters
+    ----------
+    logits : array
+        Of any shape.
+    """
     return 0.5 * (1 + np.tanh(0.5 * logits))
 
 
 def reflectance_moments(prior: LogitMixture,
                         draws: int = MOMENT_DRAWS) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (P,) and covariance (P, P) of a prior's reflectances, from draws at a fixed seed."""
+    """Mean (P,) and covariance (P, P) of a prior's reflectances, from draws at a fixed seed.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    draws : int
+        That the moments are estimated from.
+    """
     spectra = drawn_reflectances(prior, draws)
     return spectra.mean(axis=0), np.cov(spectra, rowvar=False)
 
 
 def drawn_reflectances(prior: LogitMixture, draws: int) -> np.ndarray:
-    """Reflectances (T, P) of surfaces that are drawn from a prior at a fixed seed."""
+    """Reflectances (T, P) of surfaces that are drawn from a prior at a fixed seed.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    draws : int
+        T.
+    """
     rng = np.random.default_rng(0)
     counts = rng.multinomial(draws, prior.weights / prior.weights.sum())
     logits = [rng.multivariate_normal(mean, covariance.astype(float), count)
@@ -172,7 +216,13 @@ def drawn_reflectances(prior: LogitMixture, draws: int) -> np.ndarray:
 
 
 def save_prior(path: Path, prior: LogitMixture) -> None:
-    """Write a prior as .npz with covariances in single precision (a relative error of 6e-8)."""
+    """Write a prior as .npz with covariances in single precision (a relative error of 6e-8).
+
+    Parameters
+    ----------
+    path : Path
+    prior : LogitMixture
+    """
     arrays = {name: np.asarray(getattr(prior, name),
                                np.float32 if name in SINGLE_PRECISION else np.float64)
               for name in ARRAYS}
@@ -191,6 +241,11 @@ def save_prior(path: Path, prior: LogitMixture) -> None:
 
 def load_prior(path: Path | None = None) -> LogitMixture:
     """The prior of a file, or the one that ships with the project.
+
+    Parameters
+    ----------
+    path : Path, optional
+        By default the shipped one.
 
     Raises
     ------
@@ -238,6 +293,12 @@ def _read_prior(path: Path) -> LogitMixture:
 
 def check_prior(prior: LogitMixture, name: str) -> None:
     """Raise unless a prior is on the grid of 61 wavelengths and its covariances are covariances.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    name : str
+        Of its file, for messages.
 
     Raises
     ------

@@ -151,7 +151,13 @@ def _components_of_signals(prior: LogitMixture, seen: Observations,
 
 
 def with_floor(covariance: np.ndarray) -> np.ndarray:
-    """The covariance (..., K, K) with at least 0.1 % of white of independent error per band."""
+    """The covariance (..., K, K) with at least 0.1 % of white of independent error per band.
+
+    Parameters
+    ----------
+    covariance : (..., K, K) array
+        Of the signals' noise.
+    """
     return covariance + SIGNAL_FLOOR**2 * np.eye(covariance.shape[-1])
 
 
@@ -159,6 +165,21 @@ def gauss_newton(seen: Observations, rows: np.ndarray, mean: np.ndarray, covaria
                  x: np.ndarray, steps: int, tolerance: float = TOLERANCE) -> None:
     """Move logits x (T, P) of some rows towards the mode of one component, or each of its own, in
     place.
+
+    Parameters
+    ----------
+    seen : Observations
+    rows : (n,) int array
+        Of the signals to move.
+    mean : (P,) or (T, P) array
+        Of the component, or of one for each signal.
+    covariance : (P, P) or (T, P, P) array
+    x : (T, P) array
+        Logits; changed in place.
+    steps : int
+        At most.
+    tolerance : float
+        Largest change of a logit at which it has converged.
     """
     active = rows
     for _ in range(steps):
@@ -182,6 +203,17 @@ def rough_evidence(seen: Observations, mean: np.ndarray, covariance: np.ndarray,
                    x: np.ndarray, tried: int = TRIED) -> np.ndarray:
     """Move logits x (T, P) of all rows a few steps towards one component's mode, in place; log
     evidence (T,) where the last step began.
+
+    Parameters
+    ----------
+    seen : Observations
+    mean : (P,) or (T, P) array
+        Of the component, or of one for each signal.
+    covariance : (P, P) or (T, P, P) array
+    x : (T, P) array
+        Logits; changed in place.
+    tried : int
+        Number of steps.
     """
     everyone = np.arange(len(x))
     gauss_newton(seen, everyone, mean, covariance, x, tried - 1)
@@ -195,6 +227,17 @@ def laplace(seen: Observations, rows: np.ndarray, mean: np.ndarray, covariance: 
             x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Variances (n, P), log evidence (n,), largest misfit (n,) and r' Q^-1 r (n,) of some rows at
     the modes among x (T, P).
+
+    Parameters
+    ----------
+    seen : Observations
+    rows : (n,) int array
+        Of the signals.
+    mean : (P,) or (T, P) array
+        Of the component, or of one for each signal.
+    covariance : (P, P) or (T, P, P) array
+    x : (T, P) array
+        Logits at the modes.
     """
     gain_base, Q, residual = _linearised(seen, rows, mean, covariance, x)
     solved = np.linalg.solve(Q, np.concatenate([gain_base, residual[..., None]], axis=2))
@@ -232,6 +275,11 @@ def _own(values: np.ndarray, rows: np.ndarray, dimensions: int) -> np.ndarray:
 def mean_and_spread(mixture: MixturePosterior) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation (T, P) of the reflectance, by nine-point Gauss-Hermite
     quadrature.
+
+    Parameters
+    ----------
+    mixture : MixturePosterior
+        Of T signals under a prior.
     """
     first, second = np.zeros(mixture.logits.shape[1:]), np.zeros(mixture.logits.shape[1:])
     for rows, weights, logits, deviations, skews in _blocks(mixture):
@@ -243,14 +291,30 @@ def mean_and_spread(mixture: MixturePosterior) -> tuple[np.ndarray, np.ndarray]:
 
 
 def central_band(mixture: MixturePosterior, level: float) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper reflectance (T, P) of the mixture's central band, not yet calibrated."""
+    """Lower and upper reflectance (T, P) of the mixture's central band, not yet calibrated.
+
+    Parameters
+    ----------
+    mixture : MixturePosterior
+        Of T signals under a prior.
+    level : float
+        Probability of the band, 0 to 1.
+    """
     lower, upper = (1 - level) / 2, (1 + level) / 2
     return (reflectance(mixture_quantile(mixture, lower)),
             reflectance(mixture_quantile(mixture, upper)))
 
 
 def mixture_quantile(mixture: MixturePosterior, probability: float) -> np.ndarray:
-    """Quantile (T, P) of the mixture in the logit."""
+    """Quantile (T, P) of the mixture in the logit.
+
+    Parameters
+    ----------
+    mixture : MixturePosterior
+        Of T signals under a prior.
+    probability : float
+        Between 0 and 1.
+    """
     found = np.empty(mixture.logits.shape[1:])
     for rows, weights, logits, deviations, skews in _blocks(mixture):
         found[rows] = quantiles(weights, logits, deviations, skews, probability)
@@ -275,7 +339,16 @@ def _blocks(mixture: MixturePosterior) -> Iterator[tuple[Any, ...]]:
 
 def calibrated_bands(prior: LogitMixture, mixture: MixturePosterior, levels: tuple[float, ...]
                      ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Mean (T, P), and of each level the ends (T, P) of its calibrated band, in [0, 1]."""
+    """Mean (T, P), and of each level the ends (T, P) of its calibrated band, in [0, 1].
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    mixture : MixturePosterior
+        Of T signals under a prior.
+    levels : tuple of float
+        Probabilities of the bands.
+    """
     mean, spread = mean_and_spread(mixture)
     width = width_factors(prior, spread)
     return mean, [widened(mean, *central_band(mixture, level),
@@ -284,7 +357,17 @@ def calibrated_bands(prior: LogitMixture, mixture: MixturePosterior, levels: tup
 
 def widened(mean: np.ndarray, lower: np.ndarray, upper: np.ndarray,
             factor: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-    """The band (T, P) widened about the mean by factors that broadcast to it, within 0 and 1."""
+    """The band (T, P) widened about the mean by factors that broadcast to it, within 0 and 1.
+
+    Parameters
+    ----------
+    mean : (T, P) array
+        Of the reflectance.
+    lower : (T, P) array
+    upper : (T, P) array
+    factor : array or float
+        1 leaves the band as it is.
+    """
     return (np.clip(mean - factor * (mean - lower), 0, 1),
             np.clip(mean + factor * (upper - mean), 0, 1))
 
@@ -308,13 +391,27 @@ def novelty(prior: LogitMixture, mixture: MixturePosterior,
 def allowed_misfit(covariance: np.ndarray) -> np.ndarray:
     """Distance of signal and fit beyond which a prior does not explain the signal: 0.5 % of white,
     or 4 sigma of the noise (..., K, K).
+
+    Parameters
+    ----------
+    covariance : (..., K, K) array
+        Of the signals' noise.
     """
     largest = np.diagonal(covariance, axis1=-2, axis2=-1).max(axis=-1)
     return np.maximum(MISFIT, 4 * np.sqrt(largest))
 
 
 def band_factors(prior: LogitMixture, mixture: MixturePosterior, level: float) -> np.ndarray:
-    """Factors (T, P) by which central bands are widened: the families', by share, for the width."""
+    """Factors (T, P) by which central bands are widened: the families', by share, for the width.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    mixture : MixturePosterior
+        Of T signals under a prior.
+    level : float
+        Probability of the band, 0 to 1.
+    """
     return width_factors(prior, mean_and_spread(mixture)[1]) \
         * prior.band_factor(level, mixture.weights)
 
@@ -324,6 +421,12 @@ def width_factors(prior: LogitMixture, spread: np.ndarray) -> np.ndarray:
     ``spread`` (T, P) is the standard deviation.
 
     Of a learnt prior they fall: bands that are wide are too wide rather than too narrow.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    spread : (T, P) array
+        Standard deviation of the reflectance.
     """
     width = 2 * NORMAL_95 * spread.mean(axis=1, keepdims=True)
     return np.asarray((width / USUAL_WIDTH)**prior.width_power)
@@ -331,7 +434,17 @@ def width_factors(prior: LogitMixture, spread: np.ndarray) -> np.ndarray:
 
 def conformal_scores(mean: np.ndarray, lower: np.ndarray, upper: np.ndarray,
                      truth: np.ndarray) -> np.ndarray:
-    """The factor (T, P) that each band would have needed to hold the truth."""
+    """The factor (T, P) that each band would have needed to hold the truth.
+
+    Parameters
+    ----------
+    mean : (T, P) array
+        Of the reflectance.
+    lower : (T, P) array
+        Of the band before calibration.
+    upper : (T, P) array
+    truth : (T, P) array
+    """
     below = (mean - truth) / np.maximum(mean - lower, 1e-4)
     above = (truth - mean) / np.maximum(upper - mean, 1e-4)
     return np.maximum(below, above)

@@ -160,6 +160,11 @@ def solve_each(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
     than LAPACK's calls.
 
     A singular matrix gives a step of zero.
+
+    Parameters
+    ----------
+    matrices : (n, K, K) array
+    right : (n, K) array
     """
     if right.shape[1] != 3:
         singular = np.abs(np.linalg.det(matrices)) < 1e-12

@@ -68,6 +68,11 @@ def normal_below(z: np.ndarray) -> np.ndarray:
     Within 1.2e-7 of itself, below 0 [Press et al. 1992, Numerical Recipes, Sec. 6.2, erfcc]; in
     single precision 2e-6 as far as four deviations. Only to import SciPy's takes as long as to
     find many bands.
+
+    Parameters
+    ----------
+    z : array
+        Of any shape.
     """
     away = np.abs(z) * z.dtype.type(np.sqrt(0.5))
     t = 1 / (1 + away / 2)
@@ -82,12 +87,25 @@ def normal_below(z: np.ndarray) -> np.ndarray:
 
 
 def stretched(z: float, skews: np.ndarray | None) -> float | np.ndarray:
-    """(e^(skew z) - 1) / skew, in the shape of the skews."""
+    """(e^(skew z) - 1) / skew, in the shape of the skews.
+
+    Parameters
+    ----------
+    z : float
+        Standard normal deviate.
+    skews : array or None
+    """
     return z if skews is None else np.expm1(skews * z) / skews
 
 
 def unstretched(u: np.ndarray, skews: np.ndarray | None) -> tuple[np.ndarray, float | np.ndarray]:
-    """The z whose stretched value is u, and dz / du; far out where no z has it."""
+    """The z whose stretched value is u, and dz / du; far out where no z has it.
+
+    Parameters
+    ----------
+    u : array
+    skews : array or None
+    """
     if skews is None:
         return u, 1.0
     inner = np.maximum(1 + skews * u, TINY)

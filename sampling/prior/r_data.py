@@ -22,6 +22,10 @@ HAS_ATTRIBUTES, HAS_TAG = 1 << 9, 1 << 10
 def read_r_columns(path: Path) -> dict[str, np.ndarray]:
     """Real and integer columns of every data frame of the file, by name.
 
+    Parameters
+    ----------
+    path : Path
+
     Raises
     ------
     InputError

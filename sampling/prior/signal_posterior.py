@@ -218,6 +218,18 @@ def sample_prior(measurement: SpectralMeasurement, draws: int, seed: int, coeffi
 
     ``coefficients`` is the N of the splines that are fitted to the draws.
 
+    Parameters
+    ----------
+    measurement : SpectralMeasurement
+    draws : int
+        T, at least 1.
+    seed : int
+        Of the random generator; the same seed gives the same draws bit for bit.
+    coefficients : int
+        N, of the spline class.
+    prior : LogitMixture, optional
+        By default the shipped one.
+
     Raises
     ------
     InputError, ConvergenceError

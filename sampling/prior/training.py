@@ -59,6 +59,13 @@ class Fitted:
 def fitted_families(parts: Sequence[Part], families: dict[str, Family], seed: int) -> Fitted:
     """The mixtures of each family that has parts.
 
+    Parameters
+    ----------
+    parts : sequence of Part
+    families : dict of Family
+        By name.
+    seed : int
+
     Raises
     ------
     InputError
@@ -77,6 +84,13 @@ def fitted_families(parts: Sequence[Part], families: dict[str, Family], seed: in
 def fit_family(parts: Iterable[Part], family: Family, seed: int,
                components: int | None = None) -> LogitMixture:
     """The mixture of one family, of as many components as it has where none are given.
+
+    Parameters
+    ----------
+    parts : iterable of Part
+    family : Family
+    seed : int
+    components : int, optional
 
     Raises
     ------
@@ -97,6 +111,14 @@ def fit_family(parts: Iterable[Part], family: Family, seed: int,
 def joined(fitted: Fitted, families: dict[str, Family], source: str = "") -> LogitMixture:
     """One mixture of those of several families, by their shares, and what takes the place of some
     where they are stated.
+
+    Parameters
+    ----------
+    fitted : Fitted
+    families : dict of Family
+        With their shares.
+    source : str
+        What it was trained on.
     """
     names = tuple(fitted.plain)
     shares = np.array([families[name].share for name in names])
@@ -155,7 +177,13 @@ def parts_of(libraries: dict[str, list[ReflectanceLibrary]], families: dict[str,
 
 
 def balanced(reflectances: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """At most 500 curves of a library; one with fewer than 250 counts up to three times."""
+    """At most 500 curves of a library; one with fewer than 250 counts up to three times.
+
+    Parameters
+    ----------
+    reflectances : (n, 61) array
+    rng : numpy.random.Generator
+    """
     if len(reflectances) > MAX_OF_LIBRARY:
         return reflectances[rng.permutation(len(reflectances))[:MAX_OF_LIBRARY]]
     times = min(3, MAX_OF_LIBRARY // 2 // len(reflectances) + 1)
@@ -165,6 +193,11 @@ def balanced(reflectances: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def enriched(reflectances: np.ndarray, seed: int = 0) -> np.ndarray:
     """The curves (n, 61) and four times as many made of them: mixtures, powers, shifts and layers,
     a quarter each.
+
+    Parameters
+    ----------
+    reflectances : (n, 61) array
+    seed : int
     """
     rng = np.random.default_rng(seed)
     share = MADE * len(reflectances) // 4

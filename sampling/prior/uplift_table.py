@@ -121,7 +121,13 @@ def build_tables(prior: LogitMixture, relative_response: np.ndarray,
 
 
 def lattice(side: int) -> np.ndarray:
-    """Signals (side, side, side, 3) of the table; bands brighter than white are those of white."""
+    """Signals (side, side, side, 3) of the table; bands brighter than white are those of white.
+
+    Parameters
+    ----------
+    side : int
+        Points along each axis.
+    """
     middle = np.linspace(MIN_ROOT, 1, side)**3
     ratio = np.exp(BEND * np.sinh(np.linspace(-1, 1, side) * np.arcsinh(MAX_LOG_RATIO / BEND)))
     level, first, third = np.meshgrid(middle, ratio, ratio, indexing="ij")
@@ -152,7 +158,15 @@ def uplift_directly(prior: LogitMixture, relative_response: np.ndarray, signals:
 
 
 def relative_errors(signals: np.ndarray, noise: float) -> np.ndarray:
-    """Covariance (n, K, K) of signals (n, K) of which every band errs for itself, by a share."""
+    """Covariance (n, K, K) of signals (n, K) of which every band errs for itself, by a share.
+
+    Parameters
+    ----------
+    signals : (n, K) array
+        Relative to white.
+    noise : float
+        Relative standard error of every band.
+    """
     return np.einsum("tk,kl->tkl", (noise * signals)**2, np.eye(signals.shape[1]))
 
 
@@ -270,7 +284,13 @@ def _cell_and_share(signals: np.ndarray, side: int) -> tuple[np.ndarray, np.ndar
 
 
 def outside(signals: np.ndarray) -> np.ndarray:
-    """Which signals (n, K) leave [0, 1] in some band and so cannot be those of a reflectance."""
+    """Which signals (n, K) leave [0, 1] in some band and so cannot be those of a reflectance.
+
+    Parameters
+    ----------
+    signals : (n, K) array
+        Relative to white.
+    """
     return np.any((signals < 0) | (signals > MAX_SIGNAL), axis=1)
 
 
@@ -278,6 +298,15 @@ def table_error(table: UpliftTable, prior: LogitMixture, signals: np.ndarray,
                 noise: float = 0.01) -> dict[str, float]:
     """Root-mean-square error of mean, and of the standard deviation relative to its mean, against
     the direct way.
+
+    Parameters
+    ----------
+    table : UpliftTable
+    prior : LogitMixture
+    signals : (n, K) array
+        Relative to white.
+    noise : float
+        Relative standard error of every band.
     """
     mean, spread = uplift_directly(prior, table.relative_response, signals, noise)
     quick_mean, quick_spread = uplift_pixels(table, signals)

@@ -23,6 +23,12 @@ def baseline_spectra(measurement: SpectralMeasurement,
                      methods: tuple[str, ...] = METHODS) -> dict[str, np.ndarray]:
     """Spectrum (61,) of every method for one signal.
 
+    Parameters
+    ----------
+    measurement : SpectralMeasurement
+    methods : tuple of str
+        Of `colour_upsampling.METHODS`.
+
     Raises
     ------
     InputError
@@ -35,6 +41,13 @@ def baseline_spectra(measurement: SpectralMeasurement,
 def to_tristimulus(relative_response: np.ndarray, signals: np.ndarray) -> np.ndarray:
     """Tristimulus values (n, 3), white being 1, from signals (n, K) by a matrix that keeps white
     white.
+
+    Parameters
+    ----------
+    relative_response : (K, 61) array
+        Rows summing to 1.
+    signals : (n, K) array
+        Relative to white.
 
     Raises
     ------
@@ -60,6 +73,16 @@ def greedy_draws(operator: MeasurementOperator, draws: int, seed: int,
     last ones can still make up for one at a time; the K last are solved for, and the draw is
     dropped where they leave [0, 1]. It fails on some signals that can be reached and its draws are
     not uniform: kept to be compared with.
+
+    Parameters
+    ----------
+    operator : MeasurementOperator
+        ``A`` (K, N), signal ``y`` (K,) relative to white, and its noise covariance (K, K).
+    draws : int
+        T, at least 1.
+    seed : int
+        Of the random generator; the same seed gives the same draws bit for bit.
+    attempts : int
     """
     rng = np.random.default_rng(seed)
     bands, count = operator.A.shape

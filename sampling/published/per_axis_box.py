@@ -47,6 +47,19 @@ def sample_published(measurement: SpectralMeasurement, draws: int, seed: int, co
     ``prior`` is not used. The start is bounded least squares or, with ``unbounded_start`` and as
     printed, unbounded least squares.
 
+    Parameters
+    ----------
+    measurement : SpectralMeasurement
+    draws : int
+        T, at least 1.
+    seed : int
+        Of the random generator; the same seed gives the same draws bit for bit.
+    coefficients : int
+        N, of the spline class.
+    prior : LogitMixture, optional
+        Not used.
+    unbounded_start : bool
+
     Raises
     ------
     ConvergenceError
@@ -79,6 +92,17 @@ def sample_per_axis(operator: MeasurementOperator, c0: np.ndarray, draws: int,
     The draws reproduce ``A c0``; the noise of the signal is not used. The outcome is
     ``Outcome.UNREACHABLE`` where ``A c0`` is not the signal.
 
+    Parameters
+    ----------
+    operator : MeasurementOperator
+        ``A`` (K, N), signal ``y`` (K,) relative to white, and its noise covariance (K, K).
+    c0 : (N,) array
+        Start, within 0 to 1.
+    draws : int
+        T, at least 1.
+    seed : int
+        Of the random generator; the same seed gives the same draws bit for bit.
+
     Raises
     ------
     InputError
@@ -108,6 +132,12 @@ def sample_per_axis(operator: MeasurementOperator, c0: np.ndarray, draws: int,
 def axis_intervals(c0: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends (D,) of the z_d that keep c0 + directions[:, d] z_d in [0, 1], for each of (N, D)
     directions by itself.
+
+    Parameters
+    ----------
+    c0 : (N,) array
+    directions : (N, D) array
+        Null directions.
     """
     moves = np.where(np.abs(directions) < np.finfo(float).eps, np.finfo(float).eps, directions)
     at_zero, at_one = -c0[:, None] / moves, (1 - c0[:, None]) / moves
@@ -118,6 +148,17 @@ def draw_in_box(start: np.ndarray, directions: np.ndarray, draws: int,
                 seed: int) -> tuple[np.ndarray, float]:
     """Coefficients (T, N) in [0, 1] drawn evenly in the box of ``axis_intervals``, and the share
     that was accepted.
+
+    Parameters
+    ----------
+    start : (N,) array
+        Coefficients in [0, 1].
+    directions : (N, D) array
+        Null directions.
+    draws : int
+        T, at least 1.
+    seed : int
+        Of the random generator; the same seed gives the same draws bit for bit.
     """
     low, high = axis_intervals(start, directions)
     rng = np.random.default_rng(seed)

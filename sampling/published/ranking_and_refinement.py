@@ -27,6 +27,19 @@ def ranked(samples: SpectrumSamples, base: SpectralMeasurement, more: list[MoreM
     """The ``keep`` draws nearest to all further measurements (Eq. 9) and to light reflected twice
     (Eq. 10).
 
+    Parameters
+    ----------
+    samples : SpectrumSamples
+        T draws.
+    base : SpectralMeasurement
+        What the photo says of the surface.
+    more : list of MoreMeasurement
+        Further measurements of the same surface.
+    twice : (K,) array, optional
+        Signal of light reflected twice.
+    keep : int
+        How many.
+
     Raises
     ------
     InputError
@@ -56,6 +69,14 @@ def best_by_signals(signals: np.ndarray, measured: np.ndarray, keep: int) -> np.
 
     Ranking keeps the best of the draws however badly they fit; `conditioning` makes every draw fit.
 
+    Parameters
+    ----------
+    signals : (T, ...) array
+        Of the draws.
+    measured : (...) array
+    keep : int
+        How many.
+
     Raises
     ------
     InputError
@@ -72,6 +93,18 @@ def refined_as_published(measurement: SpectralMeasurement, coarse: int, fine: in
                          seed: int) -> CoefficientDraws:
     """Draws around one lifted solution in the box of the residual directions (Eqs. 11-16 read
     literally).
+
+    Parameters
+    ----------
+    measurement : SpectralMeasurement
+    coarse : int
+        Number of coefficients.
+    fine : int
+        Larger number, whose knots contain the coarse ones.
+    draws : int
+        T, at least 1.
+    seed : int
+        Of the random generator; the same seed gives the same draws bit for bit.
 
     Raises
     ------

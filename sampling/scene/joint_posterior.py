@@ -70,7 +70,12 @@ class Modes:
 
 
 def gaussian_of(prior: LogitMixture) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (P,) and root L (P, P) of the one Gaussian with the mixture's mean and covariance."""
+    """Mean (P,) and root L (P, P) of the one Gaussian with the mixture's mean and covariance.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    """
     mean = prior.weights @ prior.means
     away = prior.means - mean
     covariance = np.einsum("c,cpq->pq", prior.weights, prior.covariances) + (away.T
@@ -159,6 +164,14 @@ def fit_modes(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes
     """Most probable z given labels (B, M), from z (B, M P), by Levenberg-Marquardt, with Laplace's
     evidence.
 
+    Parameters
+    ----------
+    problem : JointProblem
+    labels : (B, M) int array
+        Components of the prior.
+    z : (B, M P) array
+        Starts.
+
     Raises
     ------
     ConvergenceError
@@ -171,7 +184,15 @@ def fit_modes(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes
 
 def residual_and_jacobian(problem: JointProblem, labels: np.ndarray,
                           z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (F,) in units of the noise and its derivative by z (F, M P), for labels (M,)."""
+    """Residual (F,) in units of the noise and its derivative by z (F, M P), for labels (M,).
+
+    Parameters
+    ----------
+    problem : JointProblem
+    labels : (M,) int array
+        Component of the prior for each material.
+    z : (M P,) array
+    """
     residual, by_logit = residual_by_logit(problem, logits_of(problem, labels, z[None])[0])
     jacobian = np.concatenate([by_logit[:, m] @ problem.roots[label] for m,
                                label in enumerate(labels)], axis=1)
@@ -179,7 +200,13 @@ def residual_and_jacobian(problem: JointProblem, labels: np.ndarray,
 
 
 def residual_by_logit(problem: JointProblem, logits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (F,) and its derivative (F, M, P) by the logits (M, P)."""
+    """Residual (F,) and its derivative (F, M, P) by the logits (M, P).
+
+    Parameters
+    ----------
+    problem : JointProblem
+    logits : (M, P) array
+    """
     rho, terms = products(problem, logits[None])
     residual = np.einsum("fke,ke->f", problem.rows, problem.response @ terms[0].T) - problem.targets
     slopes = [(problem.rows * problem.exponents[:, m]).transpose(1, 0, 2) @ terms[0]
@@ -192,20 +219,40 @@ def residual_by_logit(problem: JointProblem, logits: np.ndarray) -> tuple[np.nda
 def products(problem: JointProblem, logits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Reflectances (n, M, P) of logits (n, M, P), and the products (n, E, P), known reflectances
     among them.
+
+    Parameters
+    ----------
+    problem : JointProblem
+    logits : (n, M, P) array
     """
     terms = np.exp(problem.exponents @ -np.logaddexp(0, -logits))   # log rho stays finite
     return reflectance(logits), terms * problem.known
 
 
 def logits_of(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Logits (n, M, P) of unknowns z (n, M P) under labels (M,)."""
+    """Logits (n, M, P) of unknowns z (n, M P) under labels (M,).
+
+    Parameters
+    ----------
+    problem : JointProblem
+    labels : (M,) int array
+        Component of the prior for each material.
+    z : (n, M P) array
+    """
     shaped = z.reshape(len(z), len(problem.materials), -1)
     return np.stack([problem.means[label] + shaped[:, m] @ problem.roots[label].T for m,
                      label in enumerate(labels)], axis=1)
 
 
 def log_weight_of(problem: JointProblem, labels: np.ndarray) -> float:
-    """Log of the prior probability of labels (M,)."""
+    """Log of the prior probability of labels (M,).
+
+    Parameters
+    ----------
+    problem : JointProblem
+    labels : (M,) int array
+        Component of the prior for each material.
+    """
     return float(problem.log_weights[np.arange(len(labels)), labels].sum())
 
 

@@ -34,6 +34,12 @@ def find_modes(problem: JointProblem, most: int = FITTED) -> Modes:
     """The most probable spectra of all materials, and of the labels that come near to them, the
     best first.
 
+    Parameters
+    ----------
+    problem : JointProblem
+    most : int
+        Labels that are fitted at last.
+
     Raises
     ------
     ConvergenceError
@@ -55,6 +61,14 @@ def near_labels(problem: JointProblem, logits: np.ndarray,
                 most: int) -> tuple[np.ndarray, np.ndarray]:
     """The best labels (B, M), at most so many, by the evidence linearised at logits (M, P), and
     their z (B, M P).
+
+    Parameters
+    ----------
+    problem : JointProblem
+    logits : (M, P) array
+        Where the model is linearised.
+    most : int
+        Number of labels.
     """
     residual, jacobian = residual_by_logit(problem, logits)
     # what a linear camera would have seen

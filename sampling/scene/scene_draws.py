@@ -142,6 +142,12 @@ def shared_errors(signal: np.ndarray, relative_covariance: np.ndarray, scale_err
 def surprise(problem: JointProblem, modes: Modes) -> float:
     """Chance of a picture at least as far from the prior's as this one, in the Gaussian
     approximation at the mode.
+
+    Parameters
+    ----------
+    problem : JointProblem
+    modes : Modes
+        The best of which is judged.
     """
     best = int(np.argmax(modes.evidence))
     z = modes.z[best]
