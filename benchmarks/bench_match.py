@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.matching import LIKELY_NONE, SpectralLibrary
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.sampling.judge.identification import ALIKE_NM, VARIATION, identify
 from spectrabox.sampling.prior.mixture import load_prior
-from spectrabox.session.signals.match_answer import LIKELY_NONE
-from spectrabox.session.signals.spectral_library import SpectralLibrary, read_spectral_libraries
+from spectrabox.session.signals.spectral_library import read_spectral_libraries
 
 GRID = visible_grid(5)
 CAMERA, LIGHTS = "Nikon 5100 (NPL)", ("D65", "A")

@@ -6,7 +6,7 @@ from sampling_cameras import surface
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.session.commands.requests import SampleRequest
-from spectrabox.session.signals.answers import sample_answer
+from spectrabox.session.signals.sample_answer import sample_answer
 from spectrabox.session.signals.signal_options import response_of_names
 
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"

@@ -8,6 +8,7 @@ import pytest
 from sampling_cameras import surface
 from typer.testing import CliRunner
 
+from spectrabox.measure.signals import SampleOptions, measurement_of_signal, sample_signals
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
@@ -18,10 +19,8 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.ranking_and_refinement import refined_as_published
 from spectrabox.sampling.spline_measurement import spline_operator
 from spectrabox.session.cli import app
-from spectrabox.session.commands.requests import SampleRequest
 from spectrabox.session.signals.measurement_file import read_more
-from spectrabox.session.signals.request_draws import draws_of
-from spectrabox.session.signals.signal_options import measurement_of_signal, parse_reading
+from spectrabox.session.signals.signal_options import parse_reading
 
 FINE = visible_grid(1)
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "LED-B3"
@@ -283,9 +282,8 @@ def test_refining_as_published_keeps_the_signal_and_is_narrower():
     # Knot insertion is exact and the residual directions are unseen: what the start misses is
     # bounded least squares'.
     np.testing.assert_allclose(literal.coefficients @ fitted.A.T - fitted.y, 0, atol=1e-6)
-    request = SampleRequest(sensitivity=CAMERA, light=LIGHT, coefficients=7, method="uniform",
-                            samples=1000, seed=1, refine=15)
-    each, _, _ = draws_of(request, measurement, [], None, None)
+    options = SampleOptions("uniform", samples=1000, seed=1, coefficients=7, refine=15)
+    each = sample_signals(response(), (response() @ TRUTH)[None], options)[0].draws
     assert each.coefficients.shape == (1000, 15)
     assert each.spectra.std(axis=0).mean() > literal.coefficients.std(axis=0).mean()
 

@@ -16,12 +16,12 @@ import tempfile
 import warnings
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
+from spectrabox.measure.judgement import JudgeOptions, PictureJudgement, judge_picture
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
@@ -29,16 +29,15 @@ from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.judge.cube_files import open_cube
 from spectrabox.sampling.judge.cube_regions import Region, read_regions
+from spectrabox.sampling.judge.judgement import judgement_text
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
-from spectrabox.session.signals.cube_answers import JudgeRequest, judge_answer
 
 NM = np.arange(400, 701, 10.0)
 TRAINING = ("CES99", "NIST CQS test colours", "CIE 13.3 test colours")
 SIDE, NOISE, DARKEST = 40, 0.005, 0.35
 OBSERVER, LIGHT = "CIE 1931 2 Degree Standard Observer", "D65"
-REQUEST = JudgeRequest(None, 1.0, None, OBSERVER, LIGHT, ("D65", "A", "FL11"), 2000, 0, 7, False,
-                       None, ())
+OPTIONS = JudgeOptions(("D65", "A", "FL11"), samples=2000, seed=0, coefficients=7)
 
 
 def fine_response() -> np.ndarray:
@@ -82,7 +81,7 @@ def shaded_picture(chart: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return picture * (1 + NOISE * rng.standard_normal(picture.shape))
 
 
-def picture(facts: dict[str, Any], chart: np.ndarray, signals: list[np.ndarray],
+def picture(judgement: PictureJudgement, chart: np.ndarray, signals: list[np.ndarray],
             path: Path) -> None:
     """Mean and scatter of the imported picture beside mean, band and draws of the learnt prior, for
     three patches.
@@ -94,12 +93,12 @@ def picture(facts: dict[str, Any], chart: np.ndarray, signals: list[np.ndarray],
     figure, axes = plt.subplots(1, 4, figsize=(13, 3.4))
     prior = load_prior()
     for axis, index in zip(axes, (6, 13, 15), strict=False):
-        one = facts["regions"][index]
-        mean, spread = np.array(one["mean"]), np.array(one["standard_deviation"])
+        mean = judgement.regions[index].mean
+        spread = judgement.regions[index].standard_deviation
         measurement = SpectralMeasurement(visible_grid(1), fine_response(), signals[index],
                                           signal_noise())
-        draws = draw_spectra(measurement, "prior", REQUEST.draws, REQUEST.seed,
-                             REQUEST.coefficients, prior).spectra
+        draws = draw_spectra(measurement, "prior", OPTIONS.samples, OPTIONS.seed,
+                             OPTIONS.coefficients, prior).spectra
         axis.fill_between(PRIOR_GRID.nm, *np.quantile(draws, [0.025, 0.975], axis=0),
                           color="tab:green",
                           alpha=0.2)
@@ -112,10 +111,11 @@ def picture(facts: dict[str, Any], chart: np.ndarray, signals: list[np.ndarray],
         axis.set(title=f"patch {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance",
                  ylim=(0, 1))
     axes[0].legend(fontsize=7)
-    names = list(facts["means"])
+    averages = {row["method"]: row for row in judgement.means}
+    names = list(averages)
     for offset, key in enumerate(("rmse", "rmse_best_scale")):
         axes[3].bar(np.arange(len(names)) + 0.4 * offset,
-                    [facts["means"][name][key] for name in names], 0.4, label=("RMSE", "after the "
+                    [averages[name][key] for name in names], 0.4, label=("RMSE", "after the "
                                                                                "best scale")[
                         offset])
     axes[3].set_xticks(np.arange(len(names)) + 0.2, ["network", *names[1:]])
@@ -143,7 +143,9 @@ def filter_wheel(data: Path) -> str:
                                 for index, name in enumerate(names, 1)))
         regions = read_regions(toml, cube.width, cube.height,
                                lambda path: np.asarray(cv2.imread(str(path), -1)))
-    return judge_answer(cube, regions, truths, replace(REQUEST, white_region=names[18]))[1]
+    judgement = judge_picture(cube, regions, truths, fine_response(), load_prior(),
+                              replace(OPTIONS, white_region=names[18]))
+    return judgement_text(judgement.rows + judgement.means, OPTIONS.lights)
 
 
 def main() -> None:
@@ -174,13 +176,15 @@ def main() -> None:
                           None) for i in range(24)]
         signals = [(rgb[:, SIDE * i:SIDE * (i + 1)] / shading()).mean(axis=(0, 1))
                    for i in range(24)]
-        facts, text, _ = judge_answer(open_cube(Path(scratch) / "network.npy", NM), regions,
-                                      read_table(truth), replace(REQUEST, signals=signals,
-                                                                 noise=",".join(
-                                                                     [f"{NOISE / SIDE:g}"] * 3)))
-    picture(facts, chart, signals, arguments.out)
+        judgement = judge_picture(open_cube(Path(scratch) / "network.npy", NM), regions,
+                                  read_table(truth), fine_response(), load_prior(), OPTIONS,
+                                  signals=signals, noise=np.full(3, NOISE / SIDE))
+    text = judgement_text(judgement.rows + judgement.means, OPTIONS.lights)
+    picture(judgement, chart, signals, arguments.out)
     if arguments.json:
-        print(json.dumps({"means": facts["means"], "fitted_on": len(curves),
+        print(json.dumps({"means": {row["method"]: {key: value for key, value in row.items()
+                                    if key not in ("region", "method")}
+                    for row in judgement.means}, "fitted_on": len(curves),
                           "picture": str(arguments.out)}))
         return
     print("Paper: the spectra of an image-based network (MST++) are far from the truth. Stand-in "

@@ -20,7 +20,7 @@ from spectrabox.radiometry.spectra.spectrum_files import read_curves
 from spectrabox.radiometry.spectra.stated_light import stated_light
 from spectrabox.session.camera.inputs import light_words, read_layout, read_measured_curves
 from spectrabox.session.commands.requests import CameraPreflightRequest
-from spectrabox.session.signals.lamps_at_hand import lamps_at_hand, step_facts
+from spectrabox.session.signals.plan_answer import read_lamps_at_hand, step_facts
 
 SECOND_LIGHTS = ("A", "D65", "FL2", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-RGB1", "LED-V1")
 GRID = visible_grid()
@@ -37,7 +37,7 @@ def preflight_answer(asked: CameraPreflightRequest) -> tuple[dict[str, Any], str
     """
     light, chart = stated_light(asked.light, GRID), read_layout(asked.layout)
     reflectances = reference_reflectances(asked.reference, chart, GRID)
-    cameras, hand = _cameras(asked), lamps_at_hand(asked.lamps, asked.filters)
+    cameras, hand = _cameras(asked), read_lamps_at_hand(asked.lamps, asked.filters)
     facts, lines = _of_curves(asked, chart, light, cameras, reflectances)
     if asked.surfaces:
         shoot = Shoot(light, cameras, reflectances, chart.centres_uv, asked.noise)

@@ -44,7 +44,7 @@ def register(app: typer.Typer) -> None:
 def sample(request: SampleRequest) -> Answer:
     """Every spectrum behind one signal: mean, band, exact bounds and draws."""
     check_ending(request.out, {".npz": "the draws"})
-    from spectrabox.session.signals.answers import sample_answer, sample_text
+    from spectrabox.session.signals.sample_answer import sample_answer, sample_text
     facts, arrays = sample_answer(request)
     text = "" if request.as_json else sample_text(facts, request)
     if request.out is not None:
@@ -114,20 +114,8 @@ def plan(request: PlanRequest) -> Answer:
     """Which reading or photo to take next: what it would bring in width of the band and in RMSE, of
     one signal or of every surface of a finished session.
     """
-    from spectrabox.radiometry.errors import InputError
-    from spectrabox.session.signals.judgement_answers import plan_answer
-    from spectrabox.session.signals.lamps_at_hand import lamps_at_hand, session_plan
-    hand = lamps_at_hand(request.lamps, request.filters)
-    stated = (request.sensitivity, request.light, request.signal)
-    if request.folder is not None:
-        if any(stated) or request.more or request.reading or request.photo or request.same:
-            raise InputError("a session has its own camera, light and signals: give DIR with "
-                             "--lamps and --filters alone, or no DIR")
-        return Answer(*session_plan(request.folder, hand, request.allow_outside))
-    if None in stated:
-        raise InputError("nothing to plan for: give the folder of a finished session, or "
-                         "--sensitivity, --light and --signal")
-    return Answer(*plan_answer(request, hand))
+    from spectrabox.session.signals.plan_answer import plan_answer
+    return Answer(*plan_answer(request))
 
 
 @command
@@ -135,7 +123,7 @@ def certify(request: CertifyRequest) -> Answer:
     """Do the bands hold the truth on your own spectra? A certificate page."""
     check_ending(request.out, {".md": "the certificate as a page"})
     from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.session.signals.judgement_answers import certify_answer
+    from spectrabox.session.signals.prior_answers import certify_answer
     facts, page = certify_answer(request)
     if request.out is not None:
         write_text_whole(request.out, page)
@@ -151,7 +139,7 @@ def judge(request: JudgeRequest) -> Answer:
     from spectrabox.radiometry.records import Quantity
     from spectrabox.radiometry.spectra.companion_files import metadata_path
     from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
-    from spectrabox.session.signals.cube_answers import judge_answer
+    from spectrabox.session.signals.judge_answer import judge_answer
     facts, text, columns = judge_answer(request)
     if request.out is not None:
         write_text_whole(request.out, plain_text(facts["wavelengths_nm"], columns))
@@ -178,7 +166,7 @@ def prior_train(request: TrainRequest) -> Answer:
     """
     check_ending(request.out, {".npz": "the prior"})
     from spectrabox.sampling.prior.mixture import save_prior
-    from spectrabox.session.signals.judgement_answers import train_answer
+    from spectrabox.session.signals.prior_answers import train_answer
     facts, text, prior = train_answer(request)
     save_prior(request.out, prior)
     return Answer({**facts, "prior": request.out}, f"{text}\nwrote {request.out}")

@@ -5,10 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
+from spectrabox.measure.signals import (
+    READING_ERROR,
+    SIGNAL_GRID,
+    measurement_of_signal,
+    reading_at,
+)
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import is_there
-from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.spectrum_files import (
@@ -19,13 +24,10 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 )
 from spectrabox.sampling.further.conditioning import Reading
 from spectrabox.sampling.further.more_measurements import MoreMeasurement
+from spectrabox.session.commands.requests import MeasuredSignal
 from spectrabox.session.signals.signal_options import (
-    GRID_NM,
-    READING_ERROR,
-    measurement_of_signal,
     parse_reading,
     per_band,
-    reading_at,
     signal_and_noise,
 )
 
@@ -85,17 +87,13 @@ class MeasurementsFile(Table):
     same: ListOf[SignalTable] = ()
 
 
-def further_measurements(readings: tuple[str, ...], photos: tuple[str, ...], same: tuple[str, ...],
-                         more: Path | None, sensitivity: str, relative_response: np.ndarray,
+def further_measurements(request: MeasuredSignal, sensitivity: str, relative_response: np.ndarray,
                          white: np.ndarray | None) -> list[MoreMeasurement]:
     """All that the options --reading, --photo, --same and --more say of one surface.
 
     Parameters
     ----------
-    readings, photos, same : tuple of str
-        As `signal_options.parse_reading`, `photo_of_text` and `patch_of_text` read them.
-    more : Path or None
-        A file for `read_more`.
+    request : MeasuredSignal
     sensitivity : str
         Curves of the camera that took the first photo, by name or file.
     relative_response : (K, 301) array
@@ -108,12 +106,13 @@ def further_measurements(readings: tuple[str, ...], photos: tuple[str, ...], sam
     InputError
     """
     measurements = [MoreMeasurement(reading.name, (reading,))
-                    for reading in map(parse_reading, readings)]
-    measurements += [photo_of_text(text, sensitivity, len(relative_response)) for text in photos]
+                    for reading in map(parse_reading, request.reading)]
+    measurements += [photo_of_text(text, sensitivity, len(relative_response))
+                     for text in request.photo]
     measurements += [patch_of_text(text, relative_response, white, number)
-                     for number, text in enumerate(same, 1)]
-    if more is not None:
-        measurements += read_more(more, sensitivity, relative_response)
+                     for number, text in enumerate(request.same, 1)]
+    if request.more is not None:
+        measurements += read_more(request.more, sensitivity, relative_response)
     return measurements
 
 
@@ -129,7 +128,7 @@ def photo_of_text(text: str, sensitivity: str, bands: int) -> MoreMeasurement:
         raise InputError(f"--photo {text!r} cannot be read; write LIGHT=v1,v2,v3 or "
                          "LIGHT=v1,v2,v3:e1,e2,e3")
     signal, noise = signal_and_noise(rest, bands, "photo")
-    relative_response = named_spectra.relative_response(sensitivity, light, visible_grid(GRID_NM))
+    relative_response = named_spectra.relative_response(sensitivity, light, SIGNAL_GRID)
     return MoreMeasurement(f"the photo under {light}",
                            measurement=measurement_of_signal(relative_response, signal, None,
                                                              noise))
@@ -174,7 +173,7 @@ def _reading(table: ReadingTable) -> MoreMeasurement:
 
 
 def _band(table: BandTable, folder: Path) -> MoreMeasurement:
-    curves, grid = read_table(folder / table.curve), visible_grid(GRID_NM)
+    curves, grid = read_table(folder / table.curve), SIGNAL_GRID
     column = column_index(curves, table.column)
     curve = on_grid(curves.nm, np.maximum(curves.values[column], 0), grid, curves.file)
     name = f"the band {curves.names[column]} of {curves.file}"
@@ -187,7 +186,7 @@ def _photo(table: PhotoTable, sensitivity: str, folder: Path) -> MoreMeasurement
         name += f" by {table.sensitivity}"
     relative_response = named_spectra.relative_response(
         _beside(table.sensitivity or sensitivity, folder), _beside(table.light, folder),
-        visible_grid(GRID_NM))
+        SIGNAL_GRID)
     return MoreMeasurement(name, measurement=_measurement(table, relative_response, "photo"))
 
 

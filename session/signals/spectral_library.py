@@ -3,16 +3,14 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 
+from spectrabox.measure.matching import SpectralLibrary
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.records import Quantity, WavelengthGrid
-from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.formats.measurement_table import distinct
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import (
@@ -28,19 +26,6 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID
 ARCHIVES = (".mat", ".rda", ".zip")     # which state no names of their spectra
 TEXTS = (".txt", ".hdr")
 UNNAMED = ("", "value", "reflectance")  # names of a column that say nothing: the file's says more
-
-
-@dataclass(frozen=True, eq=False)
-class SpectralLibrary(Record):
-    """Reflectances of n materials by name, on one grid; ``left_out`` says in sentences which could
-    not be used.
-    """
-
-    names: tuple[str, ...]
-    libraries: tuple[str, ...]              # which of those asked for each is from
-    spectra: Annotated[np.ndarray, "n P"]
-    standard_error: Annotated[np.ndarray, "n P"]    # 0 where nobody stated it
-    left_out: tuple[str, ...]
 
 
 Row = tuple[str, np.ndarray, np.ndarray]    # name, spectrum (P,), standard error (P,)
@@ -67,16 +52,16 @@ def read_spectral_libraries(words: Sequence[str], grid: WavelengthGrid) -> Spect
     left_out: list[str] = []
     for word in words:
         refused: list[str] = []
-        found = list(_rows(word, grid, refused))
-        if not found:
+        spectra = list(_rows(word, grid, refused))
+        if not spectra:
             more = f"; {len(refused) - 1} more like it" if len(refused) > 1 else ""
             raise InputError(refused[0] + more if refused else
                              f"{word} holds no spectra of a known format; give a file of "
                              "reflectances, a folder of them, or a published set")
         left_out += refused
-        names += [name for name, _, _ in found]
-        libraries += [Path(word).name or word] * len(found)
-        rows += found
+        names += [name for name, _, _ in spectra]
+        libraries += [Path(word).name or word] * len(spectra)
+        rows += spectra
     return SpectralLibrary(tuple(names), tuple(libraries), np.array([row[1] for row in rows]),
                            np.array([row[2] for row in rows]), tuple(left_out))
 

@@ -1,112 +1,29 @@
-"""What plan, certify and prior train answer: names and folders in, numbers and text out."""
+"""The answers of certify and prior train: names and folders in, numbers and text out."""
 from __future__ import annotations
 
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.spectra import named_spectra
-from spectrabox.sampling.further.more_measurements import joined
-from spectrabox.sampling.further.planner import (
-    READING_ERROR,
-    Candidate,
-    photo_candidate,
-    plan,
-    ranked,
-    wavelength_candidates,
-)
 from spectrabox.sampling.judge.certificate import LEVELS, Certificate, certificate_page, certify
 from spectrabox.sampling.prior.band_calibration import AT_95, LeftOut, band_figures, train
 from spectrabox.sampling.prior.families.family_models import FAMILIES
 from spectrabox.sampling.prior.families.family_names import WORDS
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library
 from spectrabox.sampling.prior.mixture import (
-    PRIOR_GRID,
     LogitMixture,
     load_prior,
     of_families,
 )
-from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.prior.training import MIXED
 from spectrabox.session.commands.requests import (
     CertifyRequest,
-    PlanRequest,
     TrainRequest,
 )
-from spectrabox.session.signals.lamps_at_hand import (
-    LampsAtHand,
-    lamp_candidates,
-    lamp_lines,
-    step_facts,
-)
-from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.signal_options import (
-    measurement_of_signal,
-    numbers,
-    optional_numbers,
     response_of_names,
 )
-
-PLAN_DRAWS = 2000
-
-
-def plan_answer(request: PlanRequest, hand: LampsAtHand) -> tuple[dict[str, Any], str]:
-    """JSON object and text of ``spectrabox plan``.
-
-    Raises
-    ------
-    InputError
-    """
-    assert request.sensitivity is not None and request.light is not None
-    assert request.signal is not None
-    minutes = (request.reading_minutes, request.photo_minutes, request.spot_minutes or 1.0)
-    if min(minutes) <= 0:
-        raise InputError("the minutes of a measurement must be positive")
-    relative_response = named_spectra.relative_response(request.sensitivity, request.light,
-                                                        visible_grid(1))
-    bands = len(relative_response)
-    white = optional_numbers(request.white, bands, "white")
-    measurement = measurement_of_signal(relative_response,
-                                        numbers(request.signal, bands, "signal"), white,
-                                        optional_numbers(request.noise, bands, "noise"))
-    taken = further_measurements(request.reading, request.photo, request.same, request.more,
-                                 request.sensitivity, relative_response, white)
-    draws = sample_prior(joined(measurement, taken), PLAN_DRAWS, request.seed)
-    chosen = plan(draws.spectra, candidates_of(request), request.steps)
-    fine = visible_grid(1)
-    lamps = ranked(np.cov(draws.spectra, rowvar=False), lamp_candidates(
-        named_spectra.sensitivities(request.sensitivity, fine),
-        named_spectra.light(request.light, fine), draws.grid, hand,
-        minutes=request.photo_minutes))
-    facts = {"steps": [{"measurement": step.name, **step_facts(step), "minutes": step.minutes,
-                        "fall_per_minute": step.fall_per_minute} for step in chosen],
-             "lamps": [{"lamp": step.name, **step_facts(step)} for step in lamps],
-             "taken": [measured.name for measured in taken], "outcome": draws.sentence}
-    lines = [f"{step.name}: mean width of the 95 % band {step.width_before:.3f} -> "
-             f"{step.width_after:.3f} in {step.minutes:g} min" for step in chosen]
-    return facts, "\n".join([*lines, *lamp_lines(lamps), draws.sentence])
-
-
-def candidates_of(request: PlanRequest) -> list[Candidate]:
-    """Readings every 10 nm, photos under other lights or by other cameras, and a spectrometer's
-    whole spectrum.
-    """
-    candidates = wavelength_candidates(PRIOR_GRID, minutes=request.reading_minutes)
-    if request.spot_minutes is not None:
-        rows = np.concatenate([reading.rows for reading in candidates])
-        candidates.append(Candidate("spectrometer spot, 400-700 nm", rows, READING_ERROR,
-                                    request.spot_minutes))
-    assert request.sensitivity is not None and request.light is not None
-    photos = [(f"photo under {light}", request.sensitivity, light)
-              for light in request.second_light]
-    photos += [(f"photo by {camera}", camera, request.light) for camera in request.second_camera]
-    return candidates + [photo_candidate(name, response_of_names(camera, light),
-                                         request.photo_minutes)
-                         for name, camera, light in photos]
 
 
 def certify_answer(request: CertifyRequest) -> tuple[dict[str, Any], str]:

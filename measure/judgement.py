@@ -1,0 +1,247 @@
+"""Spectra recovered by any method, judged by the same measures: one signal, or regions of a picture
+beside our methods.
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from spectrabox.measure.signals import (
+    SIGNAL_GRID,
+    SampleOptions,
+    SignalEstimate,
+    measurement_of_signal,
+)
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.records import Quantity, SpectralMeasurement
+from spectrabox.radiometry.spectra.spectrum_files import (
+    SpectralTable,
+    column_index,
+    on_grid,
+    spectrum_of,
+)
+from spectrabox.sampling.judge.cube_regions import Region, RegionSpectra, region_spectra
+from spectrabox.sampling.judge.cubes import Cube
+from spectrabox.sampling.judge.judgement import baselines, beside, judged, means
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+
+IMPORTED = "imported picture"
+# a truth or picture may end this far inside 400-700 nm; it is judged where it is known
+END_GAP_NM = 20.0
+MAX_MEAN = 2.0          # of a reflectance; more is counts or radiance
+
+
+@dataclass(frozen=True)
+class JudgeOptions:
+    """How regions of a picture are read and judged.
+
+    Attributes
+    ----------
+    lights : names
+        Of the colour differences.
+    samples, seed, coefficients : int
+        Of our methods, as in `SampleOptions`.
+    baseline : bool
+        Whether other authors' single spectra are judged too.
+    column : str, optional
+        Of the truth for all regions.
+    full_scale : float
+        What reflectance 1 reads in the picture.
+    white_region : str, optional
+        Region of known reflectance to divide by.
+    """
+
+    lights: tuple[str, ...]
+    samples: int = 2000
+    seed: int = 0
+    coefficients: int = 13
+    baseline: bool = False
+    column: str | None = None
+    full_scale: float = 1.0
+    white_region: str | None = None
+
+
+@dataclass(frozen=True)
+class PictureJudgement:
+    """Spectra of R regions, and measures by region and method.
+
+    Attributes
+    ----------
+    regions : list of RegionSpectra
+        Relative to white.
+    rows : list of dict
+        Keys ``region``, ``method`` and the measures of `sampling.judge.judgement.judged`; none
+        without truths.
+    means : list of dict
+        One row a method, averaged over the regions.
+    """
+
+    regions: list[RegionSpectra]
+    rows: list[dict[str, Any]]
+    means: list[dict[str, Any]]
+
+
+def compare_methods(estimate: SignalEstimate, options: SampleOptions, truth: np.ndarray | None,
+                    lights: tuple[str, ...], with_baselines: bool
+                    ) -> tuple[dict[str, np.ndarray | None], dict[str, dict[str, Any]]]:
+    """Other authors' spectra for a signal, and all of them judged where the truth is known.
+
+    Parameters
+    ----------
+    estimate : SignalEstimate
+        With draws.
+    options : SampleOptions
+        Of the estimate.
+    truth : (61,) array, optional
+        Reflectance at 400, 405 ... 700 nm.
+    lights : names
+        Of the colour differences.
+    with_baselines : bool
+
+    Returns
+    -------
+    spectra : dict of (61,) arrays
+        By author; None where the greedy sampler has no draws, as for some signals that can be
+        reached.
+    measures : dict
+        Those of `sampling.judge.judgement.judged`, by method; empty without a truth.
+    """
+    others = baselines(estimate.measurement, options.samples, options.seed, options.coefficients) \
+        if with_baselines else {}
+    measures = {}
+    if truth is not None:
+        assert estimate.draws is not None
+        spectra = estimate.draws.spectra
+        ours = {options.method: (spectra.mean(axis=0), spectra)}
+        measures = {name: judged(PRIOR_GRID.nm, truth, other[0], lights, other[1])
+                    for name, other in (ours | others).items() if other is not None}
+    return {name: None if other is None else other[0] for name, other in others.items()}, measures
+
+
+def judge_picture(cube: Cube, regions: Sequence[Region], truths: SpectralTable | None,
+                  relative_response: np.ndarray, prior: LogitMixture, options: JudgeOptions, *,
+                  signals: Sequence[np.ndarray] | None = None, white: np.ndarray | None = None,
+                  noise: np.ndarray | None = None) -> PictureJudgement:
+    """Judge the spectra of a hyperspectral picture, and our methods beside it.
+
+    Parameters
+    ----------
+    cube : Cube
+    regions : sequence of Region
+    truths : SpectralTable, optional
+        Measured reflectances; without them nothing is judged.
+    relative_response : (K, 301) array
+        Of the camera that our methods see with.
+    prior : LogitMixture
+    options : JudgeOptions
+    signals : sequence of (K,) arrays, optional
+        What our methods see, one a region; by default what the truths give the camera, without
+        noise.
+    white, noise : (K,) arrays, optional
+        Of the signals, as in `measurement_of_signal`.
+
+    Raises
+    ------
+    InputError
+    """
+    if not options.full_scale > 0:
+        raise InputError(f"--full-scale {options.full_scale:g} cannot be; give what reflectance 1 "
+                         "reads in the picture")
+    spectra = region_spectra(cube, list(regions), options.full_scale, options.seed)
+    spectra = _divide_by_white(cube, spectra, truths, options.white_region)
+    largest = max(float(region.mean.max()) for region in spectra)
+    if largest > MAX_MEAN:
+        raise InputError(f"the mean of a region of {cube.file} is {largest:.3g}, no reflectance; "
+                         "give what reflectance 1 reads with --full-scale, or a region of known "
+                         "reflectance with --white-region")
+    if truths is None:
+        return PictureJudgement(spectra, [], [])
+    if signals is not None and len(signals) != len(spectra):
+        raise InputError(f"{len(signals)} signals were given for {len(spectra)} regions; give one "
+                         "row a region, in their order")
+    rows = []
+    for index, region in enumerate(spectra):
+        truth_nm, truth = truth_of(truths, region.region, options.column)
+        nm = common_wavelengths(cube, truth_nm, truths.file)
+        if signals is None:
+            measurement = measurement_of_signal(
+                relative_response,
+                relative_response @ hold_ends(truth_nm, truth, SIGNAL_GRID.nm))
+        else:
+            measurement = measurement_of_signal(relative_response, signals[index], white, noise)
+        measures = _judge_region(cube, region, measurement, nm,
+                                 on_grid(truth_nm, truth, grid_from_nm(nm), truths.file), prior,
+                                 options)
+        rows += [{"region": region.region.name, "method": method, **values}
+                 for method, values in measures.items()]
+    return PictureJudgement(spectra, rows, means(rows, options.lights))
+
+
+def _judge_region(cube: Cube, region: RegionSpectra, measurement: SpectralMeasurement,
+                  nm: np.ndarray, truth: np.ndarray, prior: LogitMixture,
+                  options: JudgeOptions) -> dict[str, dict[str, Any]]:
+    imported = on_grid(cube.nm, np.vstack([region.mean[None], region.spectra]), grid_from_nm(nm),
+                       cube.file)
+    return {IMPORTED: judged(nm, truth, imported[0], options.lights, imported[1:]),
+            **beside(measurement, nm, truth, options.lights, options.samples, options.seed,
+                     options.coefficients, prior, options.baseline)}
+
+
+def _divide_by_white(cube: Cube, regions: list[RegionSpectra], truths: SpectralTable | None,
+                     white_region: str | None) -> list[RegionSpectra]:
+    """The spectra divided by those of the white region times its truth (1 where there is none)."""
+    if white_region is None:
+        return regions
+    white = next((one for one in regions if one.region.name == white_region), None)
+    if white is None:
+        raise InputError(f"--white-region {white_region!r} is no region; there are "
+                         f"{', '.join(region.region.name for region in regions)}")
+    if white.mean.min() <= 0:
+        raise InputError(f"region {white_region!r} reads {white.mean.min():.3g} at one wavelength; "
+                         "white must be above 0 everywhere")
+    known = np.ones(cube.nm.size)
+    if truths is not None:
+        known = hold_ends(*truth_of(truths, white.region, None), cube.nm)
+    factor = known / white.mean
+    return [replace(region, mean=region.mean * factor, spectra=region.spectra * factor,
+                    standard_deviation=region.standard_deviation * factor) for region in regions]
+
+
+def truth_of(truths: SpectralTable, region: Region,
+             column: str | None) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths and values of a region's truth: the column it names, the one of its name, else
+    the only one.
+    """
+    wanted = column or region.truth or (region.name if region.name in truths.names else None)
+    chosen = truths.names[column_index(truths, wanted)]
+    spectrum = spectrum_of(truths, role=Quantity.REFLECTANCE, column=chosen)
+    return spectrum.grid.nm, spectrum.values
+
+
+def common_wavelengths(cube: Cube, truth_nm: np.ndarray, name: str) -> np.ndarray:
+    """Those of 400, 405 ... 700 nm that picture and truth both cover.
+
+    Raises
+    ------
+    InputError
+        If these do not reach from 420 to 680 nm.
+    """
+    low, high = max(cube.nm[0], truth_nm[0]), min(cube.nm[-1], truth_nm[-1])
+    nm = PRIOR_GRID.nm[(PRIOR_GRID.nm >= low - 1e-6) & (PRIOR_GRID.nm <= high + 1e-6)]
+    if nm.size < 2 or nm[0] > PRIOR_GRID.nm[0] + END_GAP_NM \
+            or nm[-1] < PRIOR_GRID.nm[-1] - END_GAP_NM:
+        raise InputError(f"{cube.file} covers {cube.nm[0]:g}-{cube.nm[-1]:g} nm and {name} "
+                         f"{truth_nm[0]:g}-{truth_nm[-1]:g} nm; to be judged both must reach from "
+                         "420 to 680 nm")
+    return nm
+
+
+def hold_ends(nm: np.ndarray, values: np.ndarray, wanted_nm: np.ndarray) -> np.ndarray:
+    """Values at wanted wavelengths, the first and the last held beyond the ends."""
+    if wanted_nm[0] >= nm[0] and wanted_nm[-1] <= nm[-1]:
+        return on_grid(nm, values, grid_from_nm(wanted_nm), "")
+    return np.interp(wanted_nm, nm, values)

@@ -1,0 +1,107 @@
+"""Which measured spectra of a library could give a signal, and what that says of the surface."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.radiometry.shaped import Record
+from spectrabox.sampling.judge.identification import Identification, identify
+from spectrabox.sampling.prior.mixture import LogitMixture
+
+LIKELY_NONE = 0.95      # probability from which another surface is called more likely
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralLibrary(Record):
+    """Reflectances of n materials by name, on one grid.
+
+    Attributes
+    ----------
+    names, libraries : tuples of n str
+        Of the material, and of the library it is from.
+    spectra, standard_error : (n, P) arrays
+        The error is 0 where nobody stated it.
+    left_out : tuple of str
+        Sentences on spectra that could not be used.
+    """
+
+    names: tuple[str, ...]
+    libraries: tuple[str, ...]
+    spectra: Annotated[np.ndarray, "n P"]
+    standard_error: Annotated[np.ndarray, "n P"]
+    left_out: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class SpectrumMatch:
+    """One spectrum of a library against a signal; fields are named as in ``--json``."""
+
+    name: str
+    library: str
+    log_evidence: float         # nats
+    misfit: float               # Mahalanobis distance, in standard errors
+    p_value: float
+    indistinguishable: bool
+
+
+@dataclass(frozen=True)
+class SurfaceMatch:
+    """Matches of a surface's signal, the best first; fields are named as in ``--json``."""
+
+    surface: str
+    matches: list[SpectrumMatch]
+    indistinguishable: int      # how many cannot be told apart
+    evidence_ratio: float
+    log_evidence_of_none: float
+    probability_of_none: float
+    none_fits: bool
+    says: str
+
+
+def match_signal(surface: str, measurement: SpectralMeasurement, library: SpectralLibrary,
+                 prior: LogitMixture, *, variation: float,
+                 evidence_ratio: float | None = None) -> SurfaceMatch:
+    """Compare every spectrum of a library with one signal.
+
+    Parameters
+    ----------
+    surface : str
+        Its name, for the answer.
+    measurement : SpectralMeasurement
+    library : SpectralLibrary
+        On the measurement's wavelengths.
+    prior, variation, evidence_ratio
+        As in `sampling.judge.identification.identify`.
+    """
+    identification = identify(measurement, library.spectra, prior,
+                              standard_error=library.standard_error, variation=variation,
+                              evidence_ratio=evidence_ratio)
+    fits = identification.indistinguishable
+    matches = [SpectrumMatch(library.names[index], library.libraries[index],
+                             float(identification.log_evidence[index]),
+                             float(identification.misfit[index]),
+                             float(identification.p_value[index]), bool(fits[index]))
+               for index in np.argsort(-identification.log_evidence, kind="stable")]
+    return SurfaceMatch(surface, matches, int(fits.sum()), identification.evidence_ratio,
+                        identification.log_evidence_of_none, identification.probability_of_none,
+                        not fits.any(), describe_match(identification, library.names))
+
+
+def describe_match(identification: Identification, names: tuple[str, ...]) -> str:
+    """What an identification says of the surface, in one sentence."""
+    fits = identification.indistinguishable
+    count, best = int(fits.sum()), int(np.argmin(identification.misfit))
+    if not count:
+        return (f"none of {len(names)} spectra fits: the nearest, {names[best]}, misses the signal "
+                f"by {identification.misfit[best]:.1f} standard errors; it is another material, a "
+                "mixture, or varies more than was said (--variation)")
+    if identification.probability_of_none > LIKELY_NONE:
+        return (f"{count} of {len(names)} spectra would pass, but another surface is more likely "
+                f"(probability {identification.probability_of_none:.3f} at even odds)")
+    if count == 1:
+        return f"of {len(names)} spectra only {names[int(np.argmax(fits))]} gives this signal"
+    return (f"{count} of {len(names)} spectra give this signal and cannot be told apart: a photo "
+            "under another light may part them (spectrabox plan)")

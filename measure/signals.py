@@ -1,0 +1,391 @@
+"""Spectra behind signals of a camera: signals, response and errors in, one estimate a signal out.
+
+The posterior of a signal is solved once; draws, families and shares of variance come from it.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
+from spectrabox.sampling.checks import check_measurement
+from spectrabox.sampling.draw_methods import METHODS, draw_spectra
+from spectrabox.sampling.error_budget import FLOOR, METAMERISM
+from spectrabox.sampling.further.conditioning import Reading
+from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful, joined
+from spectrabox.sampling.further.self_reflection import given_reflected_twice, proposals_for
+from spectrabox.sampling.polytope.bounds import bounds_of_many
+from spectrabox.sampling.polytope.refinement import sample_refined
+from spectrabox.sampling.prior.family_coverage import (
+    certified_sentence,
+    coverage_facts,
+    family_coverages,
+)
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
+from spectrabox.sampling.prior.signal_posterior import describe_outcome, solve_posterior
+from spectrabox.sampling.prior.summaries import summaries
+from spectrabox.sampling.published.per_axis_box import sample_published
+from spectrabox.sampling.published.ranking_and_refinement import ranked, refined_as_published
+from spectrabox.sampling.spline_measurement import response_on, spline_operator
+from spectrabox.sampling.summary import check_level, summarise
+from spectrabox.sampling.uniform import as_spectra, into_reach
+
+SIGNAL_GRID = visible_grid(1)   # of the integration; draws and bands are at every 5 nm
+MAX_SAMPLES = 5_000_000
+READING_ERROR = 0.005           # standard error of a reading that states none
+FWHM_TO_SD = 1 / (2 * np.sqrt(2 * np.log(2)))
+CURVE_DIGITS = 7    # of curves that are known to 1e-6, so that thousands are written quickly
+
+
+@dataclass(frozen=True)
+class SampleOptions:
+    """How to draw spectra.
+
+    Attributes
+    ----------
+    method : {"prior", "uniform", "paper"}
+    samples : int
+        T, draws per signal; a 95 % band needs 1000 or more.
+    seed : int
+    coefficients : int
+        N of the B-spline class: bounds, and the methods uniform and paper.
+    level : float
+        Of the band, 0 to 1.
+    start : {"bounded", "unbounded"}
+        c0 of the method paper.
+    keep : int, optional
+        Method paper: rank by the further measurements and keep so many (Eqs. 9, 10).
+    refine : int, optional
+        Coefficients of a finer basis with nested knots; uniform, or paper (Eqs. 11-16).
+    """
+
+    method: str = "prior"
+    samples: int = 2000
+    seed: int = 0
+    coefficients: int = 13
+    level: float = 0.95
+    start: str = "bounded"
+    keep: int | None = None
+    refine: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SignalEstimate:
+    """The reflectance behind one signal at P wavelengths; fields are named as in ``--json``.
+
+    Attributes
+    ----------
+    wavelengths_nm, mean, standard_deviation, lower, upper : (P,) arrays
+        The band is central, with equal tails.
+    bound_lower, bound_upper : (P,) arrays
+        Exact bounds of all splines that give the signal.
+    effective_samples, samples : float or None, int
+        None and 0 where no draws were needed.
+    outcome, conditional_on : str
+    next_measurement_nm : float
+        Where one more reading would take most off the variance.
+    doubtful : list of str, optional
+        Further measurements that contradict the others.
+    error_budget, families : dict of float, optional
+        Shares of the variance by cause, and of the families that the signal allows.
+    certified, certificate : list, str, optional
+        What 95 % bands of those families held on unseen surfaces.
+    draws : SpectrumSamples, optional
+    measurement : SpectralMeasurement
+        The signal alone, with the errors of all causes.
+    """
+
+    wavelengths_nm: np.ndarray
+    mean: np.ndarray
+    standard_deviation: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    bound_lower: np.ndarray
+    bound_upper: np.ndarray
+    effective_samples: float | None
+    samples: int
+    level: float
+    method: str
+    seed: int
+    outcome: str
+    conditional_on: str
+    next_measurement_nm: float
+    bounds_from: str
+    doubtful: list[str] | None
+    error_budget: dict[str, float] | None
+    families: dict[str, float] | None
+    certified: list[dict[str, Any]] | None
+    certificate: str | None
+    draws: SpectrumSamples | None
+    measurement: SpectralMeasurement
+
+
+def sample_signals(relative_response: np.ndarray, signals: np.ndarray, options: SampleOptions, *,
+                   white: np.ndarray | None = None, noise: np.ndarray | None = None,
+                   light_error: float = 0.0, sensitivity_error: float = 0.0,
+                   prior: LogitMixture | None = None, more: Sequence[MoreMeasurement] = (),
+                   twice: SpectralMeasurement | None = None,
+                   with_draws: bool = True) -> list[SignalEstimate]:
+    """Estimate the reflectance behind each of some signals.
+
+    Parameters
+    ----------
+    relative_response : (K, 301) array
+        At every nm, rows summing to 1.
+    signals : (S, K) array
+    options : SampleOptions
+    white : (K,) array, optional
+        What a perfect white reads, in the signals' unit; 1 by default.
+    noise : (K,) array, optional
+        Standard errors in the signals' unit; 0 by default.
+    light_error, sensitivity_error : float
+        Relative standard errors of the light scale and of each curve.
+    prior : LogitMixture, optional
+        The one shipped by default.
+    more : sequence of MoreMeasurement
+        Of the same surface as each signal.
+    twice : SpectralMeasurement, optional
+        Light reflected twice off the surface.
+    with_draws : bool
+        Without, signals that the learnt prior explains get none, which is far faster.
+
+    Raises
+    ------
+    InputError, CalibrationError, ConvergenceError
+        With what to change; contradictory measurements are named.
+    """
+    check_options(options)
+    if not with_draws and options.method == "prior" and not more and twice is None:
+        return _estimate_without_draws(relative_response, signals, options, white, noise,
+                                       light_error, sensitivity_error, prior or load_prior())
+    estimates = []
+    for signal in signals:
+        base = measurement_of_signal(relative_response, signal, white, noise)
+        causes = causes_of_error(base.signal, base.noise_covariance, light_error,
+                                 sensitivity_error)
+        estimates.append(_estimate_from_draws(base, causes, options, prior, list(more), twice))
+    return estimates
+
+
+def check_options(options: SampleOptions) -> None:
+    """Raise unless the options go together.
+
+    Raises
+    ------
+    InputError
+    """
+    method = options.method
+    if method not in METHODS:
+        raise InputError(f"the method {method!r} is not known; known are {', '.join(METHODS)}")
+    if options.start not in ("bounded", "unbounded"):
+        raise InputError(f"the start {options.start!r} is not known; known are bounded and "
+                         "unbounded")
+    if options.keep is not None and method != "paper":
+        raise InputError(f"--keep ranks draws as published; the method {method} obeys further "
+                         "measurements without it: leave it out, or take --method paper")
+    if options.refine is not None and method == "prior":
+        raise InputError("--refine belongs to splines; the learnt prior has none: take --method "
+                         "uniform or paper")
+    if not 1 <= options.samples <= MAX_SAMPLES:
+        raise InputError(f"{options.samples} samples were asked for; ask for 1 to {MAX_SAMPLES}")
+
+
+def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndarray],
+                         options: SampleOptions, prior: LogitMixture | None,
+                         more: list[MoreMeasurement],
+                         twice: SpectralMeasurement | None) -> SignalEstimate:
+    """One estimate; ``base`` has the photo's noise alone, ``causes`` (K, K) those of all errors."""
+    base = replace(base, noise_covariance=sum(causes.values(), np.zeros((base.signal.size,) * 2)))
+    measurement = base if options.keep is not None else joined(base, more)
+    count = options.samples if twice is None or options.keep is not None \
+        else proposals_for(options.samples)
+    budget = families = certified = certificate = None
+    if options.method == "prior":
+        prior = prior or load_prior()
+        posterior = solve_posterior(prior, measurement)
+        draws = posterior.samples(count, options.seed, options.coefficients)
+        families = posterior.family_shares
+        certified, certificate = _certificate(prior, families, draws.outcome)
+        if not more and twice is None:
+            budget = posterior.variance_shares(causes)
+    elif options.refine is not None:
+        draws = _draw_refined(options, options.refine, measurement, count)
+    elif options.method == "paper" and options.start == "unbounded":
+        draws = sample_published(measurement, count, options.seed, options.coefficients,
+                                 unbounded_start=True)
+    else:
+        draws = draw_spectra(measurement, options.method, count, options.seed,
+                             options.coefficients)
+    if options.keep is not None:
+        draws = ranked(draws, base, more, None if twice is None else twice.signal, options.keep)
+    elif twice is not None:
+        draws = given_reflected_twice(draws, twice, options.samples)
+    # More measurements than coefficients leave no spline to bound: the signal alone then does, as
+    # wide as it may be.
+    over_determined = len(measurement.signal) >= draws.coefficients.shape[1]
+    summary = summarise(draws, base if over_determined else measurement, options.level)
+    return SignalEstimate(
+        summary.grid.nm, summary.mean, summary.standard_deviation, summary.lower, summary.upper,
+        summary.bound_lower, summary.bound_upper, draws.effective_samples, len(draws.spectra),
+        summary.level, draws.method, draws.seed, draws.sentence, summary.conditional_on,
+        summary.next_measurement_nm,
+        "the signal alone" if over_determined or options.keep else "all measurements",
+        doubtful(base, more, prior or load_prior(), options.seed) if more else None,
+        budget, families, certified, certificate, draws, base)
+
+
+def _draw_refined(options: SampleOptions, fine: int, measurement: SpectralMeasurement,
+                  count: int) -> SpectrumSamples:
+    coarse, seed = options.coefficients, options.seed
+    if options.method == "paper":
+        refined = refined_as_published(measurement, coarse, fine, count, seed)
+        method = (f"one solution of {coarse} coefficients refined to {fine} as published (far too "
+                  "narrow)")
+    else:
+        operator, _ = into_reach(spline_operator(measurement, coarse))
+        refined = sample_refined(measurement, operator, fine, count, seed)
+        method = f"uniform, refined from {coarse} to {fine} coefficients"
+    return as_spectra(refined, method, seed, refined.outcome, refined.outcome.value)
+
+
+def _estimate_without_draws(relative_response: np.ndarray, signals: np.ndarray,
+                            options: SampleOptions, white: np.ndarray | None,
+                            noise: np.ndarray | None, light_error: float,
+                            sensitivity_error: float, prior: LogitMixture) -> list[SignalEstimate]:
+    """Estimates of many signals at once, with draws only where no spectrum of the prior fits."""
+    check_level(options.level)
+    first = measurement_of_signal(relative_response, signals[0], white, noise)
+    check_measurement(first)
+    y = relative_to_white(np.asarray(signals), white)
+    photo_noise = np.broadcast_to(first.noise_covariance, (len(y), *first.noise_covariance.shape))
+    causes = causes_of_error(y, photo_noise, light_error, sensitivity_error)
+    total = np.sum(list(causes.values()), axis=0)
+    bound_lower, bound_upper = bounds_of_many(
+        spline_operator(first, options.coefficients).A, y, total,
+        basis_matrix(PRIOR_GRID.nm, options.coefficients), options.level)
+    summary = summaries(prior, response_on(first, PRIOR_GRID), y, causes, options.level)
+    estimates = []
+    for row, outcome in enumerate(summary.outcome):
+        base = replace(first, signal=y[row])
+        if outcome is Outcome.TOO_ROUGH:        # draws tell how near one can come
+            estimates.append(_estimate_from_draws(
+                base, {name: covariance[row] for name, covariance in causes.items()}, options,
+                prior, [], None))
+            continue
+        shares = dict(zip(prior.families, summary.family_shares[row].tolist(), strict=True))
+        method = "learnt prior" if outcome is Outcome.FAMILIAR else "smoothness prior"
+        sentence = describe_outcome(outcome, prior.stated, shares)
+        mean, deviation, lower, upper = (curves[row].round(CURVE_DIGITS) for curves in (
+            summary.mean, summary.standard_deviation, summary.lower, summary.upper))
+        estimates.append(SignalEstimate(
+            PRIOR_GRID.nm, mean, deviation, lower, upper, bound_lower[row], bound_upper[row],
+            None, 0, options.level, method, options.seed, sentence,
+            f"Conditional on the prior {method}, computed in closed form. {sentence}",
+            float(summary.next_measurement_nm[row]), "all measurements", None,
+            dict(zip((METAMERISM, *causes, FLOOR), summary.budget[row].tolist(), strict=True)),
+            shares, *_certificate(prior, shares, outcome), None,
+            replace(base, noise_covariance=total[row])))
+    return estimates
+
+
+def _certificate(prior: LogitMixture, shares: dict[str, float],
+                 outcome: Outcome) -> tuple[list[dict[str, Any]], str]:
+    """What 95 % bands held of the families that a signal allows, as facts and as a sentence."""
+    if outcome is not Outcome.FAMILIAR:
+        return [], "No certificate: bands of unfamiliar signals were never judged."
+    families = family_coverages(shares, prior.stated, prior.certificates)
+    return coverage_facts(families), certified_sentence(families)
+
+
+def causes_of_error(signals: np.ndarray, noise_covariance: np.ndarray, light_error: float,
+                    sensitivity_error: float) -> dict[str, np.ndarray]:
+    """Covariances (..., K, K) of signals (..., K) by cause: a light error moves all bands together,
+    a curve's its own band.
+
+    Raises
+    ------
+    InputError
+        For a relative error outside 0 to 0.5.
+    """
+    for name, error in (("light", light_error), ("sensitivity", sensitivity_error)):
+        if not 0 <= error < 0.5:
+            raise InputError(f"--{name}-error {error:g} is a relative error; 0 to 0.5 is needed")
+    products = signals[..., :, None] * signals[..., None, :]
+    return {"photo noise": noise_covariance, "light": light_error**2 * products,
+            "sensitivities": sensitivity_error**2 * np.eye(signals.shape[-1]) * products}
+
+
+def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray,
+                          white: np.ndarray | None = None,
+                          noise: np.ndarray | None = None) -> SpectralMeasurement:
+    """The measurement relative to white, from a signal as the camera gives it.
+
+    Parameters
+    ----------
+    relative_response : (K, 301) array
+        At every nm, rows summing to 1.
+    signal : (K,) array
+    white : (K,) array, optional
+        What a perfect white reads, in the signal's unit; 1 by default.
+    noise : (K,) array, optional
+        Standard errors in the signal's unit; 0 by default.
+
+    Raises
+    ------
+    InputError
+        If white is not positive, the noise is negative, or the signal lies beyond twice white.
+    """
+    relative = relative_to_white(signal, white)
+    noise = np.zeros_like(signal) if noise is None else noise
+    if np.any(noise < 0):
+        raise InputError(f"the noise {listed(noise)} is negative; give standard errors")
+    return SpectralMeasurement(SIGNAL_GRID, relative_response, relative,
+                               np.diag((noise if white is None else noise / white)**2))
+
+
+def relative_to_white(signals: np.ndarray, white: np.ndarray | None) -> np.ndarray:
+    """Signals (..., K) over what a perfect white (K,) reads in the same unit, 1 by default.
+
+    Raises
+    ------
+    InputError
+        If white is not positive, or a signal lies beyond twice white.
+    """
+    if white is None:
+        white = np.ones(signals.shape[-1])
+    if np.any(white <= 0):
+        raise InputError(f"the white {listed(white)} is not positive in every band; give what a "
+                         "perfect white reads")
+    relative = signals / white
+    if np.any(np.abs(relative) > 2):
+        raise InputError(f"the signal is {np.abs(relative).max():.3g} times white; give what white "
+                         "reads with --white")
+    return relative
+
+
+def listed(values: np.ndarray) -> str:
+    """Numbers as an option takes them, such as 0.2,0.3,0.1."""
+    return ",".join(f"{value:g}" for value in values)
+
+
+def reading_at(nm: float, reflectance: float, error: float = READING_ERROR,
+               fwhm_nm: float = 0.0) -> Reading:
+    """A reading at one wavelength, or through a Gaussian band of that full width at half maximum.
+
+    Raises
+    ------
+    InputError
+        As `Reading.at_wavelength`.
+    """
+    narrow = Reading.at_wavelength(nm, reflectance, error)
+    if fwhm_nm <= 0:
+        return narrow
+    weights = np.exp(-0.5 * ((SIGNAL_GRID.nm - nm) / (fwhm_nm * FWHM_TO_SD))**2)
+    return Reading(f"the reading at {nm:g} nm, {fwhm_nm:g} nm wide", SIGNAL_GRID.nm, weights,
+                   reflectance, error)
